@@ -1,0 +1,1 @@
+"""ROS 2 robot packages, unchanged, as Drake diagrams."""

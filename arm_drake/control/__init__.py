@@ -1,0 +1,1 @@
+"""The mathematics that controllers share: arrays in, arrays out, no ports."""

@@ -1,0 +1,1 @@
+"""Files of a robot package to frozen dataclasses; never imports pydrake."""

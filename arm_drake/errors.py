@@ -1,0 +1,93 @@
+"""What can be wrong with a user's input, as exceptions with one clear message.
+
+Every message reads ``<file>:<line>: <place>: <what is wrong>; <what would be right>``,
+with the parts that are known.
+"""
+
+import difflib
+from collections.abc import Iterable
+from pathlib import Path
+
+
+class ArmDrakeError(Exception):
+    """Base of every error that a user's input can cause."""
+
+
+class InputError(ArmDrakeError, ValueError):
+    """An input can't be used: a file, a value in it, or an argument."""
+
+    def __init__(
+        self,
+        problem: str,
+        *,
+        file: str | Path | None = None,
+        line: int | None = None,
+        where: str | None = None,
+    ) -> None:
+        """Create the error.
+
+        Args:
+            problem: What is wrong and what would be right, without a period.
+            file: File that holds the input.
+            line: Line in the file, counted from 1.
+            where: Place in the file, such as a dotted path or a joint's name.
+        """
+        self.problem = problem
+        self.file = None if file is None else str(file)
+        self.line = line
+        self.where = where
+        super().__init__(": ".join(self._parts()))
+
+    def _parts(self) -> Iterable[str]:
+        if self.file is not None:
+            yield self.file if self.line is None else f"{self.file}:{self.line}"
+        if self.where:
+            yield self.where
+        yield self.problem
+
+
+class PackageError(InputError):
+    """A package, or a file in it, can't be found."""
+
+
+class DescriptionError(InputError):
+    """A robot description can't be used."""
+
+
+class ParameterError(InputError):
+    """A parameter is missing, of the wrong type or out of range."""
+
+
+class MotionError(InputError):
+    """A motion file can't be used with this robot."""
+
+
+class OutputError(InputError):
+    """A result can't be written where it was asked for."""
+
+
+class MissingExtraError(ArmDrakeError, ImportError):
+    """An optional dependency is needed and isn't installed."""
+
+    def __init__(self, feature: str, extra: str) -> None:
+        """Create the error.
+
+        Args:
+            feature: What needs the dependency.
+            extra: Name of the extra that installs it.
+        """
+        super().__init__(f"{feature} needs `pip install 'arm-drake[{extra}]'`")
+
+
+def suggest(name: str, known: Iterable[str]) -> str:
+    """Return the end of a message about a name that doesn't exist.
+
+    Args:
+        name: What the user wrote.
+        known: What exists.
+    """
+    names = sorted(set(known))
+    close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+    hint = f"did you mean {close[0]!r}? " if close else ""
+    listed = ", ".join(names) if names else "none"
+    return f"{hint}known: {listed}"
