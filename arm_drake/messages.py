@@ -9,10 +9,18 @@ for a Drake Context copies its abstract values often.
 import dataclasses as dc
 import enum
 import math
+import numbers
 from collections.abc import Mapping, Sequence
 from typing import Any, Self
 
 NANOSECONDS = 1_000_000_000
+
+
+def _floats(values: Sequence[Any], field: str) -> tuple[float, ...]:
+    numbers = tuple(values)
+    if any(isinstance(v, bool | str) for v in numbers):
+        raise ValueError(f"{field}: expected numbers, got {list(numbers)!r}")
+    return tuple(float(v) for v in numbers)
 
 
 class Message:
@@ -53,11 +61,12 @@ class Time(Message):
                     f"got {dict(value)!r}"
                 )
             return cls.from_nanoseconds(parts[0] * NANOSECONDS + parts[1])
-        if type(value) not in (int, float) or not math.isfinite(value):
+        is_number = isinstance(value, numbers.Real) and not isinstance(value, bool)
+        if not is_number or not math.isfinite(value):
             raise ValueError(
                 f"expected seconds or {{sec: int, nanosec: int}}, got {value!r}"
             )
-        return cls.from_nanoseconds(round(value * NANOSECONDS))
+        return cls.from_nanoseconds(round(float(value) * NANOSECONDS))
 
     @classmethod
     def from_nanoseconds(cls, nanoseconds: int) -> Self:
@@ -284,10 +293,3 @@ class JointTrajectoryControllerState(Message):
     error: JointTrajectoryPoint = JointTrajectoryPoint()
     output: JointTrajectoryPoint = JointTrajectoryPoint()
     speed_scaling_factor: float = 1.0
-
-
-def _floats(values: Sequence[Any], field: str) -> tuple[float, ...]:
-    numbers = tuple(values)
-    if any(isinstance(v, bool | str) for v in numbers):
-        raise ValueError(f"{field}: expected numbers, got {list(numbers)!r}")
-    return tuple(float(v) for v in numbers)

@@ -1,0 +1,194 @@
+"""How far joints may be off a trajectory, on the way and at its end.
+
+The rules are those of ros2_controllers' joint_trajectory_controller
+(``tolerances.hpp``, version 6.9.0). n is the number of joints, in the order of the
+controller's `joints`. A tolerance is [rad], [rad/s], [rad/s^2] for a revolute joint and
+[m], [m/s], [m/s^2] for a prismatic one; 0 or less means that anything goes.
+"""
+
+import dataclasses as dc
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_drake.errors import suggest
+from arm_drake.messages import FollowJointTrajectoryGoal, JointTolerance, Message
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+# In a goal, this value takes a tolerance away.
+_ERASE = -1.0
+_EPSILON = float(np.finfo(np.float32).eps)
+
+_FIELDS = ("position", "velocity", "acceleration")
+
+
+@dc.dataclass(frozen=True, eq=False)
+class StateTolerances(Message):
+    """How far each joint's state may be off; arrays become read-only copies."""
+
+    # Each of shape (n,).
+    position: Array
+    velocity: Array
+    acceleration: Array
+
+    # The same with infinity where anything goes; None where that is so for all joints.
+    _limits: tuple[Array | None, ...] = dc.field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Prepare for checking."""
+        limits = []
+        for field in _FIELDS:
+            tolerance = np.array(getattr(self, field), dtype=float)
+            tolerance.setflags(write=False)
+            object.__setattr__(self, field, tolerance)
+            limit = np.where(tolerance > 0.0, tolerance, np.inf)
+            limits.append(limit if np.isfinite(limit).any() else None)
+        object.__setattr__(self, "_limits", tuple(limits))
+
+
+@dc.dataclass(frozen=True, eq=False)
+class Tolerances(Message):
+    """Tolerances of a trajectory."""
+
+    # Along the way.
+    path: StateTolerances
+
+    # At the end.
+    goal: StateTolerances
+
+    # How late the goal may be reached [s]; 0 waits forever.
+    goal_time: float
+
+
+class Resolution(NamedTuple):
+    """Tolerances of an action goal, and what was wrong with those it asked for."""
+
+    tolerances: Tolerances
+
+    # Empty if nothing was wrong; else the tolerances are the defaults.
+    problem: str
+
+
+class _InvalidToleranceError(ValueError):
+    """A tolerance that a goal asks for can't be used."""
+
+
+def make_default_tolerances(
+    trajectory: Sequence[float],
+    goal: Sequence[float],
+    *,
+    stopped_velocity_tolerance: float,
+    goal_time: float,
+) -> Tolerances:
+    """Return the tolerances that a controller's parameter `constraints` sets.
+
+    Args:
+        trajectory: Position tolerance of each joint along the way, shape (n,).
+        goal: Position tolerance of each joint at the end, shape (n,).
+        stopped_velocity_tolerance: Velocity tolerance of every joint at the end.
+        goal_time: How late the goal may be reached [s]; 0 waits forever.
+    """
+    zeros = np.zeros(len(goal))
+    stopped = np.full(len(goal), stopped_velocity_tolerance)
+    return Tolerances(
+        path=StateTolerances(np.array(trajectory, dtype=float), zeros, zeros),
+        goal=StateTolerances(np.array(goal, dtype=float), stopped, zeros),
+        goal_time=goal_time,
+    )
+
+
+def resolve_tolerances(
+    goal: FollowJointTrajectoryGoal, joints: Sequence[str], defaults: Tolerances
+) -> Resolution:
+    """Return the tolerances that hold for an action goal.
+
+    For every value that the goal gives: if it is positive it holds, 0 takes the
+    default, -1 takes the tolerance away. With any other negative value or an unknown
+    joint all of the defaults hold, goal time included.
+
+    Args:
+        goal: What the client asks for.
+        joints: The controller's joints, n of them.
+        defaults: Tolerances of the controller's parameters.
+    """
+    try:
+        tolerances = Tolerances(
+            goal_time=_resolve(
+                goal.goal_time_tolerance.to_seconds(),
+                defaults.goal_time,
+                "goal_time_tolerance",
+            ),
+            path=_resolve_joints(
+                goal.path_tolerance, joints, defaults.path, "path_tolerance"
+            ),
+            goal=_resolve_joints(
+                goal.goal_tolerance, joints, defaults.goal, "goal_tolerance"
+            ),
+        )
+    except _InvalidToleranceError as error:
+        return Resolution(defaults, f"{error}; the controller's defaults hold")
+    return Resolution(tolerances, "")
+
+
+def violates(
+    error_position: Array,
+    error_velocity: Array | None,
+    error_acceleration: Array | None,
+    tolerances: StateTolerances,
+) -> Mask:
+    """Return which joints are off by more than their tolerances, shape (n,).
+
+    An error of NaN never is.
+
+    Args:
+        error_position: Desired minus measured position, shape (n,).
+        error_velocity: The same for velocities; None isn't checked.
+        error_acceleration: The same for accelerations; None isn't checked.
+        tolerances: How far off is too far.
+    """
+    violated = np.zeros(len(error_position), dtype=bool)
+    errors = (error_position, error_velocity, error_acceleration)
+    for error, limit in zip(errors, tolerances._limits, strict=True):
+        if error is not None and limit is not None:
+            violated |= np.abs(error) > limit
+    return violated
+
+
+def _resolve_joints(
+    requested: Iterable[JointTolerance],
+    joints: Sequence[str],
+    defaults: StateTolerances,
+    where: str,
+) -> StateTolerances:
+    arrays = {field: getattr(defaults, field).copy() for field in _FIELDS}
+    for tolerance in requested:
+        if tolerance.name not in joints:
+            hint = suggest(tolerance.name, joints)
+            raise _InvalidToleranceError(
+                f"{where}: no joint {tolerance.name!r}; {hint}"
+            )
+        joint = joints.index(tolerance.name)
+        for field, array in arrays.items():
+            array[joint] = _resolve(
+                getattr(tolerance, field),
+                getattr(defaults, field)[joint],
+                f"{where}[{tolerance.name!r}].{field}",
+            )
+    return StateTolerances(**arrays)
+
+
+def _resolve(value: float, default: float, where: str) -> float:
+    if value > 0.0:
+        return value
+    if abs(value - _ERASE) < _EPSILON:
+        return 0.0
+    if value < 0.0:
+        raise _InvalidToleranceError(
+            f"{where}: expected a positive number, 0 (the default) or -1 (no limit), "
+            f"got {value!r}"
+        )
+    return default

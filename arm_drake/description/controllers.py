@@ -1,0 +1,267 @@
+"""Controllers YAML to a ControllerManagerConfig, as rcl reads parameter files.
+
+A file maps node names, with wildcards and name spaces, to `ros__parameters`. Duplicate
+keys merge, dotted and nested keys mean the same, a later section overrides an earlier
+one, value by value.
+"""
+
+import dataclasses as dc
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from arm_drake.description.parameters import Parameter
+from arm_drake.description.report import LoadReport
+from arm_drake.errors import ParameterError, suggest
+
+DEFAULT_UPDATE_RATE = 100  # Hz
+MANAGER = "controller_manager"
+_PARAMETERS = "ros__parameters"
+_SUBSTITUTION = re.compile(r"\$\((\S+)\s+([^)]*)\)")
+_EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")
+
+
+@dc.dataclass(frozen=True)
+class ControllerConfig:
+    """A controller as its YAML configures it."""
+
+    name: str
+
+    # ros2_control type, such as "forward_command_controller/ForwardCommandController".
+    type: str
+
+    # Its parameters by dotted name, without "type".
+    parameters: dict[str, Parameter]
+
+    # Where its type is given.
+    file: Path
+    line: int
+
+
+@dc.dataclass(frozen=True)
+class ControllerManagerConfig:
+    """A controller manager and its controllers, in the order of the manager's list."""
+
+    # Rate of the read-update-write loop [Hz].
+    update_rate: int = DEFAULT_UPDATE_RATE
+
+    controllers: tuple[ControllerConfig, ...] = ()
+
+    # Files that were read.
+    files: tuple[Path, ...] = ()
+
+
+def load_controllers(
+    files: Sequence[Path], variables: Mapping[str, str], report: LoadReport
+) -> ControllerManagerConfig:
+    """Return what controllers YAML files configure.
+
+    Args:
+        files: YAML files; a later one overrides an earlier one.
+        variables: Values of `$(var NAME)`.
+        report: Where sections without effect are recorded.
+
+    Raises:
+        ParameterError: If a file can't be used.
+    """
+    sections = [
+        section for file in files for section in _read_sections(file, variables)
+    ]
+    manager = _merge(section for section in sections if section.matches(MANAGER))
+    controllers = {}
+    for key, parameter in manager.items():
+        name, _, rest = key.rpartition(".")
+        if rest == "type" and name:
+            controllers[name] = _controller(name, parameter, manager, sections)
+    for section in sections:
+        name = section.node.rpartition("/")[2]
+        own_type = section.parameters.get("type")
+        if own_type is not None and name not in (*controllers, MANAGER, "**", "*"):
+            controllers[name] = _controller(name, own_type, manager, sections)
+    rate = manager.get("update_rate")
+    if rate is None:
+        if files:
+            report.add(
+                "info",
+                "missing",
+                f"{MANAGER}.update_rate is not given",
+                f"{DEFAULT_UPDATE_RATE} Hz is used",
+                file=files[0],
+            )
+    elif type(rate.value) is not int or rate.value <= 0:
+        raise ParameterError(
+            f"expected a positive integer [Hz], got {rate.value!r}",
+            file=rate.file,
+            line=rate.line,
+            where=f"{MANAGER}.update_rate",
+        )
+    _report_unmatched(sections, controllers, report)
+    return ControllerManagerConfig(
+        update_rate=rate.value if rate is not None else DEFAULT_UPDATE_RATE,
+        controllers=tuple(controllers.values()),
+        files=tuple(files),
+    )
+
+
+@dc.dataclass(frozen=True)
+class _Section:
+    """The parameters under one node key."""
+
+    # Node key as a fully qualified name; may hold the wildcards "*" and "**".
+    node: str
+    parameters: dict[str, Parameter]
+    file: Path
+    line: int
+
+    def matches(self, name: str) -> bool:
+        pattern = re.escape(self.node).replace(r"/\*\*", r"(/\w+)*")
+        pattern = pattern.replace(r"/\*", r"(/\w+)")
+        # Without a launch file the name space is unknown: any one is taken.
+        return bool(re.fullmatch(pattern, f"/{name}")) or (
+            self.node.rpartition("/")[2] == name
+        )
+
+
+def _merge(sections: Iterator[_Section]) -> dict[str, Parameter]:
+    merged: dict[str, Parameter] = {}
+    for section in sections:
+        merged.update(section.parameters)
+    return merged
+
+
+def _controller(
+    name: str,
+    type_: Parameter,
+    manager: Mapping[str, Parameter],
+    sections: Sequence[_Section],
+) -> ControllerConfig:
+    if not isinstance(type_.value, str):
+        raise ParameterError(
+            f"expected a controller type, got {type_.value!r}",
+            file=type_.file,
+            line=type_.line,
+            where=f"{name}.type",
+        )
+    own = _merge(section for section in sections if section.matches(name))
+    # A plain "/**" section reaches every node; the manager's keys in it aren't ours.
+    parameters = {
+        key: parameter
+        for key, parameter in own.items()
+        if key != "type" and manager.get(key) is not parameter
+    }
+    return ControllerConfig(name, type_.value, parameters, type_.file, type_.line)
+
+
+def _report_unmatched(
+    sections: Sequence[_Section], controllers: Mapping[str, object], report: LoadReport
+) -> None:
+    for section in sections:
+        if any(section.matches(name) for name in (*controllers, MANAGER)):
+            continue
+        known = [*controllers, MANAGER]
+        report.add(
+            "warning",
+            "ignored",
+            f"no controller of this name; {suggest(section.node.strip('/'), known)}",
+            "the section has no effect",
+            where=section.node.lstrip("/"),
+            file=section.file,
+            line=section.line,
+        )
+
+
+def _read_sections(file: Path, variables: Mapping[str, str]) -> list[_Section]:
+    try:
+        text = file.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise ParameterError(f"can't be read: {reason}", file=file) from None
+    text = _substitute(text, variables, file)
+    try:
+        root = yaml.compose(text, Loader=yaml.SafeLoader)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        problem = getattr(error, "problem", None) or "it can't be parsed"
+        raise ParameterError(
+            f"malformed YAML: {problem}",
+            file=file,
+            line=mark.line + 1 if mark else None,
+        ) from None
+    if root is None:
+        return []
+    sections = list(_sections(root, "", file))
+    if not sections:
+        raise ParameterError(
+            f"no {_PARAMETERS!r} anywhere: this is no ROS 2 parameter file "
+            "(ROS 1 configurations have none)",
+            file=file,
+        )
+    return sections
+
+
+def _substitute(text: str, variables: Mapping[str, str], file: Path) -> str:
+    """Replace `$(var NAME)` outside of comments."""
+    lines = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        code, mark, comment = line.partition("#")
+
+        def replace(match: re.Match[str], number: int = number) -> str:
+            kind, name = match.group(1), match.group(2).strip()
+            if kind in ("var", "arg") and name in variables:
+                return str(variables[name])
+            raise ParameterError(
+                f"{match.group(0)} has no value; give one with "
+                f"variables={{{name!r}: ...}} (--var {name}=VALUE)",
+                file=file,
+                line=number,
+            )
+
+        lines.append(_SUBSTITUTION.sub(replace, code) + mark + comment)
+    return "\n".join(lines)
+
+
+def _sections(node: yaml.Node, path: str, file: Path) -> Iterator[_Section]:
+    """Yield the sections below a node key, nested name spaces included."""
+    if not isinstance(node, yaml.MappingNode):
+        raise ParameterError(
+            f"expected a mapping that ends in {_PARAMETERS!r}, got {_plain(node)!r}",
+            file=file,
+            line=node.start_mark.line + 1,
+            where=path.lstrip("/") or None,
+        )
+    for key, value in node.value:
+        if key.value == _PARAMETERS:
+            flat: dict[str, Parameter] = {}
+            _flatten(value, "", flat, file)
+            yield _Section(path or "/**", flat, file, key.start_mark.line + 1)
+        elif isinstance(value, yaml.MappingNode):
+            yield from _sections(value, f"{path}/{key.value.strip('/')}", file)
+
+
+def _flatten(
+    node: yaml.Node, prefix: str, flat: dict[str, Parameter], file: Path
+) -> None:
+    if isinstance(node, yaml.MappingNode):
+        for key, value in node.value:
+            name = f"{prefix}.{key.value}" if prefix else str(key.value)
+            _flatten(value, name, flat, file)
+    elif prefix:
+        line = node.start_mark.line + 1
+        flat[prefix] = Parameter(_plain(node), file, line)
+
+
+def _plain(node: yaml.Node) -> Any:
+    """Return the plain value of a scalar or a list."""
+    if isinstance(node, yaml.SequenceNode):
+        return [_plain(item) for item in node.value]
+    if (
+        isinstance(node, yaml.ScalarNode)
+        and node.style is None
+        and _EXPONENT.fullmatch(node.value)
+    ):
+        return float(node.value)  # YAML 1.1 reads 1e-3 as a string; rcl doesn't.
+    constructor = yaml.constructor.SafeConstructor()
+    return constructor.construct_object(node, deep=True)

@@ -1,0 +1,247 @@
+"""Change a URDF into what Drake takes, and record what is changed or lost.
+
+Drake stops at meshes it can't read, at duplicate transmissions, at moving bodies
+without mass; it takes an effort limit of 0 literally and ends the process at a
+primitive of size 0. What robots' authors got away with under ROS is mended here.
+"""
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+from arm_drake.description.meshes import convert_collision, convert_visual
+from arm_drake.description.packages import PackageFinder
+from arm_drake.description.report import LoadReport
+from arm_drake.errors import DescriptionError, PackageError
+
+# A moving body without mass stops Drake's dynamics; this is small beside any link.
+_SMALL_MASS = 1e-3  # kg
+_SMALL_INERTIA = 1e-6  # kg·m^2
+
+_Color = tuple[float, float, float, float]
+
+
+def normalise(
+    root: ET.Element, file: Path, packages: PackageFinder, report: LoadReport
+) -> None:
+    """Change a URDF in place into what Drake takes.
+
+    Args:
+        root: The `<robot>` element.
+        file: File it came from; relative mesh paths start in its folder.
+        packages: What resolves package URIs.
+        report: Where every change is recorded.
+
+    Raises:
+        DescriptionError: If a number is malformed.
+    """
+    if root.find("transmission") is not None:
+        report.add(
+            "info",
+            "ignored",
+            "<transmission> tags",
+            "actuators come from <ros2_control>",
+            file=file,
+        )
+    for tag in ("transmission", "ros2_control", "gazebo"):
+        for element in root.findall(tag):
+            root.remove(element)
+    for joint in root.iterfind("joint"):
+        _repair_joint(joint, file)
+    colors = _repair_materials(root, file, report)
+    _repair_inertials(root, file, report)
+    for link in root.iterfind("link"):
+        for tag in ("visual", "collision"):
+            for index, element in enumerate(link.findall(tag)):
+                where = f"link {link.get('name')!r}, {tag} {index}"
+                shape = _GeometryRepair(element, file, where, packages, report, colors)
+                if not shape.repair():
+                    link.remove(element)
+
+
+def _numbers(text: str, file: Path, where: str) -> list[float]:
+    try:
+        return [float(number) for number in text.split()]
+    except ValueError:
+        raise DescriptionError(
+            f"expected numbers, got {text!r}", file=file, where=where
+        ) from None
+
+
+def _repair_joint(joint: ET.Element, file: Path) -> None:
+    limit, dynamics = joint.find("limit"), joint.find("dynamics")
+    # Drake takes an effort limit of 0 literally; in a URDF it means "unset".
+    if limit is not None:
+        where = f"joint {joint.get('name')!r}"
+        for attribute in ("effort", "velocity"):
+            if not any(_numbers(limit.get(attribute, "0"), file, where)):
+                limit.attrib.pop(attribute, None)
+        if joint.get("type") == "continuous":
+            for attribute in ("lower", "upper"):
+                limit.attrib.pop(attribute, None)
+    # Friction is modelled beside the plant; Drake would warn about it.
+    if dynamics is not None:
+        dynamics.attrib.pop("friction", None)
+    for tag in ("safety_controller", "calibration"):
+        for element in joint.findall(tag):
+            joint.remove(element)
+
+
+def _repair_materials(
+    root: ET.Element, file: Path, report: LoadReport
+) -> dict[str, _Color]:
+    """Remove materials that are nowhere defined; return the colours of the others."""
+    colors: dict[str, _Color] = {}
+    textured = set()
+    for material in root.iter("material"):
+        name = material.get("name", "")
+        rgba = material.find("color")
+        if rgba is not None:
+            numbers = _numbers(rgba.get("rgba", ""), file, f"material {name!r}")
+            if len(numbers) == 4:
+                colors[name] = (numbers[0], numbers[1], numbers[2], numbers[3])
+        elif material.find("texture") is not None:
+            textured.add(name)
+    for visual in root.iter("visual"):
+        for material in visual.findall("material"):
+            name = material.get("name", "")
+            if name in colors or name in textured:
+                continue
+            report.add(
+                "warning",
+                "missing",
+                f"material {name!r} is not defined",
+                "the default colour is used",
+                file=file,
+            )
+            visual.remove(material)
+    return colors
+
+
+def _repair_inertials(root: ET.Element, file: Path, report: LoadReport) -> None:
+    """Give a small inertia to moving bodies that have none.
+
+    Links fixed to each other count as one body.
+    """
+    parents = {}
+    for joint in root.iterfind("joint"):
+        child, parent = joint.find("child"), joint.find("parent")
+        if child is not None and parent is not None:
+            parents[child.get("link", "")] = (joint.get("type"), parent.get("link", ""))
+
+    def body_of(link: str) -> str:
+        joint_type, parent = parents.get(link, ("", ""))
+        return body_of(parent) if joint_type == "fixed" else link
+
+    links = {link.get("name", ""): link for link in root.iterfind("link")}
+    massive = set()
+    for name, link in links.items():
+        mass = link.find("inertial/mass")
+        text = "0" if mass is None else mass.get("value", "0")
+        if any(_numbers(text, file, f"link {name!r}")):
+            massive.add(body_of(name))
+    for name, link in links.items():
+        if name not in parents or body_of(name) != name or name in massive:
+            continue
+        for inertial in link.findall("inertial"):
+            link.remove(inertial)
+        inertial = ET.SubElement(link, "inertial")
+        ET.SubElement(inertial, "mass", value=repr(_SMALL_MASS))
+        moments = dict.fromkeys(("ixx", "iyy", "izz"), repr(_SMALL_INERTIA))
+        products = dict.fromkeys(("ixy", "ixz", "iyz"), "0")
+        ET.SubElement(inertial, "inertia", {**moments, **products})
+        report.add(
+            "warning",
+            "repair",
+            "a moving body without mass",
+            f"it gets {_SMALL_MASS} kg and {_SMALL_INERTIA} kg·m^2",
+            where=f"link {name!r}",
+            file=file,
+        )
+
+
+class _GeometryRepair:
+    """One `<visual>` or `<collision>` on its way to Drake."""
+
+    def __init__(
+        self,
+        element: ET.Element,
+        file: Path,
+        where: str,
+        packages: PackageFinder,
+        report: LoadReport,
+        colors: dict[str, _Color],
+    ) -> None:
+        self._element = element
+        self._file = file
+        self._where = where
+        self._packages = packages
+        self._report = report
+        self._colors = colors
+
+    def repair(self) -> bool:
+        """Make the geometry fit for Drake; return whether to keep it."""
+        geometry = self._element.find("geometry")
+        shape = None if geometry is None else next(iter(geometry), None)
+        if shape is None:
+            return self._drop("no geometry")
+        if shape.tag == "mesh":
+            return self._convert_mesh(shape)
+        texts = (shape.get(name, "") for name in ("radius", "length", "size"))
+        sizes = _numbers(" ".join(texts), self._file, self._where)
+        if not sizes or min(sizes) <= 0.0:
+            return self._drop(f"<{shape.tag}> without a positive size")
+        return True
+
+    def _drop(self, problem: str) -> bool:
+        self._report.add(
+            "warning",
+            "invalid",
+            problem,
+            "left out",
+            where=self._where,
+            file=self._file,
+        )
+        return False
+
+    def _convert_mesh(self, shape: ET.Element) -> bool:
+        is_visual = self._element.tag == "visual"
+        try:
+            path = self._packages.resolve(shape.get("filename", ""), self._file.parent)
+        except PackageError as error:
+            self._report.add(
+                "warning" if is_visual else "error",
+                "missing",
+                error.problem,
+                "the mesh is left out",
+                where=self._where,
+                file=self._file,
+            )
+            return False
+        scale = _numbers(shape.get("scale", "1 1 1"), self._file, self._where)
+        if len(scale) == 1:
+            scale *= 3
+        if len(scale) != 3:
+            return self._drop(f"mesh scale {shape.get('scale')!r}")
+        x, y, z = scale
+        if is_visual:
+            converted = convert_visual(
+                path,
+                (x, y, z),
+                self._report,
+                where=self._where,
+                file=self._file,
+                color=self._color(),
+            )
+        else:
+            converted = convert_collision(
+                path, (x, y, z), self._report, where=self._where, file=self._file
+            )
+        if converted is None:
+            return False
+        shape.set("filename", converted.as_uri())
+        shape.attrib.pop("scale", None)
+        return True
+
+    def _color(self) -> _Color | None:
+        material = self._element.find("material")
+        return None if material is None else self._colors.get(material.get("name", ""))

@@ -1,0 +1,267 @@
+"""URDF text to a RobotDescription: parsed, normalised, repaired.
+
+What Drake can't take as it stands is changed in the text handed to it, and every change
+is a line in the load report.
+"""
+
+import dataclasses as dc
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+from arm_drake.description.packages import PackageFinder
+from arm_drake.description.repairs import normalise
+from arm_drake.description.report import LoadReport
+from arm_drake.description.ros2_control import (
+    GazeboPlugin,
+    HardwareInfo,
+    read_gazebo_plugins,
+    read_hardware,
+)
+from arm_drake.errors import DescriptionError, suggest
+
+MOVABLE_TYPES = ("revolute", "continuous", "prismatic")
+JOINT_TYPES = (*MOVABLE_TYPES, "fixed", "floating", "planar")
+
+WORLD = "world"
+
+
+@dc.dataclass(frozen=True)
+class JointLimits:
+    """`<limit>` of a joint; None where nothing is said, or 0 for "unset"."""
+
+    # [rad] or [m].
+    lower: float | None = None
+    upper: float | None = None
+
+    # [N·m] or [N].
+    effort: float | None = None
+
+    # [rad/s] or [m/s].
+    velocity: float | None = None
+
+
+@dc.dataclass(frozen=True)
+class Mimic:
+    """`<mimic>`: position = multiplier * position of ``joint`` + offset."""
+
+    joint: str
+    multiplier: float = 1.0
+    offset: float = 0.0
+
+
+@dc.dataclass(frozen=True)
+class JointInfo:
+    """A joint of a robot."""
+
+    name: str
+
+    # One of JOINT_TYPES.
+    type: str
+
+    parent: str
+    child: str
+    limits: JointLimits = JointLimits()
+
+    # Viscous damping [N·m·s/rad] or [N·s/m].
+    damping: float = 0.0
+
+    # Dry friction [N·m] or [N].
+    friction: float = 0.0
+
+    mimic: Mimic | None = None
+
+    @property
+    def is_movable(self) -> bool:
+        """Whether the joint has one degree of freedom."""
+        return self.type in MOVABLE_TYPES
+
+
+@dc.dataclass(frozen=True)
+class RobotDescription:
+    """A robot as its files describe it."""
+
+    # Name in the `<robot>` tag.
+    name: str
+
+    # Entry file.
+    file: Path
+
+    links: tuple[str, ...]
+
+    # In the order of the file.
+    joints: tuple[JointInfo, ...]
+
+    # Blocks of `<ros2_control>`.
+    hardware: tuple[HardwareInfo, ...]
+
+    gazebo_plugins: tuple[GazeboPlugin, ...]
+
+    # The expanded description, as it was written.
+    source: str
+
+    # The description as Drake takes it: meshes converted, repairs made.
+    urdf: str
+
+    @property
+    def movable_joints(self) -> tuple[JointInfo, ...]:
+        """The joints with a degree of freedom, in the order of the file."""
+        return tuple(joint for joint in self.joints if joint.is_movable)
+
+    @property
+    def is_fixed_to_world(self) -> bool:
+        """Whether the description itself has a link called "world"."""
+        return WORLD in self.links
+
+    def joint(self, name: str) -> JointInfo:
+        """Return the joint of this name.
+
+        Raises:
+            KeyError: If there is none.
+        """
+        return {joint.name: joint for joint in self.joints}[name]
+
+
+def parse_urdf(
+    text: str, file: Path, packages: PackageFinder, report: LoadReport
+) -> RobotDescription:
+    """Return the robot that a URDF text describes.
+
+    Args:
+        text: Expanded URDF.
+        file: File it came from; relative mesh paths start in its folder.
+        packages: What resolves package URIs.
+        report: Where every repair is recorded.
+
+    Raises:
+        DescriptionError: If the text is no robot.
+    """
+    root = _parse_xml(text, file)
+    if root.tag != "robot":
+        raise DescriptionError(
+            f"the root element is <{root.tag}>; expected <robot>", file=file
+        )
+    links = tuple(link.get("name", "") for link in root.iterfind("link"))
+    if not links:
+        raise DescriptionError(
+            "no robot was instantiated: the file has no <link>; a file that only "
+            "defines macros needs one that calls them",
+            file=file,
+        )
+    joints = tuple(_joint(element, file) for element in root.iterfind("joint"))
+    _check_structure(links, joints, file)
+    hardware = read_hardware(root, [joint.name for joint in joints], report, file)
+    plugins = read_gazebo_plugins(root)
+    normalise(root, file, packages, report)
+    return RobotDescription(
+        name=root.get("name") or file.name.partition(".")[0],
+        file=file,
+        links=links,
+        joints=joints,
+        hardware=hardware,
+        gazebo_plugins=plugins,
+        source=text,
+        urdf=ET.tostring(root, encoding="unicode"),
+    )
+
+
+def _parse_xml(text: str, file: Path) -> ET.Element:
+    try:
+        return ET.fromstring(text)  # noqa: S314  expat fetches no external entities.
+    except ET.ParseError as error:
+        line, _ = error.position
+        reason = str(error).partition(":")[0]
+        raise DescriptionError(
+            f"malformed XML: {reason}", file=file, line=line
+        ) from None
+
+
+def _joint(element: ET.Element, file: Path) -> JointInfo:
+    name = element.get("name")
+    where = f"joint {name!r}"
+    joint_type = element.get("type", "")
+    if not name or joint_type not in JOINT_TYPES:
+        raise DescriptionError(
+            f"type {joint_type!r}; expected one of {', '.join(JOINT_TYPES)}",
+            file=file,
+            where=where,
+        )
+    mimic = element.find("mimic")
+    try:
+        return JointInfo(
+            name=name,
+            type=joint_type,
+            parent=_child_attribute(element, "parent", "link"),
+            child=_child_attribute(element, "child", "link"),
+            limits=_limits(element.find("limit"), joint_type),
+            damping=_number(element.find("dynamics"), "damping", 0.0),
+            friction=_number(element.find("dynamics"), "friction", 0.0),
+            mimic=None
+            if mimic is None
+            else Mimic(
+                joint=mimic.get("joint", ""),
+                multiplier=_number(mimic, "multiplier", 1.0),
+                offset=_number(mimic, "offset", 0.0),
+            ),
+        )
+    except ValueError as error:
+        raise DescriptionError(str(error), file=file, where=where) from None
+
+
+def _child_attribute(element: ET.Element, tag: str, attribute: str) -> str:
+    child = element.find(tag)
+    value = None if child is None else child.get(attribute)
+    if not value:
+        raise ValueError(f'expected <{tag} {attribute}="...">')
+    return value
+
+
+def _limits(element: ET.Element | None, joint_type: str) -> JointLimits:
+    if element is None:
+        return JointLimits()
+    effort = abs(_number(element, "effort", 0.0))
+    velocity = abs(_number(element, "velocity", 0.0))
+    has_range = joint_type != "continuous"
+    return JointLimits(
+        lower=_number(element, "lower", 0.0) if has_range else None,
+        upper=_number(element, "upper", 0.0) if has_range else None,
+        effort=effort or None,
+        velocity=velocity or None,
+    )
+
+
+def _number(element: ET.Element | None, attribute: str, default: float) -> float:
+    text = None if element is None else element.get(attribute)
+    if text is None:
+        return default
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(f"{attribute}: expected a number, got {text!r}") from None
+
+
+def _check_structure(
+    links: tuple[str, ...], joints: tuple[JointInfo, ...], file: Path
+) -> None:
+    for kind, names in (("link", links), ("joint", [j.name for j in joints])):
+        repeated = sorted({name for name in names if list(names).count(name) > 1})
+        if repeated:
+            raise DescriptionError(
+                f"two {kind}s are called {repeated[0]!r}; names must be unique",
+                file=file,
+            )
+    for joint in joints:
+        for role, link in (("parent", joint.parent), ("child", joint.child)):
+            if link not in links and link != WORLD:
+                raise DescriptionError(
+                    f"{role} link {link!r} doesn't exist; {suggest(link, links)}",
+                    file=file,
+                    where=f"joint {joint.name!r}",
+                )
+        names = [j.name for j in joints]
+        if joint.mimic and joint.mimic.joint not in names:
+            raise DescriptionError(
+                f"mimics {joint.mimic.joint!r}, which doesn't exist; "
+                f"{suggest(joint.mimic.joint, names)}",
+                file=file,
+                where=f"joint {joint.name!r}",
+            )

@@ -1,0 +1,142 @@
+"""Expand xacro files with the `xacro` package, without a ROS installation.
+
+xacro keeps its arguments and its stacks of files in module globals and asks
+`ament_index_python` for packages. Both are replaced for the time of one expansion, so
+that nothing leaks from one load into the next.
+"""
+
+import contextlib
+import os
+import re
+import threading
+import xml.parsers.expat
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+
+import xacro
+from xacro import substitution_args
+
+from arm_drake.description.packages import PackageFinder
+from arm_drake.errors import ArmDrakeError, DescriptionError, suggest
+
+# xacro's globals serve one expansion at a time.
+_LOCK = threading.RLock()
+
+_ARGUMENT = re.compile(
+    r"<xacro:arg\s+[^>]*?name\s*=\s*[\"']([^\"']+)[\"'](?:[^>]*?default\s*=\s*[\"']"
+    r"([^\"']*)[\"'])?"
+)
+
+
+def expand_xacro(path: Path, args: Mapping[str, str], packages: PackageFinder) -> str:
+    """Return the URDF text that a file stands for.
+
+    Args:
+        path: A xacro file, or a plain URDF, which is returned as it is.
+        args: Values of xacro arguments.
+        packages: What resolves `$(find <package>)`.
+
+    Raises:
+        DescriptionError: If the file can't be read or expanded.
+        PackageError: If a package isn't found.
+    """
+    text = _read(path)
+    if "xacro" not in text and "$(" not in text:
+        return text
+    unknown = sorted(set(args) - set(declared_arguments(text)))
+    if unknown and "xacro:include" not in text:
+        raise DescriptionError(
+            f"no xacro argument {unknown[0]!r}; "
+            f"{suggest(unknown[0], declared_arguments(text))}",
+            file=path,
+        )
+    with _LOCK, _package_lookup(packages.find):
+        try:
+            document = xacro.process_file(str(path), mappings=dict(args), verbosity=0)
+        except xacro.XacroException as error:
+            raise _explain(error, path, text) from None
+        except (
+            xml.parsers.expat.ExpatError,
+            OSError,
+            ValueError,
+            KeyError,
+            NameError,
+            TypeError,
+            SyntaxError,
+            AttributeError,
+            IndexError,
+            ZeroDivisionError,
+            RecursionError,
+        ) as error:
+            problem = f"xacro: {type(error).__name__}: {error}"
+            raise DescriptionError(problem, file=_current_file(path)) from None
+        finally:
+            xacro.substitution_args_context["arg"] = {}
+        return str(document.toxml())
+
+
+def declared_arguments(text: str) -> dict[str, str | None]:
+    """Return the arguments that a xacro text declares, with their defaults."""
+    return {
+        name: default if found else None
+        for name, default, found in (
+            (match.group(1), match.group(2), match.group(2) is not None)
+            for match in _ARGUMENT.finditer(text)
+        )
+    }
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        return path.read_text(encoding="latin-1")
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise DescriptionError(f"can't be read: {reason}", file=path) from None
+
+
+@contextlib.contextmanager
+def _package_lookup(find: Callable[[str], Path]) -> Iterator[None]:
+    """Let `$(find ...)` ask ``find``, in both places where xacro keeps the lookup."""
+
+    def eval_find(name: str) -> str:
+        return str(find(name))
+
+    saved = substitution_args._eval_find, substitution_args._eval_dict["find"]
+    substitution_args._eval_find = eval_find
+    substitution_args._eval_dict["find"] = eval_find
+    try:
+        yield
+    finally:
+        substitution_args._eval_find, substitution_args._eval_dict["find"] = saved
+
+
+def _explain(error: Exception, path: Path, text: str) -> ArmDrakeError:
+    """Return a xacro error in our words, with the chain of files that led to it."""
+    cause: object = error
+    while isinstance(cause, xacro.XacroException) and cause.exc is not None:
+        cause = cause.exc
+    if isinstance(cause, ArmDrakeError):
+        return cause
+    problem = " ".join(str(error).split())
+    if isinstance(cause, substitution_args.ArgException):
+        declared = declared_arguments(text)
+        listed = ", ".join(
+            name if default is None else f"{name}:={default}"
+            for name, default in sorted(declared.items())
+        )
+        problem = (
+            f"xacro argument {str(cause)!r} is undefined; "
+            f"give it as {cause}:=VALUE; the file declares: {listed or 'none'}"
+        )
+    chain = [os.fspath(file) for file in xacro.filestack or [] if file]
+    if len(chain) > 1:
+        problem += f" (included by {' -> '.join(chain[:-1])})"
+    return DescriptionError(problem, file=_current_file(path))
+
+
+def _current_file(path: Path) -> Path:
+    """Return the file that xacro was reading."""
+    files = [file for file in xacro.filestack or [] if file]
+    return Path(files[-1]) if files else path

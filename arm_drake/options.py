@@ -1,0 +1,46 @@
+"""Options of a simulation; the defaults need no thought."""
+
+import dataclasses as dc
+import math
+
+
+@dc.dataclass(frozen=True)
+class SimulationOptions:
+    """How a robot is simulated."""
+
+    # Largest step of the physics [s]. The step that is used divides the period of the
+    # controller manager evenly, so that a command acts on the step that starts with it.
+    time_step: float = 1e-3
+
+    # Whether gravity of 9.81 m/s^2 acts along -z of the world.
+    gravity: bool = True
+
+    # Bandwidth of the joint servo [rad/s]: a step settles in about 5.8 / bandwidth.
+    servo_bandwidth: float = 40.0
+
+    # Whether the servo lifts the robot's own weight.
+    gravity_compensation: bool = True
+
+    # Whether the dry friction of `<dynamics friction>` acts.
+    friction: bool = True
+
+    # Whether links of one robot collide with each other; Gazebo's default is no.
+    self_collision: bool = False
+
+    # Rate at which the rollout is logged [Hz]; None means the manager's rate.
+    log_rate: float | None = None
+
+    # Controllers to start besides, or instead of, those that would start.
+    active: tuple[str, ...] = ()
+
+    # Controllers to leave inactive.
+    inactive: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Reject what can't be simulated."""
+        for name in ("time_step", "servo_bandwidth"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise ValueError(f"{name} must be positive, got {value!r}")
+        if self.log_rate is not None and not self.log_rate > 0.0:
+            raise ValueError(f"log_rate must be positive, got {self.log_rate!r}")

@@ -1,0 +1,196 @@
+"""RobotDescription to a MultibodyPlant with one actuator per commanded joint."""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from pydrake.geometry import CollisionFilterDeclaration, GeometrySet, SceneGraph
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import (
+    AddMultibodyPlant,
+    MultibodyPlant,
+    MultibodyPlantConfig,
+)
+from pydrake.multibody.tree import JointActuator, ModelInstanceIndex
+from pydrake.systems.framework import DiagramBuilder
+
+from arm_drake.description.urdf import WORLD, RobotDescription
+from arm_drake.errors import DescriptionError
+from arm_drake.options import SimulationOptions
+
+# Pose of a robot's base in the world: x, y, z [m], roll, pitch, yaw [rad].
+Pose = tuple[float, float, float, float, float, float]
+
+
+def add_plant(
+    builder: DiagramBuilder, time_step: float, options: SimulationOptions
+) -> tuple[MultibodyPlant, SceneGraph]:
+    """Add an empty plant and its scene graph.
+
+    Args:
+        builder: Where to add them.
+        time_step: Step of the discrete plant [s].
+        options: What acts on the robots.
+    """
+    # Sampled ports would delay every command by a step.
+    config = MultibodyPlantConfig(time_step=time_step, use_sampled_output_ports=False)
+    plant, scene_graph = AddMultibodyPlant(config, builder)
+    set_gravity(plant, options)
+    return plant, scene_graph
+
+
+def set_gravity(plant: MultibodyPlant, options: SimulationOptions) -> None:
+    """Let gravity act, or not, as the options say."""
+    if not options.gravity:
+        plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, 0.0])
+
+
+def add_robot_model(
+    plant: MultibodyPlant,
+    description: RobotDescription,
+    name: str,
+    pose: Pose | None,
+    *,
+    has_geometry: bool = True,
+) -> ModelInstanceIndex:
+    """Add a robot's bodies and joints, fixed to the world.
+
+    Args:
+        plant: A plant that isn't finalized.
+        description: The robot.
+        name: Name of the model instance.
+        pose: Pose of the base in the world; None is the origin.
+        has_geometry: Whether to add what is seen and what collides.
+
+    Raises:
+        DescriptionError: If Drake refuses the description.
+    """
+    X_WB = _transform(pose)
+    root = ET.fromstring(description.urdf)  # noqa: S314  our own text.
+    root.set("name", name)
+    if not has_geometry:
+        for link in root.iterfind("link"):
+            for tag in ("visual", "collision"):
+                for element in link.findall(tag):
+                    link.remove(element)
+    # A link called "world" is the world itself: move what is attached to it.
+    for joint in root.iterfind("joint"):
+        parent = joint.find("parent")
+        if parent is not None and parent.get("link") == WORLD and pose is not None:
+            _move_origin(joint, X_WB)
+    parser = Parser(plant)
+    parser.SetAutoRenaming(True)
+    try:
+        (model,) = parser.AddModelsFromString(
+            ET.tostring(root, encoding="unicode"), "urdf"
+        )
+    except (RuntimeError, SystemExit) as error:
+        problem = " ".join(str(error).split())
+        raise DescriptionError(
+            f"Drake refuses the description: {problem}", file=description.file
+        ) from None
+    if not description.is_fixed_to_world:
+        base = plant.GetBodyByName(_root_link(description), model)
+        plant.WeldFrames(plant.world_frame(), base.body_frame(), X_WB)
+    return model
+
+
+def add_actuators(
+    plant: MultibodyPlant,
+    model: ModelInstanceIndex,
+    joints: Sequence[str],
+    effort_limits: Iterable[float],
+) -> list[JointActuator]:
+    """Add the command actuator of each joint, named as the joint.
+
+    Args:
+        plant: A plant that isn't finalized.
+        model: The robot's model instance.
+        joints: Commanded joints.
+        effort_limits: Their effort limits [N·m] or [N]; infinite where unset.
+    """
+    return [
+        plant.AddJointActuator(name, plant.GetJointByName(name, model), limit)
+        for name, limit in zip(joints, effort_limits, strict=True)
+    ]
+
+
+def set_initial_positions(
+    plant: MultibodyPlant, model: ModelInstanceIndex, positions: dict[str, float]
+) -> None:
+    """Set the default positions of joints, [rad] or [m], by name."""
+    for name, position in positions.items():
+        joint = plant.GetJointByName(name, model)
+        joint.set_default_positions([position])
+
+
+def filter_self_collision(
+    plant: MultibodyPlant, scene_graph: SceneGraph, model: ModelInstanceIndex
+) -> None:
+    """Let the links of a robot pass through each other, as Gazebo does."""
+    geometries = [
+        geometry
+        for body in plant.GetBodyIndices(model)
+        for geometry in plant.GetCollisionGeometriesForBody(plant.get_body(body))
+    ]
+    declaration = CollisionFilterDeclaration()
+    declaration.ExcludeWithin(GeometrySet(geometries))
+    scene_graph.collision_filter_manager().Apply(declaration)
+
+
+def state_indices(
+    plant: MultibodyPlant, model: ModelInstanceIndex, joints: Sequence[str]
+) -> tuple[list[int], list[int]]:
+    """Return where joints stand in the state [q; v] of a model instance.
+
+    Args:
+        plant: A finalized plant.
+        model: The model instance.
+        joints: Joints of one degree of freedom.
+
+    Returns:
+        Indices of the positions, and indices of the velocities.
+    """
+    # Drake numbers positions by its tree, not by the order of the file.
+    names = plant.GetPositionNames(model, add_model_instance_prefix=False)
+    velocities = plant.GetVelocityNames(model, add_model_instance_prefix=False)
+    positions_at, velocities_at = [], []
+    for name in joints:
+        joint = plant.GetJointByName(name, model)
+        suffix = joint.position_suffix(0), joint.velocity_suffix(0)
+        positions_at.append(names.index(f"{name}_{suffix[0]}"))
+        velocities_at.append(len(names) + velocities.index(f"{name}_{suffix[1]}"))
+    return positions_at, velocities_at
+
+
+def _root_link(description: RobotDescription) -> str:
+    children = {joint.child for joint in description.joints}
+    roots = [link for link in description.links if link not in children]
+    if len(roots) != 1:
+        raise DescriptionError(
+            f"expected one link without a parent, got {sorted(roots)}",
+            file=description.file,
+        )
+    return roots[0]
+
+
+def _transform(pose: Pose | None) -> RigidTransform:
+    if pose is None:
+        return RigidTransform()
+    return RigidTransform(RollPitchYaw(np.array(pose[3:])), np.array(pose[:3]))
+
+
+def _move_origin(joint: ET.Element, X_WB: RigidTransform) -> None:
+    origin = joint.find("origin")
+    if origin is None:
+        origin = ET.SubElement(joint, "origin")
+    numbers = [
+        [float(number) for number in origin.get(attribute, "0 0 0").split()]
+        for attribute in ("xyz", "rpy")
+    ]
+    X_BP = RigidTransform(RollPitchYaw(np.array(numbers[1])), np.array(numbers[0]))
+    X_WP = X_WB @ X_BP
+    rpy = RollPitchYaw(X_WP.rotation()).vector()
+    for attribute, values in (("xyz", X_WP.translation()), ("rpy", rpy)):
+        origin.set(attribute, " ".join(repr(float(value)) for value in values))

@@ -1,0 +1,66 @@
+"""Replays the tolerances that upstream resolves and checks."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from arm_drake.control.tolerances import (
+    StateTolerances,
+    make_default_tolerances,
+    resolve_tolerances,
+    violates,
+)
+from arm_drake.messages import FollowJointTrajectoryGoal, JointTolerance
+from tests.oracle import number, oracle_cases
+
+RESOLUTIONS = oracle_cases("goal_tolerance_resolution")
+CHECKS = oracle_cases("state_tolerance_check")
+
+
+def make_goal(goal: dict[str, Any]) -> FollowJointTrajectoryGoal:
+    return FollowJointTrajectoryGoal(
+        path_tolerance=[JointTolerance(**t) for t in goal["path_tolerance"]],
+        goal_tolerance=[JointTolerance(**t) for t in goal["goal_tolerance"]],
+        goal_time_tolerance=goal["goal_time_tolerance"],
+    )
+
+
+def table(tolerances: StateTolerances) -> list[list[float]]:
+    fields = (tolerances.position, tolerances.velocity, tolerances.acceleration)
+    return np.stack(fields, axis=1).tolist()
+
+
+@pytest.mark.parametrize("case", RESOLUTIONS)
+def test_goal_tolerances_resolve_as_upstream(case: dict[str, Any]) -> None:
+    joints = case["input"]["params"]["joints"]
+    constraints = case["input"]["params"].get("constraints", {})
+    by_joint = [constraints.get(joint, {}) for joint in joints]
+    defaults = make_default_tolerances(
+        [of_joint.get("trajectory", 0.0) for of_joint in by_joint],
+        [of_joint.get("goal", 0.0) for of_joint in by_joint],
+        stopped_velocity_tolerance=constraints.get("stopped_velocity_tolerance", 0.01),
+        goal_time=constraints.get("goal_time", 0.0),
+    )
+
+    resolved = resolve_tolerances(make_goal(case["input"]["goal"]), joints, defaults)
+
+    pairs = (("default", defaults), ("active", resolved.tolerances))
+    for key, tolerances in pairs:
+        expected = case["output"][key]
+        assert table(tolerances.path) == expected["state"]
+        assert table(tolerances.goal) == expected["goal"]
+        assert tolerances.goal_time == pytest.approx(expected["goal_time"], rel=1e-12)
+
+
+@pytest.mark.parametrize("case", CHECKS)
+def test_errors_violate_tolerances_as_upstream(case: dict[str, Any]) -> None:
+    limits = [np.array([number(limit)]) for limit in case["input"]["tol"]]
+    tolerances = StateTolerances(*limits)
+
+    allowed = []
+    for error in case["input"]["errors"]:
+        fields = [None if e is None else np.array([number(e)]) for e in error]
+        allowed.append(not violates(*fields, tolerances).any())
+
+    assert allowed == case["output"]["ok"]
