@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 
 from arm_drake import interfaces
@@ -49,6 +50,8 @@ class CommandInterfaces(LeafSystem):
         claims: Mapping[str, Sequence[str]],
         initial: np.ndarray,
         period: float,
+        *,
+        servo_plant: MultibodyPlant | None = None,
     ) -> None:
         """Create the system.
 
@@ -57,8 +60,11 @@ class CommandInterfaces(LeafSystem):
             claims: Joints whose position each active controller commands.
             initial: Positions to hold before the first tick [rad], shape (n,).
             period: Period of the controller manager [s].
+            servo_plant: Plant that the servo computes with, to be kept as long as the
+                diagram: Drake's InverseDynamics doesn't keep it.
         """
         super().__init__()
+        self._servo_plant = servo_plant
         n = len(joints)
         self._n = n
         self._period = period

@@ -18,9 +18,10 @@ from pydrake.systems.primitives import Adder, MatrixGain, Multiplexer
 from arm_drake import interfaces
 from arm_drake.command_interfaces import CommandInterfaces
 from arm_drake.control.servo import compute_friction_gains, compute_servo_gains
+from arm_drake.description.robot import Pose
 from arm_drake.description.urdf import JointInfo, RobotDescription
 from arm_drake.options import SimulationOptions
-from arm_drake.plant import Pose, add_robot_model, set_gravity, state_indices
+from arm_drake.plant import add_robot_model, set_gravity, state_indices
 from arm_drake.servo import (
     add_step_inertia,
     make_dry_friction,
@@ -98,17 +99,22 @@ def add_hardware(
     """
     joints = commanded_joints(description)
     names = [joint.name for joint in joints]
+    alone = _robot_alone(description, pose, options, plant.time_step())
     commands = builder.AddNamedSystem(
         f"{prefix}command_interfaces",
         CommandInterfaces(
-            names, claims, np.array([initial[name] for name in names]), period
+            names,
+            claims,
+            np.array([initial[name] for name in names]),
+            period,
+            servo_plant=alone,
         ),
     )
     effort = None
     if names:
         at = state_indices(plant, model, names)
         servo = builder.AddNamedSystem(
-            f"{prefix}servo", _make_servo(plant, description, joints, at, pose, options)
+            f"{prefix}servo", _make_servo(alone, description, joints, at, options)
         )
         state = plant.get_state_output_port(model)
         builder.Connect(state, servo.GetInputPort("state"))
@@ -127,9 +133,11 @@ def add_hardware(
     )
     builder.Connect(joint_states, measured.get_input_port())
     builder.Connect(measured.get_output_port(), commands.GetInputPort("position_state"))
-    friction = _add_friction(
-        builder, plant, model, description, prefix, pose, initial, options
-    )
+    friction = None
+    if options.friction:
+        friction = _add_friction(
+            builder, plant, model, alone, description, prefix, initial
+        )
     return Hardware(commands, all_joints, joint_states, friction)
 
 
@@ -152,25 +160,22 @@ def selection(
 
 
 def _make_servo(
-    model_of: MultibodyPlant,
+    plant: MultibodyPlant,
     description: RobotDescription,
     joints: Sequence[JointInfo],
     at: tuple[list[int], list[int]],
-    pose: Pose | None,
     options: SimulationOptions,
 ) -> Diagram:
     """Return the servo of the commanded joints, from a plant of the robot alone."""
-    h = model_of.time_step()
-    plant, model = _robot_alone(description, pose, options, h)
-    N = velocity_map(plant, model, description, joints)
+    N = velocity_map(plant, description, joints)
     gains = compute_servo_gains(
-        sample_dynamics(plant, model, N),
+        sample_dynamics(plant, N),
         np.array(effort_limits(joints)),
         np.array([math.inf if (v := j.limits.velocity) is None else v for j in joints]),
         bandwidth=options.servo_bandwidth,
-        time_step=h,
+        time_step=plant.time_step(),
     )
-    return make_joint_servo(plant, gains, *at, N, h)
+    return make_joint_servo(plant, gains, *at, N)
 
 
 def _robot_alone(
@@ -178,34 +183,30 @@ def _robot_alone(
     pose: Pose | None,
     options: SimulationOptions,
     time_step: float,
-) -> tuple[MultibodyPlant, ModelInstanceIndex]:
+) -> MultibodyPlant:
     """Return a plant that the servo computes with: no geometry, one robot."""
     plant = MultibodyPlant(time_step)
     set_gravity(plant, options)
     model = add_robot_model(plant, description, "robot", pose, has_geometry=False)
     add_step_inertia(plant, model, time_step)
     plant.Finalize()
-    return plant, model
+    return plant
 
 
 def velocity_map(
-    plant: MultibodyPlant,
-    model: ModelInstanceIndex,
-    description: RobotDescription,
-    joints: Sequence[JointInfo],
+    plant: MultibodyPlant, description: RobotDescription, joints: Sequence[JointInfo]
 ) -> np.ndarray:
     """Return the velocities of all joints per velocity of a commanded joint.
 
     Args:
-        plant: A finalized plant.
-        model: The robot's model instance, with m velocities.
+        plant: A finalized plant of the robot alone, with m velocities.
         description: The robot.
         joints: The n commanded joints.
 
     Returns:
         N, shape (m, n): 1 for the joint itself, the multiplier for its mimic joints.
     """
-    N = np.zeros((plant.num_velocities(model), len(joints)))
+    N = np.zeros((plant.num_velocities(), len(joints)))
     columns = {joint.name: column for column, joint in enumerate(joints)}
     for joint in description.movable_joints:
         factor, master = 1.0, joint
@@ -213,8 +214,8 @@ def velocity_map(
             factor *= master.mimic.multiplier
             master = description.joint(master.mimic.joint)
         if master.name in columns:
-            _, (row,) = state_indices(plant, model, [joint.name])
-            N[row - plant.num_positions(model), columns[master.name]] = factor
+            row = plant.GetJointByName(joint.name).velocity_start()
+            N[row, columns[master.name]] = factor
     return N
 
 
@@ -222,26 +223,24 @@ def _add_friction(
     builder: DiagramBuilder,
     plant: MultibodyPlant,
     model: ModelInstanceIndex,
+    alone: MultibodyPlant,
     description: RobotDescription,
     prefix: str,
-    pose: Pose | None,
     initial: Mapping[str, float],
-    options: SimulationOptions,
 ) -> OutputPort | None:
     """Add dry friction; return the generalized forces on the robot, if it has any."""
     joints = [
         j for j in description.movable_joints if j.friction > 0.0 and j.mimic is None
     ]
-    if not (joints and options.friction):
+    if not joints:
         return None
     h = plant.time_step()
-    alone, alone_model = _robot_alone(description, pose, options, h)
-    N = velocity_map(alone, alone_model, description, joints)
+    N = velocity_map(alone, description, joints)
     system = builder.AddNamedSystem(
         f"{prefix}dry_friction",
         make_dry_friction(
             np.array([joint.friction for joint in joints]),
-            compute_friction_gains(sample_dynamics(alone, alone_model, N), h),
+            compute_friction_gains(sample_dynamics(alone, N), h),
             np.array([initial[joint.name] for joint in joints]),
             plant.num_multibody_states(model),
             *state_indices(plant, model, [joint.name for joint in joints]),

@@ -250,16 +250,20 @@ class GoalStatus(enum.Enum):
         return self not in (GoalStatus.PENDING, GoalStatus.EXECUTING)
 
 
+class ActionRequest(Message):
+    """What a client asks on an action port. Each request is one of its own."""
+
+
 @dc.dataclass(frozen=True, eq=False)
-class SendGoal(Message):
-    """A request on an action port: execute a goal. Each request is one of its own."""
+class SendGoal(ActionRequest):
+    """Execute a goal."""
 
     goal: FollowJointTrajectoryGoal
 
 
 @dc.dataclass(frozen=True, eq=False)
-class CancelGoal(Message):
-    """A request on an action port: cancel a goal that was sent before."""
+class CancelGoal(ActionRequest):
+    """Cancel a goal that was sent before."""
 
     request: SendGoal
 

@@ -15,12 +15,10 @@ from pydrake.multibody.plant import (
 from pydrake.multibody.tree import JointActuator, ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder
 
+from arm_drake.description.robot import Pose
 from arm_drake.description.urdf import WORLD, RobotDescription
 from arm_drake.errors import DescriptionError
 from arm_drake.options import SimulationOptions
-
-# Pose of a robot's base in the world: x, y, z [m], roll, pitch, yaw [rad].
-Pose = tuple[float, float, float, float, float, float]
 
 
 def add_plant(

@@ -43,14 +43,11 @@ _SEED = 20_260_101
 _TURN = np.pi
 
 
-def sample_dynamics(
-    plant: MultibodyPlant, model: ModelInstanceIndex, N: Array
-) -> DynamicsSamples:
+def sample_dynamics(plant: MultibodyPlant, N: Array) -> DynamicsSamples:
     """Return the dynamics of the commanded joints at random configurations.
 
     Args:
         plant: A finalized plant that holds this robot alone.
-        model: The robot's model instance.
         N: Velocities of all joints per velocity of a commanded joint, shape (m, n).
     """
     context = plant.CreateDefaultContext()
@@ -64,7 +61,7 @@ def sample_dynamics(
         masses.append(N.T @ plant.CalcMassMatrixViaInverseDynamics(context) @ N)
         gravities.append(-N.T @ plant.CalcGravityGeneralizedForces(context))
     damping = np.zeros(plant.num_velocities())
-    for index in plant.GetJointIndices(model):
+    for index in plant.GetJointIndices():
         joint = plant.get_joint(index)
         for k in range(joint.num_velocities()):
             damping[joint.velocity_start() + k] = joint.default_damping_vector()[k]
@@ -79,7 +76,6 @@ def make_joint_servo(
     positions_at: list[int],
     velocities_at: list[int],
     N: Array,
-    time_step: float,
 ) -> Diagram:
     """Return the servo of a robot's n commanded joints.
 
@@ -107,7 +103,6 @@ def make_joint_servo(
         positions_at: Indices of the commanded positions in the state.
         velocities_at: Indices of the commanded velocities in the state.
         N: As for `sample_dynamics`.
-        time_step: Step of the plant h [s].
     """
     builder = DiagramBuilder()
     m, n = N.shape
@@ -115,7 +110,9 @@ def make_joint_servo(
     signals = builder.AddNamedSystem("signals", Multiplexer([2 * m, 2 * n]))
     law = builder.AddNamedSystem(
         "acceleration",
-        _acceleration_law(gains, 2 * m, positions_at, velocities_at, time_step),
+        _acceleration_law(
+            gains, 2 * m, positions_at, velocities_at, control_plant.time_step()
+        ),
     )
     dynamics = builder.AddNamedSystem(
         "inverse_dynamics",

@@ -29,6 +29,7 @@ from arm_drake.control.trajectory import (
 )
 from arm_drake.control.trajectory_validation import find_fault
 from arm_drake.messages import (
+    ActionRequest,
     CancelGoal,
     Duration,
     FollowJointTrajectoryErrorCode,
@@ -120,13 +121,15 @@ class _Tick:
             return
         self._pending, self._is_holding = message, False
 
-    def _take_request(self, request: SendGoal | CancelGoal) -> None:
+    def _take_request(self, request: ActionRequest) -> None:
         if isinstance(request, CancelGoal):
             goal = self._goal
             if goal and goal.request is request.request and goal.outcome is None:
                 self._conclude(goal, GoalStatus.CANCELED, 0, "")
                 last = self._last.position
                 self._hold(self._inputs.position if last is None else last)
+            return
+        if not isinstance(request, SendGoal):
             return
         message = request.goal.trajectory
         fault = find_fault(message, self._rules.allowed, self._inputs.time_ns)

@@ -8,7 +8,7 @@ from arm_drake.control.trajectory import Interpolation, Sample, StateBefore, Tra
 from arm_drake.control.trajectory_validation import TrajectoryRules
 from arm_drake.messages import (
     NANOSECONDS,
-    CancelGoal,
+    ActionRequest,
     Duration,
     FollowJointTrajectoryFeedback,
     GoalEvent,
@@ -118,7 +118,7 @@ class JointTrajectoryState(Message):
 
     # The messages last seen on the topic and on the action's port.
     topic: JointTrajectory | None = None
-    request: SendGoal | CancelGoal | None = None
+    request: ActionRequest | None = None
 
 
 class TickInputs(NamedTuple):
@@ -133,7 +133,7 @@ class TickInputs(NamedTuple):
 
     # What lies on the topic and on the action's port.
     topic: JointTrajectory | None
-    request: SendGoal | CancelGoal | None
+    request: ActionRequest | None
 
 
 def make_feedback(

@@ -89,7 +89,7 @@ def _repair_joint(joint: ET.Element, file: Path) -> None:
 def _repair_materials(
     root: ET.Element, file: Path, report: LoadReport
 ) -> dict[str, _Color]:
-    """Remove materials that are nowhere defined; return the colours of the others."""
+    """Spell out materials, remove undefined ones; return the colours by name."""
     colors: dict[str, _Color] = {}
     textured = set()
     for material in root.iter("material"):
@@ -104,7 +104,13 @@ def _repair_materials(
     for visual in root.iter("visual"):
         for material in visual.findall("material"):
             name = material.get("name", "")
-            if name in colors or name in textured:
+            if name in colors:
+                # Spelled out, for the place of its definition may be removed.
+                if material.find("color") is None:
+                    text = " ".join(map(repr, colors[name]))
+                    ET.SubElement(material, "color", rgba=text)
+                continue
+            if name in textured:
                 continue
             report.add(
                 "warning",
@@ -240,6 +246,9 @@ class _GeometryRepair:
             return False
         shape.set("filename", converted.as_uri())
         shape.attrib.pop("scale", None)
+        if is_visual:  # Drake refuses a material beside those of a glTF.
+            for material in self._element.findall("material"):
+                self._element.remove(material)
         return True
 
     def _color(self) -> _Color | None:

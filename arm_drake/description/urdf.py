@@ -257,11 +257,21 @@ def _check_structure(
                     file=file,
                     where=f"joint {joint.name!r}",
                 )
-        names = [j.name for j in joints]
-        if joint.mimic and joint.mimic.joint not in names:
-            raise DescriptionError(
-                f"mimics {joint.mimic.joint!r}, which doesn't exist; "
-                f"{suggest(joint.mimic.joint, names)}",
-                file=file,
-                where=f"joint {joint.name!r}",
-            )
+    _check_mimics({joint.name: joint for joint in joints}, file)
+
+
+def _check_mimics(joints: dict[str, JointInfo], file: Path) -> None:
+    for joint in joints.values():
+        master, seen = joint, {joint.name}
+        while master.mimic is not None:
+            name = master.mimic.joint
+            if name not in joints:
+                problem = f"mimics {name!r}, which doesn't exist; "
+                problem += suggest(name, joints)
+            elif name in seen:
+                problem = f"mimics itself, through {name!r}"
+            else:
+                master = joints[name]
+                seen.add(name)
+                continue
+            raise DescriptionError(problem, file=file, where=f"joint {joint.name!r}")

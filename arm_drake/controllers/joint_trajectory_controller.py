@@ -1,0 +1,309 @@
+"""``joint_trajectory_controller/JointTrajectoryController``.
+
+Source: ros2_controllers, `joint_trajectory_controller` (version 6.9.0, defaults of
+jazzy); the tick itself is `arm_drake.control.joint_trajectory`.
+"""
+
+import dataclasses as dc
+from typing import Literal
+
+import numpy as np
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import BasicVector, Context, InputPort
+
+from arm_drake import interfaces
+from arm_drake.control.joint_trajectory import tick
+from arm_drake.control.joint_trajectory_state import (
+    JointTrajectoryRules,
+    JointTrajectoryState,
+    TickInputs,
+    commanded_positions,
+    make_point,
+)
+from arm_drake.control.tolerances import make_default_tolerances
+from arm_drake.control.trajectory_validation import TrajectoryRules
+from arm_drake.controllers.controller_interface import (
+    ControllerInterface,
+    ControllerInterfaceParams,
+    message_on,
+)
+from arm_drake.description.parameters import per_element_of
+from arm_drake.messages import (
+    NANOSECONDS,
+    ActionRequest,
+    Header,
+    JointTrajectory,
+    JointTrajectoryControllerState,
+    Time,
+)
+
+Interface = Literal["position", "velocity", "acceleration", "effort"]
+
+
+@dc.dataclass(frozen=True)
+class JointConstraints:
+    """Tolerances of one joint; 0 is not checked."""
+
+    # Position tolerance along the way [rad].
+    trajectory: float = 0.0
+
+    # Position tolerance at the end [rad].
+    goal: float = 0.0
+
+
+@dc.dataclass(frozen=True)
+class Constraints:
+    """Tolerances where a goal asks for none."""
+
+    # Velocity tolerance at the end [rad/s].
+    stopped_velocity_tolerance: float = 0.01
+
+    # How late a goal may be reached [s]; 0 waits for ever.
+    goal_time: float = 0.0
+
+    joint: dict[str, JointConstraints] = per_element_of("joints")
+
+    def __post_init__(self) -> None:
+        """Reject what the types alone can't express."""
+        if self.goal_time < 0.0:
+            raise ValueError(f"goal_time must be at least 0, got {self.goal_time}")
+
+
+@dc.dataclass(frozen=True)
+class JointTrajectoryControllerParameters:
+    """Parameters of a JointTrajectoryController."""
+
+    # Joints to control, in the order of every port.
+    joints: tuple[str, ...]
+
+    # Interfaces to claim on each joint.
+    command_interfaces: tuple[Interface, ...]
+
+    # Interfaces to read of each joint.
+    state_interfaces: tuple[Interface, ...]
+
+    # Whether a trajectory may leave joints out; those stay where they are.
+    allow_partial_joints_goal: bool = False
+
+    # Whether trajectories start from the last command, not from the measured state.
+    interpolate_from_desired_state: bool = False
+
+    # Older name of interpolate_from_desired_state.
+    open_loop_control: bool = False
+
+    # Whether points may leave positions out, to be integrated.
+    allow_integration_in_goal_trajectories: bool = False
+
+    # Rate of feedback and results [Hz].
+    action_monitor_rate: float = 20.0
+
+    # "none" jumps from point to point.
+    interpolation_method: Literal["splines", "none"] = "splines"
+
+    # Whether a trajectory may end in motion.
+    allow_nonzero_velocity_at_trajectory_end: bool = False
+
+    # How long the last point is held before the joints stop where they are [s]; used if
+    # it exceeds constraints.goal_time, 0 is for ever.
+    cmd_timeout: float = 0.0
+
+    # Accepted and without effect, as in jazzy: the state is published at every tick.
+    state_publish_rate: float = 50.0
+
+    constraints: Constraints = Constraints()
+
+    def __post_init__(self) -> None:
+        """Reject what the types alone can't express."""
+        for name in ("joints", "command_interfaces", "state_interfaces"):
+            values = getattr(self, name)
+            if not values:
+                raise ValueError(f"{name} must have at least one element")
+            if len(set(values)) != len(values):
+                raise ValueError(f"{name} must not repeat elements, got {list(values)}")
+        if "position" not in self.state_interfaces:
+            raise ValueError(
+                f"state_interfaces must have 'position', "
+                f"got {list(self.state_interfaces)}"
+            )
+        if self.action_monitor_rate < 0.1:
+            raise ValueError(
+                f"action_monitor_rate must be at least 0.1 Hz, "
+                f"got {self.action_monitor_rate}"
+            )
+
+
+class JointTrajectoryController(ControllerInterface[JointTrajectoryState]):
+    """Moves joints along trajectories, from a topic or as goals of an action.
+
+    .. pydrake_system::
+
+        name: JointTrajectoryController
+        input_ports:
+        - position_state
+        - velocity_state
+        - joint_trajectory
+        - follow_joint_trajectory
+        output_ports:
+        - position_command
+        - reference
+        - controller_state
+        - events
+
+    With n = len(joints), vectors in the order of ``joints``:
+
+    =======================  ====  ======  ===========================================
+    port                     size  unit    meaning
+    =======================  ====  ======  ===========================================
+    position_state           n     rad     measured positions
+    velocity_state           n     rad/s   measured velocities, if it is among the
+                                           ``state_interfaces``
+    joint_trajectory         --    --      JointTrajectory to follow from now on
+    follow_joint_trajectory  --    --      SendGoal or CancelGoal: a goal to reach
+    position_command         n     rad     commanded positions; NaN is no command
+    reference                n     rad     where the trajectory is now
+    controller_state         --    --      JointTrajectoryControllerState
+    events                   --    --      tuple of GoalEvent and TopicRejected: news
+                                           of the last tick
+    =======================  ====  ======  ===========================================
+
+    The state is a JointTrajectoryState. At every tick, with period T, trajectory s and
+    measured positions q::
+
+        position_command = s(t + T)          reference = s(t)
+        error            = s(t) - q
+
+    An error beyond a path tolerance, or beyond a goal tolerance for longer than
+    goal_time after the end, stops the motion and aborts the goal.
+    """
+
+    def __init__(
+        self,
+        parameters: JointTrajectoryControllerParameters,
+        params: ControllerInterfaceParams,
+    ) -> None:
+        """Create the system.
+
+        Args:
+            parameters: The controller's parameters.
+            params: Rate and surroundings of the controller.
+        """
+        super().__init__(params)
+        joints = parameters.joints
+        n = len(joints)
+        self._rules = _make_rules(parameters, params)
+
+        is_read = [i for i in parameters.state_interfaces if i != "acceleration"]
+        ports = self._declare_state_ports(dict.fromkeys(is_read, joints))
+        self._q: InputPort = ports[interfaces.POSITION]
+        self._v: InputPort | None = ports.get(interfaces.VELOCITY)
+        nothing = AbstractValue.Make(None)
+        self._topic = self.DeclareAbstractInputPort("joint_trajectory", nothing)
+        self._action = self.DeclareAbstractInputPort("follow_joint_trajectory", nothing)
+
+        self.command_joints = dict.fromkeys(parameters.command_interfaces, joints)
+        tick = self._declare_tick(JointTrajectoryState())
+        vectors = {
+            "position_command": self._calc_command,
+            "reference": self._calc_reference,
+        }
+        for name, calc in vectors.items():
+            self.DeclareVectorOutputPort(name, n, calc, prerequisites_of_calc=tick)
+        self._nothing = np.full(n, np.nan)
+        for name, calc_value in {
+            "controller_state": self._calc_controller_state,
+            "events": self._calc_events,
+        }.items():
+            self.DeclareAbstractOutputPort(
+                name,
+                lambda: AbstractValue.Make(None),
+                calc_value,
+                prerequisites_of_calc=tick,
+            )
+
+    def _tick(
+        self,
+        context: Context,
+        state: JointTrajectoryState,
+        time_ns: int,
+        period_ns: int,
+    ) -> JointTrajectoryState:
+        inputs = TickInputs(
+            time_ns,
+            period_ns,
+            self._q.Eval(context),
+            None if self._v is None else self._v.Eval(context),
+            message_on(self._topic, context, JointTrajectory),
+            message_on(self._action, context, ActionRequest),
+        )
+        return tick(self._rules, state, inputs)
+
+    def _calc_command(self, context: Context, output: BasicVector) -> None:
+        commanded = self._state_after(context).commanded
+        output.SetFromVector(commanded_positions(commanded, self._nothing))
+
+    def _calc_reference(self, context: Context, output: BasicVector) -> None:
+        snapshot = self._state_after(context).snapshot
+        output.SetFromVector(
+            self._nothing if snapshot is None else snapshot.desired.position
+        )
+
+    def _calc_events(self, context: Context, output: AbstractValue) -> None:
+        output.set_value(self._state_after(context).events)
+
+    def _calc_controller_state(self, context: Context, output: AbstractValue) -> None:
+        seen = self._state_after(context).snapshot
+        joints = self._rules.allowed.joints
+        if seen is None:
+            output.set_value(JointTrajectoryControllerState(joint_names=joints))
+            return
+        reference, from_start = seen.desired, seen.desired_from_start_ns
+        output.set_value(
+            JointTrajectoryControllerState(
+                header=Header(stamp=Time.from_nanoseconds(seen.time_ns)),
+                joint_names=joints,
+                reference=make_point(
+                    reference.position,
+                    reference.velocity,
+                    reference.acceleration,
+                    from_start,
+                ),
+                feedback=make_point(seen.position, seen.velocity, None, from_start),
+                error=make_point(seen.error, None, None, 0),
+                output=make_point(seen.command, None, None, 0),
+            )
+        )
+
+
+def _make_rules(
+    parameters: JointTrajectoryControllerParameters, params: ControllerInterfaceParams
+) -> JointTrajectoryRules:
+    joints, constraints = parameters.joints, parameters.constraints
+    by_joint = [constraints.joint.get(joint, JointConstraints()) for joint in joints]
+    endless = np.array([params.joint_types.get(j) == "continuous" for j in joints])
+    timeout = parameters.cmd_timeout
+    return JointTrajectoryRules(
+        allowed=TrajectoryRules(
+            joints=joints,
+            allow_partial_joints_goal=parameters.allow_partial_joints_goal,
+            allow_nonzero_velocity_at_trajectory_end=(
+                parameters.allow_nonzero_velocity_at_trajectory_end
+            ),
+            allow_integration_in_goal_trajectories=(
+                parameters.allow_integration_in_goal_trajectories
+            ),
+        ),
+        tolerances=make_default_tolerances(
+            [constraint.trajectory for constraint in by_joint],
+            [constraint.goal for constraint in by_joint],
+            stopped_velocity_tolerance=constraints.stopped_velocity_tolerance,
+            goal_time=constraints.goal_time,
+        ),
+        look_ahead_ns=NANOSECONDS // params.update_rate,
+        monitor_period_ns=int(NANOSECONDS / parameters.action_monitor_rate),
+        interpolation=parameters.interpolation_method,
+        interpolate_from_desired_state=(
+            parameters.interpolate_from_desired_state or parameters.open_loop_control
+        ),
+        cmd_timeout=timeout if timeout > constraints.goal_time else 0.0,
+        wraparound=endless if endless.any() else None,
+    )

@@ -1,0 +1,250 @@
+"""build_diagram: robots to one Drake Diagram. The table of contents of the program."""
+
+import dataclasses as dc
+from collections.abc import Sequence
+
+from pydrake.geometry import Meshcat, SceneGraph
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.systems.framework import (
+    Diagram,
+    DiagramBuilder,
+    LeafSystem,
+    OutputPort,
+)
+from pydrake.systems.primitives import VectorLogSink
+
+from arm_drake import interfaces
+from arm_drake.description.robot import Robot
+from arm_drake.description.urdf import WORLD
+from arm_drake.errors import InputError
+from arm_drake.frames import LinkFrames
+from arm_drake.hardware import (
+    Hardware,
+    add_hardware,
+    commanded_joints,
+    connect_forces,
+    effort_limits,
+    selection,
+)
+from arm_drake.manager import (
+    ControllerManager,
+    LoadedController,
+    find_surroundings,
+    load_controllers,
+)
+from arm_drake.options import SimulationOptions
+from arm_drake.plant import (
+    add_actuators,
+    add_plant,
+    add_robot_model,
+    filter_self_collision,
+    set_initial_positions,
+)
+from arm_drake.timing import choose_time_step
+from arm_drake.visualization.meshcat import add_visualizer
+from arm_drake.world import add_world
+
+
+def build_diagram(
+    robots: Robot | Sequence[Robot],
+    *,
+    world: str = "empty",
+    options: SimulationOptions | None = None,
+    meshcat: Meshcat | None = None,
+) -> Diagram:
+    """Return the Diagram of robots with their controllers, in physics.
+
+    Its ports are named as in ROS: `<controller>.<topic>`, `joint_states`, `frames`,
+    `state`; with several robots, `<robot>/` stands before each name.
+
+    Args:
+        robots: One or several loaded robots.
+        world: Name of a built-in world.
+        options: How to simulate.
+        meshcat: Where to draw, if anywhere.
+
+    Raises:
+        InputError: If the robots can't be put together.
+    """
+    options = SimulationOptions() if options is None else options
+    robots = _check_names(robots)
+    step, periods = choose_time_step(
+        options.time_step, [robot.controllers.update_rate for robot in robots]
+    )
+    builder = DiagramBuilder()
+    plant, scene_graph = add_plant(builder, step, options)
+    add_world(plant, world)
+    models = [_add_model(plant, robot) for robot in robots]
+    plant.Finalize()
+    forces = {}
+    for robot, model, period in zip(robots, models, periods, strict=True):
+        added = _RobotInDiagram(robot, model, period, len(robots) > 1, options)
+        hardware = added.add(builder, plant, scene_graph)
+        if hardware.friction is not None:
+            forces[model] = hardware.friction
+    connect_forces(builder, plant, forces)
+    builder.ExportOutput(plant.get_state_output_port(), "state")
+    if meshcat is not None:
+        add_visualizer(builder, scene_graph, meshcat)
+    diagram = builder.Build()
+    diagram.set_name("arm_drake")
+    return diagram
+
+
+def _check_names(robots: Robot | Sequence[Robot]) -> list[Robot]:
+    several = [robots] if isinstance(robots, Robot) else list(robots)
+    if not several:
+        raise InputError("no robot was given; expected at least one")
+    names = [robot.name for robot in several]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(
+                f"{names.count(name)} robots are called {name!r}; "
+                "give each its own name with load_robot(..., name=...)"
+            )
+    return several
+
+
+def _add_model(plant: MultibodyPlant, robot: Robot) -> ModelInstanceIndex:
+    model = add_robot_model(plant, robot.description, robot.name, robot.pose)
+    joints = commanded_joints(robot.description)
+    add_actuators(plant, model, [joint.name for joint in joints], effort_limits(joints))
+    set_initial_positions(plant, model, dict(robot.initial_positions))
+    return model
+
+
+@dc.dataclass(frozen=True)
+class _RobotInDiagram:
+    """One robot on its way into a diagram."""
+
+    robot: Robot
+    model: ModelInstanceIndex
+
+    # Period of its controller manager [s].
+    period: float
+
+    # Whether its names start with the robot's.
+    has_prefix: bool
+
+    options: SimulationOptions
+
+    @property
+    def prefix(self) -> str:
+        return f"{self.robot.name}/" if self.has_prefix else ""
+
+    def add(
+        self, builder: DiagramBuilder, plant: MultibodyPlant, scene_graph: SceneGraph
+    ) -> Hardware:
+        """Add hardware and controllers, connect them, export their ports."""
+        robot, prefix = self.robot, self.prefix
+        if not self.options.self_collision:
+            filter_self_collision(plant, scene_graph, self.model)
+        controllers = self._load()
+        active = [c for c in controllers if c.state == "active"]
+        hardware = add_hardware(
+            builder,
+            plant,
+            self.model,
+            robot.description,
+            _claims(active),
+            prefix=prefix,
+            pose=robot.pose,
+            initial=robot.initial_positions,
+            period=self.period,
+            options=self.options,
+        )
+        builder.AddNamedSystem(
+            f"{prefix}controller_manager",
+            ControllerManager(robot, controllers, prefix=prefix, period=self.period),
+        )
+        for controller in active:
+            self._add_controller(builder, controller, hardware)
+        builder.ExportOutput(hardware.joint_states, f"{prefix}joint_states")
+        self._log(builder, hardware.joint_states, "joint_states")
+        self._add_frames(builder, plant)
+        return hardware
+
+    def _load(self) -> tuple[LoadedController, ...]:
+        commanded = [joint.name for joint in commanded_joints(self.robot.description)]
+        surroundings = find_surroundings(self.robot.description, commanded)
+        return load_controllers(
+            self.robot.controllers,
+            surroundings,
+            self.robot.report,
+            period=self.period,
+            active=self.options.active,
+            inactive=self.options.inactive,
+        )
+
+    def _add_controller(
+        self, builder: DiagramBuilder, controller: LoadedController, hardware: Hardware
+    ) -> None:
+        """Add an active controller, connect its interfaces, export its topics."""
+        system = controller.system
+        assert system is not None
+        name = f"{self.prefix}{controller.name}"
+        builder.AddNamedSystem(name, system)
+        for interface, joints in system.state_joints.items():
+            port = interfaces.state_port(interface)
+            measured = builder.AddNamedSystem(
+                f"{name}.{port}", selection(hardware.joints, joints, interface)
+            )
+            builder.Connect(hardware.joint_states, measured.get_input_port())
+            builder.Connect(measured.get_output_port(), system.GetInputPort(port))
+        for interface in system.command_joints:
+            port = interfaces.command_port(interface)
+            builder.Connect(
+                system.GetOutputPort(port),
+                hardware.command_interfaces.GetInputPort(f"{controller.name}.{port}"),
+            )
+        _export_topics(builder, system, name)
+        if system.HasOutputPort("reference"):
+            reference = system.GetOutputPort("reference")
+            self._log(builder, reference, f"{controller.name}/reference")
+
+    def _log(self, builder: DiagramBuilder, port: OutputPort, name: str) -> None:
+        """Record a vector at every tick, as the tick reads it."""
+        rate = self.options.log_rate
+        period = self.period if rate is None else 1.0 / rate
+        log = builder.AddNamedSystem(
+            f"{self.prefix}log:{name}", VectorLogSink(port.size(), period)
+        )
+        builder.Connect(port, log.get_input_port())
+
+    def _add_frames(self, builder: DiagramBuilder, plant: MultibodyPlant) -> None:
+        bodies = [
+            plant.world_body()
+            if link == WORLD
+            else plant.GetBodyByName(link, self.model)
+            for link in self.robot.description.links
+        ]
+        frames = builder.AddNamedSystem(
+            f"{self.prefix}frames", LinkFrames([int(body.index()) for body in bodies])
+        )
+        builder.Connect(
+            plant.get_body_poses_output_port(), frames.GetInputPort("body_poses")
+        )
+        builder.ExportOutput(frames.GetOutputPort("frames"), f"{self.prefix}frames")
+
+
+def _claims(controllers: Sequence[LoadedController]) -> dict[str, tuple[str, ...]]:
+    """Return the joints whose position each controller commands."""
+    return {
+        controller.name: controller.system.command_joints[interfaces.POSITION]
+        for controller in controllers
+        if controller.system is not None
+        and interfaces.POSITION in controller.system.command_joints
+    }
+
+
+def _export_topics(builder: DiagramBuilder, system: LeafSystem, name: str) -> None:
+    """Export the ports of a controller that are topics: all but its interfaces."""
+    for index in range(system.num_input_ports()):
+        port = system.get_input_port(index)
+        if not port.get_name().endswith(interfaces.state_port("")):
+            builder.ExportInput(port, f"{name}.{port.get_name()}")
+    for index in range(system.num_output_ports()):
+        output = system.get_output_port(index)
+        if not output.get_name().endswith(interfaces.command_port("")):
+            builder.ExportOutput(output, f"{name}.{output.get_name()}")

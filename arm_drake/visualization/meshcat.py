@@ -1,0 +1,78 @@
+"""The robot in the browser, in Drake's Meshcat."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from pydrake.geometry import (
+    Meshcat,
+    MeshcatParams,
+    MeshcatVisualizer,
+    MeshcatVisualizerParams,
+    Role,
+    SceneGraph,
+)
+from pydrake.systems.framework import DiagramBuilder
+
+# Pictures per second of simulated time.
+_FRAME_RATE = 30.0
+
+# Where the camera looks from, as seen from the robot.
+_VIEW_DIRECTION = np.array([0.8, -1.0, 0.45])
+
+# Distance of the camera in diameters of the robot.
+_VIEW_DISTANCE = 1.6
+
+
+def start_meshcat(*, host: str = "localhost", port: int | None = None) -> Meshcat:
+    """Start a Meshcat server and return it; its page is at `web_url()`.
+
+    Args:
+        host: Address to listen on; "localhost" is seen from this machine only.
+        port: Port to listen on; by default the first free one from 7000 on.
+
+    Raises:
+        RuntimeError: If the port is taken.
+    """
+    return Meshcat(MeshcatParams(host=host, port=port))
+
+
+def add_visualizer(
+    builder: DiagramBuilder, scene_graph: SceneGraph, meshcat: Meshcat
+) -> None:
+    """Add what draws the robots' visual shapes.
+
+    Args:
+        builder: Where the scene graph is.
+        scene_graph: What to draw.
+        meshcat: Where to draw it.
+    """
+    params = MeshcatVisualizerParams(
+        publish_period=1.0 / _FRAME_RATE, role=Role.kIllustration, prefix="visual"
+    )
+    MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, params)
+
+
+def frame_points(meshcat: Meshcat, points: Sequence[np.ndarray]) -> None:
+    """Point the camera so that it sees all of some points.
+
+    Args:
+        meshcat: Whose camera to move.
+        points: Points in the world [m], each of shape (3,).
+    """
+    lower, upper = np.min(points, axis=0), np.max(points, axis=0)
+    centre = (lower + upper) / 2.0
+    diameter = max(float(np.linalg.norm(upper - lower)), 0.1)
+    direction = _VIEW_DIRECTION / np.linalg.norm(_VIEW_DIRECTION)
+    eye = centre + _VIEW_DISTANCE * diameter * direction
+    meshcat.SetCameraPose(eye, centre)
+
+
+def save_html(meshcat: Meshcat, path: Path) -> None:
+    """Write the scene and its recording as one self-contained page.
+
+    Args:
+        meshcat: What was recorded.
+        path: HTML file to write.
+    """
+    path.write_text(meshcat.StaticHtml(), encoding="utf-8")
