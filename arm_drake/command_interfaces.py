@@ -17,23 +17,23 @@ class CommandInterfaces(LeafSystem):
 
         name: CommandInterfaces
         input_ports:
-        - position_state
-        - <controller>.position_command
+        - state
+        - <controller>.command_interfaces
         output_ports:
         - command
 
     With n commanded joints, in the order of ``joints``:
 
-    =============================  ====  ==========  ==================================
-    port                           size  unit        meaning
-    =============================  ====  ==========  ==================================
-    position_state                 n     rad         measured positions
-    <controller>.position_command  k     rad         what a controller commands to the
-                                                     k joints that it claims, at its
-                                                     tick; NaN for no command
-    command                        2n    rad, rad/s  commanded positions, and the
-                                                     velocities that go with them
-    =============================  ====  ==========  ==================================
+    ===============================  ====  ==========  ================================
+    port                             size  unit        meaning
+    ===============================  ====  ==========  ================================
+    state                            m     rad, rad/s  state [q; v] of the robot
+    <controller>.command_interfaces  k     rad         positions that a controller
+                                                       commands at its tick; NaN is no
+                                                       command
+    command                          2n    rad, rad/s  commanded positions, and the
+                                                       velocities that go with them
+    ===============================  ====  ==========  ================================
 
     The discrete state is (q_d, v_d, q_p): the command, its velocity and the position
     claimed at the last tick, each of size n. Every ``period``, with c the commands::
@@ -51,33 +51,37 @@ class CommandInterfaces(LeafSystem):
         initial: np.ndarray,
         period: float,
         *,
+        num_states: int,
+        positions_at: Sequence[int],
         servo_plant: MultibodyPlant | None = None,
     ) -> None:
         """Create the system.
 
         Args:
             joints: The commanded joints.
-            claims: Joints whose position each active controller commands.
+            claims: Command interfaces of each active controller.
             initial: Positions to hold before the first tick [rad], shape (n,).
             period: Period of the controller manager [s].
+            num_states: Size of the robot's state, m.
+            positions_at: Indices of the joints' positions in the state, n of them.
             servo_plant: Plant that the servo computes with, to be kept as long as the
                 diagram: Drake's InverseDynamics doesn't keep it.
         """
         super().__init__()
-        self._servo_plant = servo_plant
         n = len(joints)
         self._n = n
         self._period = period
-        order = list(joints)
-        self._is_claimed = np.zeros(n, dtype=bool)
-        self._q = self.DeclareVectorInputPort(interfaces.state_port("position"), n)
+        self._servo_plant = servo_plant
+        self._positions_at = list(positions_at)
+        self._state = self.DeclareVectorInputPort("state", num_states)
         self._commands = []
         for controller, claimed in claims.items():
-            name = f"{controller}.{interfaces.command_port('position')}"
+            name = f"{controller}.{interfaces.COMMAND_PORT}"
             port = self.DeclareVectorInputPort(name, len(claimed))
-            at = np.array([order.index(joint) for joint in claimed], dtype=int)
-            self._is_claimed[at] = True
-            self._commands.append((port, at))
+            order = [f"{joint}/{interfaces.POSITION}" for joint in joints]
+            at = np.array([order.index(name) for name in claimed], dtype=int)
+            is_all = np.array_equal(at, np.arange(n))
+            self._commands.append((port, slice(None) if is_all else at))
         nothing = np.full(n, math.nan)
         self.DeclareDiscreteState(np.concatenate([initial, np.zeros(n), nothing]))
         # An unrestricted update is over before the plant's step of the same instant.
@@ -90,22 +94,24 @@ class CommandInterfaces(LeafSystem):
         )
 
     def _update_command(self, context: Context, state: State) -> None:
-        n = self._n
-        x = context.get_discrete_state_vector().value()
+        x = context.get_discrete_state_vector().value().reshape(3, self._n)
         new = x.copy()
-        q_d, v_d, q_p = new[:n], new[n : 2 * n], new[2 * n :]
+        q_d, v_d, q_p = new
         if context.get_time() == 0.0:
-            q_d[:] = self._q.Eval(context)
+            q_d[:] = self._state.Eval(context)[self._positions_at]
         for port, at in self._commands:
             command = port.Eval(context)
-            is_command = np.isfinite(command)
-            if not is_command.all():
-                command, at = command[is_command], at[is_command]
             velocity = (command - q_p[at]) / self._period
-            velocity[np.isnan(velocity)] = 0.0
-            q_d[at] = q_p[at] = command
-            v_d[at] = velocity
-        state.get_mutable_discrete_state(0).set_value(new)
+            # A sum is finite only if all of its terms are.
+            if math.isfinite(velocity.sum()):
+                q_d[at] = q_p[at] = command
+                v_d[at] = velocity
+                continue
+            is_command = np.isfinite(command)
+            q_d[at] = np.where(is_command, command, q_d[at])
+            q_p[at] = np.where(is_command, command, q_p[at])
+            v_d[at] = np.where(np.isfinite(velocity), velocity, 0.0)
+        state.get_mutable_discrete_state(0).set_value(new.ravel())
 
     def _calc_command(self, context: Context, output: BasicVector) -> None:
         x = context.get_discrete_state_vector().value()

@@ -185,18 +185,19 @@ class _RobotInDiagram:
         assert system is not None
         name = f"{self.prefix}{controller.name}"
         builder.AddNamedSystem(name, system)
-        for interface, joints in system.state_joints.items():
-            port = interfaces.state_port(interface)
-            measured = builder.AddNamedSystem(
-                f"{name}.{port}", selection(hardware.joints, joints, interface)
-            )
-            builder.Connect(hardware.joint_states, measured.get_input_port())
-            builder.Connect(measured.get_output_port(), system.GetInputPort(port))
-        for interface in system.command_joints:
-            port = interfaces.command_port(interface)
+        measured = builder.AddNamedSystem(
+            f"{name}.{interfaces.STATE_PORT}",
+            selection(hardware.joints, system.state_interfaces),
+        )
+        builder.Connect(hardware.joint_states, measured.get_input_port())
+        builder.Connect(
+            measured.get_output_port(), system.GetInputPort(interfaces.STATE_PORT)
+        )
+        if system.command_interfaces:
+            port = f"{controller.name}.{interfaces.COMMAND_PORT}"
             builder.Connect(
-                system.GetOutputPort(port),
-                hardware.command_interfaces.GetInputPort(f"{controller.name}.{port}"),
+                system.GetOutputPort(interfaces.COMMAND_PORT),
+                hardware.command_interfaces.GetInputPort(port),
             )
         _export_topics(builder, system, name)
         if system.HasOutputPort("reference"):
@@ -229,12 +230,11 @@ class _RobotInDiagram:
 
 
 def _claims(controllers: Sequence[LoadedController]) -> dict[str, tuple[str, ...]]:
-    """Return the joints whose position each controller commands."""
+    """Return the command interfaces of each controller that has some."""
     return {
-        controller.name: controller.system.command_joints[interfaces.POSITION]
+        controller.name: controller.system.command_interfaces
         for controller in controllers
-        if controller.system is not None
-        and interfaces.POSITION in controller.system.command_joints
+        if controller.system is not None and controller.system.command_interfaces
     }
 
 
@@ -242,9 +242,9 @@ def _export_topics(builder: DiagramBuilder, system: LeafSystem, name: str) -> No
     """Export the ports of a controller that are topics: all but its interfaces."""
     for index in range(system.num_input_ports()):
         port = system.get_input_port(index)
-        if not port.get_name().endswith(interfaces.state_port("")):
+        if port.get_name() != interfaces.STATE_PORT:
             builder.ExportInput(port, f"{name}.{port.get_name()}")
     for index in range(system.num_output_ports()):
         output = system.get_output_port(index)
-        if not output.get_name().endswith(interfaces.command_port("")):
+        if output.get_name() != interfaces.COMMAND_PORT:
             builder.ExportOutput(output, f"{name}.{output.get_name()}")

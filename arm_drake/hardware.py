@@ -90,7 +90,7 @@ def add_hardware(
         plant: The finalized plant, already in the builder.
         model: The robot's model instance.
         description: The robot.
-        claims: Joints whose position each active controller commands.
+        claims: Command interfaces of each active controller.
         prefix: Start of the names of the systems.
         pose: Pose of the base in the world.
         initial: Initial positions [rad] by joint.
@@ -100,6 +100,8 @@ def add_hardware(
     joints = commanded_joints(description)
     names = [joint.name for joint in joints]
     alone = _robot_alone(description, pose, options, plant.time_step())
+    q_at, v_at = state_indices(plant, model, names)
+    state = plant.get_state_output_port(model)
     commands = builder.AddNamedSystem(
         f"{prefix}command_interfaces",
         CommandInterfaces(
@@ -107,16 +109,18 @@ def add_hardware(
             claims,
             np.array([initial[name] for name in names]),
             period,
+            num_states=state.size(),
+            positions_at=q_at,
             servo_plant=alone,
         ),
     )
+    builder.Connect(state, commands.GetInputPort("state"))
     effort = None
     if names:
-        at = state_indices(plant, model, names)
         servo = builder.AddNamedSystem(
-            f"{prefix}servo", _make_servo(alone, description, joints, at, options)
+            f"{prefix}servo",
+            _make_servo(alone, description, joints, (q_at, v_at), options),
         )
-        state = plant.get_state_output_port(model)
         builder.Connect(state, servo.GetInputPort("state"))
         builder.Connect(
             commands.GetOutputPort("command"), servo.GetInputPort("command")
@@ -127,12 +131,6 @@ def add_hardware(
     joint_states = _add_state_interfaces(
         builder, plant, model, description, names, effort, prefix
     )
-    measured = builder.AddNamedSystem(
-        f"{prefix}command_interfaces.position_state",
-        selection(all_joints, names, interfaces.POSITION),
-    )
-    builder.Connect(joint_states, measured.get_input_port())
-    builder.Connect(measured.get_output_port(), commands.GetInputPort("position_state"))
     friction = None
     if options.friction:
         friction = _add_friction(
@@ -141,21 +139,17 @@ def add_hardware(
     return Hardware(commands, all_joints, joint_states, friction)
 
 
-def selection(
-    all_joints: Sequence[str], joints: Sequence[str], interface: str
-) -> MatrixGain:
-    """Return what picks an interface of some joints out of the `joint_states` vector.
+def selection(all_joints: Sequence[str], names: Sequence[str]) -> MatrixGain:
+    """Return what picks state interfaces out of the `joint_states` vector.
 
     Args:
         all_joints: Joints of the vector, J of them.
-        joints: Joints to pick, in the order of the output.
-        interface: "position", "velocity" or "effort".
+        names: Interfaces to pick, such as "joint1/position", in the output's order.
     """
-    block = interfaces.STATE_INTERFACES.index(interface) * len(all_joints)
-    order = {name: block + index for index, name in enumerate(all_joints)}
-    D = np.zeros((len(joints), len(interfaces.STATE_INTERFACES) * len(all_joints)))
-    for row, name in enumerate(joints):
-        D[row, order[name]] = 1.0
+    order = interfaces.interface_names(all_joints, interfaces.STATE_INTERFACES)
+    D = np.zeros((len(names), len(order)))
+    for row, name in enumerate(names):
+        D[row, order.index(name)] = 1.0
     return MatrixGain(D)
 
 

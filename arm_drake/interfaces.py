@@ -5,6 +5,7 @@ it accepts. The names are the ``HW_IF_*`` constants of ros2_control's
 ``hardware_interface/types/hardware_interface_type_values.hpp``.
 """
 
+from collections.abc import Iterable
 from typing import Final
 
 POSITION: Final = "position"  # rad (revolute, continuous) or m (prismatic)
@@ -19,14 +20,16 @@ _ANGULAR_UNITS = {POSITION: "rad", VELOCITY: "rad/s", EFFORT: "N·m"}
 _LINEAR_UNITS = {POSITION: "m", VELOCITY: "m/s", EFFORT: "N"}
 
 
-def state_port(interface: str) -> str:
-    """Return the name of the input port that carries a state interface."""
-    return f"{interface}_state"
+# Ports of a controller towards the hardware: all interfaces that it reads, and all that
+# it claims. One port for all, for every port costs time at every step of the plant.
+STATE_PORT: Final = "state_interfaces"
+COMMAND_PORT: Final = "command_interfaces"
 
 
-def command_port(interface: str) -> str:
-    """Return the name of the output port that carries a command interface."""
-    return f"{interface}_command"
+def interface_names(joints: Iterable[str], names: Iterable[str]) -> tuple[str, ...]:
+    """Return "<joint>/<interface>" of all joints, one interface after the other."""
+    order = tuple(joints)
+    return tuple(f"{joint}/{name}" for name in names for joint in order)
 
 
 def unit(interface: str, joint_type: str) -> str:

@@ -130,7 +130,7 @@ def load_controllers(
         ):
             states[controller.name] = "inactive"
         else:
-            claims |= dict.fromkeys(_command_interfaces(system), controller.name)
+            claims |= dict.fromkeys(system.command_interfaces, controller.name)
             states[controller.name] = "active"
     return tuple(
         LoadedController(c.name, c.type, states[c.name], systems[c.name])
@@ -216,7 +216,7 @@ class _Loader:
         for problem in self._obstacles(controller, system):
             self._reject(controller, problem)
             return False
-        taken = [name for name in _command_interfaces(system) if name in claims]
+        taken = [name for name in system.command_interfaces if name in claims]
         if taken:
             self._report.add(
                 "warning",
@@ -235,8 +235,8 @@ class _Loader:
         del controller
         there = self._surroundings
         for kind, needed, known in (
-            ("command", _command_interfaces(system), there.command_interfaces),
-            ("state", _state_interfaces(system), there.state_interfaces),
+            ("command", system.command_interfaces, there.command_interfaces),
+            ("state", system.state_interfaces, there.state_interfaces),
         ):
             for name in needed:
                 joint, _, interface = name.rpartition("/")
@@ -251,7 +251,7 @@ class _Loader:
                         f"joint {joint!r} has no {kind} interface {interface!r}; "
                         f"it has {has}"
                     )
-        for name in _command_interfaces(system):
+        for name in system.command_interfaces:
             interface = name.rpartition("/")[2]
             if interface not in SIMULATED_COMMANDS:
                 yield (
@@ -274,14 +274,6 @@ class _Loader:
             file=(error.file if error else None) or controller.file,
             line=error.line if error and error.where else controller.line,
         )
-
-
-def _command_interfaces(system: ControllerInterface[Any]) -> list[str]:
-    return [f"{j}/{i}" for i, joints in system.command_joints.items() for j in joints]
-
-
-def _state_interfaces(system: ControllerInterface[Any]) -> list[str]:
-    return [f"{j}/{i}" for i, joints in system.state_joints.items() for j in joints]
 
 
 class ControllerManager(LeafSystem):

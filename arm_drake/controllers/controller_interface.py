@@ -13,6 +13,7 @@ from typing import Generic, TypeVar
 
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import (
+    BasicVector,
     Context,
     InputPort,
     LeafSystem,
@@ -83,36 +84,36 @@ class ControllerInterface(LeafSystem, Generic[S]):
     """Base of the controllers: an immutable state of type S, renewed at every tick.
 
     A subclass declares its input ports, calls `_declare_tick`, declares its output
-    ports with the prerequisites that this returns, and implements `_tick`.
+    ports with the prerequisites that this returns, and implements `_tick`, and
+    `_calc_command` if it claims something.
     """
 
-    # Joints behind each port `<interface>_state` and `<interface>_command`, in order.
-    state_joints: Mapping[str, tuple[str, ...]]
-    command_joints: Mapping[str, tuple[str, ...]]
+    # Interfaces behind the ports of these names, such as "joint1/position", in order.
+    state_interfaces: tuple[str, ...]
+    command_interfaces: tuple[str, ...]
 
-    def __init__(self, params: ControllerInterfaceParams) -> None:
-        """Create the system.
+    def __init__(
+        self,
+        params: ControllerInterfaceParams,
+        *,
+        state_interfaces: tuple[str, ...],
+        command_interfaces: tuple[str, ...] = (),
+    ) -> None:
+        """Create the system with its port of measured quantities.
 
         Args:
             params: Rate and surroundings of the controller.
+            state_interfaces: What it reads.
+            command_interfaces: What it claims.
         """
         super().__init__()
         self.set_name(params.controller_name)
         self.params = params
-        self.state_joints = {}
-        self.command_joints = {}
-
-    def _declare_state_ports(
-        self, joints: Mapping[str, tuple[str, ...]]
-    ) -> dict[str, InputPort]:
-        """Declare the input ports of measured quantities, by interface."""
-        self.state_joints = dict(joints)
-        return {
-            interface: self.DeclareVectorInputPort(
-                interfaces.state_port(interface), len(names)
-            )
-            for interface, names in joints.items()
-        }
+        self.state_interfaces = state_interfaces
+        self.command_interfaces = command_interfaces
+        self._measured = self.DeclareVectorInputPort(
+            interfaces.STATE_PORT, len(state_interfaces)
+        )
 
     def _declare_tick(self, initial: S) -> set[object]:
         """Declare the state and its update; return the prerequisites of outputs."""
@@ -129,7 +130,19 @@ class ControllerInterface(LeafSystem, Generic[S]):
         self.DeclarePeriodicUnrestrictedUpdateEvent(
             self.params.period, 0.0, self._update_state
         )
-        return {self._next.ticket()}
+        prerequisites = {self._next.ticket()}
+        if self.command_interfaces:
+            self.DeclareVectorOutputPort(
+                interfaces.COMMAND_PORT,
+                len(self.command_interfaces),
+                self._calc_command,
+                prerequisites_of_calc=prerequisites,
+            )
+        return prerequisites
+
+    def _calc_command(self, context: Context, output: BasicVector) -> None:
+        """Write the commands of this instant's tick; NaN is no command."""
+        raise AssertionError("a controller with command interfaces commands them")
 
     @abstractmethod
     def _tick(self, context: Context, state: S, time_ns: int, period_ns: int) -> S:

@@ -45,10 +45,11 @@ class JointStateBroadcasterParameters:
 
 @dc.dataclass(frozen=True, eq=False)
 class _Measured(Message):
-    """What was measured at a tick, by interface."""
+    """What was measured at a tick."""
 
     time_ns: int = 0
-    values: tuple[np.ndarray, ...] = ()
+    # In the order of the port; None before the first tick.
+    values: np.ndarray | None = None
 
 
 class JointStateBroadcaster(ControllerInterface[_Measured]):
@@ -58,25 +59,22 @@ class JointStateBroadcaster(ControllerInterface[_Measured]):
 
         name: JointStateBroadcaster
         input_ports:
-        - position_state
-        - velocity_state
-        - effort_state
+        - state_interfaces
         output_ports:
         - joint_states
 
-    ==============  ====  =====  ====================================================
-    port            size  unit   meaning
-    ==============  ====  =====  ====================================================
-    position_state  k     rad    measured positions of the joints that report them
-    velocity_state  k     rad/s  measured velocities
-    effort_state    k     N·m    measured efforts
-    joint_states    --    --     JointState of the last tick; NaN where a joint has
-                                 no such interface
-    ==============  ====  =====  ====================================================
+    ================  ====  ======  ================================================
+    port              size  unit    meaning
+    ================  ====  ======  ================================================
+    state_interfaces  k     rad,    measured positions, velocities and efforts of
+                            rad/s,  the joints that report them
+                            N·m
+    joint_states      --    --      JointState of the last tick; NaN where a joint
+                                    has no such interface
+    ================  ====  ======  ================================================
 
-    An input port is there if a joint has the interface. The joints are published in
-    the order of the parameter ``joints``, else by name. The state is what was measured
-    at the last tick.
+    The joints are published in the order of the parameter ``joints``, else by name.
+    The state is what was measured at the last tick.
     """
 
     def __init__(
@@ -93,17 +91,17 @@ class JointStateBroadcaster(ControllerInterface[_Measured]):
         Raises:
             ParameterError: If an interface is asked for that isn't there.
         """
-        super().__init__(params)
-        self._names, joints = _published(parameters, params)
+        self._names, published = _published(parameters, params)
+        super().__init__(params, state_interfaces=published)
         self._extra = tuple(
             name for name in parameters.extra_joints if name not in self._names
         )
         self._frame_id = parameters.frame_id
-        self._inputs = tuple(self._declare_state_ports(joints).items())
-        self._rows = {
-            interface: [names.index(n) if n in names else None for n in self._names]
-            for interface, names in joints.items()
-        }
+        row = {name: index for index, name in enumerate(published)}
+        self._rows = [
+            [row.get(f"{joint}/{interface}") for joint in self._names]
+            for interface in interfaces.STATE_INTERFACES
+        ]
         tick = self._declare_tick(_Measured())
         self.DeclareAbstractOutputPort(
             "joint_states",
@@ -116,63 +114,44 @@ class JointStateBroadcaster(ControllerInterface[_Measured]):
         self, context: Context, state: _Measured, time_ns: int, period_ns: int
     ) -> _Measured:
         del state, period_ns
-        values = tuple(port.Eval(context) for _, port in self._inputs)
-        return _Measured(time_ns, values)
+        return _Measured(time_ns, self._measured.Eval(context))
 
     def _calc_joint_states(self, context: Context, output: AbstractValue) -> None:
         measured = self._state_after(context)
-        if not measured.values:
+        if measured.values is None:
             output.set_value(JointState())
             return
-        fields = {
-            interface: tuple(
-                math.nan if row is None else float(values[row])
-                for row in self._rows[interface]
-            )
-            for (interface, _), values in zip(
-                self._inputs, measured.values, strict=True
-            )
-        }
-        nothing = (math.nan,) * len(self._names)
+        values = measured.values.tolist()
         zeros = (0.0,) * len(self._extra)
-        output.set_value(
-            JointState(
-                Header(Time.from_nanoseconds(measured.time_ns), self._frame_id),
-                self._names + self._extra,
-                *(
-                    fields.get(interface, nothing) + zeros
-                    for interface in interfaces.STATE_INTERFACES
-                ),
-            )
+        fields = (
+            tuple(math.nan if row is None else values[row] for row in rows) + zeros
+            for rows in self._rows
         )
+        header = Header(Time.from_nanoseconds(measured.time_ns), self._frame_id)
+        output.set_value(JointState(header, self._names + self._extra, *fields))
 
 
 def _published(
     parameters: JointStateBroadcasterParameters, params: ControllerInterfaceParams
-) -> tuple[tuple[str, ...], dict[str, tuple[str, ...]]]:
-    """Return the joints to publish, and those that have each interface."""
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the joints and the interfaces to publish."""
     there = params.state_interfaces
     if parameters.joints and parameters.interfaces:
-        for joint in parameters.joints:
-            for interface in parameters.interfaces:
-                if f"{joint}/{interface}" not in there:
-                    raise ParameterError(
-                        f"no state interface {joint}/{interface}; "
-                        f"it has {sorted(there)}"
-                    )
-        names, chosen = parameters.joints, parameters.interfaces
-    else:
-        names = tuple(sorted(params.joint_types))
-        chosen = interfaces.STATE_INTERFACES
-    joints = {
-        interface: tuple(name for name in names if f"{name}/{interface}" in there)
-        for interface in interfaces.STATE_INTERFACES
-        if interface in chosen
-    }
-    published = {name for group in joints.values() for name in group}
+        names = parameters.joints
+        published = interfaces.interface_names(names, parameters.interfaces)
+        for name in published:
+            if name not in there:
+                raise ParameterError(
+                    f"no state interface {name}; it has {sorted(there)}"
+                )
+        return names, published
+    names = tuple(sorted(params.joint_types))
+    published = tuple(
+        name
+        for name in interfaces.interface_names(names, interfaces.STATE_INTERFACES)
+        if name in there
+    )
     if not published:
         raise ParameterError("no state interface to publish; the hardware has none")
-    return (
-        tuple(name for name in names if name in published),
-        {interface: group for interface, group in joints.items() if group},
-    )
+    reporting = {name.rpartition("/")[0] for name in published}
+    return tuple(name for name in names if name in reporting), published

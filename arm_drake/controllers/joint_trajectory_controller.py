@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import BasicVector, Context, InputPort
+from pydrake.systems.framework import BasicVector, Context
 
 from arm_drake import interfaces
 from arm_drake.control.joint_trajectory import tick
@@ -139,12 +139,11 @@ class JointTrajectoryController(ControllerInterface[JointTrajectoryState]):
 
         name: JointTrajectoryController
         input_ports:
-        - position_state
-        - velocity_state
+        - state_interfaces
         - joint_trajectory
         - follow_joint_trajectory
         output_ports:
-        - position_command
+        - command_interfaces
         - reference
         - controller_state
         - events
@@ -154,12 +153,11 @@ class JointTrajectoryController(ControllerInterface[JointTrajectoryState]):
     =======================  ====  ======  ===========================================
     port                     size  unit    meaning
     =======================  ====  ======  ===========================================
-    position_state           n     rad     measured positions
-    velocity_state           n     rad/s   measured velocities, if it is among the
-                                           ``state_interfaces``
+    state_interfaces         kn    rad,    measured positions, then velocities if
+                                   rad/s   they are among the ``state_interfaces``
     joint_trajectory         --    --      JointTrajectory to follow from now on
     follow_joint_trajectory  --    --      SendGoal or CancelGoal: a goal to reach
-    position_command         n     rad     commanded positions; NaN is no command
+    command_interfaces       n     rad     commanded positions; NaN is no command
     reference                n     rad     where the trajectory is now
     controller_state         --    --      JointTrajectoryControllerState
     events                   --    --      tuple of GoalEvent and TopicRejected: news
@@ -169,8 +167,8 @@ class JointTrajectoryController(ControllerInterface[JointTrajectoryState]):
     The state is a JointTrajectoryState. At every tick, with period T, trajectory s and
     measured positions q::
 
-        position_command = s(t + T)          reference = s(t)
-        error            = s(t) - q
+        command_interfaces = s(t + T)          reference = s(t)
+        error              = s(t) - q
 
     An error beyond a path tolerance, or beyond a goal tolerance for longer than
     goal_time after the end, stops the motion and aborts the goal.
@@ -187,27 +185,31 @@ class JointTrajectoryController(ControllerInterface[JointTrajectoryState]):
             parameters: The controller's parameters.
             params: Rate and surroundings of the controller.
         """
-        super().__init__(params)
         joints = parameters.joints
         n = len(joints)
+        super().__init__(
+            params,
+            state_interfaces=interfaces.interface_names(
+                joints, parameters.state_interfaces
+            ),
+            command_interfaces=interfaces.interface_names(
+                joints, parameters.command_interfaces
+            ),
+        )
         self._rules = _make_rules(parameters, params)
+        order = parameters.state_interfaces
+        at = {name: slice(n * k, n * (k + 1)) for k, name in enumerate(order)}
+        self._position_at = at[interfaces.POSITION]
+        self._velocity_at = at.get(interfaces.VELOCITY)
 
-        is_read = [i for i in parameters.state_interfaces if i != "acceleration"]
-        ports = self._declare_state_ports(dict.fromkeys(is_read, joints))
-        self._q: InputPort = ports[interfaces.POSITION]
-        self._v: InputPort | None = ports.get(interfaces.VELOCITY)
         nothing = AbstractValue.Make(None)
         self._topic = self.DeclareAbstractInputPort("joint_trajectory", nothing)
         self._action = self.DeclareAbstractInputPort("follow_joint_trajectory", nothing)
 
-        self.command_joints = dict.fromkeys(parameters.command_interfaces, joints)
         tick = self._declare_tick(JointTrajectoryState())
-        vectors = {
-            "position_command": self._calc_command,
-            "reference": self._calc_reference,
-        }
-        for name, calc in vectors.items():
-            self.DeclareVectorOutputPort(name, n, calc, prerequisites_of_calc=tick)
+        self.DeclareVectorOutputPort(
+            "reference", n, self._calc_reference, prerequisites_of_calc=tick
+        )
         self._nothing = np.full(n, np.nan)
         for name, calc_value in {
             "controller_state": self._calc_controller_state,
@@ -227,11 +229,12 @@ class JointTrajectoryController(ControllerInterface[JointTrajectoryState]):
         time_ns: int,
         period_ns: int,
     ) -> JointTrajectoryState:
+        measured = self._measured.Eval(context)
         inputs = TickInputs(
             time_ns,
             period_ns,
-            self._q.Eval(context),
-            None if self._v is None else self._v.Eval(context),
+            measured[self._position_at],
+            None if self._velocity_at is None else measured[self._velocity_at],
             message_on(self._topic, context, JointTrajectory),
             message_on(self._action, context, ActionRequest),
         )
