@@ -1,1 +1,69 @@
 """ROS 2 robot packages, unchanged, as Drake diagrams."""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from arm_drake.clients import ControllerHandle as ControllerHandle
+    from arm_drake.clients import GoalHandle as GoalHandle
+    from arm_drake.description.report import LoadReport as LoadReport
+    from arm_drake.description.robot import Robot as Robot
+    from arm_drake.diagram import build_diagram as build_diagram
+    from arm_drake.errors import ArmDrakeError as ArmDrakeError
+    from arm_drake.loading import load_robot as load_robot
+    from arm_drake.messages import (
+        FollowJointTrajectoryGoal as FollowJointTrajectoryGoal,
+    )
+    from arm_drake.messages import GoalStatus as GoalStatus
+    from arm_drake.messages import Header as Header
+    from arm_drake.messages import JointState as JointState
+    from arm_drake.messages import JointTolerance as JointTolerance
+    from arm_drake.messages import JointTrajectory as JointTrajectory
+    from arm_drake.messages import JointTrajectoryPoint as JointTrajectoryPoint
+    from arm_drake.motion import Motion as Motion
+    from arm_drake.motion import load_motion as load_motion
+    from arm_drake.options import SimulationOptions as SimulationOptions
+    from arm_drake.rollout import Rollout as Rollout
+    from arm_drake.simulation import Simulation as Simulation
+    from arm_drake.visualization.meshcat import start_meshcat as start_meshcat
+
+# Where each public name is defined; imported when it is first used.
+_MODULES = {
+    "ArmDrakeError": "errors",
+    "ControllerHandle": "clients",
+    "FollowJointTrajectoryGoal": "messages",
+    "GoalHandle": "clients",
+    "GoalStatus": "messages",
+    "Header": "messages",
+    "JointState": "messages",
+    "JointTolerance": "messages",
+    "JointTrajectory": "messages",
+    "JointTrajectoryPoint": "messages",
+    "LoadReport": "description.report",
+    "Motion": "motion",
+    "Robot": "description.robot",
+    "Rollout": "rollout",
+    "Simulation": "simulation",
+    "SimulationOptions": "options",
+    "build_diagram": "diagram",
+    "load_motion": "motion",
+    "load_robot": "loading",
+    "start_meshcat": "visualization.meshcat",
+}
+
+__all__ = sorted(_MODULES)
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name when it is first used."""
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module = importlib.import_module(f"{__name__}.{_MODULES[name]}")
+    value = getattr(module, name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """Return the public names."""
+    return __all__

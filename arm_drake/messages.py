@@ -176,6 +176,12 @@ class JointTolerance(Message):
     # [rad/s^2] or [m/s^2].
     acceleration: float = 0.0
 
+    def __post_init__(self) -> None:
+        """Take numbers as they come."""
+        for field in ("position", "velocity", "acceleration"):
+            (number,) = _floats([getattr(self, field)], field)
+            object.__setattr__(self, field, number)
+
 
 @dc.dataclass(frozen=True)
 class FollowJointTrajectoryGoal(Message):

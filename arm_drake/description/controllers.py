@@ -9,10 +9,10 @@ import dataclasses as dc
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import yaml
 
+from arm_drake import yaml_files
 from arm_drake.description.parameters import Parameter
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import ParameterError, suggest
@@ -21,7 +21,6 @@ DEFAULT_UPDATE_RATE = 100  # Hz
 MANAGER = "controller_manager"
 _PARAMETERS = "ros__parameters"
 _SUBSTITUTION = re.compile(r"\$\((\S+)\s+([^)]*)\)")
-_EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")
 
 
 @dc.dataclass(frozen=True)
@@ -175,21 +174,10 @@ def _report_unmatched(
 
 def _read_sections(file: Path, variables: Mapping[str, str]) -> list[_Section]:
     try:
-        text = file.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise ParameterError(f"can't be read: {reason}", file=file) from None
-    text = _substitute(text, variables, file)
-    try:
-        root = yaml.compose(text, Loader=yaml.SafeLoader)
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        problem = getattr(error, "problem", None) or "it can't be parsed"
-        raise ParameterError(
-            f"malformed YAML: {problem}",
-            file=file,
-            line=mark.line + 1 if mark else None,
-        ) from None
+        text = _substitute(yaml_files.read_text(file), variables, file)
+        root = yaml_files.compose(text)
+    except yaml_files.YamlError as error:
+        raise ParameterError(error.problem, file=file, line=error.line) from None
     if root is None:
         return []
     sections = list(_sections(root, "", file))
@@ -227,7 +215,8 @@ def _sections(node: yaml.Node, path: str, file: Path) -> Iterator[_Section]:
     """Yield the sections below a node key, nested name spaces included."""
     if not isinstance(node, yaml.MappingNode):
         raise ParameterError(
-            f"expected a mapping that ends in {_PARAMETERS!r}, got {_plain(node)!r}",
+            f"expected a mapping that ends in {_PARAMETERS!r}, "
+            f"got {yaml_files.plain(node)!r}",
             file=file,
             line=node.start_mark.line + 1,
             where=path.lstrip("/") or None,
@@ -250,18 +239,4 @@ def _flatten(
             _flatten(value, name, flat, file)
     elif prefix:
         line = node.start_mark.line + 1
-        flat[prefix] = Parameter(_plain(node), file, line)
-
-
-def _plain(node: yaml.Node) -> Any:
-    """Return the plain value of a scalar or a list."""
-    if isinstance(node, yaml.SequenceNode):
-        return [_plain(item) for item in node.value]
-    if (
-        isinstance(node, yaml.ScalarNode)
-        and node.style is None
-        and _EXPONENT.fullmatch(node.value)
-    ):
-        return float(node.value)  # YAML 1.1 reads 1e-3 as a string; rcl doesn't.
-    constructor = yaml.constructor.SafeConstructor()
-    return constructor.construct_object(node, deep=True)
+        flat[prefix] = Parameter(yaml_files.plain(node), file, line)

@@ -7,13 +7,14 @@ dataclass is a group (`constraints.goal_time`). A field with the metadata of
 """
 
 import dataclasses as dc
+import difflib
 import typing
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from arm_drake.description.report import LoadReport
-from arm_drake.errors import ParameterError, suggest
+from arm_drake.errors import ParameterError
 
 T = typing.TypeVar("T")
 
@@ -62,7 +63,7 @@ def load_parameters(
         report.add(
             "info",
             "ignored",
-            f"unknown parameter; {_closest(name, loader.known)}",
+            f"unknown parameter{_closest(name, loader.known)}",
             "it has no effect",
             where=f"{node}.{name}",
             file=parameter.file,
@@ -72,7 +73,8 @@ def load_parameters(
 
 
 def _closest(name: str, known: set[str]) -> str:
-    return suggest(name, known).partition(" known:")[0].partition("known:")[0].strip()
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.7)
+    return f"; did you mean {close[0]!r}?" if close else ""
 
 
 class _Loader:

@@ -1,0 +1,133 @@
+"""What a program holds of a controller and of a goal that it sent."""
+
+from typing import TYPE_CHECKING, Any
+
+from arm_drake.errors import InputError
+from arm_drake.manager import LoadedController
+from arm_drake.messages import (
+    ActionRequest,
+    CancelGoal,
+    FollowJointTrajectoryFeedback,
+    FollowJointTrajectoryGoal,
+    FollowJointTrajectoryResult,
+    GoalEvent,
+    GoalStatus,
+    JointTrajectory,
+    Message,
+    SendGoal,
+)
+
+if TYPE_CHECKING:
+    from arm_drake.simulation import Simulation
+
+ACTION = "follow_joint_trajectory"
+TOPIC = "joint_trajectory"
+
+
+class GoalHandle:
+    """A goal that was sent to a controller: what an action client sees of it."""
+
+    def __init__(self, controller: str, request: SendGoal, where: str) -> None:
+        """Create the handle; `ControllerHandle.send_goal` does that.
+
+        Args:
+            controller: Name of the controller.
+            request: What was sent.
+            where: Where the goal comes from, for messages; empty if from a program.
+        """
+        self.controller = controller
+        self.request = request
+        self.where = where
+        self.status = GoalStatus.PENDING
+        self.result: FollowJointTrajectoryResult | None = None
+
+        # All feedback so far, the newest last.
+        self.feedback: list[FollowJointTrajectoryFeedback] = []
+
+    def update(self, event: GoalEvent) -> None:
+        """Take the controller's news of this goal."""
+        self.status = event.status
+        self.result = event.result or self.result
+        if event.feedback is not None:
+            self.feedback.append(event.feedback)
+
+    def __repr__(self) -> str:
+        """Return controller, status and result."""
+        return f"GoalHandle({self.controller!r}, {self.status.value}, {self.result})"
+
+
+class ControllerHandle:
+    """Sends to one controller, and reads it."""
+
+    def __init__(
+        self,
+        simulation: "Simulation",
+        name: str,
+        controller: LoadedController,
+        period: float,
+    ) -> None:
+        """Create the handle; `Simulation.controller` does that.
+
+        Args:
+            simulation: Where the controller runs.
+            name: Name of the controller with its prefix.
+            controller: The controller.
+            period: Period of its ticks [s].
+        """
+        self.name = name
+        self._period = period
+        self._simulation = simulation
+        self._controller = controller
+
+    def check(self, message: Message | None) -> None:
+        """Raise InputError if the controller takes no messages of this kind."""
+        port = TOPIC if isinstance(message, JointTrajectory) else ACTION
+        system = self._controller.system
+        if system is None or not system.HasInputPort(port):
+            raise InputError(
+                f"controller {self.name!r} of type {self._controller.type!r} "
+                f"has no {port}"
+            )
+
+    def send_goal(
+        self, goal: FollowJointTrajectoryGoal | JointTrajectory, *, where: str = ""
+    ) -> GoalHandle:
+        """Send a goal to the controller's action; it sees it at its next tick.
+
+        Args:
+            goal: The goal, or its trajectory alone.
+            where: Where the goal comes from, for messages.
+
+        Raises:
+            InputError: If the controller has no such action.
+        """
+        if isinstance(goal, JointTrajectory):
+            goal = FollowJointTrajectoryGoal(trajectory=goal)
+        self.check(goal)
+        request = SendGoal(goal)
+        handle = GoalHandle(self.name, request, where)
+        self._simulation.add_goal(handle)
+        self._send(ACTION, request)
+        return handle
+
+    def send_trajectory(self, trajectory: JointTrajectory) -> None:
+        """Send a trajectory to the controller's topic.
+
+        Raises:
+            InputError: If the controller has no such topic.
+        """
+        self.check(trajectory)
+        self._send(TOPIC, trajectory)
+
+    def cancel(self) -> None:
+        """Cancel the last goal that was sent to the controller, if there is one."""
+        goals = [g for g in self._simulation.goals if g.controller == self.name]
+        if goals and not goals[-1].status.is_terminal:
+            self._send(ACTION, CancelGoal(goals[-1].request))
+
+    def state(self) -> Any:
+        """Return the controller's `controller_state` message, as of its last tick."""
+        return self._simulation.eval_output(f"{self.name}.controller_state")
+
+    def _send(self, port: str, message: JointTrajectory | ActionRequest) -> None:
+        self._simulation.enqueue(f"{self.name}.{port}", message, self._period)

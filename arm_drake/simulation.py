@@ -1,0 +1,350 @@
+"""Simulation: a Simulator with commands in and a Rollout out."""
+
+import collections
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.common.value import AbstractValue
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Diagram
+from pydrake.systems.primitives import VectorLogSink
+
+from arm_drake.clients import ControllerHandle, GoalHandle
+from arm_drake.description.report import LoadReport
+from arm_drake.description.robot import Robot
+from arm_drake.errors import InputError, MotionError, suggest
+from arm_drake.manager import ControllerManager, ControllerState, LoadedController
+from arm_drake.messages import (
+    FollowJointTrajectoryGoal,
+    GoalEvent,
+    JointState,
+    JointTrajectory,
+    Message,
+    TopicRejected,
+)
+from arm_drake.motion import Motion, MotionStep
+from arm_drake.rollout import Reference, Rollout
+
+# A step is due at the first tick that isn't earlier by more than this part of a period.
+_TICK_TOLERANCE = 1e-6
+
+
+class Simulation:
+    """Runs a diagram of `build_diagram`, sends to its controllers, records it."""
+
+    def __init__(self, diagram: Diagram) -> None:
+        """Create a simulation at time 0.
+
+        Args:
+            diagram: Diagram of `build_diagram`; with its robots and controllers in it.
+
+        Raises:
+            InputError: If there is no robot in the diagram.
+        """
+        self.diagram = diagram
+        self._managers = {
+            system.robot.name: system
+            for system in diagram.GetSystems()
+            if isinstance(system, ControllerManager)
+        }
+        if not self._managers:
+            raise InputError(
+                "the diagram has no robot; expected one made by build_diagram"
+            )
+        self.simulator = Simulator(diagram)
+        self._period = min(manager.period for manager in self._managers.values())
+        self._on_event: list[Callable[[GoalHandle | TopicRejected], None]] = []
+        self._event_ports = [
+            f"{manager.prefix}{controller.name}.events"
+            for manager in self._managers.values()
+            for controller in manager.controllers
+            if controller.state == "active" and _has_port(controller, "events")
+        ]
+        self._start()
+
+    def _start(self) -> None:
+        self.simulator.Initialize()
+        self._handles: dict[int, GoalHandle] = {}
+        self._queues: dict[str, tuple[collections.deque[Message], float]] = {}
+        self._seen: dict[str, object] = {}
+        self.goals: list[GoalHandle] = []
+        self.rejected: list[TopicRejected] = []
+        self._topic_sources: dict[int, str] = {}
+        # The first tick that hasn't run.
+        self._next_tick = 0
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return float(self.simulator.get_context().get_time())
+
+    @property
+    def robots(self) -> dict[str, Robot]:
+        """The robots by name."""
+        return {name: manager.robot for name, manager in self._managers.items()}
+
+    @property
+    def report(self) -> LoadReport:
+        """The load report of the first robot."""
+        return next(iter(self.robots.values())).report
+
+    def controller(self, name: str) -> ControllerHandle:
+        """Return what sends to a controller.
+
+        Args:
+            name: Its name; `<robot>/<name>` where there are several robots.
+
+        Raises:
+            InputError: If there is no such controller, or it isn't active.
+        """
+        controllers = {
+            manager.prefix + controller.name: (controller, manager.period)
+            for manager in self._managers.values()
+            for controller in manager.controllers
+        }
+        if name not in controllers:
+            raise InputError(f"no controller {name!r}; {suggest(name, controllers)}")
+        controller, period = controllers[name]
+        if controller.state != "active":
+            raise InputError(f"controller {name!r} is {controller.state}, not active")
+        return ControllerHandle(self, name, controller, period)
+
+    def list_controllers(self) -> list[ControllerState]:
+        """Return the controllers and their states, in the order of the YAML."""
+        return [
+            row
+            for manager in self._managers.values()
+            for row in manager.GetOutputPort("controllers").Eval(
+                manager.GetMyContextFromRoot(self.simulator.get_context())
+            )
+        ]
+
+    def joint_states(self, robot: str | None = None) -> JointState:
+        """Return position, velocity and effort of every movable joint, now.
+
+        Args:
+            robot: Name of the robot; by default the first one.
+        """
+        manager = self._manager(robot)
+        values = self._eval(f"{manager.prefix}joint_states").reshape(3, -1)
+        names = tuple(j.name for j in manager.robot.description.movable_joints)
+        return JointState(
+            name=names,
+            position=tuple(values[0].tolist()),
+            velocity=tuple(values[1].tolist()),
+            effort=tuple(values[2].tolist()),
+        )
+
+    def on_event(self, callback: Callable[[GoalHandle | TopicRejected], None]) -> None:
+        """Call a function with every goal that has news and every refused message."""
+        self._on_event.append(callback)
+
+    def advance_to(self, time: float) -> None:
+        """Simulate up to a time.
+
+        Args:
+            time: Simulated time to stop at [s].
+
+        Raises:
+            ValueError: If the time is past.
+        """
+        if time < self.time:
+            raise ValueError(f"can't go back from {self.time} s to {time} s")
+        while self.time < time:
+            tick_at = self._next_tick * self._period
+            if tick_at >= time:
+                self.simulator.AdvanceTo(time)
+                return
+            if self.time < tick_at:
+                self.simulator.AdvanceTo(tick_at)
+            # The tick at this time is still to come: it sees what is fed now.
+            self._feed(tick_at)
+            self._next_tick += 1
+            self.simulator.AdvanceTo(min(self._next_tick * self._period, time))
+            self._collect()
+
+    def run(
+        self,
+        duration: float,
+        motion: Motion | None = None,
+        realtime_rate: float = 0.0,
+        progress: Callable[[float], None] | None = None,
+    ) -> None:
+        """Simulate for a while, sending the steps of a motion when they are due.
+
+        Args:
+            duration: How long [s].
+            motion: What to send, its times counted from now.
+            realtime_rate: Simulated seconds per second of wall time; 0 is as fast as
+                it goes.
+            progress: Called with the simulated time [s], ten times a second of it.
+
+        Raises:
+            MotionError: If a step is for a controller that isn't active.
+        """
+        start = self.time
+        steps = collections.deque(motion.steps if motion else ())
+        self._check_steps(steps, motion)
+        self.simulator.set_target_realtime_rate(realtime_rate)
+        end, tolerance = start + duration, _TICK_TOLERANCE * self._period
+        report_at = start
+        while True:
+            while steps and start + steps[0].at <= self.time + tolerance:
+                self._send_step(steps.popleft(), motion)
+            if progress is not None and self.time >= report_at:
+                progress(self.time)
+                report_at += 0.1
+            if self.time >= end:
+                break
+            targets = [end]
+            if steps:
+                targets.append(start + steps[0].at)
+            if progress is not None:
+                targets.append(report_at)
+            self.advance_to(max(min(targets), self.time))
+        self.simulator.set_target_realtime_rate(0.0)
+
+    def reset(self) -> None:
+        """Go back to the start: time 0, initial positions, nothing sent."""
+        self.simulator.reset_context(self.diagram.CreateDefaultContext())
+        self._start()
+
+    def rollout(self, robot: str | None = None) -> Rollout:
+        """Return what was recorded so far.
+
+        Args:
+            robot: Name of the robot; by default the first one.
+        """
+        manager = self._manager(robot)
+        joints = manager.robot.description.movable_joints
+        time, rows = self._log(manager, "joint_states")
+        position, velocity, effort = np.split(rows, 3, axis=1)
+        references = {}
+        for controller in manager.controllers:
+            joint_names = _reference_joints(controller)
+            if controller.state == "active" and joint_names:
+                _, values = self._log(manager, f"{controller.name}/reference")
+                references[controller.name] = Reference(joint_names, values)
+        limits = [joint.limits.effort for joint in joints]
+        return Rollout(
+            time=time,
+            joint_names=tuple(joint.name for joint in joints),
+            position=position,
+            velocity=velocity,
+            effort=effort,
+            effort_limit=np.array([np.inf if e is None else e for e in limits]),
+            joint_types=tuple(joint.type for joint in joints),
+            references=references,
+        )
+
+    def _manager(self, robot: str | None) -> ControllerManager:
+        if robot is None:
+            return next(iter(self._managers.values()))
+        if robot not in self._managers:
+            raise InputError(f"no robot {robot!r}; {suggest(robot, self._managers)}")
+        return self._managers[robot]
+
+    def _eval(self, port: str) -> Any:
+        return self.diagram.GetOutputPort(port).Eval(self.simulator.get_context())
+
+    def _log(
+        self, manager: ControllerManager, name: str
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        sink = self.diagram.GetSubsystemByName(f"{manager.prefix}log:{name}")
+        assert isinstance(sink, VectorLogSink)
+        log = sink.FindLog(self.simulator.get_context())
+        return log.sample_times().copy(), log.data().T.copy()
+
+    def _check_steps(self, steps: Iterable[MotionStep], motion: Motion | None) -> None:
+        for step in steps:
+            try:
+                self.controller(step.controller).check(step.message)
+            except InputError as error:
+                file = motion.file if motion else None
+                raise MotionError(error.problem, file=file, where=step.where) from None
+
+    def _send_step(self, step: MotionStep, motion: Motion | None) -> None:
+        handle = self.controller(step.controller)
+        file = motion.file if motion else None
+        where = f"{file}: {step.where}" if file else step.where
+        if step.message is None:
+            handle.cancel()
+        elif isinstance(step.message, FollowJointTrajectoryGoal):
+            handle.send_goal(step.message, where=where)
+        elif isinstance(step.message, JointTrajectory):
+            self._topic_sources[id(step.message)] = where
+            handle.send_trajectory(step.message)
+
+    def _feed(self, time: float) -> None:
+        """Put the oldest waiting message on each port whose controller ticks now."""
+        context = self.simulator.get_mutable_context()
+        for port, (queue, period) in self._queues.items():
+            ticks = time / period
+            if queue and abs(ticks - round(ticks)) <= _TICK_TOLERANCE:
+                value = AbstractValue.Make(queue.popleft())
+                self.diagram.GetInputPort(port).FixValue(context, value)
+
+    def _collect(self) -> None:
+        """Take the news of the last tick."""
+        for port in self._event_ports:
+            events = self._eval(port)
+            # A slower controller still shows the news of its last tick.
+            if events is not self._seen.get(port):
+                self._seen[port] = events
+                for event in events or ():
+                    self._take(event)
+
+    def _take(self, event: GoalEvent | TopicRejected) -> None:
+        news: GoalHandle | TopicRejected | None = None
+        if isinstance(event, TopicRejected):
+            self.rejected.append(event)
+            news = event
+        else:
+            news = self._handles.get(id(event.request))
+            if news is None:  # Sent past the Simulation, by a system of the user's.
+                return
+            news.update(event)
+        for callback in self._on_event:
+            callback(news)
+
+    def add_goal(self, goal: GoalHandle) -> None:
+        """Take note of a goal that is being sent."""
+        self._handles[id(goal.request)] = goal
+        self.goals.append(goal)
+
+    def enqueue(self, port: str, message: Message, period: float) -> None:
+        """Let a message wait for the next tick of the controller that has a port.
+
+        Args:
+            port: Input port of the diagram.
+            message: What to put there; one message a tick.
+            period: Period of the controller [s].
+        """
+        self._queues.setdefault(port, (collections.deque(), period))[0].append(message)
+
+    def eval_output(self, port: str) -> Any:
+        """Return the present value of an output port of the diagram."""
+        return self._eval(port)
+
+    def source_of(self, rejected: TopicRejected) -> str:
+        """Return where a refused message comes from; empty if from a program."""
+        return self._topic_sources.get(id(rejected.message), "")
+
+
+def _has_port(controller: LoadedController, name: str) -> bool:
+    system = controller.system
+    return system is not None and bool(system.HasOutputPort(name))
+
+
+def _reference_joints(controller: LoadedController) -> tuple[str, ...]:
+    """Return the joints of a controller's reference, in order."""
+    system = controller.system
+    if system is None or not system.HasOutputPort("reference"):
+        return ()
+    return tuple(
+        name.rpartition("/")[0]
+        for name in system.command_interfaces
+        if name.endswith("/position")
+    )
