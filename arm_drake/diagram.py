@@ -92,6 +92,28 @@ def build_diagram(
     return diagram
 
 
+def load_controllers_of(
+    robot: Robot, period: float | None = None, options: SimulationOptions | None = None
+) -> tuple[LoadedController, ...]:
+    """Return the controllers of a robot, and which of them start.
+
+    Args:
+        robot: The robot; what doesn't load or start is added to its report.
+        period: Period of its controller manager in Drake's time [s].
+        options: Which controllers to start or not.
+    """
+    options = SimulationOptions() if options is None else options
+    commanded = [joint.name for joint in commanded_joints(robot.description)]
+    return load_controllers(
+        robot.controllers,
+        find_surroundings(robot.description, commanded),
+        robot.report,
+        period=period,
+        active=options.active,
+        inactive=options.inactive,
+    )
+
+
 def _check_names(robots: Robot | Sequence[Robot]) -> list[Robot]:
     several = [robots] if isinstance(robots, Robot) else list(robots)
     if not several:
@@ -140,7 +162,7 @@ class _RobotInDiagram:
         robot, prefix = self.robot, self.prefix
         if not self.options.self_collision:
             filter_self_collision(plant, scene_graph, self.model)
-        controllers = self._load()
+        controllers = load_controllers_of(robot, self.period, self.options)
         active = [c for c in controllers if c.state == "active"]
         hardware = add_hardware(
             builder,
@@ -164,18 +186,6 @@ class _RobotInDiagram:
         self._log(builder, hardware.joint_states, "joint_states")
         self._add_frames(builder, plant)
         return hardware
-
-    def _load(self) -> tuple[LoadedController, ...]:
-        commanded = [joint.name for joint in commanded_joints(self.robot.description)]
-        surroundings = find_surroundings(self.robot.description, commanded)
-        return load_controllers(
-            self.robot.controllers,
-            surroundings,
-            self.robot.report,
-            period=self.period,
-            active=self.options.active,
-            inactive=self.options.inactive,
-        )
 
     def _add_controller(
         self, builder: DiagramBuilder, controller: LoadedController, hardware: Hardware

@@ -1,12 +1,13 @@
 """Simulation: a Simulator with commands in and a Rollout out."""
 
 import collections
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram
 from pydrake.systems.primitives import VectorLogSink
@@ -186,7 +187,7 @@ class Simulation:
         """
         start = self.time
         steps = collections.deque(motion.steps if motion else ())
-        self._check_steps(steps, motion)
+        self.check_motion(motion)
         self.simulator.set_target_realtime_rate(realtime_rate)
         end, tolerance = start + duration, _TICK_TOLERANCE * self._period
         report_at = start
@@ -205,6 +206,25 @@ class Simulation:
                 targets.append(report_at)
             self.advance_to(max(min(targets), self.time))
         self.simulator.set_target_realtime_rate(0.0)
+
+    def check_motion(self, motion: Motion | None) -> None:
+        """Raise MotionError if a step is for a controller that can't take it."""
+        for step in motion.steps if motion else ():
+            try:
+                self.controller(step.controller).check(step.message)
+            except InputError as error:
+                file = motion.file if motion else None
+                raise MotionError(error.problem, file=file, where=step.where) from None
+
+    def link_poses(self, robot: str | None = None) -> dict[str, RigidTransform]:
+        """Return the pose of every link in the world, by the link's name.
+
+        Args:
+            robot: Name of the robot; by default the first one.
+        """
+        manager = self._manager(robot)
+        poses = self._eval(f"{manager.prefix}frames")
+        return dict(zip(manager.robot.description.links, poses, strict=True))
 
     def reset(self) -> None:
         """Go back to the start: time 0, initial positions, nothing sent."""
@@ -256,14 +276,6 @@ class Simulation:
         assert isinstance(sink, VectorLogSink)
         log = sink.FindLog(self.simulator.get_context())
         return log.sample_times().copy(), log.data().T.copy()
-
-    def _check_steps(self, steps: Iterable[MotionStep], motion: Motion | None) -> None:
-        for step in steps:
-            try:
-                self.controller(step.controller).check(step.message)
-            except InputError as error:
-                file = motion.file if motion else None
-                raise MotionError(error.problem, file=file, where=step.where) from None
 
     def _send_step(self, step: MotionStep, motion: Motion | None) -> None:
         handle = self.controller(step.controller)

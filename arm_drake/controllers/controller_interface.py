@@ -1,9 +1,10 @@
 """What all controllers share: a tick at their update rate, all state in the Context.
 
 In a tick a ros2_control manager reads, updates and writes in one instant. Drake's
-events of one instant all see the old state. So a controller's outputs are, at a tick,
+events of one instant all see the old state. So a controller's commands are, at a tick,
 what the tick *will* leave behind, computed from the old state and the inputs; the
-update event stores it. Between ticks the outputs are what the last tick left.
+update event stores it. Between ticks the commands are what the last tick left. Topics
+always show what the last tick left.
 """
 
 import dataclasses as dc
@@ -116,7 +117,14 @@ class ControllerInterface(LeafSystem, Generic[S]):
         )
 
     def _declare_tick(self, initial: S) -> set[object]:
-        """Declare the state and its update; return the prerequisites of outputs."""
+        """Declare the state, its update and the commands.
+
+        Args:
+            initial: State before the first tick.
+
+        Returns:
+            The prerequisites of outputs that use `_state_after`.
+        """
         # An immutable Python object goes into the Context as it is.
         self.DeclareAbstractState(AbstractValue.Make(_Ticked(0, initial)))
         self._next = self.DeclareCacheEntry(
@@ -158,6 +166,11 @@ class ControllerInterface(LeafSystem, Generic[S]):
     def _state_after(self, context: Context) -> S:
         """Return the state after this instant's tick, or the last one's."""
         ticked: _Ticked[S] = self._next.Eval(context)
+        return ticked.state
+
+    def _state_before(self, context: Context) -> S:
+        """Return the state that the last tick stored; prerequisite: xa_ticket()."""
+        ticked: _Ticked[S] = context.get_abstract_state(0).get_value()
         return ticked.state
 
     def _calc_next(self, context: Context, value: AbstractValue) -> None:

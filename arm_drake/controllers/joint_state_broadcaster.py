@@ -102,12 +102,12 @@ class JointStateBroadcaster(ControllerInterface[_Measured]):
             [row.get(f"{joint}/{interface}") for joint in self._names]
             for interface in interfaces.STATE_INTERFACES
         ]
-        tick = self._declare_tick(_Measured())
+        self._declare_tick(_Measured())
         self.DeclareAbstractOutputPort(
             "joint_states",
             lambda: AbstractValue.Make(JointState()),
             self._calc_joint_states,
-            prerequisites_of_calc=tick,
+            prerequisites_of_calc={self.xa_ticket()},
         )
 
     def _tick(
@@ -117,7 +117,7 @@ class JointStateBroadcaster(ControllerInterface[_Measured]):
         return _Measured(time_ns, self._measured.Eval(context))
 
     def _calc_joint_states(self, context: Context, output: AbstractValue) -> None:
-        measured = self._state_after(context)
+        measured = self._state_before(context)
         if measured.values is None:
             output.set_value(JointState())
             return

@@ -211,15 +211,15 @@ class JointTrajectoryController(ControllerInterface[JointTrajectoryState]):
             "reference", n, self._calc_reference, prerequisites_of_calc=tick
         )
         self._nothing = np.full(n, np.nan)
-        for name, calc_value in {
+        for name, calc in {
             "controller_state": self._calc_controller_state,
             "events": self._calc_events,
         }.items():
             self.DeclareAbstractOutputPort(
                 name,
                 lambda: AbstractValue.Make(None),
-                calc_value,
-                prerequisites_of_calc=tick,
+                calc,
+                prerequisites_of_calc={self.xa_ticket()},
             )
 
     def _tick(
@@ -251,10 +251,10 @@ class JointTrajectoryController(ControllerInterface[JointTrajectoryState]):
         )
 
     def _calc_events(self, context: Context, output: AbstractValue) -> None:
-        output.set_value(self._state_after(context).events)
+        output.set_value(self._state_before(context).events)
 
     def _calc_controller_state(self, context: Context, output: AbstractValue) -> None:
-        seen = self._state_after(context).snapshot
+        seen = self._state_before(context).snapshot
         joints = self._rules.allowed.joints
         if seen is None:
             output.set_value(JointTrajectoryControllerState(joint_names=joints))

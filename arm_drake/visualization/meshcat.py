@@ -14,6 +14,8 @@ from pydrake.geometry import (
 )
 from pydrake.systems.framework import DiagramBuilder
 
+from arm_drake.errors import InputError, OutputError
+
 # Pictures per second of simulated time.
 _FRAME_RATE = 30.0
 
@@ -32,9 +34,15 @@ def start_meshcat(*, host: str = "localhost", port: int | None = None) -> Meshca
         port: Port to listen on; by default the first free one from 7000 on.
 
     Raises:
-        RuntimeError: If the port is taken.
+        InputError: If the server can't listen there.
     """
-    return Meshcat(MeshcatParams(host=host, port=port))
+    try:
+        return Meshcat(MeshcatParams(host=host, port=port))
+    except RuntimeError as error:
+        place = host if port is None else f"{host}:{port}"
+        raise InputError(
+            f"Meshcat can't listen on {place}: {' '.join(str(error).split())}"
+        ) from None
 
 
 def add_visualizer(
@@ -75,4 +83,8 @@ def save_html(meshcat: Meshcat, path: Path) -> None:
         meshcat: What was recorded.
         path: HTML file to write.
     """
-    path.write_text(meshcat.StaticHtml(), encoding="utf-8")
+    try:
+        path.write_text(meshcat.StaticHtml(), encoding="utf-8")
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise OutputError(f"can't be written: {reason}", file=path) from None

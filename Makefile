@@ -1,0 +1,54 @@
+# Everything that a newcomer needs: `make demo` and `make test`. Both set up `.venv`
+# first; uv is used if it is there, else Python's own venv and pip.
+
+PYTHON ?= python3
+BIN := .venv/bin
+DEMO := doosan_a0912 --motion tutorial --record out/demo.html --plot out/demo.png \
+	--log out/demo.npz
+
+.PHONY: demo test quick lint bench setup lock clean
+
+setup: .venv/.ready
+
+.venv/.ready: pyproject.toml requirements.lock
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+		|| { echo "arm_drake needs Python 3.11 or newer: make PYTHON=python3.x" >&2; exit 1; }
+	@if command -v uv >/dev/null; then \
+		uv sync --quiet --locked --python $(PYTHON); \
+	else \
+		$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null \
+			|| { echo "this Python has no venv; on Debian: apt install python3-venv" >&2; exit 1; }; \
+		$(PYTHON) -m venv .venv \
+			&& $(BIN)/pip install --quiet -r requirements.lock \
+			&& $(BIN)/pip install --quiet --no-deps -e .; \
+	fi
+	@touch $@
+
+# The tutorial's goal on the bundled Doosan A0912, in the browser, at real time.
+demo: setup
+	@mkdir -p out
+	$(BIN)/arm-drake sim $(DEMO) $(ARGS)
+
+test: setup
+	$(BIN)/python -m pytest -n auto $(ARGS)
+
+# What a developer runs every few minutes.
+quick: setup
+	$(BIN)/python -m pytest -n auto -m "not slow and not browser" $(ARGS)
+
+lint: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+bench: setup
+	$(BIN)/python -m tests.benchmarks.overhead $(ARGS)
+
+# For those who change the dependencies; needs uv.
+lock:
+	uv lock
+	uv export --quiet --locked --no-hashes --no-emit-project --no-header \
+		--no-annotate -o requirements.lock
+
+clean:
+	rm -rf .venv out

@@ -1,0 +1,8 @@
+"""`python -m arm_drake` is `arm-drake`."""
+
+import sys
+
+from arm_drake.cli import main
+
+if __name__ == "__main__":
+    sys.exit(main())

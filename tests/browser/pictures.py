@@ -1,0 +1,103 @@
+"""Pictures of a Meshcat page, and where a camera sees points in them."""
+
+import dataclasses as dc
+import io
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+from playwright.sync_api import Page, ViewportSize
+
+VIEWPORT = ViewportSize(width=640, height=640)
+
+# Vertical field of view of the camera, the default of Drake's
+# Meshcat.PerspectiveCamera [rad].
+_FIELD_OF_VIEW = np.deg2rad(75.0)
+
+# A page is drawn within seconds; a busy machine gets more [s].
+_TIMEOUT = 60.0
+
+# Two pixels differ if a channel does by more than this, out of 255.
+_VISIBLE_DIFFERENCE = 8
+
+# Shape (height, width, 3), 0 to 255.
+Picture = NDArray[np.int16]
+
+# Whether each pixel belongs to something, shape (height, width).
+Mask = NDArray[np.bool_]
+
+
+@dc.dataclass(frozen=True)
+class Camera:
+    """Where a picture is taken from; z is up in it."""
+
+    # Position, and what is in the middle of the picture, in the world [m].
+    eye: tuple[float, float, float]
+    target: tuple[float, float, float]
+
+    def project(self, points: NDArray[np.float64]) -> NDArray[np.int_]:
+        """Return the pixels, column and row, of points in the world [m]."""
+        eye, target = np.array(self.eye), np.array(self.target)
+        forward = (target - eye) / np.linalg.norm(target - eye)
+        right = np.cross(forward, [0.0, 0.0, 1.0])
+        right /= np.linalg.norm(right)
+        down = np.cross(forward, right)
+        x, y, depth = np.stack([right, down, forward]) @ (points - eye).T
+        centre = np.array([VIEWPORT["width"], VIEWPORT["height"]]) / 2.0
+        focal_length = centre[1] / np.tan(_FIELD_OF_VIEW / 2.0)
+        pixels = centre + focal_length * np.stack([x, y], axis=1) / depth[:, None]
+        return np.floor(pixels).astype(int)
+
+
+def take_picture(page: Page) -> Picture:
+    """Return a picture of the page, once it doesn't change any more."""
+    deadline = time.monotonic() + _TIMEOUT
+    previous = b""
+    while time.monotonic() < deadline:
+        page.wait_for_function("() => !viewer.needs_render")
+        data = page.screenshot()
+        if data == previous:
+            image = Image.open(io.BytesIO(data)).convert("RGB")
+            return np.asarray(image).astype(np.int16)
+        previous = data
+    raise AssertionError(f"the page still changes after {_TIMEOUT:g} s")
+
+
+def wait_for_meshes(page: Page, count: int) -> None:
+    """Wait until the robot's meshes have arrived in the page.
+
+    Args:
+        page: Meshcat's page.
+        count: How many meshes, at least.
+    """
+    page.wait_for_function(
+        """(count) => {
+            let meshes = 0;
+            viewer.scene_tree.find(["visual"]).object.traverse(
+                (object) => { meshes += object.isMesh ? 1 : 0; });
+            return meshes >= count;
+        }""",
+        arg=count,
+        timeout=1000.0 * _TIMEOUT,
+    )
+
+
+def difference(one: Picture, other: Picture) -> Mask:
+    """Return which pixels differ visibly."""
+    return np.abs(one - other).max(axis=2) > _VISIBLE_DIFFERENCE
+
+
+def box_around(pixels: NDArray[np.int_]) -> tuple[slice, slice]:
+    """Return the rows and columns of the smallest box around some pixels."""
+    (left, top), (right, bottom) = pixels.min(axis=0), pixels.max(axis=0)
+    return slice(top, bottom + 1), slice(left, right + 1)
+
+
+def grow(mask: Mask, radius: int) -> Mask:
+    """Return a mask with all pixels up to some columns and rows away."""
+    padded = np.pad(mask, radius)
+    windows = np.lib.stride_tricks.sliding_window_view(
+        padded, (2 * radius + 1, 2 * radius + 1)
+    )
+    return windows.any(axis=(2, 3))

@@ -1,0 +1,36 @@
+"""Real robot packages, which tests use unchanged where they are installed.
+
+`ARM_DRAKE_ROBOTS` is the folder that has them; by default `shared/robots` beside the
+checkout. Without it the tests that need it are skipped; `ARM_DRAKE_NO_SKIP=1` makes
+them fail instead, for a machine where every test must run.
+"""
+
+import os
+from pathlib import Path
+
+import pytest
+
+_BESIDE_THE_CHECKOUT = Path(__file__).parents[2] / "shared" / "robots"
+
+
+def robots_folder() -> Path:
+    """Return the folder of real robot packages, or skip the test."""
+    folder = Path(os.environ.get("ARM_DRAKE_ROBOTS") or _BESIDE_THE_CHECKOUT)
+    if not folder.is_dir():
+        skip_or_fail(f"no folder {folder}; ARM_DRAKE_ROBOTS may name another")
+    return folder.resolve()
+
+
+def real_robot(relative: str) -> Path:
+    """Return a robot's file, its path given relative to the folder, or skip."""
+    path = robots_folder() / relative
+    if not path.is_file():
+        skip_or_fail(f"no file {path}")
+    return path
+
+
+def skip_or_fail(reason: str) -> None:
+    """Skip the test; with `ARM_DRAKE_NO_SKIP=1`, fail it."""
+    if os.environ.get("ARM_DRAKE_NO_SKIP") == "1":
+        pytest.fail(reason)
+    pytest.skip(reason)
