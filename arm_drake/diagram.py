@@ -17,14 +17,13 @@ from pydrake.systems.primitives import VectorLogSink
 from arm_drake import interfaces
 from arm_drake.description.robot import Robot
 from arm_drake.description.urdf import WORLD
+from arm_drake.drives import commanded_joints, effort_limits
 from arm_drake.errors import InputError
 from arm_drake.frames import LinkFrames
 from arm_drake.hardware import (
     Hardware,
     add_hardware,
-    commanded_joints,
     connect_forces,
-    effort_limits,
     selection,
 )
 from arm_drake.manager import (

@@ -6,28 +6,26 @@ of every joint.
 """
 
 import dataclasses as dc
-import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Adder, MatrixGain, Multiplexer
 
 from arm_drake import interfaces
 from arm_drake.command_interfaces import CommandInterfaces
-from arm_drake.control.servo import compute_friction_gains, compute_servo_gains
 from arm_drake.description.robot import Pose
-from arm_drake.description.urdf import JointInfo, RobotDescription
-from arm_drake.options import SimulationOptions
-from arm_drake.plant import add_robot_model, set_gravity, state_indices
-from arm_drake.servo import (
-    add_step_inertia,
-    make_dry_friction,
-    make_joint_servo,
-    sample_dynamics,
+from arm_drake.description.urdf import RobotDescription
+from arm_drake.drives import (
+    commanded_joints,
+    make_robot_friction,
+    make_robot_servo,
+    make_servo_plant,
 )
+from arm_drake.options import SimulationOptions
+from arm_drake.plant import state_indices
 
 
 @dc.dataclass(frozen=True)
@@ -45,29 +43,6 @@ class Hardware:
 
     # Dry friction as generalized forces, if there is any.
     friction: OutputPort | None
-
-
-def commanded_joints(description: RobotDescription) -> tuple[JointInfo, ...]:
-    """Return the joints that have an actuator, in the order of the description.
-
-    They are those with a command interface in `<ros2_control>`; mimic joints follow
-    their master. A description without `<ros2_control>` commands all its joints.
-    """
-    movable = [joint for joint in description.movable_joints if joint.mimic is None]
-    if not description.hardware:
-        return tuple(movable)
-    commanded = {
-        component.name
-        for block in description.hardware
-        for component in block.joints
-        if component.command_interfaces
-    }
-    return tuple(joint for joint in movable if joint.name in commanded)
-
-
-def effort_limits(joints: Sequence[JointInfo]) -> list[float]:
-    """Return effort limits [N·m] or [N], infinite where unset."""
-    return [math.inf if (e := joint.limits.effort) is None else e for joint in joints]
 
 
 def add_hardware(
@@ -99,7 +74,7 @@ def add_hardware(
     """
     joints = commanded_joints(description)
     names = [joint.name for joint in joints]
-    alone = _robot_alone(description, pose, options, plant.time_step())
+    alone = make_servo_plant(description, pose, options, plant.time_step())
     q_at, v_at = state_indices(plant, model, names)
     state = plant.get_state_output_port(model)
     commands = builder.AddNamedSystem(
@@ -119,7 +94,7 @@ def add_hardware(
     if names:
         servo = builder.AddNamedSystem(
             f"{prefix}servo",
-            _make_servo(alone, description, joints, (q_at, v_at), options),
+            make_robot_servo(alone, description, joints, (q_at, v_at), options),
         )
         builder.Connect(state, servo.GetInputPort("state"))
         builder.Connect(
@@ -128,15 +103,17 @@ def add_hardware(
         effort = servo.GetOutputPort("effort")
         builder.Connect(effort, plant.get_actuation_input_port(model))
     all_joints = tuple(joint.name for joint in description.movable_joints)
-    joint_states = _add_state_interfaces(
+    joint_states = add_state_interfaces(
         builder, plant, model, description, names, effort, prefix
     )
-    friction = None
+    forces = None
     if options.friction:
-        friction = _add_friction(
-            builder, plant, model, alone, description, prefix, initial
-        )
-    return Hardware(commands, all_joints, joint_states, friction)
+        friction = make_robot_friction(plant, model, alone, description, initial)
+        if friction is not None:
+            builder.AddNamedSystem(f"{prefix}dry_friction", friction)
+            builder.Connect(state, friction.get_input_port())
+            forces = friction.get_output_port()
+    return Hardware(commands, all_joints, joint_states, forces)
 
 
 def selection(all_joints: Sequence[str], names: Sequence[str]) -> MatrixGain:
@@ -151,99 +128,6 @@ def selection(all_joints: Sequence[str], names: Sequence[str]) -> MatrixGain:
     for row, name in enumerate(names):
         D[row, order.index(name)] = 1.0
     return MatrixGain(D)
-
-
-def _make_servo(
-    plant: MultibodyPlant,
-    description: RobotDescription,
-    joints: Sequence[JointInfo],
-    at: tuple[list[int], list[int]],
-    options: SimulationOptions,
-) -> Diagram:
-    """Return the servo of the commanded joints, from a plant of the robot alone."""
-    N = velocity_map(plant, description, joints)
-    gains = compute_servo_gains(
-        sample_dynamics(plant, N),
-        np.array(effort_limits(joints)),
-        np.array([math.inf if (v := j.limits.velocity) is None else v for j in joints]),
-        bandwidth=options.servo_bandwidth,
-        time_step=plant.time_step(),
-    )
-    return make_joint_servo(plant, gains, *at, N)
-
-
-def _robot_alone(
-    description: RobotDescription,
-    pose: Pose | None,
-    options: SimulationOptions,
-    time_step: float,
-) -> MultibodyPlant:
-    """Return a plant that the servo computes with: no geometry, one robot."""
-    plant = MultibodyPlant(time_step)
-    set_gravity(plant, options)
-    model = add_robot_model(plant, description, "robot", pose, has_geometry=False)
-    add_step_inertia(plant, model, time_step)
-    plant.Finalize()
-    return plant
-
-
-def velocity_map(
-    plant: MultibodyPlant, description: RobotDescription, joints: Sequence[JointInfo]
-) -> np.ndarray:
-    """Return the velocities of all joints per velocity of a commanded joint.
-
-    Args:
-        plant: A finalized plant of the robot alone, with m velocities.
-        description: The robot.
-        joints: The n commanded joints.
-
-    Returns:
-        N, shape (m, n): 1 for the joint itself, the multiplier for its mimic joints.
-    """
-    N = np.zeros((plant.num_velocities(), len(joints)))
-    columns = {joint.name: column for column, joint in enumerate(joints)}
-    for joint in description.movable_joints:
-        factor, master = 1.0, joint
-        while master.mimic is not None:
-            factor *= master.mimic.multiplier
-            master = description.joint(master.mimic.joint)
-        if master.name in columns:
-            row = plant.GetJointByName(joint.name).velocity_start()
-            N[row, columns[master.name]] = factor
-    return N
-
-
-def _add_friction(
-    builder: DiagramBuilder,
-    plant: MultibodyPlant,
-    model: ModelInstanceIndex,
-    alone: MultibodyPlant,
-    description: RobotDescription,
-    prefix: str,
-    initial: Mapping[str, float],
-) -> OutputPort | None:
-    """Add dry friction; return the generalized forces on the robot, if it has any."""
-    joints = [
-        j for j in description.movable_joints if j.friction > 0.0 and j.mimic is None
-    ]
-    if not joints:
-        return None
-    h = plant.time_step()
-    N = velocity_map(alone, description, joints)
-    system = builder.AddNamedSystem(
-        f"{prefix}dry_friction",
-        make_dry_friction(
-            np.array([joint.friction for joint in joints]),
-            compute_friction_gains(sample_dynamics(alone, N), h),
-            np.array([initial[joint.name] for joint in joints]),
-            plant.num_multibody_states(model),
-            *state_indices(plant, model, [joint.name for joint in joints]),
-            plant.num_velocities(model),
-            h,
-        ),
-    )
-    builder.Connect(plant.get_state_output_port(model), system.get_input_port())
-    return system.get_output_port()
 
 
 def connect_forces(
@@ -281,7 +165,7 @@ def connect_forces(
     )
 
 
-def _add_state_interfaces(
+def add_state_interfaces(
     builder: DiagramBuilder,
     plant: MultibodyPlant,
     model: ModelInstanceIndex,
@@ -290,7 +174,17 @@ def _add_state_interfaces(
     effort: OutputPort | None,
     prefix: str,
 ) -> OutputPort:
-    """Add the `joint_states` vector: position, velocity, effort of all J joints."""
+    """Add the `joint_states` vector: position, velocity, effort of all J joints.
+
+    Args:
+        builder: Where the plant is.
+        plant: The finalized plant.
+        model: The robot's model instance.
+        description: The robot.
+        commanded: Joints that have an actuator.
+        effort: What their actuators apply; None if there are none.
+        prefix: Start of the names of the systems.
+    """
     names = [joint.name for joint in description.movable_joints]
     num_states, J = plant.num_multibody_states(model), len(names)
     q_at, v_at = state_indices(plant, model, names)

@@ -16,8 +16,8 @@ from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Pose, Robot
 from arm_drake.description.urdf import RobotDescription, parse_urdf
 from arm_drake.description.xacro import expand_xacro
+from arm_drake.drives import commanded_joints
 from arm_drake.errors import DescriptionError, InputError, PackageError, suggest
-from arm_drake.hardware import commanded_joints
 from arm_drake.manager import find_surroundings, load_controllers
 
 # Distributions whose controllers are known, and what older names are taken as.

@@ -1,0 +1,154 @@
+"""What moves and brakes a robot's joints: the numbers of its servo and friction."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.systems.framework import Diagram
+from pydrake.systems.primitives import SymbolicVectorSystem
+
+from arm_drake.control.servo import compute_friction_gains, compute_servo_gains
+from arm_drake.description.robot import Pose
+from arm_drake.description.urdf import JointInfo, RobotDescription
+from arm_drake.options import SimulationOptions
+from arm_drake.plant import add_robot_model, set_gravity, state_indices
+from arm_drake.servo import (
+    add_step_inertia,
+    make_dry_friction,
+    make_joint_servo,
+    sample_dynamics,
+)
+
+
+def commanded_joints(description: RobotDescription) -> tuple[JointInfo, ...]:
+    """Return the joints that have an actuator, in the order of the description.
+
+    They are those with a command interface in `<ros2_control>`; mimic joints follow
+    their master. A description without `<ros2_control>` commands all its joints.
+    """
+    movable = [joint for joint in description.movable_joints if joint.mimic is None]
+    if not description.hardware:
+        return tuple(movable)
+    commanded = {
+        component.name
+        for block in description.hardware
+        for component in block.joints
+        if component.command_interfaces
+    }
+    return tuple(joint for joint in movable if joint.name in commanded)
+
+
+def effort_limits(joints: Sequence[JointInfo]) -> list[float]:
+    """Return effort limits [N·m] or [N], infinite where unset."""
+    return [math.inf if (e := joint.limits.effort) is None else e for joint in joints]
+
+
+def make_servo_plant(
+    description: RobotDescription,
+    pose: Pose | None,
+    options: SimulationOptions,
+    time_step: float,
+) -> MultibodyPlant:
+    """Return a plant that a servo computes with: one robot, no geometry.
+
+    Args:
+        description: The robot.
+        pose: Pose of its base in the world.
+        options: How to simulate.
+        time_step: Step of the simulated plant [s].
+    """
+    plant = MultibodyPlant(time_step)
+    set_gravity(plant, options)
+    model = add_robot_model(plant, description, "robot", pose, has_geometry=False)
+    add_step_inertia(plant, model, time_step)
+    plant.Finalize()
+    return plant
+
+
+def make_robot_servo(
+    plant: MultibodyPlant,
+    description: RobotDescription,
+    joints: Sequence[JointInfo],
+    at: tuple[list[int], list[int]],
+    options: SimulationOptions,
+) -> Diagram:
+    """Return the servo of a robot's commanded joints.
+
+    Args:
+        plant: Plant of `make_servo_plant`; it must live as long as the servo.
+        description: The robot.
+        joints: The commanded joints.
+        at: Indices of their positions and velocities in the robot's state.
+        options: How to simulate.
+    """
+    N = velocity_map(plant, description, joints)
+    gains = compute_servo_gains(
+        sample_dynamics(plant, N),
+        np.array(effort_limits(joints)),
+        np.array([math.inf if (v := j.limits.velocity) is None else v for j in joints]),
+        bandwidth=options.servo_bandwidth,
+        time_step=plant.time_step(),
+    )
+    return make_joint_servo(plant, gains, *at, N)
+
+
+def velocity_map(
+    plant: MultibodyPlant, description: RobotDescription, joints: Sequence[JointInfo]
+) -> np.ndarray:
+    """Return the velocities of all joints per velocity of a commanded joint.
+
+    Args:
+        plant: A finalized plant of the robot alone, with m velocities.
+        description: The robot.
+        joints: The n commanded joints.
+
+    Returns:
+        N, shape (m, n): 1 for the joint itself, the multiplier for its mimic joints.
+    """
+    N = np.zeros((plant.num_velocities(), len(joints)))
+    columns = {joint.name: column for column, joint in enumerate(joints)}
+    for joint in description.movable_joints:
+        factor, master = 1.0, joint
+        while master.mimic is not None:
+            factor *= master.mimic.multiplier
+            master = description.joint(master.mimic.joint)
+        if master.name in columns:
+            row = plant.GetJointByName(joint.name).velocity_start()
+            N[row, columns[master.name]] = factor
+    return N
+
+
+def make_robot_friction(
+    plant: MultibodyPlant,
+    model: ModelInstanceIndex,
+    alone: MultibodyPlant,
+    description: RobotDescription,
+    initial: Mapping[str, float],
+) -> SymbolicVectorSystem | None:
+    """Return the dry friction of a robot's joints, or None if there is none.
+
+    Args:
+        plant: The finalized plant of the simulation.
+        model: The robot's model instance in it.
+        alone: Plant of `make_servo_plant`.
+        description: The robot.
+        initial: Initial positions [rad] by joint.
+    """
+    joints = [
+        j for j in description.movable_joints if j.friction > 0.0 and j.mimic is None
+    ]
+    if not joints:
+        return None
+    names = [joint.name for joint in joints]
+    samples = sample_dynamics(alone, velocity_map(alone, description, joints))
+    return make_dry_friction(
+        np.array([joint.friction for joint in joints]),
+        compute_friction_gains(samples, plant.time_step()),
+        np.array([initial[name] for name in names]),
+        plant.num_multibody_states(model),
+        *state_indices(plant, model, names),
+        plant.num_velocities(model),
+        plant.time_step(),
+    )
