@@ -24,7 +24,6 @@ from arm_drake.hardware import (
     Hardware,
     add_hardware,
     connect_forces,
-    selection,
 )
 from arm_drake.manager import (
     ControllerManager,
@@ -172,7 +171,6 @@ class _RobotInDiagram:
             prefix=prefix,
             pose=robot.pose,
             initial=robot.initial_positions,
-            period=self.period,
             options=self.options,
         )
         builder.AddNamedSystem(
@@ -194,13 +192,8 @@ class _RobotInDiagram:
         assert system is not None
         name = f"{self.prefix}{controller.name}"
         builder.AddNamedSystem(name, system)
-        measured = builder.AddNamedSystem(
-            f"{name}.{interfaces.STATE_PORT}",
-            selection(hardware.joints, system.state_interfaces),
-        )
-        builder.Connect(hardware.joint_states, measured.get_input_port())
         builder.Connect(
-            measured.get_output_port(), system.GetInputPort(interfaces.STATE_PORT)
+            hardware.joint_states, system.GetInputPort(interfaces.STATE_PORT)
         )
         if system.command_interfaces:
             port = f"{controller.name}.{interfaces.COMMAND_PORT}"

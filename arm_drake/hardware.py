@@ -14,7 +14,6 @@ from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Adder, MatrixGain, Multiplexer
 
-from arm_drake import interfaces
 from arm_drake.command_interfaces import CommandInterfaces
 from arm_drake.description.robot import Pose
 from arm_drake.description.urdf import RobotDescription
@@ -55,7 +54,6 @@ def add_hardware(
     prefix: str,
     pose: Pose | None,
     initial: Mapping[str, float],
-    period: float,
     options: SimulationOptions,
 ) -> Hardware:
     """Add a robot's command interfaces, servo and friction, and connect the plant.
@@ -69,7 +67,6 @@ def add_hardware(
         prefix: Start of the names of the systems.
         pose: Pose of the base in the world.
         initial: Initial positions [rad] by joint.
-        period: Period of the controller manager [s].
         options: How to simulate.
     """
     joints = commanded_joints(description)
@@ -83,13 +80,9 @@ def add_hardware(
             names,
             claims,
             np.array([initial[name] for name in names]),
-            period,
-            num_states=state.size(),
-            positions_at=q_at,
             servo_plant=alone,
         ),
     )
-    builder.Connect(state, commands.GetInputPort("state"))
     effort = None
     if names:
         servo = builder.AddNamedSystem(
@@ -114,20 +107,6 @@ def add_hardware(
             builder.Connect(state, friction.get_input_port())
             forces = friction.get_output_port()
     return Hardware(commands, all_joints, joint_states, forces)
-
-
-def selection(all_joints: Sequence[str], names: Sequence[str]) -> MatrixGain:
-    """Return what picks state interfaces out of the `joint_states` vector.
-
-    Args:
-        all_joints: Joints of the vector, J of them.
-        names: Interfaces to pick, such as "joint1/position", in the output's order.
-    """
-    order = interfaces.interface_names(all_joints, interfaces.STATE_INTERFACES)
-    D = np.zeros((len(names), len(order)))
-    for row, name in enumerate(names):
-        D[row, order.index(name)] = 1.0
-    return MatrixGain(D)
 
 
 def connect_forces(

@@ -175,6 +175,9 @@ class _Loader:
                 joint_types=self._surroundings.joint_types,
                 command_interfaces=self._surroundings.command_interfaces,
                 state_interfaces=self._surroundings.state_interfaces,
+                measured=interfaces.interface_names(
+                    self._surroundings.joint_types, interfaces.STATE_INTERFACES
+                ),
             )
             return row.system(parameters, params)
         except ParameterError as error:

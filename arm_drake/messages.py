@@ -18,6 +18,8 @@ NANOSECONDS = 1_000_000_000
 
 def _floats(values: Sequence[Any], field: str) -> tuple[float, ...]:
     numbers = tuple(values)
+    if all(type(number) is float for number in numbers):
+        return numbers
     if any(isinstance(v, bool | str) for v in numbers):
         raise ValueError(f"{field}: expected numbers, got {list(numbers)!r}")
     return tuple(float(v) for v in numbers)
@@ -50,6 +52,8 @@ class Time(Message):
         Raises:
             ValueError: If the value isn't a finite time.
         """
+        if type(value) is cls:
+            return value
         if isinstance(value, Time):
             return cls(value.sec, value.nanosec)
         if isinstance(value, Mapping):

@@ -1,6 +1,7 @@
 """Simulation: a Simulator with commands in and a Rollout out."""
 
 import collections
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -27,6 +28,12 @@ from arm_drake.messages import (
 )
 from arm_drake.motion import Motion, MotionStep
 from arm_drake.rollout import Reference, Rollout
+
+# Ticks between two looks at the controllers' news.
+_TICKS_AT_A_TIME = 10
+
+# Stamps are cut to nanoseconds.
+_STAMP_TOLERANCE = 1e-7  # s
 
 # A step is due at the first tick that isn't earlier by more than this part of a period.
 _TICK_TOLERANCE = 1e-6
@@ -69,7 +76,7 @@ class Simulation:
         self.simulator.Initialize()
         self._handles: dict[int, GoalHandle] = {}
         self._queues: dict[str, tuple[collections.deque[Message], float]] = {}
-        self._seen: dict[str, object] = {}
+        self._next_event = dict.fromkeys(self._event_ports, 0)
         self.goals: list[GoalHandle] = []
         self.rejected: list[TopicRejected] = []
         self._topic_sources: dict[int, str] = {}
@@ -155,16 +162,16 @@ class Simulation:
             raise ValueError(f"can't go back from {self.time} s to {time} s")
         while self.time < time:
             tick_at = self._next_tick * self._period
-            if tick_at >= time:
-                self.simulator.AdvanceTo(time)
-                return
-            if self.time < tick_at:
-                self.simulator.AdvanceTo(tick_at)
-            # The tick at this time is still to come: it sees what is fed now.
-            self._feed(tick_at)
-            self._next_tick += 1
+            if tick_at < time:
+                if self.time < tick_at:
+                    self.simulator.AdvanceTo(tick_at)
+                # The tick at this time is still to come: it sees what is fed now.
+                self._next_tick += 1 if self._feed(tick_at) else _TICKS_AT_A_TIME
             self.simulator.AdvanceTo(min(self._next_tick * self._period, time))
             self._collect()
+        # Ticks before this time have run; one at this very time hasn't.
+        ticks = self.time / self._period
+        self._next_tick = math.ceil(ticks - _TICK_TOLERANCE)
 
     def run(
         self,
@@ -246,7 +253,9 @@ class Simulation:
             joint_names = _reference_joints(controller)
             if controller.state == "active" and joint_names:
                 _, values = self._log(manager, f"{controller.name}/reference")
-                references[controller.name] = Reference(joint_names, values)
+                last = self._eval(f"{manager.prefix}{controller.name}.reference")
+                aligned = _align(np.vstack([values, last]), time)
+                references[controller.name] = Reference(joint_names, aligned)
         limits = [joint.limits.effort for joint in joints]
         return Rollout(
             time=time,
@@ -289,24 +298,32 @@ class Simulation:
             self._topic_sources[id(step.message)] = where
             handle.send_trajectory(step.message)
 
-    def _feed(self, time: float) -> None:
-        """Put the oldest waiting message on each port whose controller ticks now."""
+    def _feed(self, time: float) -> bool:
+        """Put the oldest waiting message on each port whose controller ticks now.
+
+        Returns:
+            Whether messages are still waiting, for the ticks to come.
+        """
         context = self.simulator.get_mutable_context()
+        is_waiting = False
         for port, (queue, period) in self._queues.items():
             ticks = time / period
             if queue and abs(ticks - round(ticks)) <= _TICK_TOLERANCE:
                 value = AbstractValue.Make(queue.popleft())
                 self.diagram.GetInputPort(port).FixValue(context, value)
+            is_waiting |= bool(queue)
+        return is_waiting
 
     def _collect(self) -> None:
-        """Take the news of the last tick."""
+        """Take the news since the last time."""
         for port in self._event_ports:
             events = self._eval(port)
-            # A slower controller still shows the news of its last tick.
-            if events is not self._seen.get(port):
-                self._seen[port] = events
-                for event in events or ():
+            if not events or events[-1][0] < self._next_event[port]:
+                continue
+            for number, event in events:
+                if number >= self._next_event[port]:
                     self._take(event)
+            self._next_event[port] = events[-1][0] + 1
 
     def _take(self, event: GoalEvent | TopicRejected) -> None:
         news: GoalHandle | TopicRejected | None = None
@@ -360,3 +377,25 @@ def _reference_joints(controller: LoadedController) -> tuple[str, ...]:
         for name in system.command_interfaces
         if name.endswith("/position")
     )
+
+
+def _align(
+    stamped: NDArray[np.float64], time: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the rows with the stamps of ``time``; NaN where there is none.
+
+    Args:
+        stamped: Rows of a stamp [s] and k values, in the order of their stamps.
+        time: Times [s], shape (N,).
+
+    Returns:
+        The values, shape (N, k).
+    """
+    stamped = stamped[~np.isnan(stamped[:, 0])]
+    aligned = np.full((len(time), stamped.shape[1] - 1), np.nan)
+    if len(stamped):
+        at = np.searchsorted(stamped[:, 0], time - _STAMP_TOLERANCE)
+        at = np.minimum(at, len(stamped) - 1)
+        is_same = np.abs(stamped[at, 0] - time) <= _STAMP_TOLERANCE
+        aligned[is_same] = stamped[at[is_same], 1:]
+    return aligned

@@ -42,6 +42,9 @@ from arm_drake.messages import (
     TopicRejected,
 )
 
+# How many events are kept for those who don't look at every tick.
+_NUM_EVENTS = 64
+
 _SUCCESS_TEXT = "Goal successfully reached!"
 _PATH_TEXT = "Aborted due to path tolerance violation"
 _PREEMPTED_TEXT = "Current goal preempted by new incoming action."
@@ -109,10 +112,18 @@ class _Tick:
             inputs.position,
             self._commanded,
             self._snapshot,
-            tuple(self._events),
+            self._numbered_events(),
             inputs.topic,
             inputs.request,
         )
+
+    def _numbered_events(self) -> tuple[tuple[int, GoalEvent | TopicRejected], ...]:
+        """Return the latest events with those of this tick."""
+        events = self._last.events
+        if not self._events:
+            return events
+        first = events[-1][0] + 1 if events else 0
+        return (*events, *enumerate(self._events, start=first))[-_NUM_EVENTS:]
 
     def _take_topic(self, message: JointTrajectory) -> None:
         fault = find_fault(message, self._rules.allowed, self._inputs.time_ns)
@@ -147,8 +158,9 @@ class _Tick:
         self._tolerances, _ = resolve_tolerances(
             request.goal, self._rules.allowed.joints, self._rules.tolerances
         )
-        due_ns = self._inputs.time_ns + self._rules.monitor_period_ns
-        self._goal = ActiveGoal(request, due_ns)
+        now_ns = self._inputs.time_ns
+        due_ns = now_ns + self._rules.monitor_period_ns
+        self._goal = ActiveGoal(request, now_ns, due_ns)
         self._events.append(GoalEvent(request, GoalStatus.EXECUTING))
 
     def _monitor(self, goal: ActiveGoal) -> None:
@@ -158,8 +170,9 @@ class _Tick:
         if goal.outcome is not None:
             self._deliver()
             return
-        if goal.snapshot is not None:
-            feedback = make_feedback(self._rules.allowed.joints, goal.snapshot)
+        seen = self._last.snapshot
+        if seen is not None and seen.time_ns >= goal.accepted_ns:
+            feedback = make_feedback(self._rules.allowed.joints, seen)
             event = GoalEvent(goal.request, GoalStatus.EXECUTING, feedback=feedback)
             self._events.append(event)
         due_ns = goal.monitor_ns + self._rules.monitor_period_ns
@@ -255,7 +268,6 @@ class _Tick:
             if is_off_path or is_late:
                 self._hold(self._inputs.position)
             return
-        goal = self._goal = dc.replace(goal, snapshot=self._snapshot)
         codes = FollowJointTrajectoryErrorCode
         if is_off_path:
             code = codes.PATH_TOLERANCE_VIOLATED

@@ -51,8 +51,7 @@ class JointTrajectoryRules:
     wraparound: Mask | None = None
 
 
-@dc.dataclass(frozen=True, eq=False)
-class Snapshot(Message):
+class Snapshot(NamedTuple):
     """What a tick saw: reference, measurement and error, each of shape (n,)."""
 
     time_ns: int
@@ -78,19 +77,21 @@ class ActiveGoal(Message):
 
     request: SendGoal
 
+    # When it was accepted [ns].
+    accepted_ns: int
+
     # When feedback or the result is due [ns].
     monitor_ns: int
-
-    # The last tick's feedback.
-    snapshot: Snapshot | None = None
 
     # How it ended.
     outcome: GoalEvent | None = None
 
 
-@dc.dataclass(frozen=True, eq=False)
-class JointTrajectoryState(Message):
-    """State of the controller; None where nothing has happened yet."""
+class JointTrajectoryState(NamedTuple):
+    """State of the controller; None where nothing has happened yet.
+
+    A tuple, for it is made anew at every tick.
+    """
 
     trajectory: Trajectory | None = None
 
@@ -113,8 +114,8 @@ class JointTrajectoryState(Message):
 
     snapshot: Snapshot | None = None
 
-    # News of the last tick.
-    events: tuple[GoalEvent | TopicRejected, ...] = ()
+    # The latest news, numbered, the newest last.
+    events: tuple[tuple[int, GoalEvent | TopicRejected], ...] = ()
 
     # The messages last seen on the topic and on the action's port.
     topic: JointTrajectory | None = None
@@ -170,9 +171,9 @@ def make_point(
 ) -> JointTrajectoryPoint:
     """Return arrays as a message; each of shape (n,), None for empty."""
     return JointTrajectoryPoint(
-        tuple(position),
-        () if velocity is None else tuple(velocity),
-        () if acceleration is None else tuple(acceleration),
+        tuple(position.tolist()),
+        () if velocity is None else tuple(velocity.tolist()),
+        () if acceleration is None else tuple(acceleration.tolist()),
         (),
         Duration.from_nanoseconds(from_start_ns),
     )

@@ -1,17 +1,19 @@
 """What all controllers share: a tick at their update rate, all state in the Context.
 
-In a tick a ros2_control manager reads, updates and writes in one instant. Drake's
-events of one instant all see the old state. So a controller's commands are, at a tick,
-what the tick *will* leave behind, computed from the old state and the inputs; the
-update event stores it. Between ticks the commands are what the last tick left. Topics
-always show what the last tick left.
+In a tick a ros2_control manager reads, updates and writes in one instant. Here the tick
+is an unrestricted update: Drake runs it before the plant's step of the same instant, so
+the command that it stores acts on the very step that starts with the tick, and holds
+until the next one.
 """
 
 import dataclasses as dc
+import math
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Generic, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import (
     BasicVector,
@@ -19,18 +21,13 @@ from pydrake.systems.framework import (
     InputPort,
     LeafSystem,
     State,
-    ValueProducer,
 )
 
 from arm_drake import interfaces
 from arm_drake.messages import NANOSECONDS, Message
 
-S = TypeVar("S", bound=Message)
+S = TypeVar("S")
 M = TypeVar("M", bound=Message)
-
-# How far the time may be off a tick and still be the tick, in periods. Times are sums
-# of rounded numbers.
-_TICK_TOLERANCE = 1e-6
 
 
 @dc.dataclass(frozen=True)
@@ -52,13 +49,22 @@ class ControllerInterfaceParams:
     command_interfaces: frozenset[str]
     state_interfaces: frozenset[str]
 
+    # Order of the vector of all measured quantities.
+    measured: tuple[str, ...]
 
-@dc.dataclass(frozen=True, eq=False)
+
+@dc.dataclass(frozen=True, eq=False, slots=True)
 class _Ticked(Message, Generic[S]):
-    """State of a controller and the number of the next tick."""
+    """What a tick leaves behind."""
 
+    # Number of the next tick.
     next_tick: int
+
+    # State of the controller.
     state: S
+
+    # Commands and their rates of change, of size 2k for k command interfaces.
+    command: NDArray[np.float64]
 
 
 def message_on(port: InputPort, context: Context, expected: type[M]) -> M | None:
@@ -84,28 +90,27 @@ def message_on(port: InputPort, context: Context, expected: type[M]) -> M | None
 class ControllerInterface(LeafSystem, Generic[S]):
     """Base of the controllers: an immutable state of type S, renewed at every tick.
 
-    A subclass declares its input ports, calls `_declare_tick`, declares its output
-    ports with the prerequisites that this returns, and implements `_tick`, and
-    `_calc_command` if it claims something.
+    A subclass implements `_tick`, and `_command` if it claims something. It declares
+    its further ports; outputs depend on `xa_ticket()` alone and show what the last tick
+    left behind.
     """
-
-    # Interfaces behind the ports of these names, such as "joint1/position", in order.
-    state_interfaces: tuple[str, ...]
-    command_interfaces: tuple[str, ...]
 
     def __init__(
         self,
         params: ControllerInterfaceParams,
+        initial: S,
         *,
         state_interfaces: tuple[str, ...],
         command_interfaces: tuple[str, ...] = (),
     ) -> None:
-        """Create the system with its port of measured quantities.
+        """Create the system with its state, its tick and its interfaces.
 
         Args:
             params: Rate and surroundings of the controller.
-            state_interfaces: What it reads.
+            initial: State before the first tick.
+            state_interfaces: What it reads, such as "joint1/position".
             command_interfaces: What it claims.
+
         """
         super().__init__()
         self.set_name(params.controller_name)
@@ -113,44 +118,23 @@ class ControllerInterface(LeafSystem, Generic[S]):
         self.state_interfaces = state_interfaces
         self.command_interfaces = command_interfaces
         self._measured = self.DeclareVectorInputPort(
-            interfaces.STATE_PORT, len(state_interfaces)
+            interfaces.STATE_PORT, len(params.measured)
         )
-
-    def _declare_tick(self, initial: S) -> set[object]:
-        """Declare the state, its update and the commands.
-
-        Args:
-            initial: State before the first tick.
-
-        Returns:
-            The prerequisites of outputs that use `_state_after`.
-        """
+        self._read_at = _positions(state_interfaces, params.measured)
+        num_commands = len(command_interfaces)
+        nothing = np.full(2 * num_commands, math.nan)
         # An immutable Python object goes into the Context as it is.
-        self.DeclareAbstractState(AbstractValue.Make(_Ticked(0, initial)))
-        self._next = self.DeclareCacheEntry(
-            "state after the tick",
-            ValueProducer(
-                allocate=lambda: AbstractValue.Make(_Ticked(0, initial)),
-                calc=self._calc_next,
-            ),
-            {self.time_ticket(), self.xa_ticket(), self.all_input_ports_ticket()},
-        )
+        self.DeclareAbstractState(AbstractValue.Make(_Ticked(0, initial, nothing)))
         self.DeclarePeriodicUnrestrictedUpdateEvent(
-            self.params.period, 0.0, self._update_state
+            params.period, 0.0, self._update_state
         )
-        prerequisites = {self._next.ticket()}
-        if self.command_interfaces:
+        if command_interfaces:
             self.DeclareVectorOutputPort(
                 interfaces.COMMAND_PORT,
-                len(self.command_interfaces),
+                2 * num_commands,
                 self._calc_command,
-                prerequisites_of_calc=prerequisites,
+                prerequisites_of_calc={self.xa_ticket()},
             )
-        return prerequisites
-
-    def _calc_command(self, context: Context, output: BasicVector) -> None:
-        """Write the commands of this instant's tick; NaN is no command."""
-        raise AssertionError("a controller with command interfaces commands them")
 
     @abstractmethod
     def _tick(self, context: Context, state: S, time_ns: int, period_ns: int) -> S:
@@ -163,27 +147,48 @@ class ControllerInterface(LeafSystem, Generic[S]):
             period_ns: Time since the last tick [ns].
         """
 
-    def _state_after(self, context: Context) -> S:
-        """Return the state after this instant's tick, or the last one's."""
-        ticked: _Ticked[S] = self._next.Eval(context)
-        return ticked.state
+    def _command(self, state: S) -> NDArray[np.float64]:
+        """Return the commands of a state, shape (k,); NaN is no command."""
+        del state
+        return np.empty(0)
 
-    def _state_before(self, context: Context) -> S:
-        """Return the state that the last tick stored; prerequisite: xa_ticket()."""
+    def _read(self, context: Context) -> NDArray[np.float64]:
+        """Return the measured `state_interfaces`."""
+        return self._measured.Eval(context)[self._read_at]
+
+    def _state(self, context: Context) -> S:
+        """Return the state that the last tick left."""
         ticked: _Ticked[S] = context.get_abstract_state(0).get_value()
         return ticked.state
 
-    def _calc_next(self, context: Context, value: AbstractValue) -> None:
-        ticked = context.get_abstract_state(0).get_value()
-        ticks = context.get_time() / self.params.period
-        tick = round(ticks)
-        if abs(ticks - tick) <= _TICK_TOLERANCE and tick >= ticked.next_tick:
-            rate = self.params.update_rate
-            time_ns = tick * NANOSECONDS // rate
-            period_ns = time_ns - (tick - 1) * NANOSECONDS // rate
-            state = self._tick(context, ticked.state, time_ns, period_ns)
-            ticked = _Ticked(tick + 1, state)
-        value.set_value(ticked)
-
     def _update_state(self, context: Context, state: State) -> None:
-        state.get_mutable_abstract_state(0).set_value(self._next.Eval(context))
+        ticked = context.get_abstract_state(0).get_value()
+        # Ticks are counted, for times are sums of rounded numbers.
+        tick = round(context.get_time() / self.params.period)
+        rate = self.params.update_rate
+        time_ns = tick * NANOSECONDS // rate
+        period_ns = time_ns - (tick - 1) * NANOSECONDS // rate
+        new = self._tick(context, ticked.state, time_ns, period_ns)
+        command = ticked.command
+        if self.command_interfaces:
+            values = self._command(new)
+            rates = (values - command[: len(values)]) * rate
+            if not math.isfinite(rates.sum()):  # Nothing was commanded before.
+                rates = np.where(np.isfinite(rates), rates, 0.0)
+            command = np.concatenate((values, rates))
+        state.get_mutable_abstract_state(0).set_value(_Ticked(tick + 1, new, command))
+
+    def _calc_command(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(context.get_abstract_state(0).get_value().command)
+
+
+def _positions(names: Sequence[str], order: Sequence[str]) -> slice | list[int]:
+    """Return where names stand in a vector; as a slice if they are in a row."""
+    try:
+        at = [order.index(name) for name in names]
+    except ValueError:
+        # The manager says so before such a controller starts.
+        return []
+    if at and at == list(range(at[0], at[0] + len(at))):
+        return slice(at[0], at[0] + len(at))
+    return at

@@ -48,7 +48,7 @@ class _Measured(Message):
     """What was measured at a tick."""
 
     time_ns: int = 0
-    # In the order of the port; None before the first tick.
+    # In the order of `state_interfaces`; None before the first tick.
     values: np.ndarray | None = None
 
 
@@ -66,8 +66,8 @@ class JointStateBroadcaster(ControllerInterface[_Measured]):
     ================  ====  ======  ================================================
     port              size  unit    meaning
     ================  ====  ======  ================================================
-    state_interfaces  k     rad,    measured positions, velocities and efforts of
-                            rad/s,  the joints that report them
+    state_interfaces  3J    rad,    measured positions, velocities and efforts of
+                            rad/s,  all J joints of the robot
                             N·m
     joint_states      --    --      JointState of the last tick; NaN where a joint
                                     has no such interface
@@ -92,7 +92,7 @@ class JointStateBroadcaster(ControllerInterface[_Measured]):
             ParameterError: If an interface is asked for that isn't there.
         """
         self._names, published = _published(parameters, params)
-        super().__init__(params, state_interfaces=published)
+        super().__init__(params, _Measured(), state_interfaces=published)
         self._extra = tuple(
             name for name in parameters.extra_joints if name not in self._names
         )
@@ -102,7 +102,6 @@ class JointStateBroadcaster(ControllerInterface[_Measured]):
             [row.get(f"{joint}/{interface}") for joint in self._names]
             for interface in interfaces.STATE_INTERFACES
         ]
-        self._declare_tick(_Measured())
         self.DeclareAbstractOutputPort(
             "joint_states",
             lambda: AbstractValue.Make(JointState()),
@@ -114,10 +113,10 @@ class JointStateBroadcaster(ControllerInterface[_Measured]):
         self, context: Context, state: _Measured, time_ns: int, period_ns: int
     ) -> _Measured:
         del state, period_ns
-        return _Measured(time_ns, self._measured.Eval(context))
+        return _Measured(time_ns, self._read(context))
 
     def _calc_joint_states(self, context: Context, output: AbstractValue) -> None:
-        measured = self._state_before(context)
+        measured = self._state(context)
         if measured.values is None:
             output.set_value(JointState())
             return

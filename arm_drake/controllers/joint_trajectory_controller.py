@@ -153,15 +153,19 @@ class JointTrajectoryController(ControllerInterface[JointTrajectoryState]):
     =======================  ====  ======  ===========================================
     port                     size  unit    meaning
     =======================  ====  ======  ===========================================
-    state_interfaces         kn    rad,    measured positions, then velocities if
-                                   rad/s   they are among the ``state_interfaces``
+    state_interfaces         3J    rad,    measured positions, velocities, efforts of
+                                   rad/s,  all J joints of the robot
+                                   N·m
     joint_trajectory         --    --      JointTrajectory to follow from now on
     follow_joint_trajectory  --    --      SendGoal or CancelGoal: a goal to reach
-    command_interfaces       n     rad     commanded positions; NaN is no command
-    reference                n     rad     where the trajectory is now
+    command_interfaces       2n    rad,    commanded positions and their rates of
+                                   rad/s   change; NaN is no command
+    reference                1+n   s, rad  time of the last tick, and where the
+                                           trajectory was then
     controller_state         --    --      JointTrajectoryControllerState
-    events                   --    --      tuple of GoalEvent and TopicRejected: news
-                                           of the last tick
+    events                   --    --      tuple of the latest (number, event), the
+                                           newest last; an event is a GoalEvent or a
+                                           TopicRejected
     =======================  ====  ======  ===========================================
 
     The state is a JointTrajectoryState. At every tick, with period T, trajectory s and
@@ -189,6 +193,7 @@ class JointTrajectoryController(ControllerInterface[JointTrajectoryState]):
         n = len(joints)
         super().__init__(
             params,
+            JointTrajectoryState(),
             state_interfaces=interfaces.interface_names(
                 joints, parameters.state_interfaces
             ),
@@ -206,11 +211,13 @@ class JointTrajectoryController(ControllerInterface[JointTrajectoryState]):
         self._topic = self.DeclareAbstractInputPort("joint_trajectory", nothing)
         self._action = self.DeclareAbstractInputPort("follow_joint_trajectory", nothing)
 
-        tick = self._declare_tick(JointTrajectoryState())
         self.DeclareVectorOutputPort(
-            "reference", n, self._calc_reference, prerequisites_of_calc=tick
+            "reference",
+            1 + n,
+            self._calc_reference,
+            prerequisites_of_calc={self.xa_ticket()},
         )
-        self._nothing = np.full(n, np.nan)
+        self._nothing = np.full(1 + n, np.nan)
         for name, calc in {
             "controller_state": self._calc_controller_state,
             "events": self._calc_events,
@@ -229,7 +236,7 @@ class JointTrajectoryController(ControllerInterface[JointTrajectoryState]):
         time_ns: int,
         period_ns: int,
     ) -> JointTrajectoryState:
-        measured = self._measured.Eval(context)
+        measured = self._read(context)
         inputs = TickInputs(
             time_ns,
             period_ns,
@@ -240,21 +247,22 @@ class JointTrajectoryController(ControllerInterface[JointTrajectoryState]):
         )
         return tick(self._rules, state, inputs)
 
-    def _calc_command(self, context: Context, output: BasicVector) -> None:
-        commanded = self._state_after(context).commanded
-        output.SetFromVector(commanded_positions(commanded, self._nothing))
+    def _command(self, state: JointTrajectoryState) -> np.ndarray:
+        return commanded_positions(state.commanded, self._nothing[1:])
 
     def _calc_reference(self, context: Context, output: BasicVector) -> None:
-        snapshot = self._state_after(context).snapshot
-        output.SetFromVector(
-            self._nothing if snapshot is None else snapshot.desired.position
-        )
+        seen = self._state(context).snapshot
+        if seen is None:
+            output.SetFromVector(self._nothing)
+            return
+        time = seen.time_ns / NANOSECONDS
+        output.SetFromVector(np.concatenate(((time,), seen.desired.position)))
 
     def _calc_events(self, context: Context, output: AbstractValue) -> None:
-        output.set_value(self._state_before(context).events)
+        output.set_value(self._state(context).events)
 
     def _calc_controller_state(self, context: Context, output: AbstractValue) -> None:
-        seen = self._state_before(context).snapshot
+        seen = self._state(context).snapshot
         joints = self._rules.allowed.joints
         if seen is None:
             output.set_value(JointTrajectoryControllerState(joint_names=joints))

@@ -53,6 +53,4 @@ def page(browser: Browser) -> Iterator[Page]:
 
 @pytest.fixture(scope="package")
 def doosan() -> Path:
-    return real_robot(
-        "doosan_a0912/my_doosan_pkg/description/xacro/a0912.urdf.xacro"
-    )
+    return real_robot("doosan_a0912/my_doosan_pkg/description/xacro/a0912.urdf.xacro")

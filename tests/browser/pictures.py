@@ -50,6 +50,60 @@ class Camera:
         return np.floor(pixels).astype(int)
 
 
+def wait_until_drawn(page: Page, meshes: int, camera: Camera | None = None) -> None:
+    """Wait until a Meshcat page has its robot, and its camera is in place.
+
+    Args:
+        page: Meshcat's page.
+        meshes: How many meshes the robot has.
+        camera: Where the page's camera is to be, if that is known.
+    """
+    page.wait_for_function(
+        """(meshes) => {
+            let count = 0;
+            viewer.scene_tree.find(["drake", "visual"]).object.traverse(
+                (object) => { count += object.isMesh ? 1 : 0; });
+            return count === meshes;
+        }""",
+        arg=meshes,
+        timeout=1000.0 * _TIMEOUT,
+    )
+    if camera is not None:
+        page.wait_for_function(
+            """([eye, target]) => {
+                const is_at = (point, place) =>
+                    Math.hypot(...point.map((x, i) => x - place[i])) < 1e-6;
+                return is_at(viewer.controls.target.toArray(), target)
+                    && is_at(viewer.camera.matrixWorld.elements.slice(12, 15), eye);
+            }""",
+            arg=[camera.eye, camera.target],
+            timeout=1000.0 * _TIMEOUT,
+        )
+
+
+def hide_robot(page: Page) -> None:
+    """Make the robot invisible, in this page only."""
+    page.evaluate(
+        """() => {
+            viewer.scene_tree.find(["drake", "visual"]).object.visible = false;
+            viewer.set_dirty();
+        }"""
+    )
+
+
+def paint_robot(page: Page, colour: tuple[float, float, float]) -> None:
+    """Give all of the robot one colour, in this page only."""
+    page.evaluate(
+        """(colour) => {
+            viewer.scene_tree.find(["drake", "visual"]).object.traverse((object) => {
+                if (object.isMesh) object.material.color.setRGB(...colour);
+            });
+            viewer.set_dirty();
+        }""",
+        colour,
+    )
+
+
 def take_picture(page: Page) -> Picture:
     """Return a picture of the page, once it doesn't change any more."""
     deadline = time.monotonic() + _TIMEOUT
@@ -62,25 +116,6 @@ def take_picture(page: Page) -> Picture:
             return np.asarray(image).astype(np.int16)
         previous = data
     raise AssertionError(f"the page still changes after {_TIMEOUT:g} s")
-
-
-def wait_for_meshes(page: Page, count: int) -> None:
-    """Wait until the robot's meshes have arrived in the page.
-
-    Args:
-        page: Meshcat's page.
-        count: How many meshes, at least.
-    """
-    page.wait_for_function(
-        """(count) => {
-            let meshes = 0;
-            viewer.scene_tree.find(["visual"]).object.traverse(
-                (object) => { meshes += object.isMesh ? 1 : 0; });
-            return meshes >= count;
-        }""",
-        arg=count,
-        timeout=1000.0 * _TIMEOUT,
-    )
 
 
 def difference(one: Picture, other: Picture) -> Mask:
