@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 from collections.abc import Sequence
+from typing import Any
 
 from pydrake.geometry import Meshcat, SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
@@ -15,6 +16,7 @@ from pydrake.systems.framework import (
 from pydrake.systems.primitives import VectorLogSink
 
 from arm_drake import interfaces
+from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.description.robot import Robot
 from arm_drake.description.urdf import WORLD
 from arm_drake.drives import commanded_joints, effort_limits
@@ -23,6 +25,7 @@ from arm_drake.frames import LinkFrames
 from arm_drake.hardware import (
     Hardware,
     add_hardware,
+    connect_commands,
     connect_forces,
 )
 from arm_drake.manager import (
@@ -104,7 +107,7 @@ def load_controllers_of(
     commanded = [joint.name for joint in commanded_joints(robot.description)]
     return load_controllers(
         robot.controllers,
-        find_surroundings(robot.description, commanded),
+        find_surroundings(robot.description, commanded, robot.initial_positions),
         robot.report,
         period=period,
         active=options.active,
@@ -161,13 +164,11 @@ class _RobotInDiagram:
         if not self.options.self_collision:
             filter_self_collision(plant, scene_graph, self.model)
         controllers = load_controllers_of(robot, self.period, self.options)
-        active = [c for c in controllers if c.state == "active"]
         hardware = add_hardware(
             builder,
             plant,
             self.model,
             robot.description,
-            _claims(active),
             prefix=prefix,
             pose=robot.pose,
             initial=robot.initial_positions,
@@ -175,36 +176,44 @@ class _RobotInDiagram:
         )
         builder.AddNamedSystem(
             f"{prefix}controller_manager",
-            ControllerManager(robot, controllers, prefix=prefix, period=self.period),
+            ControllerManager(
+                robot,
+                controllers,
+                prefix=prefix,
+                period=self.period,
+                servo_plant=hardware.servo_plant,
+            ),
         )
-        for controller in active:
-            self._add_controller(builder, controller, hardware)
+        commands = []
+        for controller in controllers:
+            if controller.state == "active" and controller.system is not None:
+                self._add_controller(
+                    builder, controller.name, controller.system, hardware
+                )
+                commands += _commands(controller.system)
+        connect_commands(builder, hardware, commands, prefix)
         builder.ExportOutput(hardware.joint_states, f"{prefix}joint_states")
         self._log(builder, hardware.joint_states, "joint_states")
         self._add_frames(builder, plant)
         return hardware
 
     def _add_controller(
-        self, builder: DiagramBuilder, controller: LoadedController, hardware: Hardware
+        self,
+        builder: DiagramBuilder,
+        name: str,
+        system: ControllerInterface[Any],
+        hardware: Hardware,
     ) -> None:
-        """Add an active controller, connect its interfaces, export its topics."""
-        system = controller.system
-        assert system is not None
-        name = f"{self.prefix}{controller.name}"
-        builder.AddNamedSystem(name, system)
+        """Add an active controller, connect what it reads, export its topics."""
+        full_name = f"{self.prefix}{name}"
+        builder.AddNamedSystem(full_name, system)
         builder.Connect(
             hardware.joint_states, system.GetInputPort(interfaces.STATE_PORT)
         )
-        if system.command_interfaces:
-            port = f"{controller.name}.{interfaces.COMMAND_PORT}"
-            builder.Connect(
-                system.GetOutputPort(interfaces.COMMAND_PORT),
-                hardware.command_interfaces.GetInputPort(port),
-            )
-        _export_topics(builder, system, name)
+        _export_topics(builder, system, full_name)
         if system.HasOutputPort("reference"):
             reference = system.GetOutputPort("reference")
-            self._log(builder, reference, f"{controller.name}/reference")
+            self._log(builder, reference, f"{name}/reference")
 
     def _log(self, builder: DiagramBuilder, port: OutputPort, name: str) -> None:
         """Record a vector at every tick, as the tick reads it."""
@@ -231,13 +240,14 @@ class _RobotInDiagram:
         builder.ExportOutput(frames.GetOutputPort("frames"), f"{self.prefix}frames")
 
 
-def _claims(controllers: Sequence[LoadedController]) -> dict[str, tuple[str, ...]]:
-    """Return the command interfaces of each controller that has some."""
-    return {
-        controller.name: controller.system.command_interfaces
-        for controller in controllers
-        if controller.system is not None and controller.system.command_interfaces
-    }
+def _commands(
+    system: ControllerInterface[Any],
+) -> list[tuple[OutputPort, tuple[str, ...]]]:
+    """Return the port of a controller's commands, and the joints they are for."""
+    if not system.command_interfaces:
+        return []
+    joints = tuple(name.rpartition("/")[0] for name in system.command_interfaces)
+    return [(system.GetOutputPort(interfaces.COMMAND_PORT), joints)]
 
 
 def _export_topics(builder: DiagramBuilder, system: LeafSystem, name: str) -> None:

@@ -1,8 +1,8 @@
 """Command and state interfaces of a robot, between its controllers and the plant.
 
-Stands where ros2_control has the hardware component: it holds the commands that
-controllers write, turns them into effort through the joint servo, and reports the state
-of every joint.
+Stands where ros2_control has the hardware component: it turns the commands that
+controllers hold into effort through the joint servo, and reports the state of every
+joint.
 """
 
 import dataclasses as dc
@@ -11,10 +11,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
-from pydrake.systems.framework import DiagramBuilder, OutputPort
-from pydrake.systems.primitives import Adder, MatrixGain, Multiplexer
+from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
+from pydrake.systems.primitives import (
+    Adder,
+    ConstantVectorSource,
+    MatrixGain,
+    Multiplexer,
+)
 
-from arm_drake.command_interfaces import CommandInterfaces
 from arm_drake.description.robot import Pose
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.drives import (
@@ -31,17 +35,22 @@ from arm_drake.plant import state_indices
 class Hardware:
     """What the rest of a diagram needs of a robot's hardware."""
 
-    # Holds the commands; has an input for each active controller.
-    command_interfaces: CommandInterfaces
+    # Joints with an actuator, n of them, and what they hold if nobody commands them.
+    commanded: tuple[str, ...]
+    initial: tuple[float, ...]
 
-    # Every movable joint, in the order of the description; J of them.
-    joints: tuple[str, ...]
+    # Desired positions and velocities of these joints, size 2n; None if there are none.
+    command: InputPort | None
 
-    # Positions, velocities and efforts of the joints, size 3J.
+    # Positions, velocities and efforts of all J movable joints, size 3J, in the order
+    # of the description.
     joint_states: OutputPort
 
     # Dry friction as generalized forces, if there is any.
     friction: OutputPort | None
+
+    # Plant that the servo computes with; it must live as long as the diagram.
+    servo_plant: MultibodyPlant
 
 
 def add_hardware(
@@ -49,53 +58,37 @@ def add_hardware(
     plant: MultibodyPlant,
     model: ModelInstanceIndex,
     description: RobotDescription,
-    claims: Mapping[str, Sequence[str]],
     *,
     prefix: str,
     pose: Pose | None,
     initial: Mapping[str, float],
     options: SimulationOptions,
 ) -> Hardware:
-    """Add a robot's command interfaces, servo and friction, and connect the plant.
+    """Add a robot's servo, friction and state interfaces, and connect the plant.
 
     Args:
         builder: Where to add them.
         plant: The finalized plant, already in the builder.
         model: The robot's model instance.
         description: The robot.
-        claims: Command interfaces of each active controller.
         prefix: Start of the names of the systems.
         pose: Pose of the base in the world.
         initial: Initial positions [rad] by joint.
         options: How to simulate.
     """
     joints = commanded_joints(description)
-    names = [joint.name for joint in joints]
+    names = tuple(joint.name for joint in joints)
     alone = make_servo_plant(description, pose, options, plant.time_step())
-    q_at, v_at = state_indices(plant, model, names)
     state = plant.get_state_output_port(model)
-    commands = builder.AddNamedSystem(
-        f"{prefix}command_interfaces",
-        CommandInterfaces(
-            names,
-            claims,
-            np.array([initial[name] for name in names]),
-            servo_plant=alone,
-        ),
-    )
-    effort = None
+    effort = command = None
     if names:
+        at = state_indices(plant, model, names)
         servo = builder.AddNamedSystem(
-            f"{prefix}servo",
-            make_robot_servo(alone, description, joints, (q_at, v_at), options),
+            f"{prefix}servo", make_robot_servo(alone, description, joints, at, options)
         )
         builder.Connect(state, servo.GetInputPort("state"))
-        builder.Connect(
-            commands.GetOutputPort("command"), servo.GetInputPort("command")
-        )
-        effort = servo.GetOutputPort("effort")
+        effort, command = servo.GetOutputPort("effort"), servo.GetInputPort("command")
         builder.Connect(effort, plant.get_actuation_input_port(model))
-    all_joints = tuple(joint.name for joint in description.movable_joints)
     joint_states = add_state_interfaces(
         builder, plant, model, description, names, effort, prefix
     )
@@ -106,7 +99,44 @@ def add_hardware(
             builder.AddNamedSystem(f"{prefix}dry_friction", friction)
             builder.Connect(state, friction.get_input_port())
             forces = friction.get_output_port()
-    return Hardware(commands, all_joints, joint_states, forces)
+    hold = tuple(initial[name] for name in names)
+    return Hardware(names, hold, command, joint_states, forces, alone)
+
+
+def connect_commands(
+    builder: DiagramBuilder,
+    hardware: Hardware,
+    commands: Sequence[tuple[OutputPort, Sequence[str]]],
+    prefix: str,
+) -> None:
+    """Connect what controllers command; joints without a command hold their position.
+
+    Args:
+        builder: Where the hardware is.
+        hardware: The robot's hardware.
+        commands: Ports of commands and their rates, and the joints that they are for.
+        prefix: Start of the names of the systems.
+    """
+    if hardware.command is None:
+        return
+    n, names = len(hardware.commanded), list(hardware.commanded)
+    if len(commands) == 1 and list(commands[0][1]) == names:
+        builder.Connect(commands[0][0], hardware.command)
+        return
+    hold = np.concatenate([hardware.initial, np.zeros(n)])
+    total = builder.AddNamedSystem(f"{prefix}command", Adder(len(commands) + 1, 2 * n))
+    for index, (port, joints) in enumerate(commands):
+        D = np.zeros((2 * n, 2 * len(joints)))
+        for column, joint in enumerate(joints):
+            row = names.index(joint)
+            D[row, column] = D[n + row, len(joints) + column] = 1.0
+            hold[row] = 0.0
+        gain = builder.AddNamedSystem(f"{prefix}command:{index}", MatrixGain(D))
+        builder.Connect(port, gain.get_input_port())
+        builder.Connect(gain.get_output_port(), total.get_input_port(index))
+    held = builder.AddNamedSystem(f"{prefix}held", ConstantVectorSource(hold))
+    builder.Connect(held.get_output_port(), total.get_input_port(len(commands)))
+    builder.Connect(total.get_output_port(), hardware.command)
 
 
 def connect_forces(

@@ -1,5 +1,6 @@
 """load_robot: a robot package on the disk becomes a Robot."""
 
+import math
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -92,7 +93,8 @@ def load_robot(
         bundled=bundled,
     )
     commanded = [joint.name for joint in commanded_joints(description)]
-    load_controllers(config, find_surroundings(description, commanded), report)
+    surroundings = find_surroundings(description, commanded, robot.initial_positions)
+    load_controllers(config, surroundings, report)
     if strict and len(report):
         raise InputError(f"not everything was taken as written:\n{report}")
     return robot
@@ -126,8 +128,18 @@ def _check_pose(pose: Sequence[float] | None) -> Pose | None:
         raise InputError(
             f"pose: expected x, y, z [m], roll, pitch, yaw [rad], got {list(pose)}"
         )
-    x, y, z, roll, pitch, yaw = (float(number) for number in pose)
+    x, y, z, roll, pitch, yaw = (_finite(number, "pose") for number in pose)
     return (x, y, z, roll, pitch, yaw)
+
+
+def _finite(value: object, where: str) -> float:
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise InputError(f"expected a finite number, got {value!r}", where=where)
+    return number
 
 
 def _find_entry(source: Source) -> tuple[Path, str | None]:
@@ -136,9 +148,10 @@ def _find_entry(source: Source) -> tuple[Path, str | None]:
     if isinstance(source, str) and source in robots:
         return robots[source], source
     path = Path(source)
-    if path.is_dir():
+    # Unlike those of Path, these take names that no file can have.
+    if os.path.isdir(path):
         return _entry_in_folder(path), None
-    if path.is_file():
+    if os.path.isfile(path):
         if path.suffix.lower() not in _SUFFIXES:
             raise DescriptionError(
                 f"expected a {', '.join(_SUFFIXES)} file, or a package folder",
@@ -175,12 +188,19 @@ def _entry_in_folder(folder: Path) -> Path:
 
 def _makes_robot(path: Path) -> bool:
     """Return whether a file is a named robot, not only macros to be included."""
-    text = path.read_text(encoding="utf-8", errors="replace")
-    root = text.partition("<robot")[2].partition(">")
+    root = _text(path).partition("<robot")[2].partition(">")
     is_named = "name=" in root[0].replace(" ", "")
     if path.suffix.lower() == ".urdf":
         return is_named
     return is_named and ("<link" in root[2] or "<xacro:include" in root[2])
+
+
+def _text(path: Path) -> str:
+    """Return the text of a file to look for something in; "" if it can't be read."""
+    try:
+        return path.read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return ""
 
 
 def _find_controllers(
@@ -203,7 +223,7 @@ def _find_controllers(
     for text in dict.fromkeys(named):
         try:
             path = packages.resolve(text, description.file.parent)
-            problem = None if path.is_file() else f"{text!r} does not exist"
+            problem = None if os.path.isfile(path) else f"{text!r} does not exist"
         except PackageError as error:
             problem = error.problem
         if problem is None:
@@ -233,7 +253,7 @@ def _controllers_in_package(
         path
         for folder in folders[:1]
         for path in sorted((folder / "config").glob("**/*.y*ml"))
-        if f"{MANAGER}:" in path.read_text(encoding="utf-8", errors="replace")
+        if f"{MANAGER}:" in _text(path)
     ]
     if len(candidates) == 1:
         return candidates
@@ -268,7 +288,7 @@ def _initial_positions(
     }
     positions = {}
     for name, joint in movable.items():
-        position = float(given.get(name, values.get(name, 0.0)))
+        position = _finite(given.get(name, values.get(name, 0.0)), f"joint {name!r}")
         lower, upper = joint.limits.lower, joint.limits.upper
         if joint.mimic is None and lower is not None and upper is not None:
             clamped = min(max(position, lower), upper)
@@ -283,16 +303,13 @@ def _initial_positions(
                 )
             position = clamped
         positions[name] = position
-    for name in movable:
-        positions[name] = _mimicked(name, description, positions)
+    for name, joint in movable.items():
+        followed = [joint]
+        while (mimic := followed[-1].mimic) is not None:
+            followed.append(movable[mimic.joint])
+        position = positions[followed.pop().name]
+        for follower in reversed(followed):
+            assert follower.mimic is not None
+            position = follower.mimic.multiplier * position + follower.mimic.offset
+        positions[name] = position
     return positions
-
-
-def _mimicked(
-    name: str, description: RobotDescription, positions: Mapping[str, float]
-) -> float:
-    mimic = description.joint(name).mimic
-    if mimic is None:
-        return positions[name]
-    master = _mimicked(mimic.joint, description, positions)
-    return mimic.multiplier * master + mimic.offset

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Literal, NamedTuple
 
 from pydrake.common.value import AbstractValue
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context, LeafSystem
 
 from arm_drake import interfaces
@@ -59,9 +60,14 @@ class Surroundings:
     command_interfaces: frozenset[str]
     state_interfaces: frozenset[str]
 
+    # Initial positions by joint [rad] or [m].
+    initial_positions: Mapping[str, float]
+
 
 def find_surroundings(
-    description: RobotDescription, commanded: Iterable[str]
+    description: RobotDescription,
+    commanded: Iterable[str],
+    initial_positions: Mapping[str, float],
 ) -> Surroundings:
     """Return the joints and interfaces of a robot.
 
@@ -69,6 +75,7 @@ def find_surroundings(
         description: The robot; without `<ros2_control>`, its hardware is taken to have
             all that is simulated.
         commanded: Joints that have an actuator.
+        initial_positions: Initial positions by joint [rad] or [m].
     """
     movable = {joint.name: joint.type for joint in description.movable_joints}
     joints = [component for block in description.hardware for component in block.joints]
@@ -85,7 +92,9 @@ def find_surroundings(
     if not description.hardware:
         commands = {f"{name}/{interfaces.POSITION}" for name in commanded}
         states = {f"{n}/{i}" for n in movable for i in interfaces.STATE_INTERFACES}
-    return Surroundings(movable, frozenset(commands), frozenset(states))
+    return Surroundings(
+        movable, frozenset(commands), frozenset(states), initial_positions
+    )
 
 
 def load_controllers(
@@ -178,6 +187,10 @@ class _Loader:
                 measured=interfaces.interface_names(
                     self._surroundings.joint_types, interfaces.STATE_INTERFACES
                 ),
+                initial_commands={
+                    f"{joint}/{interfaces.POSITION}": position
+                    for joint, position in self._surroundings.initial_positions.items()
+                },
             )
             return row.system(parameters, params)
         except ParameterError as error:
@@ -304,6 +317,7 @@ class ControllerManager(LeafSystem):
         *,
         prefix: str,
         period: float,
+        servo_plant: MultibodyPlant,
     ) -> None:
         """Create the system.
 
@@ -312,12 +326,15 @@ class ControllerManager(LeafSystem):
             controllers: Its controllers.
             prefix: Start of the names of the robot's ports and systems.
             period: Period of the manager in Drake's time [s].
+            servo_plant: Plant that the servo computes with, to be kept as long as the
+                diagram: Drake's InverseDynamics doesn't keep it.
         """
         super().__init__()
         self.robot = robot
         self.controllers = tuple(controllers)
         self.prefix = prefix
         self.period = period
+        self._servo_plant = servo_plant
         rows = tuple(ControllerState(c.name, c.type, c.state) for c in self.controllers)
 
         def calc(context: Context, output: AbstractValue) -> None:

@@ -6,8 +6,17 @@ from typing import Any
 
 import yaml
 
-# YAML 1.1 takes 1e-3 for a string; rcl takes it for a number.
-_FLOAT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
+# Numbers as rcl reads them, with strtol and strtod. YAML 1.1 takes 1e-3 for a string,
+# 1:30 for 90 and 2026-01-31 for a date.
+_INT = re.compile(r"[-+]?(0[0-7]*|[1-9]\d*|0x[\da-fA-F]+)$")
+_FLOAT = re.compile(
+    r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$|[-+]?\.(inf|Inf|INF)$|\.(nan|NaN|NAN)$"
+)
+_TAG = "tag:yaml.org,2002:"
+
+# More values than this are taken only if they are written out, not multiplied by
+# aliases of aliases.
+_MAX_ALIASED = 100_000
 
 
 class YamlError(ValueError):
@@ -29,7 +38,28 @@ class Loader(yaml.SafeLoader):
     """Plain values only, as YAML's safe loader."""
 
 
-Loader.add_implicit_resolver("tag:yaml.org,2002:float", _FLOAT, list("-+.0123456789"))
+Loader.yaml_implicit_resolvers = {
+    first: [
+        (tag, pattern)
+        for tag, pattern in resolvers
+        if tag.removeprefix(_TAG) not in ("int", "float", "timestamp")
+    ]
+    for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
+Loader.add_implicit_resolver(f"{_TAG}int", _INT, list("-+0123456789"))
+Loader.add_implicit_resolver(f"{_TAG}float", _FLOAT, list("-+.0123456789"))
+
+
+class _Constructor(yaml.constructor.SafeConstructor):
+    """Makes plain values; an error says where."""
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        try:
+            return super().construct_object(node, deep)
+        except (ValueError, TypeError, KeyError) as error:
+            raise yaml.constructor.ConstructorError(
+                None, None, str(error), node.start_mark
+            ) from None
 
 
 def read_text(path: Path) -> str:
@@ -53,9 +83,35 @@ def compose(text: str) -> yaml.Node | None:
         YamlError: If the text is malformed.
     """
     try:
-        return yaml.compose(text, Loader=Loader)
+        node = yaml.compose(text, Loader=Loader)
     except yaml.YAMLError as error:
         raise _explain(error) from None
+    except RecursionError:
+        raise YamlError("malformed YAML: nested too deeply") from None
+    if node is not None:
+        sizes: dict[int, int] = {}
+        size = _expanded_size(node, sizes)
+        if size > max(_MAX_ALIASED, 2 * len(sizes)):
+            raise YamlError(f"malformed YAML: aliases multiply to {size} values")
+    return node
+
+
+def _expanded_size(node: yaml.Node, sizes: dict[int, int]) -> int:
+    """Return how many values a node stands for, aliases written out."""
+    if isinstance(node, yaml.ScalarNode):
+        sizes[id(node)] = 1
+        return 1
+    if id(node) not in sizes:
+        sizes[id(node)] = 0  # It is being counted.
+        size = 1
+        for item in node.value:
+            for child in item if isinstance(item, tuple) else (item,):
+                size += _expanded_size(child, sizes)
+        sizes[id(node)] = size
+    elif sizes[id(node)] == 0:
+        line = node.start_mark.line + 1
+        raise YamlError("malformed YAML: the value contains itself", line)
+    return sizes[id(node)]
 
 
 def load(path: Path) -> Any:
@@ -64,10 +120,8 @@ def load(path: Path) -> Any:
     Raises:
         YamlError: If it can't be read or is malformed.
     """
-    try:
-        return yaml.load(read_text(path), Loader=Loader)  # noqa: S506  a safe loader.
-    except yaml.YAMLError as error:
-        raise _explain(error) from None
+    node = compose(read_text(path))
+    return None if node is None else plain(node)
 
 
 def _explain(error: yaml.YAMLError) -> YamlError:
@@ -77,7 +131,29 @@ def _explain(error: yaml.YAMLError) -> YamlError:
 
 
 def plain(node: yaml.Node) -> Any:
-    """Return the plain value of a scalar or a list."""
-    if isinstance(node, yaml.SequenceNode):
-        return [plain(item) for item in node.value]
-    return yaml.constructor.SafeConstructor().construct_object(node, deep=True)
+    """Return the plain value of a node.
+
+    Raises:
+        YamlError: If a value doesn't fit its tag.
+    """
+    try:
+        return _Constructor().construct_document(node)
+    except yaml.YAMLError as error:
+        raise _explain(error) from None
+
+
+def items(node: yaml.MappingNode) -> list[tuple[yaml.ScalarNode, yaml.Node]]:
+    """Return the keys and values of a mapping, those merged by `<<` first.
+
+    Raises:
+        YamlError: If a key isn't a scalar, or a merge isn't one of mappings.
+    """
+    try:
+        _Constructor().flatten_mapping(node)
+    except yaml.YAMLError as error:
+        raise _explain(error) from None
+    for key, _ in node.value:
+        if not isinstance(key, yaml.ScalarNode):
+            problem = f"malformed YAML: expected a name, got {plain(key)!r}"
+            raise YamlError(problem, key.start_mark.line + 1)
+    return list(node.value)

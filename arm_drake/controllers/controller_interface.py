@@ -52,13 +52,16 @@ class ControllerInterfaceParams:
     # Order of the vector of all measured quantities.
     measured: tuple[str, ...]
 
+    # What command interfaces hold until they are commanded; 0 where nothing is said.
+    initial_commands: Mapping[str, float]
+
 
 @dc.dataclass(frozen=True, eq=False, slots=True)
 class _Ticked(Message, Generic[S]):
     """What a tick leaves behind."""
 
-    # Number of the next tick.
-    next_tick: int
+    # Number of the tick; None before the first one.
+    number: int | None
 
     # State of the controller.
     state: S
@@ -122,9 +125,10 @@ class ControllerInterface(LeafSystem, Generic[S]):
         )
         self._read_at = _positions(state_interfaces, params.measured)
         num_commands = len(command_interfaces)
-        nothing = np.full(2 * num_commands, math.nan)
+        hold = [params.initial_commands.get(name, 0.0) for name in command_interfaces]
+        command = np.concatenate([hold, np.zeros(num_commands)])
         # An immutable Python object goes into the Context as it is.
-        self.DeclareAbstractState(AbstractValue.Make(_Ticked(0, initial, nothing)))
+        self.DeclareAbstractState(AbstractValue.Make(_Ticked(None, initial, command)))
         self.DeclarePeriodicUnrestrictedUpdateEvent(
             params.period, 0.0, self._update_state
         )
@@ -148,7 +152,7 @@ class ControllerInterface(LeafSystem, Generic[S]):
         """
 
     def _command(self, state: S) -> NDArray[np.float64]:
-        """Return the commands of a state, shape (k,); NaN is no command."""
+        """Return the commands of a state, shape (k,); NaN keeps the last command."""
         del state
         return np.empty(0)
 
@@ -171,12 +175,15 @@ class ControllerInterface(LeafSystem, Generic[S]):
         new = self._tick(context, ticked.state, time_ns, period_ns)
         command = ticked.command
         if self.command_interfaces:
-            values = self._command(new)
-            rates = (values - command[: len(values)]) * rate
-            if not math.isfinite(rates.sum()):  # Nothing was commanded before.
-                rates = np.where(np.isfinite(rates), rates, 0.0)
+            values, held = self._command(new), command[: len(self.command_interfaces)]
+            # A sum is finite only if all of its terms are.
+            if not math.isfinite(values.sum()):
+                values = np.where(np.isfinite(values), values, held)
+            # A jump at the first tick is no speed.
+            is_first = ticked.number is None
+            rates = np.zeros_like(held) if is_first else (values - held) * rate
             command = np.concatenate((values, rates))
-        state.get_mutable_abstract_state(0).set_value(_Ticked(tick + 1, new, command))
+        state.get_mutable_abstract_state(0).set_value(_Ticked(tick, new, command))
 
     def _calc_command(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(context.get_abstract_state(0).get_value().command)

@@ -159,7 +159,7 @@ class JointTrajectoryController(ControllerInterface[JointTrajectoryState]):
     joint_trajectory         --    --      JointTrajectory to follow from now on
     follow_joint_trajectory  --    --      SendGoal or CancelGoal: a goal to reach
     command_interfaces       2n    rad,    commanded positions and their rates of
-                                   rad/s   change; NaN is no command
+                                   rad/s   change
     reference                1+n   s, rad  time of the last tick, and where the
                                            trajectory was then
     controller_state         --    --      JointTrajectoryControllerState

@@ -1,8 +1,9 @@
 """What our own code costs: a robot's diagram beside the same one in C++ only.
 
-The peer has the same plant, servo, friction and logs; its command comes from Drake's
-TrajectorySource, held at the controllers' rate. Both simulate the tutorial's motion on
-the bundled Doosan A0912, in turns, in one process.
+The peer has the same plant, servo, friction and logs; its commands are those that our
+controller gave, from Drake's TrajectorySource, held from tick to tick. Both simulate
+the tutorial's motion on the bundled Doosan A0912, in turns, in one process, and end in
+the same state.
 
     python -m tests.benchmarks.overhead [--runs 7] [--json FILE]
 """
@@ -11,7 +12,6 @@ import argparse
 import json
 import statistics
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -45,16 +45,32 @@ from arm_drake.plant import (
 from arm_drake.timing import choose_time_step
 from arm_drake.world import add_world
 
-# The tutorial's goal.
-TIMES = (0.0, 2.0, 4.0)
-POSITIONS = ((0.0,) * 6, (0.0,) * 6, (0.1, 0.0, 1.5, 1.5, 1.0, 0.4))
+# The tutorial's motion ends then [s].
+DURATION = 4.0
+
+JTC = "joint_trajectory_controller"
 
 # The largest ratio that we accept [1].
 LARGEST_RATIO = 1.15
 
 
+def record_commands(robot: ad.Robot, options: ad.SimulationOptions) -> np.ndarray:
+    """Return what our controller commands at each tick, shape (ticks, 2n)."""
+    motion = ad.load_motion(bundled_motions("doosan_a0912")["tutorial"])
+    diagram = ad.build_diagram(robot, options=options)
+    sim = ad.Simulation(diagram)
+    port = diagram.GetSubsystemByName(JTC).GetOutputPort("command_interfaces")
+    rows = []
+    for tick in range(round(DURATION * robot.controllers.update_rate)):
+        sim.run((tick + 0.5) / robot.controllers.update_rate - sim.time, motion)
+        motion = None
+        context = port.get_system().GetMyContextFromRoot(sim.simulator.get_context())
+        rows.append(port.Eval(context))
+    return np.array(rows)
+
+
 def make_peer(
-    robot: ad.Robot, options: ad.SimulationOptions
+    robot: ad.Robot, options: ad.SimulationOptions, commands: np.ndarray
 ) -> tuple[Diagram, MultibodyPlant]:
     """Return the diagram without Python, and the plant that must outlive it."""
     step, (period,) = choose_time_step(
@@ -73,67 +89,83 @@ def make_peer(
     alone = make_servo_plant(description, None, options, step)
     at = state_indices(plant, model, names)
     servo = builder.AddSystem(make_robot_servo(alone, description, joints, at, options))
-    path = PiecewisePolynomial.FirstOrderHold(TIMES, np.array(POSITIONS).T)
-    source = builder.AddSystem(TrajectorySource(path, output_derivative_order=1))
-    hold = builder.AddSystem(ZeroOrderHold(period, 2 * len(joints)))
+    # Each command holds from its tick to the next one, without a delay.
+    ticks = period * np.arange(len(commands) + 1)
+    held = PiecewisePolynomial.ZeroOrderHold(
+        ticks, np.vstack([commands, commands[-1:]]).T
+    )
+    source = builder.AddSystem(TrajectorySource(held))
     friction = make_robot_friction(
         plant, model, alone, description, robot.initial_positions
     )
     assert friction is not None
     builder.AddSystem(friction)
     state, effort = plant.get_state_output_port(model), servo.GetOutputPort("effort")
-    builder.Connect(source.get_output_port(), hold.get_input_port())
-    builder.Connect(hold.get_output_port(), servo.GetInputPort("command"))
+    builder.Connect(source.get_output_port(), servo.GetInputPort("command"))
     builder.Connect(state, servo.GetInputPort("state"))
     builder.Connect(state, friction.get_input_port())
     builder.Connect(effort, plant.get_actuation_input_port(model))
     connect_forces(builder, plant, {model: friction.get_output_port()})
     states = add_state_interfaces(builder, plant, model, description, names, effort, "")
+    broadcaster = builder.AddSystem(ZeroOrderHold(period, states.size()))
+    builder.Connect(states, broadcaster.get_input_port())
     for port in (states, source.get_output_port()):
         log = builder.AddSystem(VectorLogSink(port.size(), period))
         builder.Connect(port, log.get_input_port())
     return builder.Build(), alone
 
 
-def time_ours(robot: ad.Robot, options: ad.SimulationOptions) -> float:
-    """Return the wall time of our diagram [s]."""
+def time_ours(
+    robot: ad.Robot, options: ad.SimulationOptions
+) -> tuple[float, np.ndarray]:
+    """Return the wall time of our diagram [s], and where it ends."""
     motion = ad.load_motion(bundled_motions("doosan_a0912")["tutorial"])
     sim = ad.Simulation(ad.build_diagram(robot, options=options))
     start = time.perf_counter()
-    sim.run(TIMES[-1], motion)
-    return time.perf_counter() - start
+    sim.run(DURATION, motion)
+    wall_time = time.perf_counter() - start
+    return wall_time, np.array(sim.joint_states().position)
 
 
-def time_peer(robot: ad.Robot, options: ad.SimulationOptions) -> float:
-    """Return the wall time of the peer [s]."""
-    diagram, alone = make_peer(robot, options)
+def time_peer(
+    robot: ad.Robot, options: ad.SimulationOptions, commands: np.ndarray
+) -> tuple[float, np.ndarray]:
+    """Return the wall time of the peer [s], and where it ends."""
+    diagram, alone = make_peer(robot, options, commands)
     simulator = Simulator(diagram)
     simulator.Initialize()
     start = time.perf_counter()
-    simulator.AdvanceTo(TIMES[-1])
+    simulator.AdvanceTo(DURATION)
     wall_time = time.perf_counter() - start
+    plant = diagram.GetSubsystemByName("plant")
+    q = plant.GetPositions(plant.GetMyContextFromRoot(simulator.get_context()))
     del alone
-    return wall_time
+    return wall_time, q
 
 
 def measure(runs: int, time_step: float) -> dict[str, float]:
     """Return medians [ms per simulated second] and the ratio, run by run in turns."""
     robot = ad.load_robot("doosan_a0912")
     options = ad.SimulationOptions(time_step=time_step)
-    timers: list[Callable[..., float]] = [time_ours, time_peer]
-    times = np.array(
-        [[timer(robot, options) for timer in timers] for _ in range(runs + 1)]
-    )[1:]  # The first run warms up.
-    ours, peer = (1e3 * times / TIMES[-1]).T
-    ratios = sorted(ours / peer)
+    commands = record_commands(robot, options)
+    times = []
+    for _ in range(runs + 1):
+        our_time, our_end = time_ours(robot, options)
+        peer_time, peer_end = time_peer(robot, options, commands)
+        if not np.allclose(our_end, peer_end, rtol=0.0, atol=1e-9):
+            raise RuntimeError(f"different work: {our_end} and {peer_end}")
+        times.append((our_time, peer_time))
+    # The first run warms up.
+    ours, peer = (1e3 * np.array(times[1:]) / DURATION).T
+    ratios = sorted((ours / peer).tolist())
     return {
         "time_step": time_step,
-        "ours": statistics.median(ours),
-        "peer": statistics.median(peer),
+        "ours": statistics.median(ours.tolist()),
+        "peer": statistics.median(peer.tolist()),
         "ratio": statistics.median(ratios),
         "ratio_min": ratios[0],
         "ratio_max": ratios[-1],
-        "real_time_factor": 1e3 / statistics.median(ours),
+        "real_time_factor": 1e3 / statistics.median(ours.tolist()),
     }
 
 
