@@ -8,7 +8,7 @@ import dataclasses as dc
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from arm_drake import yaml_files
 from arm_drake.errors import MotionError, suggest
@@ -22,6 +22,8 @@ from arm_drake.messages import (
     Message,
     Time,
 )
+
+T = TypeVar("T", bound=Time)
 
 
 @dc.dataclass(frozen=True)
@@ -92,6 +94,9 @@ def parse_motion(data: Any, file: Path | None = None) -> Motion:
     return Motion(file, tuple(sorted(steps, key=lambda step: step.at)))
 
 
+# More repetitions than this are a slip, and would fill the memory.
+_MAX_COUNT = 100_000
+
 _COMMON_KEYS = ("at", "every", "count", "controller")
 
 
@@ -131,20 +136,26 @@ class _Step:
             return [start]
         every = self._seconds(self._item.get("every"), "every")
         count = self._item.get("count")
-        if type(count) is not int or count < 1:
-            raise self._error("count", f"expected a positive integer, got {count!r}")
+        if type(count) is not int or not 1 <= count <= _MAX_COUNT:
+            expected = f"expected an integer from 1 to {_MAX_COUNT}"
+            raise self._error("count", f"{expected}, got {count!r}")
         if every == 0.0:
             raise self._error("every", "expected a positive number of seconds, got 0")
         return [start + every * index for index in range(count)]
 
     def _seconds(self, value: Any, key: str) -> float:
-        try:
-            seconds = Duration.of(value).to_seconds()
-        except ValueError as error:
-            raise self._error(key, str(error)) from None
+        seconds = self._time(Duration, value, key).to_seconds()
         if seconds < 0.0:
             raise self._error(key, f"expected at least 0 s, got {value!r}")
         return seconds
+
+    def _time(self, kind: type[T], value: Any, where: str) -> T:
+        try:
+            return kind.of(value)
+        except ValueError as error:
+            raise self._error(where, str(error)) from None
+        except OverflowError:
+            raise self._error(where, f"{value!r} s is out of range") from None
 
     def _cancel(self, value: Any) -> None:
         if value is not True:
@@ -163,10 +174,7 @@ class _Step:
             trajectory, goal = goal, {}
         if goal:
             raise self._error("goal", f"unknown key {next(iter(goal))!r}")
-        try:
-            time = Duration.of(late)
-        except ValueError as error:
-            raise self._error("goal.goal_time_tolerance", str(error)) from None
+        time = self._time(Duration, late, "goal.goal_time_tolerance")
         return FollowJointTrajectoryGoal(
             trajectory=self._trajectory(trajectory, "goal"),
             goal_time_tolerance=time,
@@ -193,10 +201,7 @@ class _Step:
             key = str(next(iter(data)))
             known = ["header", "joint_names", "points"]
             raise self._error(where, f"unknown key {key!r}; {suggest(key, known)}")
-        try:
-            stamp = Time.of(header.get("stamp", 0.0))
-        except ValueError as error:
-            raise self._error(f"{where}.header.stamp", str(error)) from None
+        stamp = self._time(Time, header.get("stamp", 0.0), f"{where}.header.stamp")
         return JointTrajectory(
             header=Header(stamp=stamp, frame_id=str(header.get("frame_id", ""))),
             joint_names=tuple(names),
@@ -213,10 +218,18 @@ class _Step:
             if key not in fields:
                 hint = suggest(str(key), fields)
                 raise self._error(where, f"unknown key {key!r}; {hint}")
+        for name in set(data) & {"positions", "velocities", "accelerations", "effort"}:
+            self._check_numbers(data[name], f"{where}.{name}")
         try:
             return kind(**data)
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise self._error(where, str(error)) from None
+
+    def _check_numbers(self, value: Any, where: str) -> None:
+        for index, number in enumerate(self._list(value, where)):
+            if type(number) not in (int, float) or not abs(number) < math.inf:
+                expected = f"expected a finite number, got {number!r}"
+                raise self._error(f"{where}[{index}]", expected)
 
     def _mapping(self, value: Any, where: str) -> Mapping[str, Any]:
         if not isinstance(value, Mapping):

@@ -140,9 +140,7 @@ def _check_outputs(options: argparse.Namespace) -> None:
     if options.plot is not None:
         check_plot_path(options.plot)
     if options.record is not None and options.record.suffix != ".html":
-        raise OutputError(
-            "expected a .html file for the recording", file=options.record
-        )
+        raise OutputError("expected a .html file to record to", file=options.record)
     for path in (options.log, options.plot, options.record):
         if path is None:
             continue

@@ -284,7 +284,8 @@ class Simulation:
         sink = self.diagram.GetSubsystemByName(f"{manager.prefix}log:{name}")
         assert isinstance(sink, VectorLogSink)
         log = sink.FindLog(self.simulator.get_context())
-        return log.sample_times().copy(), log.data().T.copy()
+        # Drake's times are sums of rounded numbers; ROS counts nanoseconds.
+        return np.round(log.sample_times(), 9), log.data().T.copy()
 
     def _send_step(self, step: MotionStep, motion: Motion | None) -> None:
         handle = self.controller(step.controller)

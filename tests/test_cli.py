@@ -1,0 +1,335 @@
+"""The command line: exit codes, one clear message, no traceback."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm_drake.bundled import bundled_motions, configs_folder
+from arm_drake.cli import main
+
+JTC = "joint_trajectory_controller"
+JOINTS = [f"joint{i}" for i in range(1, 7)]
+
+
+@pytest.fixture
+def run(capsys):
+    """Run a command; return its exit code, standard output and standard error."""
+
+    def run_command(*arguments) -> tuple[int, str, str]:
+        capsys.readouterr()
+        try:
+            code = main([str(argument) for argument in arguments])
+        except SystemExit as stop:  # argparse
+            code = stop.code
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
+
+    return run_command
+
+
+def motion_file(folder: Path, text: str) -> Path:
+    path = folder / "motion.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def goal_file(folder: Path, **changes: str) -> Path:
+    """Return a motion file with a goal, some of its fields changed."""
+    fields = {
+        "joint_names": "[joint1, joint2, joint3, joint4, joint5, joint6]",
+        "points": "[{positions: [0, 0, 0, 0, 0, 0], time_from_start: 0.1}]",
+    }
+    body = ", ".join(f"{k}: {v}" for k, v in (fields | changes).items())
+    return motion_file(folder, f"- {{controller: {JTC}, goal: {{{body}}}}}\n")
+
+
+def test_list_names_robots_motions_and_worlds(run):
+    code, out, _ = run("list")
+    assert code == 0
+    assert "doosan_a0912\n  motions: topic, tutorial, waypoints" in out
+    assert "worlds: empty, void" in out
+
+
+def test_list_as_json_is_one_object(run):
+    _, out, _ = run("list", "--json")
+    listed = json.loads(out)
+    assert listed["robots"]["doosan_a0912"] == ["topic", "tutorial", "waypoints"]
+    assert listed["worlds"] == ["empty", "void"]
+
+
+def test_check_of_a_clean_robot_exits_with_0(run):
+    code, out, err = run("check", "doosan_a0912")
+    assert (code, err) == (0, "")
+    assert f"controller {JTC} (joint_trajectory_controller/" in out
+    assert "nothing to report" in out
+
+
+def test_check_exits_with_1_for_a_controller_that_does_not_load(run, tmp_path):
+    yaml = (configs_folder() / "doosan_a0912/controllers.yaml").read_text()
+    broken = tmp_path / "controllers.yaml"
+    broken.write_text(yaml.replace("JointStateBroadcaster", "JointStateBrodcaster"))
+
+    code, out, _ = run("check", "doosan_a0912", "--controllers", broken, "--json")
+
+    checked = json.loads(out)
+    (entry,) = checked["report"]
+    assert code == 1
+    assert entry["severity"] == "error"
+    assert entry["file"] == str(broken)
+    assert entry["line"] == 10
+    assert entry["what"].startswith(
+        "unknown controller type 'joint_state_broadcaster/JointStateBrodcaster'; did "
+        "you mean 'joint_state_broadcaster/JointStateBroadcaster'? known: "
+    )
+    states = {row["name"]: row["state"] for row in checked["controllers"]}
+    assert states == {"joint_state_broadcaster": "unconfigured", JTC: "active"}
+
+
+def test_check_reports_a_joint_that_the_robot_lacks(run, tmp_path):
+    yaml = (configs_folder() / "doosan_a0912/controllers.yaml").read_text()
+    broken = tmp_path / "controllers.yaml"
+    broken.write_text(yaml.replace("joint6", "joint7"))
+
+    code, out, _ = run("check", "doosan_a0912", "--controllers", broken)
+
+    assert code == 1
+    assert (
+        f"error: {broken}:13: {JTC}: the robot has no joint 'joint7'; did you mean "
+    ) in out
+
+
+def test_strict_check_exits_with_1_for_a_mere_remark(run, tmp_path):
+    yaml = (configs_folder() / "doosan_a0912/controllers.yaml").read_text()
+    remark = tmp_path / "controllers.yaml"
+    remark.write_text(yaml.replace("goal_time:", "goal_tim:"))
+    arguments = ("check", "doosan_a0912", "--controllers", remark)
+    assert run(*arguments)[0] == 0
+    assert run(*arguments, "--strict")[0] == 1
+
+
+def test_sim_prints_one_json_object_with_the_promised_keys(run):
+    code, out, _ = run("sim", "doosan_a0912", "--headless", "--duration", 0.2, "--json")
+    result = json.loads(out)
+    assert code == 0
+    assert {
+        "robot", "joints", "duration", "wall_time", "real_time_factor",
+        "controllers", "goals", "final", "report",
+    } <= set(result)  # fmt: skip
+    assert result["robot"] == "a0912"
+    assert result["joints"] == JOINTS
+    assert result["duration"] == 0.2
+    assert list(result["final"]) == JOINTS
+    assert {
+        "name": JTC,
+        "type": f"{JTC}/JointTrajectoryController",
+        "state": "active",
+    } in (result["controllers"])
+
+
+@pytest.mark.slow
+def test_sim_runs_the_tutorial_and_writes_what_it_is_asked_for(run, tmp_path):
+    log, plot, page = (tmp_path / name for name in ("a.npz", "a.png", "a.html"))
+
+    code, out, _ = run(
+        "sim", "doosan_a0912", "--motion", "tutorial", "--headless",
+        "--log", log, "--plot", plot, "--record", page,
+    )  # fmt: skip
+
+    assert code == 0
+    assert f"{JTC}: goal accepted" in out
+    assert f"{JTC}: SUCCEEDED, error code 0" in out
+    with np.load(log) as arrays:
+        assert arrays["joint_names"].tolist() == JOINTS
+        shapes = {name: arrays[name].shape for name in arrays.files}
+        # A row for each tick in 5 s at 100 Hz.
+        assert shapes["time"] == (500,)
+        for name in ("position", "velocity", "effort", f"{JTC}/reference"):
+            assert shapes[name] == (500, 6)
+    assert plot.read_bytes().startswith(b"\x89PNG")
+    html = page.read_text(encoding="utf-8")
+    assert html.lstrip().startswith("<!DOCTYPE html>")
+    assert "animation" in html
+
+
+def test_sim_exits_with_1_when_a_goal_is_rejected(run, tmp_path):
+    motion = goal_file(tmp_path, joint_names="[joint1, joint2]")
+
+    code, _, err = run("sim", "doosan_a0912", "--headless", "--motion", motion)
+
+    assert code == 1
+    assert (
+        f"arm-drake: {motion}: [0].goal: {JTC}: goal REJECTED, error code -1: joints "
+        "['joint3', 'joint4', 'joint5', 'joint6'] are missing; name all joints, or set "
+        "allow_partial_joints_goal\n"
+    ) in err
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        (
+            {"joint_names": "[joint1, joint2, joint3, joint4, joint5, wrist]"},
+            "unknown joint 'wrist'; known: joint1, joint2, joint3, joint4, joint5, "
+            "joint6",
+        ),
+        (
+            {"points": "[{positions: [0, 0, 0], time_from_start: 1}]"},
+            "points[0].positions has 3 elements; expected 6, one per joint",
+        ),
+        (
+            {
+                "points": "[{positions: [0, 0, 0, 0, 0, 0], time_from_start: 2}, "
+                "{positions: [0, 0, 0, 0, 0, 0], time_from_start: 1}]"
+            },
+            "points[1].time_from_start is 1.0 s, after 2.0 s; times must increase",
+        ),
+        (
+            {"points": "[{positions: [0, .nan, 0, 0, 0, 0], time_from_start: 1}]"},
+            "points[0].positions[1] is nan; expected a finite number",
+        ),
+    ],
+)
+def test_a_bad_trajectory_is_rejected_with_its_reason(run, tmp_path, changes, reason):
+    motion = goal_file(tmp_path, **changes)
+
+    code, _, err = run("sim", "doosan_a0912", "--headless", "--motion", motion)
+
+    assert code == 1
+    assert f"{motion}: [0].goal: {JTC}: goal REJECTED, error code -1: {reason}" in err
+
+
+def test_sim_exits_with_1_when_a_topic_message_is_refused(run, tmp_path):
+    text = f"- {{controller: {JTC}, trajectory: {{joint_names: [joint1], points: []}}}}"
+    motion = motion_file(tmp_path, text)
+
+    code, _, err = run("sim", "doosan_a0912", "--headless", "--motion", motion)
+
+    assert code == 1
+    assert err.endswith(
+        f"arm-drake: {motion}: [0].trajectory: trajectory refused: no points; a "
+        "trajectory needs at least one\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            ["nowhere/robot.urdf"],
+            "nowhere/robot.urdf: no such file or folder",
+        ),
+        (
+            ["dosan_a0912"],
+            "unknown robot 'dosan_a0912': neither a bundled robot nor a file or "
+            "folder; did you mean 'doosan_a0912'? known: doosan_a0912",
+        ),
+        (
+            ["doosan_a0912", "--motion", "tutoria"],
+            "no motion 'tutoria' of 'doosan_a0912', and no such file; did you mean "
+            "'tutorial'? known: topic, tutorial, waypoints",
+        ),
+        (
+            ["doosan_a0912", "--motion", "nowhere.yaml"],
+            "nowhere.yaml: can't be read: No such file or directory",
+        ),
+        (
+            ["doosan_a0912", "--log", "nowhere/a.npz"],
+            "nowhere/a.npz: can't be written: No such file or directory",
+        ),
+        (
+            ["doosan_a0912", "--log", "a.xls"],
+            "a.xls: unknown type '.xls' of a log; expected one of .csv, .npz",
+        ),
+        (
+            ["doosan_a0912", "--plot", "a.bmp"],
+            "a.bmp: unknown type '.bmp' of a picture; expected one of .png, .svg, .pdf",
+        ),
+        (
+            ["doosan_a0912", "--record", "a.mp4"],
+            "a.mp4: expected a .html file to record to",
+        ),
+        (
+            ["doosan_a0912", "--world", "house"],
+            "unknown world 'house'; known: empty, void",
+        ),
+        (
+            ["doosan_a0912", "--inactive", "jtc"],
+            f"no controller 'jtc'; known: joint_state_broadcaster, {JTC}",
+        ),
+        (
+            ["doosan_a0912", "--initial", "joint9=1"],
+            "initial position of joint 'joint9': the robot has no such joint; did you "
+            "mean 'joint6'? known: joint1, joint2, joint3, joint4, joint5, joint6",
+        ),
+        (
+            ["doosan_a0912", "--initial", "joint1=x"],
+            "--initial joint1=x: expected a number [rad or m]",
+        ),
+        (
+            ["doosan_a0912", "--distro", "noetic"],
+            "unknown distro 'noetic'; known: humble, jazzy, kilted, rolling",
+        ),
+    ],
+)
+def test_unusable_input_is_one_message_and_exit_code_2(
+    run, tmp_path, monkeypatch, arguments, message
+):
+    monkeypatch.chdir(tmp_path)
+
+    code, out, err = run("sim", *arguments, "--headless")
+
+    assert code == 2
+    assert out == ""
+    assert err == f"arm-drake: {message}\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_motion_for_an_inactive_controller_is_found_before_the_start(run):
+    code, out, err = run(
+        "sim", "doosan_a0912", "--headless", "--motion", "tutorial", "--inactive", JTC
+    )
+    file = bundled_motions("doosan_a0912")["tutorial"]
+    assert (code, out) == (2, "")
+    assert err == (
+        f"arm-drake: {file}: [0].goal: controller {JTC!r} is inactive, not active\n"
+    )
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["sim"],
+        ["fly", "doosan_a0912"],
+        ["sim", "doosan_a0912", "--duration", "-1"],
+        ["sim", "doosan_a0912", "--rate", "fast"],
+        ["sim", "doosan_a0912", "color"],
+    ],
+)
+def test_wrong_usage_exits_with_2(run, arguments):
+    code, out, err = run(*arguments)
+    assert (code, out) == (2, "")
+    assert err.startswith("usage: arm-drake")
+    assert "error: " in err
+
+
+def test_an_existing_log_survives_a_run_that_does_not_start(run, tmp_path):
+    log = tmp_path / "a.npz"
+    log.write_bytes(b"precious")
+    run("sim", "doosan_a0912", "--headless", "--log", log, "--motion", "nowhere.yaml")
+    assert log.read_bytes() == b"precious"
+
+
+def test_the_module_runs_like_the_command():
+    done = subprocess.run(
+        [sys.executable, "-m", "arm_drake", "list"],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, "PYTHONWARNINGS": "error"},
+    )
+    assert "doosan_a0912" in done.stdout
