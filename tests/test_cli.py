@@ -188,10 +188,6 @@ def test_sim_exits_with_1_when_a_goal_is_rejected(run, tmp_path):
             },
             "points[1].time_from_start is 1.0 s, after 2.0 s; times must increase",
         ),
-        (
-            {"points": "[{positions: [0, .nan, 0, 0, 0, 0], time_from_start: 1}]"},
-            "points[0].positions[1] is nan; expected a finite number",
-        ),
     ],
 )
 def test_a_bad_trajectory_is_rejected_with_its_reason(run, tmp_path, changes, reason):
@@ -315,6 +311,19 @@ def test_wrong_usage_exits_with_2(run, arguments):
     assert (code, out) == (2, "")
     assert err.startswith("usage: arm-drake")
     assert "error: " in err
+
+
+def test_a_motion_with_nan_is_found_before_the_start(run, tmp_path):
+    points = "[{positions: [0, .nan, 0, 0, 0, 0], time_from_start: 1}]"
+    motion = goal_file(tmp_path, points=points)
+
+    code, out, err = run("sim", "doosan_a0912", "--headless", "--motion", motion)
+
+    assert (code, out) == (2, "")
+    assert err == (
+        f"arm-drake: {motion}: [0].goal.points[0].positions[1]: expected a finite "
+        "number, got nan\n"
+    )
 
 
 def test_an_existing_log_survives_a_run_that_does_not_start(run, tmp_path):
