@@ -188,7 +188,7 @@ def encode_gltf(surfaces: list[Surface], default_color: Color) -> bytes:
         attributes = {"POSITION": add(_y_up(surface.vertices), "VEC3")}
         if surface.normals is not None:
             attributes["NORMAL"] = add(_y_up(surface.normals), "VEC3")
-        color = surface.color or default_color
+        color = surface.color or to_linear(default_color)
         if surface.vertex_colors is not None:
             attributes["COLOR_0"] = add(surface.vertex_colors, "VEC4")
             color = (1.0, 1.0, 1.0, 1.0)
@@ -217,6 +217,17 @@ def encode_gltf(surfaces: list[Surface], default_color: Color) -> bytes:
         document["images"] = [{"uri": image} for image in images]
         document["textures"] = [{"source": i} for i in range(len(images))]
     return json.dumps(document, separators=(",", ":")).encode()
+
+
+def to_linear(color: Color) -> Color:
+    """Return an sRGB colour, as robot descriptions give it, in glTF's linear space."""
+    r, g, b = linear(np.array(color[:3])).tolist()
+    return (r, g, b, color[3])
+
+
+def linear(srgb: Array) -> Array:
+    """Return sRGB values in [0, 1] as linear ones (IEC 61966-2-1), any shape."""
+    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
 
 
 def _y_up(vectors: Array) -> Array:

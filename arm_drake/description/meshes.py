@@ -19,7 +19,7 @@ from arm_drake.description.mesh_cache import clear_cache as clear_cache
 from arm_drake.description.report import Kind, LoadReport, ReportEntry, Severity
 
 # Part of every cache key: raise it when the same input gives another output.
-CONVERTER_VERSION = 1
+CONVERTER_VERSION = 2
 
 MESH_SUFFIXES = (".dae", ".glb", ".gltf", ".obj", ".ply", ".stl")
 
@@ -218,13 +218,13 @@ def _read(source: Path, content: bytes, scale: Scale) -> list[Surface]:
             matrix *= float(unit)
         if suffix in (".gltf", ".glb"):  # y up, by their specification.
             matrix = matrix[[0, 2, 1]] * [[1.0], [-1.0], [1.0]]
-        surface = _surface(mesh, np.diag(scale) @ matrix[:3])
+        surface = _surface(mesh, np.diag(scale) @ matrix[:3], suffix)
         if len(surface.faces):
             surfaces.append(surface)
     return surfaces
 
 
-def _surface(mesh: Any, matrix: Array) -> Surface:
+def _surface(mesh: Any, matrix: Array, suffix: str) -> Surface:
     """Return a trimesh mesh, mapped by a (3, 4) matrix, without degenerate faces."""
     faces = np.asarray(mesh.faces)
     columns = {"vertices": mesh.vertices @ matrix[:, :3].T + matrix[:, 3]}
@@ -250,6 +250,12 @@ def _surface(mesh: Any, matrix: Array) -> Surface:
         columns = {name: rows[faces.ravel()] for name, rows in columns.items()}
         columns["vertex_colors"] = np.repeat(mesh.visual.face_colors / 255.0, 3, axis=0)
         faces = np.arange(faces.size).reshape(-1, 3)
+
+    if suffix not in (".gltf", ".glb"):  # All others have sRGB colours.
+        color = None if color is None else mesh_cache.to_linear(color)
+        if "vertex_colors" in columns:
+            rgb = columns["vertex_colors"][:, :3]
+            columns["vertex_colors"][:, :3] = mesh_cache.linear(rgb)
 
     # STL and COLLADA come with three vertices of its own for every triangle.
     table = np.hstack(list(columns.values())).astype("<f4", order="C")

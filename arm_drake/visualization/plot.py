@@ -65,12 +65,12 @@ def plot_tracking(
     panels = axes.T.ravel()
     for index, (name, joint_type) in enumerate(zip(names, types, strict=True)):
         panel = panels[index]
+        panel.plot(time, position[:, index], color="C0", lw=3, label="measured")
         for controller, (joints, wanted) in references.items():
             if name in joints:
                 column = list(joints).index(name)
                 label = f"reference ({controller})"
-                panel.plot(time, wanted[:, column], "--", color="C1", label=label)
-        panel.plot(time, position[:, index], color="C0", label="measured")
+                panel.plot(time, wanted[:, column], "k--", lw=1, label=label)
         unit = interfaces.unit(interfaces.POSITION, joint_type)
         panel.set_ylabel(f"{name} [{unit}]")
         panel.grid(alpha=0.3)
