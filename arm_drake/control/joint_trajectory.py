@@ -14,6 +14,7 @@ from arm_drake.control.joint_trajectory_state import (
     ActiveGoal,
     JointTrajectoryRules,
     JointTrajectoryState,
+    LookAhead,
     Snapshot,
     TickInputs,
     commanded_positions,
@@ -23,6 +24,7 @@ from arm_drake.control.joint_trajectory_state import (
 )
 from arm_drake.control.tolerances import Array, resolve_tolerances, violates
 from arm_drake.control.trajectory import (
+    Sample,
     StateBefore,
     Trajectory,
     shortest_angular_distance,
@@ -83,6 +85,7 @@ class _Tick:
         self._goal = state.goal
         self._commanded = state.commanded
         self._snapshot = state.snapshot
+        self._ahead = state.ahead
         self._events: list[GoalEvent | TopicRejected] = []
         self._last = state
 
@@ -112,6 +115,7 @@ class _Tick:
             inputs.position,
             self._commanded,
             self._snapshot,
+            self._ahead,
             self._numbered_events(),
             inputs.topic,
             inputs.request,
@@ -224,14 +228,21 @@ class _Tick:
         trajectory, now_ns = self._trajectory, self._clock_ns
         if trajectory is None:
             return
-        desired = trajectory.sample(now_ns, self._cursor)
+        looked = self._ahead
+        if looked is not None and looked.time_ns == now_ns and not is_first:
+            desired: Sample | None = looked.sample  # What the last tick saw ahead.
+        else:
+            desired = trajectory.sample(now_ns, self._cursor)
         ahead_ns = now_ns + self._rules.look_ahead_ns
         ahead = trajectory.sample(ahead_ns, self._cursor)
         if desired is None or ahead is None:
             return
+        self._ahead = LookAhead(ahead_ns, ahead)
         self._cursor = max(self._cursor, desired.segment_start)
         error = self._position_error(desired.position)
         is_finished = ahead.segment_end == len(trajectory.times_ns)
+        if is_finished:  # As in jazzy, where only this search ahead is kept.
+            self._cursor = max(self._cursor, ahead.segment_start)
         since = since_last_point(trajectory, now_ns)
         rules = self._rules
         if is_finished and not self._is_holding and 0.0 < rules.cmd_timeout < since:
@@ -239,10 +250,11 @@ class _Tick:
         is_off_path = is_off_goal = is_late = False
         if not self._is_holding:
             tolerances = self._tolerances
-            if is_first or not is_finished:
-                is_off_path = bool(violates(error, None, None, tolerances.path).any())
-            if is_finished:
-                is_off_goal = bool(violates(error, None, None, tolerances.goal).any())
+            path, goal = tolerances.path, tolerances.goal
+            if path.is_checked and (is_first or not is_finished):
+                is_off_path = bool(violates(error, None, None, path).any())
+            if goal.is_checked and is_finished:
+                is_off_goal = bool(violates(error, None, None, goal).any())
                 is_late = is_off_goal and 0.0 != tolerances.goal_time < since
         if not (is_off_path or is_late):
             self._commanded = StateBefore(

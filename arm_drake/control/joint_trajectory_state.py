@@ -71,6 +71,13 @@ class Snapshot(NamedTuple):
     command: Array
 
 
+class LookAhead(NamedTuple):
+    """The sample that a tick commanded: the next tick's reference."""
+
+    time_ns: int
+    sample: Sample
+
+
 @dc.dataclass(frozen=True, eq=False)
 class ActiveGoal(Message):
     """A goal that was accepted and whose result isn't delivered yet."""
@@ -113,6 +120,7 @@ class JointTrajectoryState(NamedTuple):
     commanded: StateBefore | None = None
 
     snapshot: Snapshot | None = None
+    ahead: LookAhead | None = None
 
     # The latest news, numbered, the newest last.
     events: tuple[tuple[int, GoalEvent | TopicRejected], ...] = ()

@@ -38,6 +38,9 @@ class StateTolerances(Message):
     # The same with infinity where anything goes; None where that is so for all joints.
     _limits: tuple[Array | None, ...] = dc.field(init=False, repr=False)
 
+    # Whether anything is checked at all.
+    is_checked: bool = dc.field(init=False, repr=False)
+
     def __post_init__(self) -> None:
         """Prepare for checking."""
         limits = []
@@ -48,6 +51,8 @@ class StateTolerances(Message):
             limit = np.where(tolerance > 0.0, tolerance, np.inf)
             limits.append(limit if np.isfinite(limit).any() else None)
         object.__setattr__(self, "_limits", tuple(limits))
+        is_checked = any(limit is not None for limit in limits)
+        object.__setattr__(self, "is_checked", is_checked)
 
 
 @dc.dataclass(frozen=True, eq=False)

@@ -176,8 +176,8 @@ class ControllerInterface(LeafSystem, Generic[S]):
         command = ticked.command
         if self.command_interfaces:
             values, held = self._command(new), command[: len(self.command_interfaces)]
-            # A sum is finite only if all of its terms are.
-            if not math.isfinite(values.sum()):
+            # The sum of squares is finite only if all values are.
+            if not math.isfinite(values.dot(values)):
                 values = np.where(np.isfinite(values), values, held)
             # A jump at the first tick is no speed.
             is_first = ticked.number is None

@@ -87,23 +87,23 @@ KNOWN = "known: joint1, joint2, joint3"
         (make_goal(goal_time=-123), f"goal_time_tolerance: {EXPECTED}-123.0"),
         (
             make_goal(path=[("joint1", -123)], goal_time=3),
-            f"path_tolerance['joint1'].position: {EXPECTED}-123",
+            f"path_tolerance['joint1'].position: {EXPECTED}-123.0",
         ),
         (
             make_goal(path=[("joint1", 0, -123)], goal_time=3),
-            f"path_tolerance['joint1'].velocity: {EXPECTED}-123",
+            f"path_tolerance['joint1'].velocity: {EXPECTED}-123.0",
         ),
         (
             make_goal(path=[("joint1", 0, 0, -123)], goal_time=3),
-            f"path_tolerance['joint1'].acceleration: {EXPECTED}-123",
+            f"path_tolerance['joint1'].acceleration: {EXPECTED}-123.0",
         ),
         (
             make_goal(goal=[("joint1", -123)], goal_time=3),
-            f"goal_tolerance['joint1'].position: {EXPECTED}-123",
+            f"goal_tolerance['joint1'].position: {EXPECTED}-123.0",
         ),
         (
             make_goal(goal=[("joint1", 0, -123)], goal_time=3),
-            f"goal_tolerance['joint1'].velocity: {EXPECTED}-123",
+            f"goal_tolerance['joint1'].velocity: {EXPECTED}-123.0",
         ),
         (
             make_goal(goal=[("joint1", 0, 0, -0.99)], goal_time=3),
