@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_drake import interfaces
 from arm_drake.errors import OutputError, suggest
 from arm_drake.visualization.plot import plot_tracking
 
@@ -162,18 +163,21 @@ def _write_npz(rollout: Rollout, path: Path) -> None:
 def _write_csv(rollout: Rollout, path: Path) -> None:
     columns = {"time [s]": rollout.time}
     quantities = {
-        "position": ("rad", "m", rollout.position),
-        "velocity": ("rad/s", "m/s", rollout.velocity),
-        "effort": ("N·m", "N", rollout.effort),
+        interfaces.POSITION: rollout.position,
+        interfaces.VELOCITY: rollout.velocity,
+        interfaces.EFFORT: rollout.effort,
     }
     joints = list(zip(rollout.joint_names, rollout.joint_types, strict=True))
-    for quantity, (angular, linear, values) in quantities.items():
+    for quantity, values in quantities.items():
         for column, (name, joint_type) in enumerate(joints):
-            unit = linear if joint_type == "prismatic" else angular
+            unit = interfaces.unit(quantity, joint_type)
             columns[f"{name} {quantity} [{unit}]"] = values[:, column]
+    types = dict(joints)
     for controller, reference in rollout.references.items():
         for column, name in enumerate(reference.joint_names):
-            columns[f"{controller} {name} reference"] = reference.position[:, column]
+            unit = interfaces.unit(interfaces.POSITION, types[name])
+            head = f"{controller} {name} reference [{unit}]"
+            columns[head] = reference.position[:, column]
     with path.open("w", encoding="utf-8") as file:
         file.write(",".join(columns) + "\n")
         for row in zip(*columns.values(), strict=True):

@@ -81,8 +81,14 @@ def plot_tracking(
         panel.set_visible(False)
     for column in range(num_columns):
         axes[-1, column].set_xlabel("time [s]")
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
+    lines = {
+        label: handle
+        for panel in panels
+        for handle, label in zip(*panel.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(
+        lines.values(), lines.keys(), loc="outside upper center", ncols=len(lines)
+    )
     try:
         figure.savefig(path, dpi=120)
     except OSError as error:

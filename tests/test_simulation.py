@@ -1,0 +1,242 @@
+"""Simulation: messages in, news and a rollout out."""
+
+import gc
+
+import numpy as np
+import pytest
+
+import arm_drake as ad
+from arm_drake.errors import InputError, MotionError
+from arm_drake.messages import TopicRejected
+from arm_drake.motion import parse_motion
+
+JTC = "joint_trajectory_controller"
+JOINTS = tuple(f"joint{i}" for i in range(1, 7))
+
+
+@pytest.fixture(scope="module")
+def robot() -> ad.Robot:
+    return ad.load_robot("doosan_a0912")
+
+
+@pytest.fixture
+def sim(robot) -> ad.Simulation:
+    options = ad.SimulationOptions(time_step=0.01)
+    return ad.Simulation(ad.build_diagram(robot, options=options))
+
+
+def trajectory(positions, time: float = 0.2, joints=JOINTS) -> ad.JointTrajectory:
+    point = ad.JointTrajectoryPoint(positions, time_from_start=time)
+    return ad.JointTrajectory(joint_names=joints, points=[point])
+
+
+def test_a_goal_goes_through_its_life(sim):
+    handle = sim.controller(JTC).send_goal(trajectory([0.05] * 6))
+    assert handle.status is ad.GoalStatus.PENDING
+
+    sim.advance_to(0.1)
+    assert handle.status is ad.GoalStatus.EXECUTING
+    assert handle.result is None
+
+    sim.advance_to(0.5)
+    assert handle.status is ad.GoalStatus.SUCCEEDED
+    assert handle.result.error_code == 0
+
+
+def test_feedback_comes_at_the_action_monitor_rate(sim):
+    handle = sim.controller(JTC).send_goal(trajectory([0.1] * 6, time=1.0))
+    sim.advance_to(0.9)
+    # 20 Hz, the first after 50 ms.
+    stamps = [feedback.header.stamp.to_seconds() for feedback in handle.feedback]
+    np.testing.assert_allclose(np.diff(stamps), 0.05)
+    assert len(stamps) == 17
+    assert handle.feedback[0].joint_names == JOINTS
+
+
+def test_two_goals_at_once_are_taken_one_after_the_other(sim):
+    controller = sim.controller(JTC)
+    first = controller.send_goal(trajectory([0.1] * 6))
+    second = controller.send_goal(trajectory([-0.05] * 6))
+
+    sim.advance_to(1.0)
+
+    assert first.status is ad.GoalStatus.ABORTED
+    assert first.result.error_string == (
+        "Current goal preempted by new incoming action."
+    )
+    assert second.status is ad.GoalStatus.SUCCEEDED
+    np.testing.assert_allclose(sim.joint_states().position, -0.05, atol=2e-3)
+
+
+def test_a_cancelled_goal_stops_the_arm(sim):
+    controller = sim.controller(JTC)
+    handle = controller.send_goal(trajectory([1.0] * 6, time=2.0))
+    sim.advance_to(1.0)
+
+    controller.cancel()
+    sim.advance_to(2.5)
+
+    assert handle.status is ad.GoalStatus.CANCELED
+    # Half-way, and it stayed there.
+    np.testing.assert_allclose(sim.joint_states().position, 0.5, atol=0.05)
+    np.testing.assert_allclose(sim.joint_states().velocity, 0.0, atol=1e-3)
+
+
+def test_a_rejected_goal_says_why(sim):
+    handle = sim.controller(JTC).send_goal(trajectory([0.0], joints=["joint1"]))
+    sim.advance_to(0.1)
+    assert handle.status is ad.GoalStatus.REJECTED
+    assert handle.result.error_string.startswith("joints ['joint2', 'joint3'")
+
+
+def test_a_trajectory_on_the_topic_moves_the_arm(sim):
+    sim.controller(JTC).send_trajectory(trajectory([0.1] * 6))
+    sim.advance_to(1.0)
+    np.testing.assert_allclose(sim.joint_states().position, 0.1, atol=2e-3)
+
+
+def test_a_refused_message_is_news(sim):
+    news = []
+    sim.on_event(news.append)
+    message = trajectory([0.1] * 5)
+
+    sim.controller(JTC).send_trajectory(message)
+    sim.advance_to(0.1)
+
+    reason = "points[0].positions has 5 elements; expected 6, one per joint"
+    assert news == [TopicRejected(message, reason)]
+    assert sim.rejected == news
+
+
+def test_the_controllers_state_is_as_upstream_publishes_it(sim):
+    sim.controller(JTC).send_goal(trajectory([0.2] * 6, time=0.2))
+    sim.advance_to(0.105)
+
+    state = sim.controller(JTC).state()
+
+    assert state.header.stamp.to_seconds() == pytest.approx(0.1)
+    assert state.joint_names == JOINTS
+    # Half of the straight line from 0 to 0.2 rad.
+    np.testing.assert_allclose(state.reference.positions, 0.1)
+    np.testing.assert_allclose(state.reference.velocities, 1.0)
+    np.testing.assert_allclose(
+        state.error.positions,
+        np.subtract(state.reference.positions, state.feedback.positions),
+    )
+    # The command looks one period ahead.
+    np.testing.assert_allclose(state.output.positions, 0.11)
+
+
+def test_advancing_in_small_steps_changes_nothing(robot):
+    ends = []
+    for chunk in (1.0, 0.25, 0.0037):
+        sim = ad.Simulation(ad.build_diagram(robot))
+        sim.controller(JTC).send_goal(trajectory([0.3] * 6, time=0.5))
+        while sim.time < 1.0:
+            sim.advance_to(min(sim.time + chunk, 1.0))
+        ends.append(sim.joint_states())
+    assert ends[0] == ends[1] == ends[2]
+
+
+def test_reset_starts_over(sim):
+    sim.controller(JTC).send_goal(trajectory([0.3] * 6))
+    sim.advance_to(0.5)
+    first = sim.rollout()
+
+    sim.reset()
+    assert sim.time == 0.0
+    assert sim.joint_states().position == (0.0,) * 6
+    assert sim.goals == []
+    sim.controller(JTC).send_goal(trajectory([0.3] * 6))
+    sim.advance_to(0.5)
+
+    np.testing.assert_array_equal(sim.rollout().position, first.position)
+
+
+def test_a_simulation_outlives_the_diagrams_python_names(robot):
+    sim = ad.Simulation(ad.build_diagram(robot))
+    gc.collect()
+    sim.advance_to(0.2)
+    np.testing.assert_allclose(sim.joint_states().position, 0.0, atol=1e-6)
+
+
+def test_messages_of_a_motion_are_sent_when_they_are_due(sim):
+    point = {"positions": [0.1] * 6, "time_from_start": 0.1}
+    message = {"joint_names": list(JOINTS), "points": [point]}
+    motion = parse_motion(
+        [
+            {"at": 0.33, "controller": JTC, "goal": message},
+            {"at": 0.1, "controller": JTC, "trajectory": message},
+        ]
+    )
+    sim.run(0.3, motion)
+    assert sim.goals == []
+    position = sim.rollout().position[:, 0]
+    assert np.abs(position[:11]).max() < 1e-6
+    assert position[-1] > 0.05
+
+    sim.reset()
+    sim.run(0.5, motion)
+    (goal,) = sim.goals
+    assert goal.status is ad.GoalStatus.SUCCEEDED
+
+
+@pytest.mark.parametrize(
+    ("step", "message"),
+    [
+        (
+            {"controller": "jtc", "cancel": True},
+            "[0].cancel: no controller 'jtc'; known: joint_state_broadcaster, "
+            "joint_trajectory_controller",
+        ),
+        (
+            {"controller": "joint_state_broadcaster", "cancel": True},
+            "[0].cancel: controller 'joint_state_broadcaster' of type "
+            "'joint_state_broadcaster/JointStateBroadcaster' has no "
+            "follow_joint_trajectory",
+        ),
+    ],
+)
+def test_a_motion_for_the_wrong_controller_is_an_error_before_the_start(
+    sim, step, message
+):
+    with pytest.raises(MotionError) as error:
+        sim.run(1.0, parse_motion([step]))
+    assert str(error.value) == message
+    assert sim.time == 0.0
+
+
+def test_time_does_not_go_back(sim):
+    sim.advance_to(0.2)
+    with pytest.raises(ValueError, match=r"can't go back from 0\.2 s to 0\.1 s"):
+        sim.advance_to(0.1)
+
+
+def test_a_diagram_without_a_robot_is_refused():
+    from pydrake.systems.framework import DiagramBuilder
+    from pydrake.systems.primitives import ConstantVectorSource
+
+    builder = DiagramBuilder()
+    builder.AddSystem(ConstantVectorSource([1.0]))
+    with pytest.raises(InputError) as error:
+        ad.Simulation(builder.Build())
+    assert str(error.value) == (
+        "the diagram has no robot; expected one made by build_diagram"
+    )
+
+
+def test_two_robots_have_names_of_their_own():
+    robots = [
+        ad.load_robot("doosan_a0912", name="left", pose=[0, 0.5, 0, 0, 0, 0]),
+        ad.load_robot("doosan_a0912", name="right", pose=[0, -0.5, 0, 0, 0, 0]),
+    ]
+    options = ad.SimulationOptions(time_step=0.01)
+    sim = ad.Simulation(ad.build_diagram(robots, options=options))
+
+    sim.controller(f"left/{JTC}").send_goal(trajectory([0.1] * 6))
+    sim.advance_to(0.5)
+
+    np.testing.assert_allclose(sim.joint_states("left").position, 0.1, atol=2e-3)
+    np.testing.assert_allclose(sim.joint_states("right").position, 0.0, atol=1e-6)
+    assert sim.link_poses("right")["base_0"].translation()[1] == -0.5
+    assert sim.rollout("left").position[-1, 0] > 0.09
