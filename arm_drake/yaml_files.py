@@ -74,6 +74,8 @@ def read_text(path: Path) -> str:
         raise YamlError(f"can't be read: {error.strerror or error}") from None
     except UnicodeDecodeError:
         raise YamlError("can't be read: it is not UTF-8 text") from None
+    except ValueError:
+        raise YamlError("can't be read: no file has such a name") from None
 
 
 def compose(text: str) -> yaml.Node | None:

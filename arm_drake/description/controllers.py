@@ -6,6 +6,7 @@ one, value by value.
 """
 
 import dataclasses as dc
+import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -70,16 +71,26 @@ def load_controllers(
         section for file in files for section in _read_sections(file, variables)
     ]
     manager = _merge(section for section in sections if section.matches(MANAGER))
-    controllers = {}
-    for key, parameter in manager.items():
-        name, _, rest = key.rpartition(".")
-        if rest == "type" and name:
-            controllers[name] = _controller(name, parameter, manager, sections)
+    types = {
+        key.removesuffix(".type"): parameter
+        for key, parameter in manager.items()
+        if key.endswith(".type")
+    }
+    # A plain "/**" section reaches every node; the manager's keys in it are not theirs.
+    managed = {
+        key: parameter
+        for key, parameter in manager.items()
+        if key == "update_rate" or any(key.startswith(f"{name}.") for name in types)
+    }
+    controllers = {
+        name: _controller(name, parameter, managed, sections)
+        for name, parameter in types.items()
+    }
     for section in sections:
         name = section.node.rpartition("/")[2]
         own_type = section.parameters.get("type")
         if own_type is not None and name not in (*controllers, MANAGER, "**", "*"):
-            controllers[name] = _controller(name, own_type, manager, sections)
+            controllers[name] = _controller(name, own_type, managed, sections)
     rate = manager.get("update_rate")
     if rate is None:
         if files:
@@ -134,7 +145,7 @@ def _merge(sections: Iterator[_Section]) -> dict[str, Parameter]:
 def _controller(
     name: str,
     type_: Parameter,
-    manager: Mapping[str, Parameter],
+    managed: Mapping[str, Parameter],
     sections: Sequence[_Section],
 ) -> ControllerConfig:
     if not isinstance(type_.value, str):
@@ -145,11 +156,10 @@ def _controller(
             where=f"{name}.type",
         )
     own = _merge(section for section in sections if section.matches(name))
-    # A plain "/**" section reaches every node; the manager's keys in it aren't ours.
     parameters = {
         key: parameter
         for key, parameter in own.items()
-        if key != "type" and manager.get(key) is not parameter
+        if key != "type" and managed.get(key) is not parameter
     }
     return ControllerConfig(name, type_.value, parameters, type_.file, type_.line)
 
@@ -176,11 +186,12 @@ def _read_sections(file: Path, variables: Mapping[str, str]) -> list[_Section]:
     try:
         text = _substitute(yaml_files.read_text(file), variables, file)
         root = yaml_files.compose(text)
+        if root is None:
+            return []
+        is_foreign = isinstance(root, yaml.MappingNode) and _PARAMETERS not in text
+        sections = [] if is_foreign else list(_sections(root, "", file))
     except yaml_files.YamlError as error:
         raise ParameterError(error.problem, file=file, line=error.line) from None
-    if root is None:
-        return []
-    sections = list(_sections(root, "", file))
     if not sections:
         raise ParameterError(
             f"no {_PARAMETERS!r} anywhere: this is no ROS 2 parameter file "
@@ -191,15 +202,17 @@ def _read_sections(file: Path, variables: Mapping[str, str]) -> list[_Section]:
 
 
 def _substitute(text: str, variables: Mapping[str, str], file: Path) -> str:
-    """Replace `$(var NAME)` outside of comments."""
+    """Replace `$(var NAME)`, and other substitutions of that name, outside comments."""
     lines = []
     for number, line in enumerate(text.splitlines(), start=1):
         code, mark, comment = line.partition("#")
 
         def replace(match: re.Match[str], number: int = number) -> str:
             kind, name = match.group(1), match.group(2).strip()
-            if kind in ("var", "arg") and name in variables:
+            if name in variables:
                 return str(variables[name])
+            if kind == "env" and name in os.environ:
+                return os.environ[name]
             raise ParameterError(
                 f"{match.group(0)} has no value; give one with "
                 f"variables={{{name!r}: ...}} (--var {name}=VALUE)",
@@ -214,27 +227,33 @@ def _substitute(text: str, variables: Mapping[str, str], file: Path) -> str:
 def _sections(node: yaml.Node, path: str, file: Path) -> Iterator[_Section]:
     """Yield the sections below a node key, nested name spaces included."""
     if not isinstance(node, yaml.MappingNode):
-        raise ParameterError(
-            f"expected a mapping that ends in {_PARAMETERS!r}, "
-            f"got {yaml_files.plain(node)!r}",
-            file=file,
-            line=node.start_mark.line + 1,
-            where=path.lstrip("/") or None,
-        )
-    for key, value in node.value:
+        raise _misplaced(node, f"a mapping that ends in {_PARAMETERS!r}", path, file)
+    for key, value in yaml_files.items(node):
+        is_empty = isinstance(value, yaml.ScalarNode) and not value.value
         if key.value == _PARAMETERS:
+            if not isinstance(value, yaml.MappingNode) and not is_empty:
+                raise _misplaced(value, "a mapping of parameters", path, file)
             flat: dict[str, Parameter] = {}
             _flatten(value, "", flat, file)
             yield _Section(path or "/**", flat, file, key.start_mark.line + 1)
-        elif isinstance(value, yaml.MappingNode):
+        elif not is_empty:
             yield from _sections(value, f"{path}/{key.value.strip('/')}", file)
+
+
+def _misplaced(node: yaml.Node, expected: str, path: str, file: Path) -> ParameterError:
+    return ParameterError(
+        f"expected {expected}, got {yaml_files.plain(node)!r}",
+        file=file,
+        line=node.start_mark.line + 1,
+        where=path.lstrip("/"),
+    )
 
 
 def _flatten(
     node: yaml.Node, prefix: str, flat: dict[str, Parameter], file: Path
 ) -> None:
     if isinstance(node, yaml.MappingNode):
-        for key, value in node.value:
+        for key, value in yaml_files.items(node):
             name = f"{prefix}.{key.value}" if prefix else str(key.value)
             _flatten(value, name, flat, file)
     elif prefix:

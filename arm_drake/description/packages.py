@@ -70,6 +70,10 @@ class PackageFinder:
             PackageError: If the package isn't found. The file itself isn't looked at.
         """
         scheme, separator, rest = uri.partition("://")
+        if "\0" in unquote(uri):
+            raise PackageError(
+                f"{uri!r} can't be loaded; no file name holds a null byte"
+            )
         if not separator:
             return relative_to / uri
         if scheme == "file":
@@ -77,7 +81,7 @@ class PackageFinder:
             return Path("/" + unquote(rest).lstrip("/"))
         if scheme in ("package", "model"):
             package, _, path = rest.partition("/")
-            return self.find(package) / unquote(path)
+            return self.find(unquote(package)) / unquote(path)
         raise PackageError(
             f"{uri!r} can't be loaded; expected a path, package://, model:// or file://"
         )

@@ -153,7 +153,8 @@ class _Loader:
                     for item in value
                 )
             expectation = f"a list of {args[0].__name__}"
-        elif expected is float and type(value) is int:  # bool is an int: keep it out
+        # A bool is an int too: keep it out. rcl takes larger numbers for doubles.
+        elif expected is float and type(value) is int and abs(value) < 2**63:
             self._report.add(
                 "info",
                 "repair",

@@ -5,6 +5,7 @@ without mass; it takes an effort limit of 0 literally and ends the process at a
 primitive of size 0. What robots' authors got away with under ROS is mended here.
 """
 
+import math
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -16,6 +17,23 @@ from arm_drake.errors import DescriptionError, PackageError
 # A moving body without mass stops Drake's dynamics; this is small beside any link.
 _SMALL_MASS = 1e-3  # kg
 _SMALL_INERTIA = 1e-6  # kg·m^2
+
+# How many numbers the attributes of these elements hold.
+_COUNTS = {
+    ("origin", "xyz"): 3,
+    ("origin", "rpy"): 3,
+    ("axis", "xyz"): 3,
+    ("mass", "value"): 1,
+    **{("inertia", name): 1 for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")},
+}
+
+# Attributes of primitives, and how many numbers they hold together.
+_SIZES = {
+    "box": (("size",), 3),
+    "sphere": (("radius",), 1),
+    "cylinder": (("radius", "length"), 2),
+    "capsule": (("radius", "length"), 2),
+}
 
 _Color = tuple[float, float, float, float]
 
@@ -45,15 +63,18 @@ def normalise(
     for tag in ("transmission", "ros2_control", "gazebo"):
         for element in root.findall(tag):
             root.remove(element)
+    for tag in ("link", "joint"):
+        for element in root.iterfind(tag):
+            _check_numbers(element, file, f"{tag} {element.get('name')!r}")
     for joint in root.iterfind("joint"):
         _repair_joint(joint, file)
-    colors = _repair_materials(root, file, report)
+    _repair_materials(root, file, report)
     _repair_inertials(root, file, report)
     for link in root.iterfind("link"):
         for tag in ("visual", "collision"):
             for index, element in enumerate(link.findall(tag)):
                 where = f"link {link.get('name')!r}, {tag} {index}"
-                shape = _GeometryRepair(element, file, where, packages, report, colors)
+                shape = _GeometryRepair(element, file, where, packages, report)
                 if not shape.repair():
                     link.remove(element)
 
@@ -67,13 +88,30 @@ def _numbers(text: str, file: Path, where: str) -> list[float]:
         ) from None
 
 
+def _check_numbers(parent: ET.Element, file: Path, where: str) -> None:
+    for element in parent.iter():
+        for (tag, attribute), count in _COUNTS.items():
+            text = element.get(attribute)
+            if element.tag != tag or text is None:
+                continue
+            numbers = _numbers(text, file, where)
+            if len(numbers) != count or not all(map(math.isfinite, numbers)):
+                numeral = f"{count} finite numbers" if count > 1 else "a finite number"
+                raise DescriptionError(
+                    f"<{tag} {attribute}>: expected {numeral}, got {text!r}",
+                    file=file,
+                    where=where,
+                )
+
+
 def _repair_joint(joint: ET.Element, file: Path) -> None:
     limit, dynamics = joint.find("limit"), joint.find("dynamics")
-    # Drake takes an effort limit of 0 literally; in a URDF it means "unset".
+    # Drake takes an effort limit of 0 literally, and no inf; both mean "unset".
     if limit is not None:
         where = f"joint {joint.get('name')!r}"
         for attribute in ("effort", "velocity"):
-            if not any(_numbers(limit.get(attribute, "0"), file, where)):
+            numbers = _numbers(limit.get(attribute, "0"), file, where)
+            if not any(map(math.isfinite, filter(None, numbers))):
                 limit.attrib.pop(attribute, None)
         if joint.get("type") == "continuous":
             for attribute in ("lower", "upper"):
@@ -86,41 +124,43 @@ def _repair_joint(joint: ET.Element, file: Path) -> None:
             joint.remove(element)
 
 
-def _repair_materials(
-    root: ET.Element, file: Path, report: LoadReport
-) -> dict[str, _Color]:
-    """Spell out materials, remove undefined ones; return the colours by name."""
-    colors: dict[str, _Color] = {}
-    textured = set()
+def _repair_materials(root: ET.Element, file: Path, report: LoadReport) -> None:
+    """Spell the colour of every visual out; remove materials that have none.
+
+    Drake refuses two colours under one name, which ROS doesn't.
+    """
+    colors: dict[str, str] = {}
     for material in root.iter("material"):
         name = material.get("name", "")
-        rgba = material.find("color")
-        if rgba is not None:
-            numbers = _numbers(rgba.get("rgba", ""), file, f"material {name!r}")
-            if len(numbers) == 4:
-                colors[name] = (numbers[0], numbers[1], numbers[2], numbers[3])
-        elif material.find("texture") is not None:
-            textured.add(name)
+        if (rgba := material.find("color")) is not None:
+            text = rgba.get("rgba", "")
+            numbers = _numbers(text, file, f"material {name!r}")
+            if len(numbers) == 4 and all(0.0 <= number <= 1.0 for number in numbers):
+                colors.setdefault(name, text)
+            else:
+                material.remove(rgba)
+        for texture in material.findall("texture"):
+            material.remove(texture)
+            what = f"material {name!r} has a texture"
+            done = "it is drawn without it, unless its mesh has one of its own"
+            report.add("warning", "unsupported", what, done, file=file)
+            colors.setdefault(name, "")
+    for material in root.findall("material"):
+        root.remove(material)
     for visual in root.iter("visual"):
         for material in visual.findall("material"):
-            name = material.get("name", "")
-            if name in colors:
-                # Spelled out, for the place of its definition may be removed.
-                if material.find("color") is None:
-                    text = " ".join(map(repr, colors[name]))
-                    ET.SubElement(material, "color", rgba=text)
+            name = material.attrib.pop("name", "")
+            color = colors.get(name)
+            if material.find("color") is not None:
                 continue
-            if name in textured:
+            if color:
+                ET.SubElement(material, "color", rgba=color)
                 continue
-            report.add(
-                "warning",
-                "missing",
-                f"material {name!r} is not defined",
-                "the default colour is used",
-                file=file,
-            )
             visual.remove(material)
-    return colors
+            if color is None:
+                what = f"material {name!r} has no colour of 4 numbers from 0 to 1"
+                done = "the default colour is used"
+                report.add("warning", "missing", what, done, file=file)
 
 
 def _repair_inertials(root: ET.Element, file: Path, report: LoadReport) -> None:
@@ -135,8 +175,9 @@ def _repair_inertials(root: ET.Element, file: Path, report: LoadReport) -> None:
             parents[child.get("link", "")] = (joint.get("type"), parent.get("link", ""))
 
     def body_of(link: str) -> str:
-        joint_type, parent = parents.get(link, ("", ""))
-        return body_of(parent) if joint_type == "fixed" else link
+        while parents.get(link, ("", ""))[0] == "fixed":
+            link = parents[link][1]
+        return link
 
     links = {link.get("name", ""): link for link in root.iterfind("link")}
     massive = set()
@@ -175,14 +216,12 @@ class _GeometryRepair:
         where: str,
         packages: PackageFinder,
         report: LoadReport,
-        colors: dict[str, _Color],
     ) -> None:
         self._element = element
         self._file = file
         self._where = where
         self._packages = packages
         self._report = report
-        self._colors = colors
 
     def repair(self) -> bool:
         """Make the geometry fit for Drake; return whether to keep it."""
@@ -192,9 +231,12 @@ class _GeometryRepair:
             return self._drop("no geometry")
         if shape.tag == "mesh":
             return self._convert_mesh(shape)
-        texts = (shape.get(name, "") for name in ("radius", "length", "size"))
-        sizes = _numbers(" ".join(texts), self._file, self._where)
-        if not sizes or min(sizes) <= 0.0:
+        if shape.tag not in _SIZES:
+            return self._drop(f"<{shape.tag}>, which is no geometry of a URDF")
+        names, count = _SIZES[shape.tag]
+        text = " ".join(shape.get(name, "") for name in names).strip()
+        sizes = _numbers(text, self._file, self._where)
+        if len(sizes) != count or not all(0.0 < size < math.inf for size in sizes):
             return self._drop(f"<{shape.tag}> without a positive size")
         return True
 
@@ -210,9 +252,11 @@ class _GeometryRepair:
         return False
 
     def _convert_mesh(self, shape: ET.Element) -> bool:
+        if not shape.get("filename"):
+            return self._drop("<mesh> without a filename")
         is_visual = self._element.tag == "visual"
         try:
-            path = self._packages.resolve(shape.get("filename", ""), self._file.parent)
+            path = self._packages.resolve(shape.attrib["filename"], self._file.parent)
         except PackageError as error:
             self._report.add(
                 "warning" if is_visual else "error",
@@ -252,5 +296,8 @@ class _GeometryRepair:
         return True
 
     def _color(self) -> _Color | None:
-        material = self._element.find("material")
-        return None if material is None else self._colors.get(material.get("name", ""))
+        color = self._element.find("material/color")
+        if color is None:
+            return None
+        red, green, blue, alpha = map(float, color.attrib["rgba"].split())
+        return (red, green, blue, alpha)

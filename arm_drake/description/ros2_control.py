@@ -4,6 +4,7 @@ Field names follow `hardware_interface/hardware_info.hpp` of ros2_control.
 """
 
 import dataclasses as dc
+import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 from pathlib import Path
@@ -95,6 +96,7 @@ def read_hardware(
         joints = []
         for joint in (_component(element) for element in block.iterfind("joint")):
             if joint.name in known:
+                _report_numbers(joint, name, report, file)
                 joints.append(joint)
                 continue
             report.add(
@@ -138,6 +140,23 @@ def read_gazebo_plugins(root: ET.Element) -> tuple[GazeboPlugin, ...]:
     )
 
 
+def _report_numbers(
+    joint: ComponentInfo, block: str, report: LoadReport, file: Path
+) -> None:
+    for interface in (*joint.command_interfaces, *joint.state_interfaces):
+        for name in ("min", "max", "initial_value"):
+            text = interface.parameters.get(name)
+            if text is not None and getattr(interface, name) is None:
+                report.add(
+                    "warning",
+                    "invalid",
+                    f"{interface.name}, {name}: expected a number, got {text!r}",
+                    "taken as not given",
+                    where=f"ros2_control {block!r}, joint {joint.name!r}",
+                    file=file,
+                )
+
+
 def _component(element: ET.Element) -> ComponentInfo:
     return ComponentInfo(
         name=_attribute(element, "name"),
@@ -173,6 +192,7 @@ def _attribute(element: ET.Element, name: str) -> str:
 
 def _number(text: str | None) -> float | None:
     try:
-        return None if text is None else float(text)
+        number = math.nan if text is None else float(text)
     except ValueError:
         return None
+    return None if math.isnan(number) else number

@@ -5,6 +5,7 @@ is a line in the load report.
 """
 
 import dataclasses as dc
+import math
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -27,7 +28,7 @@ WORLD = "world"
 
 @dc.dataclass(frozen=True)
 class JointLimits:
-    """`<limit>` of a joint; None where nothing is said, or 0 for "unset"."""
+    """`<limit>` of a joint; None where nothing is said, or 0 or inf for "unset"."""
 
     # [rad] or [m].
     lower: float | None = None
@@ -141,6 +142,10 @@ def parse_urdf(
             f"the root element is <{root.tag}>; expected <robot>", file=file
         )
     links = tuple(link.get("name", "") for link in root.iterfind("link"))
+    if "" in links:
+        raise DescriptionError(
+            'a link has no name; expected <link name="...">', file=file
+        )
     if not links:
         raise DescriptionError(
             "no robot was instantiated: the file has no <link>; a file that only "
@@ -177,9 +182,13 @@ def _parse_xml(text: str, file: Path) -> ET.Element:
 
 def _joint(element: ET.Element, file: Path) -> JointInfo:
     name = element.get("name")
+    if not name:
+        raise DescriptionError(
+            'a joint has no name; expected <joint name="...">', file=file
+        )
     where = f"joint {name!r}"
     joint_type = element.get("type", "")
-    if not name or joint_type not in JOINT_TYPES:
+    if joint_type not in JOINT_TYPES:
         raise DescriptionError(
             f"type {joint_type!r}; expected one of {', '.join(JOINT_TYPES)}",
             file=file,
@@ -220,12 +229,15 @@ def _limits(element: ET.Element | None, joint_type: str) -> JointLimits:
         return JointLimits()
     effort = abs(_number(element, "effort", 0.0))
     velocity = abs(_number(element, "velocity", 0.0))
+    lower, upper = (_number(element, end, 0.0) for end in ("lower", "upper"))
     has_range = joint_type != "continuous"
+    if has_range and lower > upper:
+        raise ValueError(f"lower: expected at most upper, {upper}, got {lower}")
     return JointLimits(
-        lower=_number(element, "lower", 0.0) if has_range else None,
-        upper=_number(element, "upper", 0.0) if has_range else None,
-        effort=effort or None,
-        velocity=velocity or None,
+        lower=lower if has_range else None,
+        upper=upper if has_range else None,
+        effort=effort if 0.0 < effort < math.inf else None,
+        velocity=velocity if 0.0 < velocity < math.inf else None,
     )
 
 
@@ -234,9 +246,12 @@ def _number(element: ET.Element | None, attribute: str, default: float) -> float
     if text is None:
         return default
     try:
-        return float(text)
+        number = float(text)
     except ValueError:
-        raise ValueError(f"{attribute}: expected a number, got {text!r}") from None
+        number = math.nan
+    if math.isnan(number):
+        raise ValueError(f"{attribute}: expected a number, got {text!r}")
+    return number
 
 
 def _check_structure(
@@ -257,7 +272,34 @@ def _check_structure(
                     file=file,
                     where=f"joint {joint.name!r}",
                 )
+    _check_tree(joints, file)
     _check_mimics({joint.name: joint for joint in joints}, file)
+
+
+def _check_tree(joints: tuple[JointInfo, ...], file: Path) -> None:
+    holders: dict[str, JointInfo] = {}
+    for joint in joints:
+        other = holders.setdefault(joint.child, joint)
+        if other is not joint:
+            raise DescriptionError(
+                f"joint {other.name!r} holds link {joint.child!r} already; "
+                "a link is the child of one joint",
+                file=file,
+                where=f"joint {joint.name!r}",
+            )
+    is_tree: set[str] = set()
+    for joint in joints:
+        path, link = {joint.child}, joint.parent
+        while link in holders and link not in is_tree:
+            if link in path:
+                raise DescriptionError(
+                    f"link {link!r} hangs on itself; links and joints form a tree",
+                    file=file,
+                    where=f"joint {holders[link].name!r}",
+                )
+            path.add(link)
+            link = holders[link].parent
+        is_tree |= path
 
 
 def _check_mimics(joints: dict[str, JointInfo], file: Path) -> None:
@@ -270,6 +312,9 @@ def _check_mimics(joints: dict[str, JointInfo], file: Path) -> None:
                 problem += suggest(name, joints)
             elif name in seen:
                 problem = f"mimics itself, through {name!r}"
+            elif joint.is_movable and not joints[name].is_movable:
+                problem = f"mimics {name!r}, which is {joints[name].type}; "
+                problem += f"expected one of {', '.join(MOVABLE_TYPES)}"
             else:
                 master = joints[name]
                 seen.add(name)

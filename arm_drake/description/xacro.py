@@ -22,10 +22,8 @@ from arm_drake.errors import ArmDrakeError, DescriptionError, suggest
 # xacro's globals serve one expansion at a time.
 _LOCK = threading.RLock()
 
-_ARGUMENT = re.compile(
-    r"<xacro:arg\s+[^>]*?name\s*=\s*[\"']([^\"']+)[\"'](?:[^>]*?default\s*=\s*[\"']"
-    r"([^\"']*)[\"'])?"
-)
+_ARGUMENT = re.compile(r"<xacro:arg\s([^>]*)>")
+_ATTRIBUTE = re.compile(r"(\w+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
 
 
 def expand_xacro(path: Path, args: Mapping[str, str], packages: PackageFinder) -> str:
@@ -41,8 +39,6 @@ def expand_xacro(path: Path, args: Mapping[str, str], packages: PackageFinder) -
         PackageError: If a package isn't found.
     """
     text = _read(path)
-    if "xacro" not in text and "$(" not in text:
-        return text
     unknown = sorted(set(args) - set(declared_arguments(text)))
     if unknown and "xacro:include" not in text:
         raise DescriptionError(
@@ -50,24 +46,21 @@ def expand_xacro(path: Path, args: Mapping[str, str], packages: PackageFinder) -
             f"{suggest(unknown[0], declared_arguments(text))}",
             file=path,
         )
+    if "xacro" not in text and "$(" not in text:
+        return text
+    values = {name: str(value) for name, value in args.items()}
     with _LOCK, _package_lookup(packages.find):
         try:
-            document = xacro.process_file(str(path), mappings=dict(args), verbosity=0)
+            document = xacro.process_file(str(path), mappings=values, verbosity=0)
         except xacro.XacroException as error:
             raise _explain(error, path, text) from None
-        except (
-            xml.parsers.expat.ExpatError,
-            OSError,
-            ValueError,
-            KeyError,
-            NameError,
-            TypeError,
-            SyntaxError,
-            AttributeError,
-            IndexError,
-            ZeroDivisionError,
-            RecursionError,
-        ) as error:
+        except xml.parsers.expat.ExpatError as error:
+            reason = xml.parsers.expat.errors.messages[error.code]
+            raise DescriptionError(
+                f"malformed XML: {reason}", file=_current_file(path), line=error.lineno
+            ) from None
+        # xacro evaluates what a file says, and answers a bad one with any exception.
+        except Exception as error:
             problem = f"xacro: {type(error).__name__}: {error}"
             raise DescriptionError(problem, file=_current_file(path)) from None
         finally:
@@ -77,13 +70,13 @@ def expand_xacro(path: Path, args: Mapping[str, str], packages: PackageFinder) -
 
 def declared_arguments(text: str) -> dict[str, str | None]:
     """Return the arguments that a xacro text declares, with their defaults."""
-    return {
-        name: default if found else None
-        for name, default, found in (
-            (match.group(1), match.group(2), match.group(2) is not None)
-            for match in _ARGUMENT.finditer(text)
-        )
-    }
+    declared = {}
+    for match in _ARGUMENT.finditer(text):
+        pairs = _ATTRIBUTE.findall(match.group(1))
+        attributes = {name: double or single for name, double, single in pairs}
+        if "name" in attributes:
+            declared[attributes["name"]] = attributes.get("default")
+    return declared
 
 
 def _read(path: Path) -> str:
@@ -120,6 +113,10 @@ def _explain(error: Exception, path: Path, text: str) -> ArmDrakeError:
     if isinstance(cause, ArmDrakeError):
         return cause
     problem = " ".join(str(error).split())
+    if problem.startswith("<class "):  # xacro says the same twice.
+        problem = " ".join(str(cause).split())
+    if isinstance(cause, OSError):
+        problem = f"{cause.filename!r} can't be read: {cause.strerror}"
     if isinstance(cause, substitution_args.ArgException):
         declared = declared_arguments(text)
         listed = ", ".join(

@@ -1,0 +1,316 @@
+"""URDF text to a RobotDescription, or to one message with its place."""
+
+import time
+from pathlib import Path
+
+import pytest
+
+from arm_drake.description.packages import PackageFinder
+from arm_drake.description.report import LoadReport
+from arm_drake.description.urdf import (
+    JointInfo,
+    JointLimits,
+    Mimic,
+    RobotDescription,
+    parse_urdf,
+)
+from arm_drake.errors import DescriptionError
+
+FILE = Path("arm.urdf")
+
+LINKS = '<link name="a"/><link name="b"/><link name="c"/>'
+TYPES = "revolute, continuous, prismatic, fixed, floating, planar"
+
+
+def joint(
+    body: str = "", *, name="j", type="revolute", parent="a", child="b", limit=""
+) -> str:
+    return (
+        f'<joint name="{name}" type="{type}"><parent link="{parent}"/>'
+        f'<child link="{child}"/><limit {limit}/>{body}</joint>'
+    )
+
+
+def parse(body: str) -> RobotDescription:
+    text = f'<robot name="hand">{body}</robot>'
+    return parse_urdf(text, FILE, PackageFinder(FILE), LoadReport())
+
+
+def read_joint(*args, **kwargs) -> JointInfo:
+    return parse(LINKS + joint(*args, **kwargs)).joint("j")
+
+
+def test_a_robot_has_the_names_of_its_links_and_joints_in_order():
+    robot = parse(
+        '<link name="world"/><link name="b"/><link name="a"/>'
+        + joint(name="k", type="fixed", parent="world", child="a")
+        + joint(name="j", parent="a", child="b")
+    )
+
+    assert robot.name == "hand"
+    assert robot.links == ("world", "b", "a")
+    assert [j.name for j in robot.joints] == ["k", "j"]
+    assert [j.name for j in robot.movable_joints] == ["j"]
+    assert robot.is_fixed_to_world
+
+
+def test_a_robot_without_a_name_is_called_like_its_file():
+    text = '<robot><link name="a"/></robot>'
+    file = Path("elbow.urdf.xacro")
+
+    robot = parse_urdf(text, file, PackageFinder(file), LoadReport())
+
+    assert robot.name == "elbow"
+    assert not robot.is_fixed_to_world
+
+
+def test_the_source_is_kept_as_written_and_the_urdf_without_what_drake_refuses():
+    robot = parse(LINKS + '<transmission name="t"/><gazebo/><ros2_control name="x"/>')
+
+    assert "<transmission" in robot.source
+    for tag in ("<transmission", "<gazebo", "<ros2_control"):
+        assert tag not in robot.urdf
+
+
+def test_a_joint_has_its_limits_damping_and_friction():
+    limit = 'lower="-1" upper="2" effort="3" velocity="4"'
+
+    read = read_joint('<dynamics damping="5" friction="6"/>', limit=limit)
+
+    assert read.limits == JointLimits(lower=-1.0, upper=2.0, effort=3.0, velocity=4.0)
+    assert (read.damping, read.friction) == (5.0, 6.0)
+    assert (read.parent, read.child, read.type) == ("a", "b", "revolute")
+
+
+def test_limits_left_out_are_as_the_urdf_specification_says():
+    assert read_joint().limits == JointLimits(lower=0.0, upper=0.0)
+
+
+@pytest.mark.parametrize("unset", ["0", "0.0", "inf"])
+def test_an_effort_or_speed_of_zero_or_infinity_is_unset(unset):
+    limit = f'effort="{unset}" velocity="{unset}"'
+
+    assert read_joint(limit=limit).limits == JointLimits(lower=0.0, upper=0.0)
+
+
+def test_a_negative_effort_or_speed_is_meant_as_its_amount():
+    limits = read_joint(limit='effort="-3" velocity="-4"').limits
+
+    assert (limits.effort, limits.velocity) == (3.0, 4.0)
+
+
+def test_a_continuous_joint_has_no_range():
+    limits = read_joint(type="continuous", limit='lower="1" upper="-1"').limits
+
+    assert (limits.lower, limits.upper) == (None, None)
+
+
+def test_a_joint_without_a_limit_has_none():
+    text = LINKS + joint().replace("<limit />", "")
+
+    assert parse(text).joint("j").limits == JointLimits()
+
+
+def test_a_mimic_joint_has_its_master_multiplier_and_offset():
+    master = joint(name="m", parent="b", child="c")
+
+    given = '<mimic joint="m" multiplier="-2" offset="0.5"/>'
+    full = parse(LINKS + master + joint(given)).joint("j").mimic
+    short = parse(LINKS + master + joint('<mimic joint="m"/>')).joint("j").mimic
+
+    assert full == Mimic("m", multiplier=-2.0, offset=0.5)
+    assert short == Mimic("m", multiplier=1.0, offset=0.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "arm.urdf:1: malformed XML: no element found"),
+        (
+            "<robot>\0</robot>",
+            "arm.urdf:1: malformed XML: not well-formed (invalid token)",
+        ),
+        ("<robot>\n<a>\n</robot>", "arm.urdf:3: malformed XML: mismatched tag"),
+        (
+            "<robot>\n<a b=/>",
+            "arm.urdf:2: malformed XML: not well-formed (invalid token)",
+        ),
+        ("<sdf/>", "arm.urdf: the root element is <sdf>; expected <robot>"),
+        (
+            "<robot/>",
+            "arm.urdf: no robot was instantiated: the file has no <link>; a file that "
+            "only defines macros needs one that calls them",
+        ),
+    ],
+)
+def test_a_text_that_is_no_robot_is_an_error(text, message):
+    with pytest.raises(DescriptionError) as caught:
+        parse_urdf(text, FILE, PackageFinder(FILE), LoadReport())
+
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        ("<link/>", 'a link has no name; expected <link name="...">'),
+        (
+            '<link name="a"/><link name="a"/>',
+            "two links are called 'a'; names must be unique",
+        ),
+        (LINKS + "<joint/>", 'a joint has no name; expected <joint name="...">'),
+        (LINKS + joint() * 2, "two joints are called 'j'; names must be unique"),
+        (
+            LINKS + joint(type="hinge"),
+            f"joint 'j': type 'hinge'; expected one of {TYPES}",
+        ),
+        (LINKS + '<joint name="j"/>', f"joint 'j': type ''; expected one of {TYPES}"),
+        (
+            LINKS + '<joint name="j" type="fixed"/>',
+            "joint 'j': expected <parent link=\"...\">",
+        ),
+        (
+            LINKS + '<joint name="j" type="fixed"><parent link="a"/><child/></joint>',
+            "joint 'j': expected <child link=\"...\">",
+        ),
+        (
+            LINKS + joint(parent="aa"),
+            "joint 'j': parent link 'aa' doesn't exist; "
+            "did you mean 'a'? known: a, b, c",
+        ),
+        (
+            LINKS + joint(child="x"),
+            "joint 'j': child link 'x' doesn't exist; known: a, b, c",
+        ),
+        (
+            LINKS + joint() + joint(name="k", parent="c"),
+            "joint 'k': joint 'j' holds link 'b' already; "
+            "a link is the child of one joint",
+        ),
+        (
+            LINKS + joint(parent="b"),
+            "joint 'j': link 'b' hangs on itself; links and joints form a tree",
+        ),
+        (
+            LINKS + joint() + joint(name="k", parent="b", child="a", type="fixed"),
+            "joint 'j': link 'b' hangs on itself; links and joints form a tree",
+        ),
+        (
+            LINKS + joint('<mimic joint="j"/>'),
+            "joint 'j': mimics itself, through 'j'",
+        ),
+        (
+            LINKS
+            + joint('<mimic joint="k"/>')
+            + joint('<mimic joint="j"/>', name="k", parent="b", child="c"),
+            "joint 'j': mimics itself, through 'j'",
+        ),
+        (
+            LINKS + joint('<mimic joint="i"/>'),
+            "joint 'j': mimics 'i', which doesn't exist; known: j",
+        ),
+        (
+            LINKS
+            + joint('<mimic joint="k"/>')
+            + joint(name="k", type="fixed", parent="b", child="c"),
+            "joint 'j': mimics 'k', which is fixed; "
+            "expected one of revolute, continuous, prismatic",
+        ),
+        (
+            LINKS + joint('<mimic joint="j" multiplier="x"/>'),
+            "joint 'j': multiplier: expected a number, got 'x'",
+        ),
+        (
+            LINKS + joint('<mimic joint="j" offset="x"/>'),
+            "joint 'j': offset: expected a number, got 'x'",
+        ),
+        (
+            LINKS + joint(limit='lower="low"'),
+            "joint 'j': lower: expected a number, got 'low'",
+        ),
+        (
+            LINKS + joint(limit='upper="nan"'),
+            "joint 'j': upper: expected a number, got 'nan'",
+        ),
+        (
+            LINKS + joint(limit='effort="1,5"'),
+            "joint 'j': effort: expected a number, got '1,5'",
+        ),
+        (
+            LINKS + joint(limit='velocity=""'),
+            "joint 'j': velocity: expected a number, got ''",
+        ),
+        (
+            LINKS + joint(limit='lower="2" upper="1"'),
+            "joint 'j': lower: expected at most upper, 1.0, got 2.0",
+        ),
+        (
+            LINKS + joint('<dynamics damping="x"/>'),
+            "joint 'j': damping: expected a number, got 'x'",
+        ),
+        (
+            LINKS + joint('<dynamics friction="x"/>'),
+            "joint 'j': friction: expected a number, got 'x'",
+        ),
+    ],
+)
+def test_a_malformed_robot_is_one_located_message(body, message):
+    with pytest.raises(DescriptionError) as caught:
+        parse(body)
+
+    assert str(caught.value) == f"arm.urdf: {message}"
+
+
+def test_a_joint_may_hang_on_the_world_without_a_link_of_that_name():
+    assert read_joint(parent="world").parent == "world"
+
+
+def test_an_unknown_joint_is_a_key_error():
+    with pytest.raises(KeyError):
+        parse(LINKS).joint("j")
+
+
+def test_long_chains_of_links_and_mimics_are_no_problem():
+    n = 2000
+    links = "".join(f'<link name="l{i}"/>' for i in range(n))
+    joints = "".join(
+        joint(
+            f'<mimic joint="j{i - 1}"/>' if 1 < i < 300 else "",
+            name=f"j{i}",
+            type="revolute" if i < 300 else "fixed",
+            parent=f"l{i - 1}",
+            child=f"l{i}",
+        )
+        for i in range(1, n)
+    )
+
+    assert len(parse(links + joints).joints) == n - 1
+
+
+def test_an_external_entity_is_not_read(tmp_path):
+    secret = tmp_path / "secret.txt"
+    secret.write_text("the secret", encoding="utf-8")
+    text = (
+        f'<!DOCTYPE r [<!ENTITY e SYSTEM "file://{secret}">]>\n'
+        '<robot><link name="a">&e;</link></robot>'
+    )
+
+    with pytest.raises(DescriptionError) as caught:
+        parse_urdf(text, FILE, PackageFinder(FILE), LoadReport())
+
+    assert str(caught.value) == "arm.urdf:2: malformed XML: undefined entity &e;"
+
+
+def test_entities_that_multiply_end_in_an_error_at_once():
+    entities = "".join(f'<!ENTITY e{i} "{f"&e{i - 1};" * 10}">' for i in range(1, 12))
+    text = f'<!DOCTYPE r [<!ENTITY e0 "lol">{entities}]><robot>&e11;</robot>'
+    start = time.perf_counter()
+
+    with pytest.raises(DescriptionError) as caught:
+        parse_urdf(text, FILE, PackageFinder(FILE), LoadReport())
+
+    assert str(caught.value) == (
+        "arm.urdf:1: malformed XML: limit on input amplification factor "
+        "(from DTD and entities) breached"
+    )
+    assert time.perf_counter() - start < 2.0

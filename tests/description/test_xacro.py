@@ -1,0 +1,268 @@
+"""xacro without ROS: packages, arguments, and errors with their place."""
+
+import time
+
+import pytest
+
+from arm_drake.description.packages import PackageFinder
+from arm_drake.description.xacro import declared_arguments, expand_xacro
+from arm_drake.errors import DescriptionError, PackageError
+
+NAMESPACE = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
+
+
+def robot(body: str) -> str:
+    return f'<robot name="r" {NAMESPACE}>\n{body}\n</robot>'
+
+
+@pytest.fixture
+def expand(tmp_path):
+    """Return a function: body of robot.xacro, arguments -> URDF text."""
+
+    def expand_text(body: str, **args: object) -> str:
+        path = tmp_path / "robot.xacro"
+        path.write_text(body if body.startswith("<!") else robot(body), "utf-8")
+        return expand_xacro(path, args, PackageFinder(path))
+
+    return expand_text
+
+
+def test_macros_properties_and_expressions_are_expanded(expand):
+    text = expand(
+        '<xacro:property name="r" value="2"/>'
+        '<xacro:macro name="ball" params="name"><link name="${name}_${r * 3}"/>'
+        '</xacro:macro><xacro:ball name="ball"/>'
+    )
+
+    assert '<link name="ball_6"/>' in text
+
+
+def test_a_plain_urdf_is_returned_as_it_is(tmp_path):
+    path = tmp_path / "robot.urdf"
+    path.write_text('<robot  name="r"/> <!-- é -->', encoding="utf-8")
+
+    text = expand_xacro(path, {}, PackageFinder(path))
+
+    assert text == '<robot  name="r"/> <!-- é -->'
+
+
+def test_a_plain_urdf_may_be_latin_1_or_start_with_a_mark(tmp_path):
+    path = tmp_path / "robot.urdf"
+    path.write_bytes('<robot name="é"/>'.encode("latin-1"))
+    assert expand_xacro(path, {}, PackageFinder(path)) == '<robot name="é"/>'
+
+    path.write_bytes('<robot name="é"/>'.encode("utf-8-sig"))
+    assert expand_xacro(path, {}, PackageFinder(path)) == '<robot name="é"/>'
+
+
+def test_an_argument_has_its_default_or_the_given_value(expand):
+    body = '<xacro:arg name="side" default="left"/><link name="$(arg side)"/>'
+
+    assert '<link name="left"/>' in expand(body)
+    assert '<link name="right"/>' in expand(body, side="right")
+    assert '<link name="2"/>' in expand(body, side=2)
+
+
+def test_an_argument_given_once_doesnt_leak_into_the_next_expansion(expand):
+    body = '<xacro:arg name="side" default="left"/><link name="$(arg side)"/>'
+    expand(body, side="right")
+
+    assert '<link name="left"/>' in expand(body)
+
+
+def test_an_argument_doesnt_leak_after_an_error(expand):
+    declared = '<xacro:arg name="side" default="left"/>'
+    with pytest.raises(DescriptionError):
+        expand(f"{declared}${{nope}}", side="right")
+
+    with pytest.raises(DescriptionError) as caught:
+        expand('<link name="$(arg side)"/>')
+
+    assert "xacro argument 'side' is undefined" in str(caught.value)
+
+
+def test_find_gives_the_folder_of_a_package(expand, tmp_path):
+    (tmp_path / "package.xml").write_text("<name>arm</name>", encoding="utf-8")
+    part = robot('<link name="included"/>')
+    (tmp_path / "part with space é.xacro").write_text(part, encoding="utf-8")
+
+    text = expand('<xacro:include filename="$(find arm)/part with space é.xacro"/>')
+
+    assert '<link name="included"/>' in text
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        (
+            '<xacro:arg name="a" default="1"/><xacro:arg default="" name="b"/>$(arg c)',
+            "{file}: xacro argument 'c' is undefined; give it as c:=VALUE; "
+            "the file declares: a:=1, b:=",
+        ),
+        (
+            "$(arg c)",
+            "{file}: xacro argument 'c' is undefined; give it as c:=VALUE; "
+            "the file declares: none",
+        ),
+        ("${1 / 0}", "{file}: division by zero when evaluating expression '1 / 0'"),
+        ("$(eval 1 / 0)", "{file}: division by zero"),
+        ("${x}", "{file}: name 'x' is not defined when evaluating expression 'x'"),
+        ("${1", "{file}: invalid expression: ${{1"),
+        (
+            "${''.__class__}",
+            "{file}: Use of invalid name(s): __class__ when evaluating expression "
+            "'''.__class__'",
+        ),
+        (
+            "$(env NO_SUCH_THING)",
+            "{file}: environment variable 'NO_SUCH_THING' is not set",
+        ),
+        ("<xacro:nope/>", "{file}: unknown macro name: xacro:nope"),
+        (
+            '<xacro:if value="maybe"/>',
+            '{file}: Xacro conditional "maybe" evaluated to "maybe", which is not a '
+            "boolean expression.",
+        ),
+        (
+            "<xacro:property/>",
+            "{file}: xacro: RuntimeError: xacro:property: missing attribute 'name'",
+        ),
+        ("<a>\n</b>", "{file}:3: malformed XML: mismatched tag"),
+        ("<other:a/>", "{file}:2: malformed XML: unbound prefix"),
+        (
+            '<xacro:include filename="nope.xacro"/>',
+            "{file}: '{folder}/nope.xacro' can't be read: No such file or directory",
+        ),
+        (
+            "${xacro.load_yaml('nope.yaml')}",
+            "{file}: '{folder}/nope.yaml' can't be read: No such file or directory",
+        ),
+        (
+            '<xacro:include filename="outer.xacro"/>',
+            "{folder}/outer.xacro: '{folder}/inner.xacro' can't be read: No such file "
+            "or directory (included by {file})",
+        ),
+        (
+            '<xacro:include filename="broken.xacro"/>',
+            "{folder}/broken.xacro:2: malformed XML: mismatched tag",
+        ),
+    ],
+)
+def test_an_error_says_where_and_what(expand, tmp_path, body, message):
+    outer = robot('<xacro:include filename="inner.xacro"/>')
+    (tmp_path / "outer.xacro").write_text(outer, encoding="utf-8")
+    (tmp_path / "broken.xacro").write_text("<robot>\n</a>", encoding="utf-8")
+
+    with pytest.raises(DescriptionError) as caught:
+        expand(body)
+
+    places = {"file": tmp_path / "robot.xacro", "folder": tmp_path}
+    assert str(caught.value) == message.format(**places)
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        '<xacro:macro name="m"><xacro:m/></xacro:macro><xacro:m/>',
+        '<xacro:include filename="robot.xacro"/>',
+    ],
+)
+def test_an_endless_recursion_ends_in_an_error(expand, tmp_path, body):
+    with pytest.raises(DescriptionError) as caught:
+        expand(body)
+
+    assert str(caught.value).startswith(
+        f"{tmp_path / 'robot.xacro'}: xacro: RecursionError: maximum recursion depth"
+    )
+
+
+def test_a_missing_package_is_the_finders_error(expand, tmp_path):
+    with pytest.raises(PackageError) as caught:
+        expand('<xacro:include filename="$(find nope)/a.xacro"/>')
+
+    assert str(caught.value).startswith(
+        f"{tmp_path / 'robot.xacro'}: package 'nope' not found; "
+    )
+
+
+@pytest.mark.parametrize("body", ['<xacro:arg name="side" default=""/>', "<link/>"])
+def test_an_argument_that_the_file_doesnt_have_is_an_error(expand, tmp_path, body):
+    with pytest.raises(DescriptionError) as caught:
+        expand(body, sied="left")
+
+    hint = "did you mean 'side'? known: side" if "side" in body else "known: none"
+    file = tmp_path / "robot.xacro"
+    assert str(caught.value) == f"{file}: no xacro argument 'sied'; {hint}"
+
+
+def test_a_plain_urdf_has_no_arguments(tmp_path):
+    path = tmp_path / "robot.urdf"
+    path.write_text('<robot name="r"/>', encoding="utf-8")
+
+    with pytest.raises(DescriptionError) as caught:
+        expand_xacro(path, {"side": "left"}, PackageFinder(path))
+
+    assert str(caught.value) == f"{path}: no xacro argument 'side'; known: none"
+
+
+def test_an_argument_of_an_included_file_can_be_given(expand, tmp_path):
+    part = robot('<xacro:arg name="side" default="left"/><link name="$(arg side)"/>')
+    (tmp_path / "part.xacro").write_text(part, encoding="utf-8")
+
+    text = expand('<xacro:include filename="part.xacro"/>', side="right")
+
+    assert '<link name="right"/>' in text
+
+
+def test_a_missing_file_is_an_error(tmp_path):
+    path = tmp_path / "robot.xacro"
+
+    with pytest.raises(DescriptionError) as caught:
+        expand_xacro(path, {}, PackageFinder(path))
+
+    assert str(caught.value) == f"{path}: can't be read: No such file or directory"
+
+
+@pytest.mark.parametrize(
+    ("text", "declared"),
+    [
+        ('<xacro:arg name="a" default="1"/>', {"a": "1"}),
+        ("<xacro:arg  default = '1'\n name = 'a' />", {"a": "1"}),
+        ('<xacro:arg name="a"/>', {"a": None}),
+        ('<xacro:arg name="a" default=""/>', {"a": ""}),
+        ("<arg name='a'/>", {}),
+    ],
+)
+def test_declared_arguments_are_read_with_their_defaults(text, declared):
+    assert declared_arguments(text) == declared
+
+
+@pytest.mark.parametrize(
+    "doctype",
+    [
+        '<!DOCTYPE r [<!ENTITY e SYSTEM "secret.txt">]>',
+        '<!DOCTYPE r [<!ENTITY e SYSTEM "file://{secret}">]>',
+        '<!DOCTYPE r [<!ENTITY % p SYSTEM "file://{secret}"> %p; <!ENTITY e "">]>',
+    ],
+)
+def test_an_external_entity_is_not_read(expand, tmp_path, doctype):
+    secret = tmp_path / "secret.txt"
+    secret.write_text("the secret", encoding="utf-8")
+
+    text = expand(doctype.format(secret=secret) + robot("<link>&e;</link>"))
+
+    assert "the secret" not in text
+
+
+def test_entities_that_multiply_end_in_an_error_at_once(expand, tmp_path):
+    entities = "".join(f'<!ENTITY e{i} "{f"&e{i - 1};" * 10}">' for i in range(1, 12))
+    start = time.perf_counter()
+
+    with pytest.raises(DescriptionError) as caught:
+        expand(f'<!DOCTYPE r [<!ENTITY e0 "lol">{entities}]>' + robot("&e11;"))
+
+    assert str(caught.value) == (
+        f"{tmp_path / 'robot.xacro'}:2: malformed XML: limit on input amplification "
+        "factor (from DTD and entities) breached"
+    )
+    assert time.perf_counter() - start < 2.0

@@ -1,0 +1,345 @@
+"""Motion files: what they say, or one message with the place."""
+
+import contextlib
+from pathlib import Path
+
+import pytest
+
+from arm_drake.bundled import bundled_motions, bundled_robots
+from arm_drake.errors import ArmDrakeError, MotionError
+from arm_drake.messages import (
+    Duration,
+    FollowJointTrajectoryGoal,
+    Header,
+    JointTolerance,
+    JointTrajectory,
+    JointTrajectoryPoint,
+    Time,
+)
+from arm_drake.motion import Motion, MotionStep, load_motion, parse_motion
+
+POINT = "{positions: [1, 2.5], time_from_start: 2}"
+TIME = "expected seconds or {sec: int, nanosec: int}"
+
+
+@pytest.fixture
+def load(tmp_path):
+    """Return a function: text of a motion file -> Motion."""
+
+    def load_text(text: str | bytes) -> Motion:
+        path = tmp_path / "motion.yaml"
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return load_motion(path)
+
+    return load_text
+
+
+def goal(body: str) -> str:
+    return f"- {{at: 0, controller: arm, goal: {body}}}"
+
+
+def test_a_goal_has_the_fields_of_the_message(load, tmp_path):
+    motion = load(
+        "- at: 1.5\n"
+        "  controller: arm\n"
+        "  goal:\n"
+        "    header: {stamp: {sec: 1, nanosec: 2}, frame_id: base}\n"
+        "    joint_names: [a, b]\n"
+        "    points:\n"
+        "      - positions: [1, 2.5]\n"
+        "        velocities: [0, 1e-1]\n"
+        "        accelerations: [3, 4]\n"
+        "        effort: [5, 6]\n"
+        "        time_from_start: {sec: 2, nanosec: 500000000}\n"
+        "    path_tolerance: [{name: a, position: 0.1}]\n"
+        "    goal_tolerance: [{name: b, velocity: 1, acceleration: -1}]\n"
+        "    goal_time_tolerance: 0.5\n"
+    )
+
+    point = JointTrajectoryPoint(
+        (1.0, 2.5), (0.0, 0.1), (3.0, 4.0), (5.0, 6.0), Duration(2, 500_000_000)
+    )
+    message = FollowJointTrajectoryGoal(
+        JointTrajectory(Header(Time(1, 2), "base"), ("a", "b"), (point,)),
+        (JointTolerance("a", position=0.1),),
+        (JointTolerance("b", velocity=1.0, acceleration=-1.0),),
+        Duration(0, 500_000_000),
+    )
+    step = MotionStep(1.5, "arm", message, "[0].goal")
+    assert motion == Motion(tmp_path / "motion.yaml", (step,))
+
+
+def test_a_goal_may_nest_its_trajectory(load):
+    flat = load(goal(f"{{joint_names: [a, b], points: [{POINT}]}}"))
+    nested = load(goal(f"{{trajectory: {{joint_names: [a, b], points: [{POINT}]}}}}"))
+
+    assert flat == nested
+
+
+def test_a_trajectory_is_a_message_of_the_topic(load):
+    motion = load(
+        "- {controller: arm, trajectory: {joint_names: [a, b], points: ["
+        + POINT
+        + "]}}"
+    )
+
+    (step,) = motion.steps
+    assert step.at == 0.0
+    assert step.message == JointTrajectory(
+        joint_names=("a", "b"),
+        points=(JointTrajectoryPoint((1.0, 2.5), time_from_start=Duration(2)),),
+    )
+
+
+def test_cancel_has_no_message(load):
+    (step,) = load("- {at: 1, controller: arm, cancel: true}").steps
+
+    assert step == MotionStep(1.0, "arm", None, "[0].cancel")
+
+
+def test_a_step_is_repeated_every_so_often(load):
+    motion = load("- {at: 1, every: 0.5, count: 3, controller: arm, cancel: true}")
+
+    assert [step.at for step in motion.steps] == [1.0, 1.5, 2.0]
+
+
+def test_steps_are_sorted_by_time_and_keep_their_order_at_one_time(load):
+    motion = load(
+        "- {at: 2, controller: a, cancel: true}\n"
+        "- {at: 1, controller: b, cancel: true}\n"
+        "- {at: {sec: 2, nanosec: 0}, controller: c, cancel: true}\n"
+    )
+
+    assert [step.controller for step in motion.steps] == ["b", "a", "c"]
+
+
+def test_the_duration_is_the_end_of_the_last_trajectory(load):
+    points = f"{{joint_names: [a, b], points: [{POINT}]}}"
+
+    motion = load(
+        f"- {{at: 3, controller: arm, goal: {points}}}\n"
+        f"- {{at: 1, controller: arm, trajectory: {points}}}\n"
+        "- {at: 4.5, controller: arm, cancel: true}\n"
+    )
+
+    assert motion.duration == 3.0 + 2.0
+
+
+def test_a_motion_without_steps_takes_no_time(load):
+    assert load("[]").duration == 0.0
+
+
+def test_a_goal_without_points_or_with_a_negative_time_takes_no_time(load):
+    assert load(goal("{}")).duration == 0.0
+    assert load(goal("{points: [{time_from_start: -1}]}")).duration == 0.0
+
+
+def test_a_list_in_python_is_a_motion_too():
+    motion = parse_motion([{"at": 1, "controller": "arm", "cancel": True}])
+
+    assert motion.file is None
+    assert motion.steps[0].at == 1.0
+
+
+def test_an_error_of_a_list_in_python_has_no_file():
+    with pytest.raises(MotionError) as caught:
+        parse_motion([5])
+
+    assert str(caught.value) == "[0]: expected a mapping, got 5"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "expected a list of steps, got NoneType"),
+        ("a: 1", "expected a list of steps, got dict"),
+        ("hello", "expected a list of steps, got str"),
+        (
+            "- {at: 0, controller: a, cancel: true}\n- 5",
+            "[1]: expected a mapping, got 5",
+        ),
+        (
+            "- {controller: a, gaol: {}}",
+            "[0]: unknown key 'gaol'; did you mean 'goal'? "
+            "known: at, cancel, controller, count, every, goal, trajectory",
+        ),
+        (
+            "- {1: 2}",
+            "[0]: unknown key 1; "
+            "known: at, cancel, controller, count, every, goal, trajectory",
+        ),
+        (
+            "- {controller: a}",
+            "[0]: expected one of ['cancel', 'goal', 'trajectory'], got []",
+        ),
+        (
+            "- {controller: a, cancel: true, goal: {}}",
+            "[0]: expected one of ['cancel', 'goal', 'trajectory'], "
+            "got ['goal', 'cancel']",
+        ),
+        ("- {cancel: true}", "[0].controller: expected a name, got None"),
+        ("- {controller: 5, cancel: true}", "[0].controller: expected a name, got 5"),
+        ("- {controller: a, cancel: 1}", "[0].cancel: expected true, got 1"),
+        (
+            "- {at: -0.5, controller: a, cancel: true}",
+            "[0].at: expected at least 0 s, got -0.5",
+        ),
+        ("- {at: .nan, controller: a, cancel: true}", f"[0].at: {TIME}, got nan"),
+        ("- {at: '1', controller: a, cancel: true}", f"[0].at: {TIME}, got '1'"),
+        ("- {at: true, controller: a, cancel: true}", f"[0].at: {TIME}, got True"),
+        (
+            "- {at: 1e308, controller: a, cancel: true}",
+            "[0].at: 1e+308 s is out of range",
+        ),
+        (
+            "- {every: 1, controller: a, cancel: true}",
+            "[0].count: expected an integer from 1 to 100000, got None",
+        ),
+        (
+            "- {every: 1, count: 0, controller: a, cancel: true}",
+            "[0].count: expected an integer from 1 to 100000, got 0",
+        ),
+        (
+            "- {every: 1, count: 1.0, controller: a, cancel: true}",
+            "[0].count: expected an integer from 1 to 100000, got 1.0",
+        ),
+        (
+            "- {every: 1, count: 1000000000000, controller: a, cancel: true}",
+            "[0].count: expected an integer from 1 to 100000, got 1000000000000",
+        ),
+        (
+            "- {every: 0, count: 2, controller: a, cancel: true}",
+            "[0].every: expected a positive number of seconds, got 0",
+        ),
+        (
+            "- {count: 2, controller: a, cancel: true}",
+            f"[0].every: {TIME}, got None",
+        ),
+        (goal("5"), "[0].goal: expected a mapping, got 5"),
+        (
+            goal("{point: []}"),
+            "[0].goal: unknown key 'point'; did you mean 'points'? "
+            "known: header, joint_names, points",
+        ),
+        (goal("{trajectory: {}, points: []}"), "[0].goal: unknown key 'points'"),
+        (goal("{trajectory: 5}"), "[0].goal: expected a mapping, got 5"),
+        (goal("{joint_names: a}"), "[0].goal.joint_names: expected a list, got 'a'"),
+        (goal("{joint_names: [1]}"), "[0].goal.joint_names: expected names, got 1"),
+        (goal("{points: {}}"), "[0].goal.points: expected a list, got {}"),
+        (goal("{points: [5]}"), "[0].goal.points[0]: expected a mapping, got 5"),
+        (
+            goal("{points: [{position: [1]}]}"),
+            "[0].goal.points[0]: unknown key 'position'; did you mean 'positions'? "
+            "known: accelerations, effort, positions, time_from_start, velocities",
+        ),
+        (
+            goal("{points: [{positions: 1}]}"),
+            "[0].goal.points[0].positions: expected a list, got 1",
+        ),
+        (
+            goal("{points: [{positions: [0]}, {velocities: [0, '1']}]}"),
+            "[0].goal.points[1].velocities[1]: expected a finite number, got '1'",
+        ),
+        (
+            goal("{points: [{accelerations: [true]}]}"),
+            "[0].goal.points[0].accelerations[0]: expected a finite number, got True",
+        ),
+        (
+            goal("{points: [{effort: [null]}]}"),
+            "[0].goal.points[0].effort[0]: expected a finite number, got None",
+        ),
+        (
+            goal("{points: [{positions: [.nan]}]}"),
+            "[0].goal.points[0].positions[0]: expected a finite number, got nan",
+        ),
+        (
+            goal("{points: [{positions: [-.inf]}]}"),
+            "[0].goal.points[0].positions[0]: expected a finite number, got -inf",
+        ),
+        (
+            goal("{points: [{time_from_start: soon}]}"),
+            f"[0].goal.points[0]: {TIME}, got 'soon'",
+        ),
+        (
+            goal("{points: [{time_from_start: {sec: 1, nsec: 2}}]}"),
+            f"[0].goal.points[0]: {TIME}, got {{'sec': 1, 'nsec': 2}}",
+        ),
+        (
+            goal("{path_tolerance: {}}"),
+            "[0].goal.path_tolerance: expected a list, got {}",
+        ),
+        (
+            goal("{goal_tolerance: [a]}"),
+            "[0].goal.goal_tolerance[0]: expected a mapping, got 'a'",
+        ),
+        (
+            goal("{goal_tolerance: [{nam: a}]}"),
+            "[0].goal.goal_tolerance[0]: unknown key 'nam'; did you mean 'name'? "
+            "known: acceleration, name, position, velocity",
+        ),
+        (
+            goal("{path_tolerance: [{name: a, position: '1'}]}"),
+            "[0].goal.path_tolerance[0]: position: expected numbers, got ['1']",
+        ),
+        (
+            goal("{goal_time_tolerance: x}"),
+            f"[0].goal.goal_time_tolerance: {TIME}, got 'x'",
+        ),
+        (goal("{header: 5}"), "[0].goal.header: expected a mapping, got 5"),
+        (goal("{header: {stamp: x}}"), f"[0].goal.header.stamp: {TIME}, got 'x'"),
+    ],
+)
+def test_a_malformed_motion_is_one_located_message(load, tmp_path, text, message):
+    with pytest.raises(MotionError) as caught:
+        load(text)
+
+    assert str(caught.value) == f"{tmp_path / 'motion.yaml'}: {message}"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            "- {at: 1\n- {",
+            ":2: malformed YAML: expected ',' or '}', but got '{'",
+        ),
+        ("- &a [*a]", ":1: malformed YAML: the value contains itself"),
+        ("- {[1]: 2}", ":1: malformed YAML: found unhashable key"),
+        (b"\xff", ": can't be read: it is not UTF-8 text"),
+    ],
+)
+def test_a_text_that_is_no_yaml_is_one_located_message(load, tmp_path, text, message):
+    with pytest.raises(MotionError) as caught:
+        load(text)
+
+    assert str(caught.value) == f"{tmp_path / 'motion.yaml'}{message}"
+
+
+def test_a_missing_file_is_an_error(tmp_path):
+    path = tmp_path / "motion.yaml"
+
+    with pytest.raises(MotionError) as caught:
+        load_motion(path)
+
+    assert str(caught.value) == f"{path}: can't be read: No such file or directory"
+
+
+def bundled() -> list[Path]:
+    return [
+        path for robot in bundled_robots() for path in bundled_motions(robot).values()
+    ]
+
+
+@pytest.mark.parametrize("path", bundled(), ids=lambda path: path.stem)
+def test_a_damaged_motion_file_gives_no_other_error(path, load):
+    content = path.read_bytes()
+    lines = content.splitlines(keepends=True)
+    damaged = [content[: len(content) * part // 40] for part in range(40)]
+    damaged += [b"".join(lines[:i] + lines[i + 1 :]) for i in range(len(lines))]
+    damaged += [content.replace(b"0.0", text) for text in (b"x", b"[", b".nan", b"")]
+    damaged += [content.replace(b"[", b"{"), content.replace(b": ", b" ")]
+    damaged += [content[:300] + bytes(range(20)) + content[300:]]
+
+    for text in damaged:
+        with contextlib.suppress(ArmDrakeError):
+            load(text)
