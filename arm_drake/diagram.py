@@ -2,7 +2,6 @@
 
 import dataclasses as dc
 from collections.abc import Sequence
-from typing import Any
 
 from pydrake.geometry import Meshcat, SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
@@ -13,7 +12,7 @@ from pydrake.systems.framework import (
     LeafSystem,
     OutputPort,
 )
-from pydrake.systems.primitives import VectorLogSink
+from pydrake.systems.primitives import VectorLogSink, ZeroOrderHold
 
 from arm_drake import interfaces
 from arm_drake.controllers.controller_interface import ControllerInterface
@@ -156,6 +155,11 @@ class _RobotInDiagram:
     def prefix(self) -> str:
         return f"{self.robot.name}/" if self.has_prefix else ""
 
+    @property
+    def log_period(self) -> float:
+        rate = self.options.log_rate
+        return self.period if rate is None else 1.0 / rate
+
     def add(
         self, builder: DiagramBuilder, plant: MultibodyPlant, scene_graph: SceneGraph
     ) -> Hardware:
@@ -181,6 +185,7 @@ class _RobotInDiagram:
                 controllers,
                 prefix=prefix,
                 period=self.period,
+                log_period=self.log_period,
                 servo_plant=hardware.servo_plant,
             ),
         )
@@ -193,7 +198,7 @@ class _RobotInDiagram:
                 commands += _commands(controller.system)
         connect_commands(builder, hardware, commands, prefix)
         builder.ExportOutput(hardware.joint_states, f"{prefix}joint_states")
-        self._log(builder, hardware.joint_states, "joint_states")
+        self._record(builder, hardware.joint_states)
         self._add_frames(builder, plant)
         return hardware
 
@@ -201,24 +206,35 @@ class _RobotInDiagram:
         self,
         builder: DiagramBuilder,
         name: str,
-        system: ControllerInterface[Any],
+        system: ControllerInterface,
         hardware: Hardware,
     ) -> None:
         """Add an active controller, connect what it reads, export its topics."""
         full_name = f"{self.prefix}{name}"
         builder.AddNamedSystem(full_name, system)
-        builder.Connect(
-            hardware.joint_states, system.GetInputPort(interfaces.STATE_PORT)
+        measured = (
+            hardware.joint_states if system.reads_effort else hardware.joint_motions
         )
+        builder.Connect(measured, system.GetInputPort(interfaces.STATE_PORT))
         _export_topics(builder, system, full_name)
         if system.HasOutputPort("reference"):
             reference = system.GetOutputPort("reference")
-            self._log(builder, reference, f"{name}/reference")
+            self._log(builder, reference, f"{name}/reference", system.params.period)
 
-    def _log(self, builder: DiagramBuilder, port: OutputPort, name: str) -> None:
-        """Record a vector at every tick, as the tick reads it."""
-        rate = self.options.log_rate
-        period = self.period if rate is None else 1.0 / rate
+    def _record(self, builder: DiagramBuilder, joint_states: OutputPort) -> None:
+        """Record the state of the joints at every tick, with the efforts it causes."""
+        period = self.log_period
+        # Sampled after the tick and logged before the next one: a log of the vector
+        # itself would compute the servo with the old command, once more.
+        sample = builder.AddNamedSystem(
+            f"{self.prefix}sample", ZeroOrderHold(period, joint_states.size())
+        )
+        builder.Connect(joint_states, sample.get_input_port())
+        self._log(builder, sample.get_output_port(), "joint_states", period)
+
+    def _log(
+        self, builder: DiagramBuilder, port: OutputPort, name: str, period: float
+    ) -> None:
         log = builder.AddNamedSystem(
             f"{self.prefix}log:{name}", VectorLogSink(port.size(), period)
         )
@@ -241,7 +257,7 @@ class _RobotInDiagram:
 
 
 def _commands(
-    system: ControllerInterface[Any],
+    system: ControllerInterface,
 ) -> list[tuple[OutputPort, tuple[str, ...]]]:
     """Return the port of a controller's commands, and the joints they are for."""
     if not system.command_interfaces:

@@ -46,6 +46,9 @@ class Hardware:
     # of the description.
     joint_states: OutputPort
 
+    # The same without the efforts, size 2J.
+    joint_motions: OutputPort
+
     # Dry friction as generalized forces, if there is any.
     friction: OutputPort | None
 
@@ -89,7 +92,7 @@ def add_hardware(
         builder.Connect(state, servo.GetInputPort("state"))
         effort, command = servo.GetOutputPort("effort"), servo.GetInputPort("command")
         builder.Connect(effort, plant.get_actuation_input_port(model))
-    joint_states = add_state_interfaces(
+    motions, joint_states = add_state_interfaces(
         builder, plant, model, description, names, effort, prefix
     )
     forces = None
@@ -100,7 +103,7 @@ def add_hardware(
             builder.Connect(state, friction.get_input_port())
             forces = friction.get_output_port()
     hold = tuple(initial[name] for name in names)
-    return Hardware(names, hold, command, joint_states, forces, alone)
+    return Hardware(names, hold, command, joint_states, motions, forces, alone)
 
 
 def connect_commands(
@@ -182,8 +185,8 @@ def add_state_interfaces(
     commanded: Sequence[str],
     effort: OutputPort | None,
     prefix: str,
-) -> OutputPort:
-    """Add the `joint_states` vector: position, velocity, effort of all J joints.
+) -> tuple[OutputPort, OutputPort]:
+    """Add the measured quantities of all J joints, in the order of the description.
 
     Args:
         builder: Where the plant is.
@@ -193,21 +196,30 @@ def add_state_interfaces(
         commanded: Joints that have an actuator.
         effort: What their actuators apply; None if there are none.
         prefix: Start of the names of the systems.
+
+    Returns:
+        Positions and velocities, size 2J; positions, velocities and efforts, size 3J.
     """
     names = [joint.name for joint in description.movable_joints]
     num_states, J = plant.num_multibody_states(model), len(names)
     q_at, v_at = state_indices(plant, model, names)
-    D = np.zeros((3 * J, num_states + len(commanded)))
-    for row, name in enumerate(names):
-        D[row, q_at[row]] = 1.0
-        D[J + row, v_at[row]] = 1.0
-        if name in commanded:
-            D[2 * J + row, num_states + commanded.index(name)] = 1.0
-    sizes = [num_states, len(commanded)] if commanded else [num_states]
-    signals = builder.AddNamedSystem(f"{prefix}measurements", Multiplexer(sizes))
-    states = builder.AddNamedSystem(f"{prefix}state_interfaces", MatrixGain(D))
-    builder.Connect(plant.get_state_output_port(model), signals.get_input_port(0))
-    if effort is not None:
-        builder.Connect(effort, signals.get_input_port(1))
-    builder.Connect(signals.get_output_port(), states.get_input_port())
-    return states.get_output_port()
+    D = np.zeros((2 * J, num_states))
+    for row in range(J):
+        D[row, q_at[row]] = D[J + row, v_at[row]] = 1.0
+    motions = builder.AddNamedSystem(f"{prefix}joint_motions", MatrixGain(D))
+    builder.Connect(plant.get_state_output_port(model), motions.get_input_port())
+    states = builder.AddNamedSystem(f"{prefix}joint_states", Multiplexer([2 * J, J]))
+    builder.Connect(motions.get_output_port(), states.get_input_port(0))
+    if effort is None:
+        nothing = builder.AddNamedSystem(
+            f"{prefix}joint_efforts", ConstantVectorSource(np.zeros(J))
+        )
+        builder.Connect(nothing.get_output_port(), states.get_input_port(1))
+    else:
+        E = np.zeros((J, len(commanded)))
+        for column, name in enumerate(commanded):
+            E[names.index(name), column] = 1.0
+        efforts = builder.AddNamedSystem(f"{prefix}joint_efforts", MatrixGain(E))
+        builder.Connect(effort, efforts.get_input_port())
+        builder.Connect(efforts.get_output_port(), states.get_input_port(1))
+    return motions.get_output_port(), states.get_output_port()

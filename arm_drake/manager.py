@@ -49,7 +49,7 @@ class LoadedController:
     name: str
     type: str
     state: ControllerStatus
-    system: ControllerInterface[Any] | None
+    system: ControllerInterface | None
 
 
 @dc.dataclass(frozen=True)
@@ -162,7 +162,7 @@ class _Loader:
         self._report = report
         self._period = 1.0 / config.update_rate if period is None else period
 
-    def load(self, controller: ControllerConfig) -> ControllerInterface[Any] | None:
+    def load(self, controller: ControllerConfig) -> ControllerInterface | None:
         """Return the system of a controller, or None and a line in the report."""
         if controller.type not in CONTROLLER_TYPES:
             hint = suggest(controller.type, CONTROLLER_TYPES)
@@ -225,7 +225,7 @@ class _Loader:
     def can_claim(
         self,
         controller: ControllerConfig,
-        system: ControllerInterface[Any],
+        system: ControllerInterface,
         claims: Mapping[str, str],
     ) -> bool:
         """Return whether a controller can start, with a line in the report if not."""
@@ -246,7 +246,7 @@ class _Loader:
         return not taken
 
     def _obstacles(
-        self, controller: ControllerConfig, system: ControllerInterface[Any]
+        self, controller: ControllerConfig, system: ControllerInterface
     ) -> Iterator[str]:
         del controller
         there = self._surroundings
@@ -317,6 +317,7 @@ class ControllerManager(LeafSystem):
         *,
         prefix: str,
         period: float,
+        log_period: float,
         servo_plant: MultibodyPlant,
     ) -> None:
         """Create the system.
@@ -326,6 +327,7 @@ class ControllerManager(LeafSystem):
             controllers: Its controllers.
             prefix: Start of the names of the robot's ports and systems.
             period: Period of the manager in Drake's time [s].
+            log_period: Period of the log of the joints' states [s].
             servo_plant: Plant that the servo computes with, to be kept as long as the
                 diagram: Drake's InverseDynamics doesn't keep it.
         """
@@ -334,6 +336,7 @@ class ControllerManager(LeafSystem):
         self.controllers = tuple(controllers)
         self.prefix = prefix
         self.period = period
+        self.log_period = log_period
         self._servo_plant = servo_plant
         rows = tuple(ControllerState(c.name, c.type, c.state) for c in self.controllers)
 

@@ -18,9 +18,6 @@ class SimulationOptions:
     # Bandwidth of the joint servo [rad/s]: a step settles in about 5.8 / bandwidth.
     servo_bandwidth: float = 40.0
 
-    # Whether the servo lifts the robot's own weight.
-    gravity_compensation: bool = True
-
     # Whether the dry friction of `<dynamics friction>` acts.
     friction: bool = True
 

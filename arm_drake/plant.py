@@ -64,6 +64,12 @@ def add_robot_model(
     Raises:
         DescriptionError: If Drake refuses the description.
     """
+    if not description.movable_joints:
+        raise DescriptionError(
+            "the robot has no movable joint; expected a revolute, continuous or "
+            "prismatic one",
+            file=description.file,
+        )
     X_WB = _transform(pose)
     root = ET.fromstring(description.urdf)  # noqa: S314  our own text.
     root.set("name", name)

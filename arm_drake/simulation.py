@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Diagram
-from pydrake.systems.primitives import VectorLogSink
+from pydrake.systems.framework import Diagram, OutputPort
 
 from arm_drake.clients import ControllerHandle, GoalHandle
 from arm_drake.description.report import LoadReport
@@ -246,16 +245,23 @@ class Simulation:
         """
         manager = self._manager(robot)
         joints = manager.robot.description.movable_joints
-        time, rows = self._log(manager, "joint_states")
+        sample = self.diagram.GetSubsystemByName(f"{manager.prefix}sample")
+        time, rows = self._samples(
+            manager, "joint_states", sample.get_output_port(), manager.log_period
+        )
         position, velocity, effort = np.split(rows, 3, axis=1)
         references = {}
         for controller in manager.controllers:
             joint_names = _reference_joints(controller)
-            if controller.state == "active" and joint_names:
-                _, values = self._log(manager, f"{controller.name}/reference")
-                last = self._eval(f"{manager.prefix}{controller.name}.reference")
-                aligned = _align(np.vstack([values, last]), time)
-                references[controller.name] = Reference(joint_names, aligned)
+            is_active = controller.state == "active"
+            if is_active and joint_names and controller.system is not None:
+                name = f"{controller.name}/reference"
+                period = controller.system.params.period
+                port = controller.system.GetOutputPort("reference")
+                ticks, values = self._samples(manager, name, port, period)
+                # The last tick before or at each row.
+                at = np.searchsorted(ticks, time + _STAMP_TOLERANCE) - 1
+                references[controller.name] = Reference(joint_names, values[at])
         limits = [joint.limits.effort for joint in joints]
         return Rollout(
             time=time,
@@ -278,14 +284,28 @@ class Simulation:
     def _eval(self, port: str) -> Any:
         return self.diagram.GetOutputPort(port).Eval(self.simulator.get_context())
 
-    def _log(
-        self, manager: ControllerManager, name: str
+    def _samples(
+        self, manager: ControllerManager, name: str, port: OutputPort, period: float
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the times [s], shape (N,), and the values of a log, shape (N, k).
+
+        What a tick leaves behind is logged at the next one; the last of all isn't yet.
+
+        Args:
+            manager: The robot's manager.
+            name: What is logged.
+            port: Port that the values come from.
+            period: Period of the log [s].
+        """
+        context = self.simulator.get_context()
         sink = self.diagram.GetSubsystemByName(f"{manager.prefix}log:{name}")
-        assert isinstance(sink, VectorLogSink)
-        log = sink.FindLog(self.simulator.get_context())
+        values = sink.FindLog(context).data().T[1:]
+        number = math.ceil(self.time / period - _TICK_TOLERANCE)
+        if len(values) < number:
+            last = port.Eval(port.get_system().GetMyContextFromRoot(context))
+            values = np.vstack([values, last])
         # Drake's times are sums of rounded numbers; ROS counts nanoseconds.
-        return np.round(log.sample_times(), 9), log.data().T.copy()
+        return np.round(period * np.arange(number), 9), values[:number].copy()
 
     def _send_step(self, step: MotionStep, motion: Motion | None) -> None:
         handle = self.controller(step.controller)
@@ -378,25 +398,3 @@ def _reference_joints(controller: LoadedController) -> tuple[str, ...]:
         for name in system.command_interfaces
         if name.endswith("/position")
     )
-
-
-def _align(
-    stamped: NDArray[np.float64], time: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return the rows with the stamps of ``time``; NaN where there is none.
-
-    Args:
-        stamped: Rows of a stamp [s] and k values, in the order of their stamps.
-        time: Times [s], shape (N,).
-
-    Returns:
-        The values, shape (N, k).
-    """
-    stamped = stamped[~np.isnan(stamped[:, 0])]
-    aligned = np.full((len(time), stamped.shape[1] - 1), np.nan)
-    if len(stamped):
-        at = np.searchsorted(stamped[:, 0], time - _STAMP_TOLERANCE)
-        at = np.minimum(at, len(stamped) - 1)
-        is_same = np.abs(stamped[at, 0] - time) <= _STAMP_TOLERANCE
-        aligned[is_same] = stamped[at[is_same], 1:]
-    return aligned

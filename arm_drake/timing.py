@@ -9,8 +9,8 @@ import math
 from collections.abc import Sequence
 from fractions import Fraction
 
-# A common step below this part of the wanted one isn't worth it.
-_SMALLEST_PART = 0.1
+# A common step below this part of the largest one isn't worth it.
+_SMALLEST_PART = Fraction(1, 10)
 
 
 def choose_time_step(
@@ -29,10 +29,13 @@ def choose_time_step(
     """
     if not update_rates:
         return wanted, []
+    # No manager ticks more often than the plant steps.
+    fastest = Fraction(1, max(update_rates))
+    largest = min(Fraction(wanted).limit_denominator(10**9), fastest)
     common = Fraction(1, math.lcm(*update_rates))
-    if common < _SMALLEST_PART * wanted:
+    if common < _SMALLEST_PART * largest:
         common = Fraction(1, update_rates[0])
-    exact = common / math.ceil(common / Fraction(wanted).limit_denominator(10**9))
+    exact = common / math.ceil(common / largest)
     multiples = [round(Fraction(1, rate) / exact) for rate in update_rates]
     step = _round_up(float(exact), max(multiples).bit_length())
     return step, [step * multiple for multiple in multiples]

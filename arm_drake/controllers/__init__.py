@@ -25,7 +25,7 @@ class ControllerType(NamedTuple):
     """How to parse and build one type of controller."""
 
     parameters: type
-    system: Callable[[Any, ControllerInterfaceParams], ControllerInterface[Any]]
+    system: Callable[[Any, ControllerInterfaceParams], ControllerInterface]
 
 
 CONTROLLER_TYPES: Mapping[str, ControllerType] = {

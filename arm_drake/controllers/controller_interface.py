@@ -90,8 +90,59 @@ def message_on(port: InputPort, context: Context, expected: type[M]) -> M | None
     )
 
 
-class ControllerInterface(LeafSystem, Generic[S]):
-    """Base of the controllers: an immutable state of type S, renewed at every tick.
+class ControllerInterface(LeafSystem):
+    """Base of all controllers: what they read, what they claim.
+
+    A controller that reads no efforts is given none: its port ends after the
+    velocities. Efforts take the servo's whole computation.
+    """
+
+    def __init__(
+        self,
+        params: ControllerInterfaceParams,
+        *,
+        state_interfaces: tuple[str, ...],
+        command_interfaces: tuple[str, ...] = (),
+    ) -> None:
+        """Create the system with its input port of measured quantities.
+
+        Args:
+            params: Rate and surroundings of the controller.
+            state_interfaces: What it reads, such as "joint1/position".
+            command_interfaces: What it claims.
+        """
+        super().__init__()
+        self.set_name(params.controller_name)
+        self.params = params
+        self.state_interfaces = state_interfaces
+        self.command_interfaces = command_interfaces
+        self.reads_effort = any(
+            name.endswith(f"/{interfaces.EFFORT}") for name in state_interfaces
+        )
+        num_measured = len(params.measured)
+        if not self.reads_effort:
+            num_measured -= num_measured // len(interfaces.STATE_INTERFACES)
+        self._measured = self.DeclareVectorInputPort(
+            interfaces.STATE_PORT, num_measured
+        )
+        self._read_at = _positions(state_interfaces, params.measured)
+
+    def _read(self, context: Context) -> NDArray[np.float64]:
+        """Return the measured `state_interfaces`."""
+        return self._measured.Eval(context)[self._read_at]
+
+    def _tick_number(self, context: Context) -> int:
+        """Return the number of the tick that is now."""
+        # Ticks are counted, for times are sums of rounded numbers.
+        return round(context.get_time() / self.params.period)
+
+    def _tick_time(self, number: int) -> int:
+        """Return the time of a tick [ns]."""
+        return number * NANOSECONDS // self.params.update_rate
+
+
+class TickingController(ControllerInterface, Generic[S]):
+    """Base of controllers with an immutable state of type S, renewed at every tick.
 
     A subclass implements `_tick`, and `_command` if it claims something. It declares
     its further ports; outputs depend on `xa_ticket()` alone and show what the last tick
@@ -113,17 +164,12 @@ class ControllerInterface(LeafSystem, Generic[S]):
             initial: State before the first tick.
             state_interfaces: What it reads, such as "joint1/position".
             command_interfaces: What it claims.
-
         """
-        super().__init__()
-        self.set_name(params.controller_name)
-        self.params = params
-        self.state_interfaces = state_interfaces
-        self.command_interfaces = command_interfaces
-        self._measured = self.DeclareVectorInputPort(
-            interfaces.STATE_PORT, len(params.measured)
+        super().__init__(
+            params,
+            state_interfaces=state_interfaces,
+            command_interfaces=command_interfaces,
         )
-        self._read_at = _positions(state_interfaces, params.measured)
         num_commands = len(command_interfaces)
         hold = [params.initial_commands.get(name, 0.0) for name in command_interfaces]
         command = np.concatenate([hold, np.zeros(num_commands)])
@@ -156,10 +202,6 @@ class ControllerInterface(LeafSystem, Generic[S]):
         del state
         return np.empty(0)
 
-    def _read(self, context: Context) -> NDArray[np.float64]:
-        """Return the measured `state_interfaces`."""
-        return self._measured.Eval(context)[self._read_at]
-
     def _state(self, context: Context) -> S:
         """Return the state that the last tick left."""
         ticked: _Ticked[S] = context.get_abstract_state(0).get_value()
@@ -167,11 +209,9 @@ class ControllerInterface(LeafSystem, Generic[S]):
 
     def _update_state(self, context: Context, state: State) -> None:
         ticked = context.get_abstract_state(0).get_value()
-        # Ticks are counted, for times are sums of rounded numbers.
-        tick = round(context.get_time() / self.params.period)
-        rate = self.params.update_rate
-        time_ns = tick * NANOSECONDS // rate
-        period_ns = time_ns - (tick - 1) * NANOSECONDS // rate
+        tick = self._tick_number(context)
+        time_ns = self._tick_time(tick)
+        period_ns = time_ns - self._tick_time(tick - 1)
         new = self._tick(context, ticked.state, time_ns, period_ns)
         command = ticked.command
         if self.command_interfaces:
@@ -181,7 +221,8 @@ class ControllerInterface(LeafSystem, Generic[S]):
                 values = np.where(np.isfinite(values), values, held)
             # A jump at the first tick is no speed.
             is_first = ticked.number is None
-            rates = np.zeros_like(held) if is_first else (values - held) * rate
+            rates = np.zeros_like(held) if is_first else (values - held)
+            rates *= self.params.update_rate
             command = np.concatenate((values, rates))
         state.get_mutable_abstract_state(0).set_value(_Ticked(tick, new, command))
 

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import Context
+from pydrake.systems.framework import Context, DiscreteValues
 
 from arm_drake import interfaces
 from arm_drake.controllers.controller_interface import (
@@ -16,7 +16,7 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterfaceParams,
 )
 from arm_drake.errors import ParameterError
-from arm_drake.messages import Header, JointState, Message, Time
+from arm_drake.messages import Header, JointState, Time
 
 
 @dc.dataclass(frozen=True)
@@ -43,16 +43,7 @@ class JointStateBroadcasterParameters:
     frame_id: str = ""
 
 
-@dc.dataclass(frozen=True, eq=False)
-class _Measured(Message):
-    """What was measured at a tick."""
-
-    time_ns: int = 0
-    # In the order of `state_interfaces`; None before the first tick.
-    values: np.ndarray | None = None
-
-
-class JointStateBroadcaster(ControllerInterface[_Measured]):
+class JointStateBroadcaster(ControllerInterface):
     """Publishes the state of the joints.
 
     .. pydrake_system::
@@ -67,14 +58,15 @@ class JointStateBroadcaster(ControllerInterface[_Measured]):
     port              size  unit    meaning
     ================  ====  ======  ================================================
     state_interfaces  3J    rad,    measured positions, velocities and efforts of
-                            rad/s,  all J joints of the robot
-                            N·m
+                            rad/s,  all J joints of the robot; without efforts (2J)
+                            N·m     if none is published
     joint_states      --    --      JointState of the last tick; NaN where a joint
                                     has no such interface
     ================  ====  ======  ================================================
 
     The joints are published in the order of the parameter ``joints``, else by name.
-    The state is what was measured at the last tick.
+    The discrete state is the number of the last tick, -1 before the first one, and what
+    was measured at that tick; efforts are those that the tick's commands cause.
     """
 
     def __init__(
@@ -92,7 +84,7 @@ class JointStateBroadcaster(ControllerInterface[_Measured]):
             ParameterError: If an interface is asked for that isn't there.
         """
         self._names, published = _published(parameters, params)
-        super().__init__(params, _Measured(), state_interfaces=published)
+        super().__init__(params, state_interfaces=published)
         self._extra = tuple(
             name for name in parameters.extra_joints if name not in self._names
         )
@@ -102,31 +94,33 @@ class JointStateBroadcaster(ControllerInterface[_Measured]):
             [row.get(f"{joint}/{interface}") for joint in self._names]
             for interface in interfaces.STATE_INTERFACES
         ]
+        self.DeclareDiscreteState(np.concatenate([[-1.0], np.zeros(len(published))]))
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            params.period, 0.0, self._update_measured
+        )
         self.DeclareAbstractOutputPort(
             "joint_states",
             lambda: AbstractValue.Make(JointState()),
             self._calc_joint_states,
-            prerequisites_of_calc={self.xa_ticket()},
+            prerequisites_of_calc={self.xd_ticket()},
         )
 
-    def _tick(
-        self, context: Context, state: _Measured, time_ns: int, period_ns: int
-    ) -> _Measured:
-        del state, period_ns
-        return _Measured(time_ns, self._read(context))
+    def _update_measured(self, context: Context, state: DiscreteValues) -> None:
+        new = np.concatenate(((self._tick_number(context),), self._read(context)))
+        state.set_value(new)
 
     def _calc_joint_states(self, context: Context, output: AbstractValue) -> None:
-        measured = self._state(context)
-        if measured.values is None:
+        number, *values = context.get_discrete_state_vector().value().tolist()
+        if number < 0.0:
             output.set_value(JointState())
             return
-        values = measured.values.tolist()
+        time = Time.from_nanoseconds(self._tick_time(int(number)))
         zeros = (0.0,) * len(self._extra)
         fields = (
             tuple(math.nan if row is None else values[row] for row in rows) + zeros
             for rows in self._rows
         )
-        header = Header(Time.from_nanoseconds(measured.time_ns), self._frame_id)
+        header = Header(time, self._frame_id)
         output.set_value(JointState(header, self._names + self._extra, *fields))
 
 

@@ -5,6 +5,7 @@ jazzy); the tick itself is `arm_drake.control.joint_trajectory`.
 """
 
 import dataclasses as dc
+import math
 from typing import Literal
 
 import numpy as np
@@ -23,8 +24,8 @@ from arm_drake.control.joint_trajectory_state import (
 from arm_drake.control.tolerances import make_default_tolerances
 from arm_drake.control.trajectory_validation import TrajectoryRules
 from arm_drake.controllers.controller_interface import (
-    ControllerInterface,
     ControllerInterfaceParams,
+    TickingController,
     message_on,
 )
 from arm_drake.description.parameters import per_element_of
@@ -65,7 +66,7 @@ class Constraints:
 
     def __post_init__(self) -> None:
         """Reject what the types alone can't express."""
-        if self.goal_time < 0.0:
+        if not 0.0 <= self.goal_time < math.inf:
             raise ValueError(f"goal_time must be at least 0, got {self.goal_time}")
 
 
@@ -125,14 +126,16 @@ class JointTrajectoryControllerParameters:
                 f"state_interfaces must have 'position', "
                 f"got {list(self.state_interfaces)}"
             )
-        if self.action_monitor_rate < 0.1:
+        if not 0.0 <= self.cmd_timeout < math.inf:
+            raise ValueError(f"cmd_timeout must be at least 0, got {self.cmd_timeout}")
+        if not 0.1 <= self.action_monitor_rate < math.inf:
             raise ValueError(
                 f"action_monitor_rate must be at least 0.1 Hz, "
                 f"got {self.action_monitor_rate}"
             )
 
 
-class JointTrajectoryController(ControllerInterface[JointTrajectoryState]):
+class JointTrajectoryController(TickingController[JointTrajectoryState]):
     """Moves joints along trajectories, from a topic or as goals of an action.
 
     .. pydrake_system::
@@ -153,15 +156,13 @@ class JointTrajectoryController(ControllerInterface[JointTrajectoryState]):
     =======================  ====  ======  ===========================================
     port                     size  unit    meaning
     =======================  ====  ======  ===========================================
-    state_interfaces         3J    rad,    measured positions, velocities, efforts of
-                                   rad/s,  all J joints of the robot
-                                   N·m
+    state_interfaces         2J    rad,    measured positions, then velocities, of
+                                   rad/s   all J joints of the robot
     joint_trajectory         --    --      JointTrajectory to follow from now on
     follow_joint_trajectory  --    --      SendGoal or CancelGoal: a goal to reach
     command_interfaces       2n    rad,    commanded positions and their rates of
                                    rad/s   change
-    reference                1+n   s, rad  time of the last tick, and where the
-                                           trajectory was then
+    reference                n     rad     where the trajectory was at the last tick
     controller_state         --    --      JointTrajectoryControllerState
     events                   --    --      tuple of the latest (number, event), the
                                            newest last; an event is a GoalEvent or a
@@ -213,11 +214,11 @@ class JointTrajectoryController(ControllerInterface[JointTrajectoryState]):
 
         self.DeclareVectorOutputPort(
             "reference",
-            1 + n,
+            n,
             self._calc_reference,
             prerequisites_of_calc={self.xa_ticket()},
         )
-        self._nothing = np.full(1 + n, np.nan)
+        self._nothing = np.full(n, np.nan)
         for name, calc in {
             "controller_state": self._calc_controller_state,
             "events": self._calc_events,
@@ -248,15 +249,11 @@ class JointTrajectoryController(ControllerInterface[JointTrajectoryState]):
         return tick(self._rules, state, inputs)
 
     def _command(self, state: JointTrajectoryState) -> np.ndarray:
-        return commanded_positions(state.commanded, self._nothing[1:])
+        return commanded_positions(state.commanded, self._nothing)
 
     def _calc_reference(self, context: Context, output: BasicVector) -> None:
         seen = self._state(context).snapshot
-        if seen is None:
-            output.SetFromVector(self._nothing)
-            return
-        time = seen.time_ns / NANOSECONDS
-        output.SetFromVector(np.concatenate(((time,), seen.desired.position)))
+        output.SetFromVector(self._nothing if seen is None else seen.desired.position)
 
     def _calc_events(self, context: Context, output: AbstractValue) -> None:
         output.set_value(self._state(context).events)

@@ -106,10 +106,16 @@ def make_peer(
     builder.Connect(state, friction.get_input_port())
     builder.Connect(effort, plant.get_actuation_input_port(model))
     connect_forces(builder, plant, {model: friction.get_output_port()})
-    states = add_state_interfaces(builder, plant, model, description, names, effort, "")
-    broadcaster = builder.AddSystem(ZeroOrderHold(period, states.size()))
-    builder.Connect(states, broadcaster.get_input_port())
-    for port in (states, source.get_output_port()):
+    _, states = add_state_interfaces(
+        builder, plant, model, description, names, effort, ""
+    )
+    # What our broadcaster holds, and what our rollout records.
+    broadcaster, sample = (
+        builder.AddSystem(ZeroOrderHold(period, states.size())) for _ in range(2)
+    )
+    for hold in (broadcaster, sample):
+        builder.Connect(states, hold.get_input_port())
+    for port in (sample.get_output_port(), source.get_output_port()):
         log = builder.AddSystem(VectorLogSink(port.size(), period))
         builder.Connect(port, log.get_input_port())
     return builder.Build(), alone

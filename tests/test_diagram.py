@@ -1,0 +1,374 @@
+"""The diagram is one of Drake's like any other, with the ports that ROS would have."""
+
+import gc
+import math
+from pathlib import Path
+
+import numpy as np
+import pinocchio
+import pytest
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+
+import arm_drake as ad
+from arm_drake.errors import InputError
+from tests import models
+
+W0 = ad.SimulationOptions().servo_bandwidth
+STEP = ad.SimulationOptions().time_step
+PERIOD = 1e-2
+
+INPUTS = [
+    "joint_trajectory_controller.joint_trajectory",
+    "joint_trajectory_controller.follow_joint_trajectory",
+]
+OUTPUTS = [
+    "joint_state_broadcaster.joint_states",
+    "joint_trajectory_controller.reference",
+    "joint_trajectory_controller.controller_state",
+    "joint_trajectory_controller.events",
+    "joint_states",
+    "frames",
+]
+
+
+def input_names(diagram: Diagram) -> list[str]:
+    ports = range(diagram.num_input_ports())
+    return [diagram.get_input_port(i).get_name() for i in ports]
+
+
+def output_names(diagram: Diagram) -> list[str]:
+    ports = range(diagram.num_output_ports())
+    return [diagram.get_output_port(i).get_name() for i in ports]
+
+
+def trajectory(
+    positions: dict[str, float], at: float, *, is_at_rest: bool = True
+) -> ad.JointTrajectory:
+    velocities = (0.0,) * len(positions) if is_at_rest else ()
+    end = ad.JointTrajectoryPoint(
+        positions=tuple(positions.values()),
+        velocities=velocities,
+        time_from_start=at,
+    )
+    return ad.JointTrajectory(joint_names=tuple(positions), points=(end,))
+
+
+def pendulum(folder: Path, dynamics: str = "", **options: object) -> ad.Robot:
+    controllers = models.trajectory_controllers({"arm": ["swing"]})
+    urdf = models.pendulum(dynamics=dynamics)
+    return models.load(folder, urdf, controllers, **options)
+
+
+def doosan_in_motion() -> tuple[Diagram, Simulator]:
+    """Return the bundled robot on its way to a goal."""
+    diagram = ad.build_diagram(ad.load_robot("doosan_a0912"))
+    simulator = Simulator(diagram)
+    goal = {f"joint{i}": 0.1 * i for i in range(1, 7)}
+    diagram.GetInputPort(INPUTS[0]).FixValue(
+        simulator.get_mutable_context(), trajectory(goal, 1.0)
+    )
+    return diagram, simulator
+
+
+def state_bytes(diagram: Diagram, context: Context) -> list[bytes]:
+    ports = [diagram.GetOutputPort(name) for name in ("state", "joint_states")]
+    return [port.Eval(context).tobytes() for port in ports]
+
+
+def test_ports_of_one_robot_are_named_as_in_ros() -> None:
+    diagram = ad.build_diagram(ad.load_robot("doosan_a0912"))
+
+    assert input_names(diagram) == INPUTS
+    assert output_names(diagram) == [*OUTPUTS, "state"]
+
+
+def test_ports_of_several_robots_start_with_the_robot() -> None:
+    robots = [
+        ad.load_robot("doosan_a0912", name=name, pose=(0.0, y, 0.0, 0.0, 0.0, 0.0))
+        for name, y in (("left", 1.0), ("right", -1.0))
+    ]
+
+    diagram = ad.build_diagram(robots)
+
+    names = ("left", "right")
+    assert input_names(diagram) == [f"{name}/{p}" for name in names for p in INPUTS]
+    assert output_names(diagram) == [
+        *(f"{name}/{port}" for name in names for port in OUTPUTS),
+        "state",
+    ]
+
+
+def test_ports_of_a_robot_without_controllers_are_its_states(tmp_path: Path) -> None:
+    diagram = ad.build_diagram(models.load(tmp_path, models.TWO_LINKS))
+
+    assert input_names(diagram) == []
+    assert output_names(diagram) == ["joint_states", "frames", "state"]
+
+
+def test_every_system_has_a_name(tmp_path: Path) -> None:
+    robots = [
+        models.load(tmp_path, models.GRIPPER, name="left"),
+        models.load(tmp_path, models.TWO_LINKS, name="right"),
+    ]
+
+    diagram = ad.build_diagram(robots)
+
+    assert diagram.get_name() == "arm_drake"
+    for system in diagram.GetSystems():
+        # Drake's own names for the nameless are a type and an address.
+        assert "@" not in system.get_name()
+
+
+def test_robots_of_the_same_name_are_refused(tmp_path: Path) -> None:
+    robot = pendulum(tmp_path)
+
+    with pytest.raises(InputError) as caught:
+        ad.build_diagram([robot, robot])
+
+    assert str(caught.value) == (
+        "2 robots are called 'pendulum'; "
+        "give each its own name with load_robot(..., name=...)"
+    )
+
+
+def test_no_robot_is_refused() -> None:
+    with pytest.raises(InputError) as caught:
+        ad.build_diagram([])
+
+    assert str(caught.value) == "no robot was given; expected at least one"
+
+
+def test_frames_are_the_links_in_order_with_the_poses_of_another_library() -> None:
+    start = {f"joint{i}": 0.2 * i - 0.7 for i in range(1, 7)}
+    robot = ad.load_robot("doosan_a0912", initial_positions=start)
+    diagram = ad.build_diagram(robot)
+
+    frames = diagram.GetOutputPort("frames").Eval(diagram.CreateDefaultContext())
+
+    model = pinocchio.buildModelFromXML(robot.description.urdf)
+    data = model.createData()
+    q = np.array([start[name] for name in list(model.names)[1:]])
+    pinocchio.framesForwardKinematics(model, data, q)
+    assert len(frames) == len(robot.description.links)
+    for link, frame in zip(robot.description.links, frames, strict=True):
+        expected = data.oMf[model.getFrameId(link)].homogeneous
+        np.testing.assert_allclose(frame.GetAsMatrix4(), expected, atol=1e-12)
+
+
+def test_frames_follow_the_motion(tmp_path: Path) -> None:
+    robot = pendulum(tmp_path)
+    diagram = ad.build_diagram(robot)
+    simulator = Simulator(diagram)
+    diagram.GetInputPort("arm.joint_trajectory").FixValue(
+        simulator.get_mutable_context(), trajectory({"swing": 1.0}, 0.5)
+    )
+    port = diagram.GetOutputPort("frames")
+    before = port.Eval(simulator.get_context())
+
+    simulator.AdvanceTo(1.5)
+
+    base, bob = port.Eval(simulator.get_context())
+    assert before[1].IsExactlyIdentity()
+    assert base.IsExactlyIdentity()
+    expected = [math.sin(-1.0) * models.LENGTH, 0.0, -math.cos(1.0) * models.LENGTH]
+    np.testing.assert_allclose(
+        bob.multiply([0.0, 0.0, -models.LENGTH]), expected, atol=1e-9
+    )
+
+
+def test_the_state_is_the_plant_s() -> None:
+    diagram, simulator = doosan_in_motion()
+
+    simulator.AdvanceTo(0.5)
+
+    plant = diagram.GetSubsystemByName("plant")
+    assert isinstance(plant, MultibodyPlant)
+    context = simulator.get_context()
+    np.testing.assert_array_equal(
+        diagram.GetOutputPort("state").Eval(context),
+        plant.GetPositionsAndVelocities(plant.GetMyContextFromRoot(context)),
+    )
+
+
+def test_joint_states_start_at_the_initial_positions() -> None:
+    start = {f"joint{i}": 0.2 * i - 0.7 for i in range(1, 7)}
+    diagram = ad.build_diagram(ad.load_robot("doosan_a0912", initial_positions=start))
+
+    states = diagram.GetOutputPort("joint_states").Eval(diagram.CreateDefaultContext())
+
+    np.testing.assert_array_equal(states[:6], list(start.values()))
+    np.testing.assert_array_equal(states[6:12], 0.0)
+
+
+def test_the_first_step_after_the_first_tick_obeys_its_command(tmp_path: Path) -> None:
+    diagram = ad.build_diagram(pendulum(tmp_path), world="void")
+    simulator = Simulator(diagram)
+    target = 1e-3
+    # Reached within one period: the tick at 0, looking a period ahead, commands it.
+    diagram.GetInputPort("arm.joint_trajectory").FixValue(
+        simulator.get_mutable_context(),
+        trajectory({"swing": target}, PERIOD, is_at_rest=False),
+    )
+
+    simulator.AdvanceTo(STEP)
+
+    # By hand: v = h kp target, q = h v; the first command carries no velocity.
+    kp = ((1.0 - math.exp(-W0 * STEP)) / STEP) ** 2
+    velocity = STEP * kp * target
+    position, speed, _ = diagram.GetOutputPort("joint_states").Eval(
+        simulator.get_context()
+    )
+    assert speed == pytest.approx(velocity, abs=1e-12)
+    assert position == pytest.approx(STEP * velocity, abs=1e-12)
+
+
+@pytest.mark.parametrize("tick", [1, 7, 50])
+def test_the_first_step_after_a_later_tick_obeys_position_and_velocity(
+    tmp_path: Path, tick: int
+) -> None:
+    simulation = ad.Simulation(ad.build_diagram(pendulum(tmp_path), world="void"))
+    simulation.advance_to(tick * PERIOD)
+    target = 1e-3
+    simulation.controller("arm").send_trajectory(
+        trajectory({"swing": target}, PERIOD, is_at_rest=False)
+    )
+
+    simulation.advance_to(tick * PERIOD + STEP)
+
+    # The command came from 0 within a period: target / PERIOD, led by 2 / w0.
+    kp = ((1.0 - math.exp(-W0 * STEP)) / STEP) ** 2
+    velocity = STEP * kp * (target + 2.0 / W0 * target / PERIOD)
+    states = simulation.joint_states()
+    assert states.velocity == pytest.approx((velocity,), abs=1e-12)
+    assert states.position == pytest.approx((STEP * velocity,), abs=1e-12)
+
+
+def test_two_runs_are_identical_to_the_last_bit() -> None:
+    runs = []
+    for _ in range(2):
+        diagram, simulator = doosan_in_motion()
+        simulator.AdvanceTo(0.5)
+        runs.append(state_bytes(diagram, simulator.get_context()))
+
+    assert runs[0] == runs[1]
+
+
+# A tick, a step between ticks, and a time between steps.
+@pytest.mark.parametrize("time", [0.3, 0.304, 0.3042])
+def test_a_cloned_context_runs_on_to_the_same_bits(time: float) -> None:
+    diagram, simulator = doosan_in_motion()
+    simulator.AdvanceTo(time)
+    clone = simulator.get_context().Clone()
+    simulator.AdvanceTo(0.6)
+
+    again = Simulator(diagram, clone)
+    again.AdvanceTo(0.6)
+
+    expected = state_bytes(diagram, simulator.get_context())
+    assert state_bytes(diagram, again.get_context()) == expected
+
+
+def test_a_context_moves_into_another_diagram_of_the_robot() -> None:
+    diagram, simulator = doosan_in_motion()
+    simulator.AdvanceTo(0.3)
+    other, other_simulator = doosan_in_motion()
+    other_context = other_simulator.get_mutable_context()
+    other_context.SetTimeStateAndParametersFrom(simulator.get_context())
+    # A message is new where it is another object than that of the last tick.
+    port = INPUTS[0]
+    message = diagram.GetInputPort(port).Eval(simulator.get_context())
+    other.GetInputPort(port).FixValue(other_context, message)
+
+    simulator.AdvanceTo(0.6)
+    other_simulator.Initialize()
+    other_simulator.AdvanceTo(0.6)
+
+    expected = state_bytes(diagram, simulator.get_context())
+    assert state_bytes(other, other_context) == expected
+
+
+def test_a_diagram_within_another_outlives_what_built_it() -> None:
+    expected_diagram, expected = doosan_in_motion()
+    expected.AdvanceTo(0.3)
+
+    builder = DiagramBuilder()
+    inner = builder.AddNamedSystem(
+        "cell", ad.build_diagram(ad.load_robot("doosan_a0912"))
+    )
+    for name in INPUTS:
+        builder.ExportInput(inner.GetInputPort(name), name)
+    for name in ("state", "joint_states"):
+        builder.ExportOutput(inner.GetOutputPort(name), name)
+    outer = builder.Build()
+    del inner, builder
+    gc.collect()
+    simulator = Simulator(outer)
+    goal = {f"joint{i}": 0.1 * i for i in range(1, 7)}
+    outer.GetInputPort(INPUTS[0]).FixValue(
+        simulator.get_mutable_context(), trajectory(goal, 1.0)
+    )
+    simulator.AdvanceTo(0.3)
+
+    assert state_bytes(outer, simulator.get_context()) == state_bytes(
+        expected_diagram, expected.get_context()
+    )
+
+
+def test_robots_in_one_diagram_move_as_each_alone(tmp_path: Path) -> None:
+    # Friction of three sizes, also none: each joint gets its own.
+    frictions = {"none": 0.0, "some": 1.0, "much": 3.0}
+    robots = [
+        pendulum(
+            tmp_path,
+            f'<dynamics damping="{0.1 * index}" friction="{friction}"/>',
+            name=name,
+            pose=(0.0, 2.0 * index, 0.0, 0.0, 0.0, 0.0),
+            initial_positions={"swing": 0.2 * index},
+        )
+        for index, (name, friction) in enumerate(frictions.items())
+    ]
+    goal = {"swing": 1.0}
+    together = ad.Simulation(ad.build_diagram(robots, world="void"))
+    for name in frictions:
+        together.controller(f"{name}/arm").send_trajectory(trajectory(goal, 0.5))
+    together.advance_to(0.4)
+
+    for robot in robots:
+        alone = ad.Simulation(ad.build_diagram(robot, world="void"))
+        alone.controller("arm").send_trajectory(trajectory(goal, 0.5))
+        alone.advance_to(0.4)
+        rollouts = alone.rollout(), together.rollout(robot.name)
+        for field in ("position", "velocity", "effort"):
+            own, shared = (getattr(rollout, field) for rollout in rollouts)
+            np.testing.assert_allclose(shared, own, atol=1e-10)
+
+
+def test_robots_stand_where_their_poses_say(tmp_path: Path) -> None:
+    robots = [
+        pendulum(tmp_path, name=name, pose=(x, 0.0, 0.0, 0.0, 0.0, 0.0))
+        for name, x in (("one", 1.0), ("two", 2.0))
+    ]
+    diagram = ad.build_diagram(robots)
+
+    context = diagram.CreateDefaultContext()
+
+    for name, x in (("one", 1.0), ("two", 2.0)):
+        base, _ = diagram.GetOutputPort(f"{name}/frames").Eval(context)
+        assert base.IsNearlyEqualTo(RigidTransform([x, 0.0, 0.0]), 1e-12)
+
+
+def test_the_log_has_a_row_per_tick_or_at_the_rate_asked_for(tmp_path: Path) -> None:
+    robot = pendulum(tmp_path)
+    for rate, rows in ((None, 51), (50.0, 26), (1000.0, 505)):
+        options = ad.SimulationOptions(log_rate=rate)
+        simulation = ad.Simulation(ad.build_diagram(robot, options=options))
+
+        simulation.advance_to(0.505)
+
+        times = simulation.rollout().time
+        expected = np.arange(len(times)) / (100.0 if rate is None else rate)
+        assert len(times) == rows
+        np.testing.assert_allclose(times, expected, atol=1e-9)

@@ -1,0 +1,36 @@
+"""Options reject what can't be simulated."""
+
+import math
+
+import pytest
+
+import arm_drake as ad
+
+
+@pytest.mark.parametrize("name", ["time_step", "servo_bandwidth"])
+@pytest.mark.parametrize("value", [0.0, -1e-3, math.inf, math.nan])
+def test_steps_and_bandwidths_must_be_positive(name: str, value: float) -> None:
+    with pytest.raises(ValueError) as caught:  # noqa: PT011  the message is compared.
+        ad.SimulationOptions(**{name: value})
+
+    assert str(caught.value) == f"{name} must be positive, got {value!r}"
+
+
+@pytest.mark.parametrize("value", [0.0, -100.0, math.nan])
+def test_a_log_rate_must_be_positive(value: float) -> None:
+    with pytest.raises(ValueError) as caught:  # noqa: PT011  the message is compared.
+        ad.SimulationOptions(log_rate=value)
+
+    assert str(caught.value) == f"log_rate must be positive, got {value!r}"
+
+
+def test_defaults_are_a_millisecond_of_full_physics_without_self_collision() -> None:
+    options = ad.SimulationOptions()
+
+    assert options.time_step == 1e-3
+    assert options.servo_bandwidth == 40.0
+    assert options.gravity
+    assert options.friction
+    assert not options.self_collision
+    assert options.log_rate is None
+    assert options.active == options.inactive == ()

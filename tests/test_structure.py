@@ -1,0 +1,348 @@
+"""The house keeps its order: imports point one way, systems keep state in Contexts."""
+
+import ast
+import graphlib
+import importlib
+import inspect
+import itertools
+import pkgutil
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import LeafSystem
+
+import arm_drake
+import arm_drake as ad
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.joint_state_broadcaster import (
+    JointStateBroadcaster,
+    JointStateBroadcasterParameters,
+)
+from arm_drake.controllers.joint_trajectory_controller import (
+    JointTrajectoryController,
+    JointTrajectoryControllerParameters,
+)
+from arm_drake.frames import LinkFrames
+from arm_drake.manager import ControllerManager
+
+PACKAGE = Path(arm_drake.__file__).parent
+
+# From the ground up. A module or package imports only what lies on lower layers, and a
+# package its own modules.
+LAYERS = [
+    ["errors", "interfaces", "messages", "options", "timing", "yaml_files", "bundled"],
+    ["description", "visualization"],
+    ["control", "plant", "world", "frames", "motion", "rollout"],
+    ["servo", "controllers"],
+    ["drives"],
+    ["hardware", "manager"],
+    ["loading", "clients"],
+    ["diagram", "simulation"],
+    ["sim_command"],
+    ["cli"],
+    ["__main__"],
+]
+
+# They are text and arrays alone, and know no Drake.
+WITHOUT_DRAKE = [
+    "errors",
+    "interfaces",
+    "messages",
+    "options",
+    "timing",
+    "yaml_files",
+    "bundled",
+    "motion",
+    "description",
+    "control",
+]
+
+# What a controller may know of the rest. `description.parameters` is the form in which
+# all parameters are declared, not the robot's.
+KNOWN_TO_CONTROLLERS = re.compile(
+    r"errors|interfaces|messages|control(\..*)?"
+    r"|controllers\.controller_interface|description\.parameters"
+)
+
+MAX_LINES = 300
+
+# Longer than they should be, each to be split or trimmed; they stay below these.
+LONG_FILES = {
+    "control/joint_trajectory.py": 320,
+    "controllers/joint_trajectory_controller.py": 340,
+    "description/meshes.py": 320,
+    "description/repairs.py": 320,
+    "description/urdf.py": 340,
+    "loading.py": 340,
+    "manager.py": 400,
+    "messages.py": 320,
+    "simulation.py": 410,
+}
+
+MODULES = {
+    ".".join(path.relative_to(PACKAGE).with_suffix("").parts): path
+    for path in sorted(PACKAGE.rglob("*.py"))
+}
+
+
+def parse(module: str) -> ast.Module:
+    return ast.parse(MODULES[module].read_text(encoding="utf-8"))
+
+
+def imports(module: str) -> set[str]:
+    """Return full names of the modules that a module imports, anywhere in it.
+
+    Imports for the type checker alone are left out.
+    """
+    found = set()
+    waiting: list[ast.AST] = [parse(module)]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            waiting += node.orelse
+            continue
+        waiting += ast.iter_child_nodes(node)
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{module}: relative import"
+            name = str(node.module)
+            found.add(name)
+            found |= {f"{name}.{alias.name}" for alias in node.names}
+    return found
+
+
+def own_imports(module: str) -> set[str]:
+    """Return the modules of the package that a module imports, as named here."""
+    found = set()
+    for name in imports(module):
+        if name.startswith("arm_drake."):
+            short = name.removeprefix("arm_drake.")
+            found |= {short, f"{short}.__init__"} & MODULES.keys()
+    return found - {module}
+
+
+def layer(module: str) -> int:
+    part = module.partition(".")[0]
+    return next(level for level, parts in enumerate(LAYERS) if part in parts)
+
+
+def system_classes() -> list[type[LeafSystem]]:
+    """Return every LeafSystem that the package defines and that can be made."""
+    for info in pkgutil.walk_packages(arm_drake.__path__, "arm_drake."):
+        if not info.name.endswith("__main__"):
+            importlib.import_module(info.name)
+    waiting, found = [LeafSystem], {}
+    while waiting:
+        for system in waiting.pop().__subclasses__():
+            waiting.append(system)
+            is_abstract = any(
+                getattr(method, "__isabstractmethod__", False)
+                for _, method in inspect.getmembers(system)
+            )
+            if system.__module__.startswith("arm_drake.") and not is_abstract:
+                found[system.__name__] = system
+    return list(found.values())
+
+
+def test_every_module_has_a_layer() -> None:
+    parts = {module.partition(".")[0] for module in MODULES} - {"__init__"}
+
+    assert parts <= set(itertools.chain.from_iterable(LAYERS))
+
+
+@pytest.mark.parametrize("module", sorted(MODULES.keys() - {"__init__"}))
+def test_imports_point_downwards(module: str) -> None:
+    part = module.partition(".")[0]
+
+    for other in own_imports(module):
+        is_own = other.partition(".")[0] == part
+        assert is_own or layer(other) < layer(module), f"{module} imports {other}"
+
+
+def test_imports_make_no_circle() -> None:
+    graph = {module: own_imports(module) for module in MODULES}
+
+    assert len(tuple(graphlib.TopologicalSorter(graph).static_order())) == len(MODULES)
+
+
+@pytest.mark.parametrize("part", WITHOUT_DRAKE)
+def test_text_and_mathematics_know_no_drake(part: str) -> None:
+    modules = [module for module in MODULES if module.partition(".")[0] == part]
+
+    assert modules
+    for module in modules:
+        drake = {name for name in imports(module) if name.startswith("pydrake")}
+        assert not drake, f"{module} imports {sorted(drake)}"
+
+
+def test_controllers_know_neither_the_robot_nor_each_other() -> None:
+    modules = [m for m in MODULES if m.startswith("controllers.")]
+    modules.remove("controllers.__init__")
+
+    assert len(modules) > 2
+    for module in modules:
+        for other in own_imports(module) - {"control.__init__"}:
+            assert KNOWN_TO_CONTROLLERS.fullmatch(other), f"{module} imports {other}"
+        drake = [n for n in imports(module) if n.startswith("pydrake.multibody")]
+        assert not drake, f"{module} imports {drake}"
+
+
+def test_nothing_imports_all_of_drake() -> None:
+    for module in MODULES:
+        assert not any(n.startswith("pydrake.all") for n in imports(module)), module
+
+
+def test_a_headless_run_loads_neither_all_of_drake_nor_matplotlib() -> None:
+    command = "sim doosan_a0912 --headless --duration 0.1"
+
+    done = subprocess.run(
+        [sys.executable, "-X", "importtime", "-m", "arm_drake", *command.split()],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
+
+    # import time: self [us] | cumulative | imported package
+    loaded = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
+    assert "pydrake.multibody.plant" in loaded
+    assert "arm_drake.simulation" in loaded
+    assert not loaded & {"pydrake.all", "matplotlib"}
+
+
+def controller_params() -> ControllerInterfaceParams:
+    interfaces = ("joint/position", "joint/velocity", "joint/effort")
+    return ControllerInterfaceParams(
+        controller_name="controller",
+        update_rate=100,
+        period=0.01,
+        joint_types={"joint": "revolute"},
+        command_interfaces=frozenset(interfaces[:1]),
+        state_interfaces=frozenset(interfaces),
+        measured=interfaces,
+        initial_commands={},
+    )
+
+
+def make_manager() -> ControllerManager:
+    plant = MultibodyPlant(0.0)
+    robot = ad.load_robot("doosan_a0912")
+    return ControllerManager(
+        robot, (), prefix="", period=0.01, log_period=0.01, servo_plant=plant
+    )
+
+
+# How to make each system, small.
+FACTORIES: dict[type[LeafSystem], Callable[[], LeafSystem]] = {
+    LinkFrames: lambda: LinkFrames([0]),
+    ControllerManager: make_manager,
+    JointStateBroadcaster: lambda: JointStateBroadcaster(
+        JointStateBroadcasterParameters(), controller_params()
+    ),
+    JointTrajectoryController: lambda: JointTrajectoryController(
+        JointTrajectoryControllerParameters(("joint",), ("position",), ("position",)),
+        controller_params(),
+    ),
+}
+
+
+def test_every_system_can_be_made_here() -> None:
+    names = {system.__name__ for system in system_classes()} - {"ControllerInterface"}
+    assert names == {system.__name__ for system in FACTORIES}
+
+
+def documented_ports(text: str, kind: str) -> list[str]:
+    """Return the ports of a kind in Drake's `pydrake_system` block, in order."""
+    lines = itertools.dropwhile(lambda line: f"{kind}:" not in line, text.splitlines())
+    names = itertools.takewhile(lambda line: line.startswith("- "), _stripped(lines))
+    return [name.removeprefix("- ") for name in names]
+
+
+def _stripped(lines: Iterator[str]) -> Iterator[str]:
+    next(lines, None)
+    return (line.strip() for line in lines)
+
+
+@pytest.mark.parametrize("system_type", FACTORIES, ids=lambda type: type.__name__)
+def test_a_system_documents_its_ports(system_type: type[LeafSystem]) -> None:
+    system = FACTORIES[system_type]()
+
+    ports: dict[str, list[Any]] = {
+        "input_ports": [
+            system.get_input_port(i) for i in range(system.num_input_ports())
+        ],
+        "output_ports": [
+            system.get_output_port(i) for i in range(system.num_output_ports())
+        ],
+    }
+    text = inspect.cleandoc(type(system).__doc__ or "")
+    for kind, declared in ports.items():
+        names = [port.get_name() for port in declared]
+        assert documented_ports(text, kind) == names
+        # Its row in the table.
+        for name in names:
+            assert re.search(rf"^{name}  ", text, re.MULTILINE), name
+    assert f"name: {type(system).__name__}\n" in text
+
+
+def assignments_to_self(method: ast.FunctionDef) -> Iterator[str]:
+    """Yield what a method assigns to, of its own object."""
+    this = method.args.args[0].arg if method.args.args else ""
+    for node in ast.walk(method):
+        if isinstance(node, ast.Attribute | ast.Subscript) and isinstance(
+            node.ctx, ast.Store | ast.Del
+        ):
+            target: ast.AST = node
+            while isinstance(target, ast.Attribute | ast.Subscript):
+                target = target.value
+            if isinstance(target, ast.Name) and target.id == this:
+                yield f"line {node.lineno}: {ast.unparse(node)}"
+
+
+def test_systems_keep_their_state_in_the_context() -> None:
+    systems = {system.__name__ for system in system_classes()} | {"ControllerInterface"}
+    seen = set()
+    for module in MODULES:
+        for node in ast.walk(parse(module)):
+            if not isinstance(node, ast.ClassDef) or node.name not in systems:
+                continue
+            seen.add(node.name)
+            for method in node.body:
+                if isinstance(method, ast.FunctionDef) and method.name != "__init__":
+                    assert not list(assignments_to_self(method)), module
+
+    assert seen == systems
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("self._a = 1", ["line 2: self._a"]),
+        ("self._a += 1", ["line 2: self._a"]),
+        ("self._a[0] = 1", ["line 2: self._a[0]"]),
+        ("x, self.a.b = 1, 2", ["line 2: self.a.b"]),
+        ("del self._a", ["line 2: self._a"]),
+        ("x = self._a", []),
+        ("x.a = self._a", []),
+    ],
+)
+def test_an_assignment_to_self_is_found(text: str, found: list[str]) -> None:
+    (method,) = ast.parse(f"def update(self, x):\n    {text}").body
+    assert isinstance(method, ast.FunctionDef)
+
+    assert list(assignments_to_self(method)) == found
+
+
+@pytest.mark.parametrize("module", sorted(MODULES))
+def test_files_are_short(module: str) -> None:
+    path = MODULES[module]
+    limit = LONG_FILES.get(path.relative_to(PACKAGE).as_posix(), MAX_LINES)
+
+    assert len(path.read_text(encoding="utf-8").splitlines()) <= limit
