@@ -217,9 +217,10 @@ class _RobotInDiagram:
         )
         builder.Connect(measured, system.GetInputPort(interfaces.STATE_PORT))
         _export_topics(builder, system, full_name)
-        if system.HasOutputPort("reference"):
-            reference = system.GetOutputPort("reference")
-            self._log(builder, reference, f"{name}/reference", system.params.period)
+        if system.command_interfaces:
+            # What a tick commands is the reference of the next one.
+            command = system.GetOutputPort(interfaces.COMMAND_PORT)
+            self._log(builder, command, f"{name}/reference", system.params.period)
 
     def _record(self, builder: DiagramBuilder, joint_states: OutputPort) -> None:
         """Record the state of the joints at every tick, with the efforts it causes."""

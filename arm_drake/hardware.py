@@ -154,27 +154,35 @@ def connect_forces(
         plant: The finalized plant.
         forces: Generalized forces on a model instance, in the order of its velocities.
     """
-    if not forces:
-        return
-    total = builder.AddNamedSystem(
-        "generalized_forces", Adder(len(forces), plant.num_velocities())
-    )
-    for index, (model, port) in enumerate(forces.items()):
+    ports = []
+    for model, port in forces.items():
         D = np.zeros((plant.num_velocities(), port.size()))
-        for column in range(port.size()):
-            unit = np.zeros(port.size())
-            unit[column] = 1.0
+        for column, unit in enumerate(np.eye(port.size())):
             v = np.zeros(plant.num_velocities())
             plant.SetVelocitiesInArray(model, unit, v)
             D[:, column] = v
-        scatter = builder.AddNamedSystem(
-            f"{plant.GetModelInstanceName(model)}_forces", MatrixGain(D)
+        name = f"{plant.GetModelInstanceName(model)}_forces"
+        ports.append(_gain(builder, name, D, port))
+    if len(ports) > 1:
+        total = builder.AddNamedSystem(
+            "generalized_forces", Adder(len(ports), plant.num_velocities())
         )
-        builder.Connect(port, scatter.get_input_port())
-        builder.Connect(scatter.get_output_port(), total.get_input_port(index))
-    builder.Connect(
-        total.get_output_port(), plant.get_applied_generalized_force_input_port()
-    )
+        for index, port in enumerate(ports):
+            builder.Connect(port, total.get_input_port(index))
+        ports = [total.get_output_port()]
+    for port in ports:
+        builder.Connect(port, plant.get_applied_generalized_force_input_port())
+
+
+def _gain(
+    builder: DiagramBuilder, name: str, D: np.ndarray, port: OutputPort
+) -> OutputPort:
+    """Return D times a port; the port itself if D changes nothing."""
+    if D.shape[0] == D.shape[1] and np.array_equal(D, np.eye(len(D))):
+        return port
+    gain = builder.AddNamedSystem(name, MatrixGain(D))
+    builder.Connect(port, gain.get_input_port())
+    return gain.get_output_port()
 
 
 def add_state_interfaces(
@@ -206,10 +214,10 @@ def add_state_interfaces(
     D = np.zeros((2 * J, num_states))
     for row in range(J):
         D[row, q_at[row]] = D[J + row, v_at[row]] = 1.0
-    motions = builder.AddNamedSystem(f"{prefix}joint_motions", MatrixGain(D))
-    builder.Connect(plant.get_state_output_port(model), motions.get_input_port())
+    state = plant.get_state_output_port(model)
+    motions = _gain(builder, f"{prefix}joint_motions", D, state)
     states = builder.AddNamedSystem(f"{prefix}joint_states", Multiplexer([2 * J, J]))
-    builder.Connect(motions.get_output_port(), states.get_input_port(0))
+    builder.Connect(motions, states.get_input_port(0))
     if effort is None:
         nothing = builder.AddNamedSystem(
             f"{prefix}joint_efforts", ConstantVectorSource(np.zeros(J))
@@ -219,7 +227,6 @@ def add_state_interfaces(
         E = np.zeros((J, len(commanded)))
         for column, name in enumerate(commanded):
             E[names.index(name), column] = 1.0
-        efforts = builder.AddNamedSystem(f"{prefix}joint_efforts", MatrixGain(E))
-        builder.Connect(effort, efforts.get_input_port())
-        builder.Connect(efforts.get_output_port(), states.get_input_port(1))
-    return motions.get_output_port(), states.get_output_port()
+        efforts = _gain(builder, f"{prefix}joint_efforts", E, effort)
+        builder.Connect(efforts, states.get_input_port(1))
+    return motions, states.get_output_port()

@@ -22,7 +22,6 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import (
     MatrixGain,
     Multiplexer,
-    PassThrough,
     Saturation,
     SymbolicVectorSystem,
 )
@@ -106,7 +105,6 @@ def make_joint_servo(
     """
     builder = DiagramBuilder()
     m, n = N.shape
-    state = builder.AddNamedSystem("state", PassThrough(2 * m))
     signals = builder.AddNamedSystem("signals", Multiplexer([2 * m, 2 * n]))
     law = builder.AddNamedSystem(
         "acceleration",
@@ -123,11 +121,10 @@ def make_joint_servo(
     limit = builder.AddNamedSystem(
         "effort_limit", Saturation(-gains.effort_limit, gains.effort_limit)
     )
-    builder.ExportInput(state.get_input_port(), "state")
+    state = builder.ExportInput(signals.get_input_port(0), "state")
+    builder.ConnectInput(state, dynamics.get_input_port_estimated_state())
     builder.ExportInput(signals.get_input_port(1), "command")
-    builder.Connect(state.get_output_port(), signals.get_input_port(0))
     builder.Connect(signals.get_output_port(), law.get_input_port())
-    builder.Connect(state.get_output_port(), dynamics.get_input_port_estimated_state())
     acceleration, effort = (
         law.get_output_port(),
         dynamics.get_output_port_generalized_force(),

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Diagram, OutputPort
+from pydrake.systems.framework import Diagram
 
 from arm_drake.clients import ControllerHandle, GoalHandle
+from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, MotionError, suggest
@@ -30,9 +31,6 @@ from arm_drake.rollout import Reference, Rollout
 
 # Ticks between two looks at the controllers' news.
 _TICKS_AT_A_TIME = 10
-
-# Stamps are cut to nanoseconds.
-_STAMP_TOLERANCE = 1e-7  # s
 
 # A step is due at the first tick that isn't earlier by more than this part of a period.
 _TICK_TOLERANCE = 1e-6
@@ -245,23 +243,22 @@ class Simulation:
         """
         manager = self._manager(robot)
         joints = manager.robot.description.movable_joints
-        sample = self.diagram.GetSubsystemByName(f"{manager.prefix}sample")
-        time, rows = self._samples(
-            manager, "joint_states", sample.get_output_port(), manager.log_period
-        )
-        position, velocity, effort = np.split(rows, 3, axis=1)
+        period = manager.log_period
+        number = math.ceil(self.time / period - _TICK_TOLERANCE)
+        rows = self._log(manager, "joint_states")[1:]
+        if len(rows) < number:  # What the last tick left behind isn't logged yet.
+            sample = self.diagram.GetSubsystemByName(f"{manager.prefix}sample")
+            context = sample.GetMyContextFromRoot(self.simulator.get_context())
+            rows = np.vstack([rows, sample.get_output_port().Eval(context)])
+        # Drake's times are sums of rounded numbers; ROS counts nanoseconds.
+        time = np.round(period * np.arange(number), 9)
+        position, velocity, effort = np.split(rows[:number], 3, axis=1)
         references = {}
         for controller in manager.controllers:
-            joint_names = _reference_joints(controller)
-            is_active = controller.state == "active"
-            if is_active and joint_names and controller.system is not None:
-                name = f"{controller.name}/reference"
-                period = controller.system.params.period
-                port = controller.system.GetOutputPort("reference")
-                ticks, values = self._samples(manager, name, port, period)
-                # The last tick before or at each row.
-                at = np.searchsorted(ticks, time + _STAMP_TOLERANCE) - 1
-                references[controller.name] = Reference(joint_names, values[at])
+            if controller.state == "active" and controller.system is not None:
+                reference = self._reference(manager, controller.system, time)
+                if reference is not None:
+                    references[controller.name] = reference
         limits = [joint.limits.effort for joint in joints]
         return Rollout(
             time=time,
@@ -284,28 +281,26 @@ class Simulation:
     def _eval(self, port: str) -> Any:
         return self.diagram.GetOutputPort(port).Eval(self.simulator.get_context())
 
-    def _samples(
-        self, manager: ControllerManager, name: str, port: OutputPort, period: float
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the times [s], shape (N,), and the values of a log, shape (N, k).
-
-        What a tick leaves behind is logged at the next one; the last of all isn't yet.
-
-        Args:
-            manager: The robot's manager.
-            name: What is logged.
-            port: Port that the values come from.
-            period: Period of the log [s].
-        """
-        context = self.simulator.get_context()
+    def _log(self, manager: ControllerManager, name: str) -> NDArray[np.float64]:
+        """Return the rows of a log."""
         sink = self.diagram.GetSubsystemByName(f"{manager.prefix}log:{name}")
-        values = sink.FindLog(context).data().T[1:]
-        number = math.ceil(self.time / period - _TICK_TOLERANCE)
-        if len(values) < number:
-            last = port.Eval(port.get_system().GetMyContextFromRoot(context))
-            values = np.vstack([values, last])
-        # Drake's times are sums of rounded numbers; ROS counts nanoseconds.
-        return np.round(period * np.arange(number), 9), values[:number].copy()
+        return sink.FindLog(self.simulator.get_context()).data().T
+
+    def _reference(
+        self,
+        manager: ControllerManager,
+        system: ControllerInterface,
+        time: NDArray[np.float64],
+    ) -> Reference | None:
+        """Return what a controller wanted of its joints at the given times [s]."""
+        names = system.command_interfaces
+        at = [i for i, name in enumerate(names) if name.endswith("/position")]
+        if not at:
+            return None
+        commands = self._log(manager, f"{system.params.controller_name}/reference")
+        ticks = np.floor(time / system.params.period + _TICK_TOLERANCE).astype(int)
+        joints = tuple(names[i].rpartition("/")[0] for i in at)
+        return Reference(joints, commands[ticks][:, at])
 
     def _send_step(self, step: MotionStep, motion: Motion | None) -> None:
         handle = self.controller(step.controller)
@@ -386,15 +381,3 @@ class Simulation:
 def _has_port(controller: LoadedController, name: str) -> bool:
     system = controller.system
     return system is not None and bool(system.HasOutputPort(name))
-
-
-def _reference_joints(controller: LoadedController) -> tuple[str, ...]:
-    """Return the joints of a controller's reference, in order."""
-    system = controller.system
-    if system is None or not system.HasOutputPort("reference"):
-        return ()
-    return tuple(
-        name.rpartition("/")[0]
-        for name in system.command_interfaces
-        if name.endswith("/position")
-    )

@@ -26,7 +26,6 @@ INPUTS = [
 ]
 OUTPUTS = [
     "joint_state_broadcaster.joint_states",
-    "joint_trajectory_controller.reference",
     "joint_trajectory_controller.controller_state",
     "joint_trajectory_controller.events",
     "joint_states",

@@ -3,6 +3,8 @@
 import dataclasses as dc
 from typing import NamedTuple
 
+import numpy as np
+
 from arm_drake.control.tolerances import Array, Mask, Tolerances
 from arm_drake.control.trajectory import Interpolation, Sample, StateBefore, Trajectory
 from arm_drake.control.trajectory_validation import TrajectoryRules
@@ -166,9 +168,18 @@ def make_feedback(
         actual=make_point(
             snapshot.position, snapshot.velocity, None, snapshot.desired_from_start_ns
         ),
-        error=make_point(snapshot.error, None, None, snapshot.desired_from_start_ns),
+        error=make_error(snapshot),
         index=snapshot.desired.segment_end,
     )
+
+
+def make_error(snapshot: Snapshot) -> JointTrajectoryPoint:
+    """Return the error of what a tick saw, as a message.
+
+    Without a velocity command interface, velocity errors stay 0.
+    """
+    velocity = None if snapshot.velocity is None else np.zeros_like(snapshot.velocity)
+    return make_point(snapshot.error, velocity, None, snapshot.desired_from_start_ns)
 
 
 def make_point(

@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import BasicVector, Context
+from pydrake.systems.framework import Context
 
 from arm_drake import interfaces
 from arm_drake.control.joint_trajectory import tick
@@ -19,6 +19,7 @@ from arm_drake.control.joint_trajectory_state import (
     JointTrajectoryState,
     TickInputs,
     commanded_positions,
+    make_error,
     make_point,
 )
 from arm_drake.control.tolerances import make_default_tolerances
@@ -147,7 +148,6 @@ class JointTrajectoryController(TickingController[JointTrajectoryState]):
         - follow_joint_trajectory
         output_ports:
         - command_interfaces
-        - reference
         - controller_state
         - events
 
@@ -162,7 +162,6 @@ class JointTrajectoryController(TickingController[JointTrajectoryState]):
     follow_joint_trajectory  --    --      SendGoal or CancelGoal: a goal to reach
     command_interfaces       2n    rad,    commanded positions and their rates of
                                    rad/s   change
-    reference                n     rad     where the trajectory was at the last tick
     controller_state         --    --      JointTrajectoryControllerState
     events                   --    --      tuple of the latest (number, event), the
                                            newest last; an event is a GoalEvent or a
@@ -172,8 +171,7 @@ class JointTrajectoryController(TickingController[JointTrajectoryState]):
     The state is a JointTrajectoryState. At every tick, with period T, trajectory s and
     measured positions q::
 
-        command_interfaces = s(t + T)          reference = s(t)
-        error              = s(t) - q
+        command_interfaces = s(t + T)          error = s(t) - q
 
     An error beyond a path tolerance, or beyond a goal tolerance for longer than
     goal_time after the end, stops the motion and aborts the goal.
@@ -212,12 +210,6 @@ class JointTrajectoryController(TickingController[JointTrajectoryState]):
         self._topic = self.DeclareAbstractInputPort("joint_trajectory", nothing)
         self._action = self.DeclareAbstractInputPort("follow_joint_trajectory", nothing)
 
-        self.DeclareVectorOutputPort(
-            "reference",
-            n,
-            self._calc_reference,
-            prerequisites_of_calc={self.xa_ticket()},
-        )
         self._nothing = np.full(n, np.nan)
         for name, calc in {
             "controller_state": self._calc_controller_state,
@@ -251,10 +243,6 @@ class JointTrajectoryController(TickingController[JointTrajectoryState]):
     def _command(self, state: JointTrajectoryState) -> np.ndarray:
         return commanded_positions(state.commanded, self._nothing)
 
-    def _calc_reference(self, context: Context, output: BasicVector) -> None:
-        seen = self._state(context).snapshot
-        output.SetFromVector(self._nothing if seen is None else seen.desired.position)
-
     def _calc_events(self, context: Context, output: AbstractValue) -> None:
         output.set_value(self._state(context).events)
 
@@ -276,7 +264,7 @@ class JointTrajectoryController(TickingController[JointTrajectoryState]):
                     from_start,
                 ),
                 feedback=make_point(seen.position, seen.velocity, None, from_start),
-                error=make_point(seen.error, None, None, 0),
+                error=make_error(seen),
                 output=make_point(seen.command, None, None, 0),
             )
         )
