@@ -1,5 +1,6 @@
 """What a program holds of a controller and of a goal that it sent."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from arm_drake.errors import InputError
@@ -41,15 +42,22 @@ class GoalHandle:
         self.status = GoalStatus.PENDING
         self.result: FollowJointTrajectoryResult | None = None
 
-        # All feedback so far, the newest last.
-        self.feedback: list[FollowJointTrajectoryFeedback] = []
+        self._feedback: list[FollowJointTrajectoryFeedback] = []
+        self._sources: list[Callable[[], FollowJointTrajectoryFeedback]] = []
 
     def update(self, event: GoalEvent) -> None:
         """Take the controller's news of this goal."""
         self.status = event.status
         self.result = event.result or self.result
-        if event.feedback is not None:
-            self.feedback.append(event.feedback)
+        if event.feedback_source is not None:
+            self._sources.append(event.feedback_source)
+
+    @property
+    def feedback(self) -> list[FollowJointTrajectoryFeedback]:
+        """All feedback so far, the newest last."""
+        self._feedback += [make() for make in self._sources]
+        self._sources.clear()
+        return self._feedback
 
     def __repr__(self) -> str:
         """Return controller, status and result."""

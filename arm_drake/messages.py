@@ -10,7 +10,7 @@ import dataclasses as dc
 import enum
 import math
 import numbers
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Self
 
 NANOSECONDS = 1_000_000_000
@@ -285,7 +285,16 @@ class GoalEvent(Message):
     request: SendGoal
     status: GoalStatus
     result: FollowJointTrajectoryResult | None = None
-    feedback: FollowJointTrajectoryFeedback | None = None
+
+    # What makes the feedback, if there is any: most of it is never looked at.
+    feedback_source: Callable[[], FollowJointTrajectoryFeedback] | None = dc.field(
+        default=None, compare=False, repr=False
+    )
+
+    @property
+    def feedback(self) -> FollowJointTrajectoryFeedback | None:
+        """The feedback, if that is the news."""
+        return None if self.feedback_source is None else self.feedback_source()
 
 
 @dc.dataclass(frozen=True)

@@ -7,6 +7,7 @@ tolerances are those of the present; goals report at their monitor's rate.
 """
 
 import dataclasses as dc
+import functools
 
 import numpy as np
 
@@ -176,8 +177,8 @@ class _Tick:
             return
         seen = self._last.snapshot
         if seen is not None and seen.time_ns >= goal.accepted_ns:
-            feedback = make_feedback(self._rules.allowed.joints, seen)
-            event = GoalEvent(goal.request, GoalStatus.EXECUTING, feedback=feedback)
+            make = functools.partial(make_feedback, self._rules.allowed.joints, seen)
+            event = GoalEvent(goal.request, GoalStatus.EXECUTING, feedback_source=make)
             self._events.append(event)
         due_ns = goal.monitor_ns + self._rules.monitor_period_ns
         self._goal = dc.replace(goal, monitor_ns=due_ns)
