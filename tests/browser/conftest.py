@@ -1,12 +1,14 @@
 """A headless Chromium, and a real robot to look at in it."""
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
+from pydrake.geometry import Meshcat
 
+import arm_drake as ad
 from tests.browser.pictures import VIEWPORT
 from tests.robots import real_robot, skip_or_fail
 
@@ -29,10 +31,27 @@ _ARGUMENTS = (
 )
 
 
+@pytest.fixture(scope="package")
+def start_meshcat() -> Callable[[], Meshcat]:
+    """Starts a Meshcat, which stays until the browser is closed.
+
+    A Meshcat that Python destroys while its server answers a page's request may hang:
+    the server's thread logs, for which it needs Python's lock, and is waited for by
+    Drake's destructor, which has it.
+    """
+    kept = []
+
+    def start() -> Meshcat:
+        kept.append(ad.start_meshcat())
+        return kept[-1]
+
+    return start
+
+
 # Not of session scope: while Playwright runs, this thread has an event loop, in which
 # tests elsewhere could not start their own.
 @pytest.fixture(scope="package")
-def browser() -> Iterator[Browser]:
+def browser(start_meshcat: Callable[[], Meshcat]) -> Iterator[Browser]:
     path = next(filter(None, map(shutil.which, _CHROMIUM)), None)
     if path is None:
         skip_or_fail("Chromium is not installed")

@@ -16,7 +16,7 @@ VIEWPORT = ViewportSize(width=640, height=640)
 _FIELD_OF_VIEW = np.deg2rad(75.0)
 
 # A page is drawn within seconds; a busy machine gets more [s].
-_TIMEOUT = 60.0
+_TIMEOUT = 30.0
 
 # Two pixels differ if a channel does by more than this, out of 255.
 _VISIBLE_DIFFERENCE = 8
@@ -71,10 +71,11 @@ def wait_until_drawn(page: Page, meshes: int, camera: Camera | None = None) -> N
     if camera is not None:
         page.wait_for_function(
             """([eye, target]) => {
-                const is_at = (point, place) =>
-                    Math.hypot(...point.map((x, i) => x - place[i])) < 1e-6;
-                return is_at(viewer.controls.target.toArray(), target)
-                    && is_at(viewer.camera.matrixWorld.elements.slice(12, 15), eye);
+                // The page's own y is up.
+                const is_at = (p, place) =>
+                    Math.hypot(p.x - place[0], p.y - place[2], p.z + place[1]) < 1e-6;
+                return is_at(viewer.controls.target, target)
+                    && is_at(viewer.camera.position, eye);
             }""",
             arg=[camera.eye, camera.target],
             timeout=1000.0 * _TIMEOUT,

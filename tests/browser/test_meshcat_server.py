@@ -1,0 +1,38 @@
+"""Who can reach the Meshcat server; no browser is needed to tell."""
+
+import socket
+
+import psutil
+import pytest
+
+import arm_drake as ad
+
+
+def test_the_server_listens_to_this_machine_only() -> None:
+    meshcat = ad.start_meshcat()
+
+    listening = {
+        connection.laddr.ip
+        for connection in psutil.Process().net_connections("tcp")
+        if connection.status == psutil.CONN_LISTEN
+        and connection.laddr.port == meshcat.port()
+    }
+
+    assert listening
+    assert listening <= {"127.0.0.1", "::1"}
+
+
+def test_the_server_refuses_connections_from_elsewhere() -> None:
+    meshcat = ad.start_meshcat()
+    addresses = [
+        address.address
+        for interface in psutil.net_if_addrs().values()
+        for address in interface
+        if address.family == socket.AF_INET and address.address != "127.0.0.1"
+    ]
+    if not addresses:
+        pytest.skip("this machine has no address but 127.0.0.1")
+
+    for address in addresses:
+        with pytest.raises(ConnectionRefusedError):
+            socket.create_connection((address, meshcat.port()), timeout=5.0).close()
