@@ -94,9 +94,9 @@ def add_robot_model(
         raise DescriptionError(
             f"Drake refuses the description: {problem}", file=description.file
         ) from None
-    if not description.is_fixed_to_world:
-        base = plant.GetBodyByName(_root_link(description), model)
-        plant.WeldFrames(plant.world_frame(), base.body_frame(), X_WB)
+    for name_of_root in description.roots:
+        frame = plant.GetBodyByName(name_of_root, model).body_frame()
+        plant.WeldFrames(plant.world_frame(), frame, X_WB)
     return model
 
 
@@ -166,17 +166,6 @@ def state_indices(
         positions_at.append(names.index(f"{name}_{suffix[0]}"))
         velocities_at.append(len(names) + velocities.index(f"{name}_{suffix[1]}"))
     return positions_at, velocities_at
-
-
-def _root_link(description: RobotDescription) -> str:
-    children = {joint.child for joint in description.joints}
-    roots = [link for link in description.links if link not in children]
-    if len(roots) != 1:
-        raise DescriptionError(
-            f"expected one link without a parent, got {sorted(roots)}",
-            file=description.file,
-        )
-    return roots[0]
 
 
 def _transform(pose: Pose | None) -> RigidTransform:

@@ -109,9 +109,10 @@ class RobotDescription:
         return tuple(joint for joint in self.joints if joint.is_movable)
 
     @property
-    def is_fixed_to_world(self) -> bool:
-        """Whether the description itself has a link called "world"."""
-        return WORLD in self.links
+    def roots(self) -> tuple[str, ...]:
+        """The links that no joint attaches to anything, the world left out."""
+        children = {joint.child for joint in self.joints}
+        return tuple(n for n in self.links if n not in children and n != WORLD)
 
     def joint(self, name: str) -> JointInfo:
         """Return the joint of this name.
@@ -157,7 +158,7 @@ def parse_urdf(
     hardware = read_hardware(root, [joint.name for joint in joints], report, file)
     plugins = read_gazebo_plugins(root)
     normalise(root, file, packages, report)
-    return RobotDescription(
+    robot = RobotDescription(
         name=root.get("name") or file.name.partition(".")[0],
         file=file,
         links=links,
@@ -167,6 +168,16 @@ def parse_urdf(
         source=text,
         urdf=ET.tostring(root, encoding="unicode"),
     )
+    is_attached = any(joint.parent == WORLD for joint in joints)
+    if len(robot.roots) + (WORLD in links or is_attached) > 1:
+        report.add(
+            "warning",
+            "repair",
+            f"links {sorted(robot.roots)} are attached to nothing",
+            "they are fixed to the world",
+            file=file,
+        )
+    return robot
 
 
 def _parse_xml(text: str, file: Path) -> ET.Element:

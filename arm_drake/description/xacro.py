@@ -123,8 +123,10 @@ def _explain(error: Exception, path: Path, text: str) -> ArmDrakeError:
             name if default is None else f"{name}:={default}"
             for name, default in sorted(declared.items())
         )
+        is_late = str(cause) in declared
+        state = "used before it is declared" if is_late else "undefined"
         problem = (
-            f"xacro argument {str(cause)!r} is undefined; "
+            f"xacro argument {str(cause)!r} is {state}; "
             f"give it as {cause}:=VALUE; the file declares: {listed or 'none'}"
         )
     chain = [os.fspath(file) for file in xacro.filestack or [] if file]

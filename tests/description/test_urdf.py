@@ -51,7 +51,7 @@ def test_a_robot_has_the_names_of_its_links_and_joints_in_order():
     assert robot.links == ("world", "b", "a")
     assert [j.name for j in robot.joints] == ["k", "j"]
     assert [j.name for j in robot.movable_joints] == ["j"]
-    assert robot.is_fixed_to_world
+    assert robot.roots == ()
 
 
 def test_a_robot_without_a_name_is_called_like_its_file():
@@ -61,7 +61,7 @@ def test_a_robot_without_a_name_is_called_like_its_file():
     robot = parse_urdf(text, file, PackageFinder(file), LoadReport())
 
     assert robot.name == "elbow"
-    assert not robot.is_fixed_to_world
+    assert robot.roots == ("a",)
 
 
 def test_the_source_is_kept_as_written_and_the_urdf_without_what_drake_refuses():
@@ -314,3 +314,22 @@ def test_entities_that_multiply_end_in_an_error_at_once():
         "(from DTD and entities) breached"
     )
     assert time.perf_counter() - start < 2.0
+
+
+def test_links_attached_to_nothing_are_fixed_to_the_world_and_reported():
+    report = LoadReport()
+    file = Path("a.urdf")
+    text = (
+        '<robot name="r"><link name="world"/>'
+        + LINKS
+        + joint(name="j", parent="a", child="b")
+        + "</robot>"
+    )
+
+    robot = parse_urdf(text, file, PackageFinder(file), report)
+
+    assert robot.roots == ("a", "c")
+    assert str(report) == (
+        "warning: a.urdf: links ['a', 'c'] are attached to nothing; they are fixed to the "
+        "world"
+    )
