@@ -16,8 +16,8 @@ from pydrake.systems.primitives import VectorLogSink, ZeroOrderHold
 
 from arm_drake import interfaces
 from arm_drake.controllers.controller_interface import ControllerInterface
+from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot
-from arm_drake.description.urdf import WORLD
 from arm_drake.drives import commanded_joints, effort_limits
 from arm_drake.errors import InputError
 from arm_drake.frames import LinkFrames

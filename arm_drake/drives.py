@@ -10,8 +10,9 @@ from pydrake.systems.framework import Diagram
 from pydrake.systems.primitives import SymbolicVectorSystem
 
 from arm_drake.control.servo import compute_friction_gains, compute_servo_gains
+from arm_drake.description.joints import JointInfo
 from arm_drake.description.robot import Pose
-from arm_drake.description.urdf import JointInfo, RobotDescription
+from arm_drake.description.urdf import RobotDescription
 from arm_drake.options import SimulationOptions
 from arm_drake.plant import add_robot_model, set_gravity, state_indices
 from arm_drake.servo import (

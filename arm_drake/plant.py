@@ -15,8 +15,9 @@ from pydrake.multibody.plant import (
 from pydrake.multibody.tree import JointActuator, ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder
 
+from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Pose
-from arm_drake.description.urdf import WORLD, RobotDescription
+from arm_drake.description.urdf import RobotDescription
 from arm_drake.errors import DescriptionError
 from arm_drake.options import SimulationOptions
 

@@ -2,11 +2,13 @@
 
 import argparse
 import json
+import logging
 import sys
 import time
 from pathlib import Path
 from typing import Any
 
+from pydrake.common import use_native_cpp_logging
 from pydrake.geometry import Meshcat
 
 from arm_drake.bundled import bundled_motions
@@ -38,6 +40,9 @@ def simulate(options: argparse.Namespace, robot: Robot) -> int:
         options: Arguments of `arm-drake sim`.
         robot: The robot.
     """
+    # Drake's Meshcat may wait for ever at the end if its threads log through Python.
+    logging.getLogger("drake").setLevel(logging.WARNING)
+    use_native_cpp_logging()
     say = _Speaker(is_quiet=options.json)
     for entry in robot.report:
         if entry.severity != "info":

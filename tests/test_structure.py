@@ -78,7 +78,6 @@ LONG_FILES = {
     "controllers/joint_trajectory_controller.py": 340,
     "description/meshes.py": 320,
     "description/repairs.py": 320,
-    "description/urdf.py": 340,
     "loading.py": 340,
     "manager.py": 400,
     "messages.py": 320,

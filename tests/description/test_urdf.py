@@ -5,15 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from arm_drake.description.joints import JointInfo, JointLimits, Mimic
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
-from arm_drake.description.urdf import (
-    JointInfo,
-    JointLimits,
-    Mimic,
-    RobotDescription,
-    parse_urdf,
-)
+from arm_drake.description.urdf import RobotDescription, parse_urdf
 from arm_drake.errors import DescriptionError
 
 FILE = Path("arm.urdf")
@@ -329,7 +324,17 @@ def test_links_attached_to_nothing_are_fixed_to_the_world_and_reported():
     robot = parse_urdf(text, file, PackageFinder(file), report)
 
     assert robot.roots == ("a", "c")
-    assert str(report) == (
-        "warning: a.urdf: links ['a', 'c'] are attached to nothing; they are fixed to the "
-        "world"
+    assert str(report).splitlines()[-1] == (
+        "warning: a.urdf: links ['a', 'c'] are attached to nothing; they are fixed to "
+        "the world"
+    )
+
+
+@pytest.mark.parametrize("joint_type", ["floating", "planar"])
+def test_joints_of_several_degrees_of_freedom_are_refused_by_name(joint_type):
+    with pytest.raises(DescriptionError) as caught:
+        read_joint(type=joint_type)
+    assert str(caught.value) == (
+        f"arm.urdf: joint 'j': type {joint_type!r} is not supported yet; supported: "
+        "revolute, continuous, prismatic, fixed"
     )
