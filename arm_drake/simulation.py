@@ -29,8 +29,8 @@ from arm_drake.messages import (
 from arm_drake.motion import Motion, MotionStep
 from arm_drake.rollout import Reference, Rollout
 
-# Ticks between two looks at the controllers' news.
-_TICKS_AT_A_TIME = 10
+# Ticks between two looks at the controllers' news; they keep the latest 64.
+_TICKS_AT_A_TIME = 50
 
 # A step is due at the first tick that isn't earlier by more than this part of a period.
 _TICK_TOLERANCE = 1e-6

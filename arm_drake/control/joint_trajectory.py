@@ -69,6 +69,23 @@ def tick(
 class _Tick:
     """One tick: takes the state apart, changes it, puts it together again."""
 
+    __slots__ = (
+        "_ahead",
+        "_clock_ns",
+        "_commanded",
+        "_cursor",
+        "_events",
+        "_goal",
+        "_inputs",
+        "_is_holding",
+        "_last",
+        "_pending",
+        "_rules",
+        "_snapshot",
+        "_tolerances",
+        "_trajectory",
+    )
+
     def __init__(
         self,
         rules: JointTrajectoryRules,
@@ -244,7 +261,7 @@ class _Tick:
         is_finished = ahead.segment_end == len(trajectory.times_ns)
         if is_finished:  # As in jazzy, where only this search ahead is kept.
             self._cursor = max(self._cursor, ahead.segment_start)
-        since = since_last_point(trajectory, now_ns)
+        since = since_last_point(trajectory, now_ns) if is_finished else 0.0
         rules = self._rules
         if is_finished and not self._is_holding and 0.0 < rules.cmd_timeout < since:
             self._hold(self._inputs.position)
