@@ -215,6 +215,8 @@ class _RobotInDiagram:
         measured = (
             hardware.joint_states if system.reads_effort else hardware.joint_motions
         )
+        if system.is_sampled:
+            measured = self._sample(builder, measured, system.params.period)
         builder.Connect(measured, system.GetInputPort(interfaces.STATE_PORT))
         _export_topics(builder, system, full_name)
         if system.command_interfaces:
@@ -227,11 +229,23 @@ class _RobotInDiagram:
         period = self.log_period
         # Sampled after the tick and logged before the next one: a log of the vector
         # itself would compute the servo with the old command, once more.
+        sample = self._sample(builder, joint_states, period)
+        self._log(builder, sample, "joint_states", period)
+
+    def _sample(
+        self, builder: DiagramBuilder, joint_states: OutputPort, period: float
+    ) -> OutputPort:
+        """Return the state of the joints, sampled and held; one system per period."""
+        name = f"{self.prefix}sample"
+        if period != self.log_period:
+            name += f":{period}"
+        if builder.HasSubsystemNamed(name):
+            return builder.GetSubsystemByName(name).get_output_port()
         sample = builder.AddNamedSystem(
-            f"{self.prefix}sample", ZeroOrderHold(period, joint_states.size())
+            name, ZeroOrderHold(period, joint_states.size())
         )
         builder.Connect(joint_states, sample.get_input_port())
-        self._log(builder, sample.get_output_port(), "joint_states", period)
+        return sample.get_output_port()
 
     def _log(
         self, builder: DiagramBuilder, port: OutputPort, name: str, period: float

@@ -69,23 +69,6 @@ def tick(
 class _Tick:
     """One tick: takes the state apart, changes it, puts it together again."""
 
-    __slots__ = (
-        "_ahead",
-        "_clock_ns",
-        "_commanded",
-        "_cursor",
-        "_events",
-        "_goal",
-        "_inputs",
-        "_is_holding",
-        "_last",
-        "_pending",
-        "_rules",
-        "_snapshot",
-        "_tolerances",
-        "_trajectory",
-    )
-
     def __init__(
         self,
         rules: JointTrajectoryRules,

@@ -94,8 +94,11 @@ class ControllerInterface(LeafSystem):
     """Base of all controllers: what they read, what they claim.
 
     A controller that reads no efforts is given none: its port ends after the
-    velocities. Efforts take the servo's whole computation.
+    velocities. Efforts take the servo's whole computation. A controller without an
+    update of its own, `is_sampled`, is given all of them, held from tick to tick.
     """
+
+    is_sampled = False
 
     def __init__(
         self,
@@ -116,7 +119,7 @@ class ControllerInterface(LeafSystem):
         self.params = params
         self.state_interfaces = state_interfaces
         self.command_interfaces = command_interfaces
-        self.reads_effort = any(
+        self.reads_effort = self.is_sampled or any(
             name.endswith(f"/{interfaces.EFFORT}") for name in state_interfaces
         )
         num_measured = len(params.measured)
@@ -130,11 +133,6 @@ class ControllerInterface(LeafSystem):
     def _read(self, context: Context) -> NDArray[np.float64]:
         """Return the measured `state_interfaces`."""
         return self._measured.Eval(context)[self._read_at]
-
-    def _tick_number(self, context: Context) -> int:
-        """Return the number of the tick that is now."""
-        # Ticks are counted, for times are sums of rounded numbers.
-        return round(context.get_time() / self.params.period)
 
     def _tick_time(self, number: int) -> int:
         """Return the time of a tick [ns]."""
@@ -209,9 +207,11 @@ class TickingController(ControllerInterface, Generic[S]):
 
     def _update_state(self, context: Context, state: State) -> None:
         ticked = context.get_abstract_state(0).get_value()
-        tick = self._tick_number(context)
-        time_ns = self._tick_time(tick)
-        period_ns = time_ns - self._tick_time(tick - 1)
+        params = self.params
+        # Ticks are counted, for times are sums of rounded numbers.
+        number, rate = round(context.get_time() / params.period), params.update_rate
+        time_ns = number * NANOSECONDS // rate
+        period_ns = time_ns - (number - 1) * NANOSECONDS // rate
         new = self._tick(context, ticked.state, time_ns, period_ns)
         command = ticked.command
         if self.command_interfaces:
@@ -220,11 +220,9 @@ class TickingController(ControllerInterface, Generic[S]):
             if not math.isfinite(values.dot(values)):
                 values = np.where(np.isfinite(values), values, held)
             # A jump at the first tick is no speed.
-            is_first = ticked.number is None
-            rates = np.zeros_like(held) if is_first else (values - held)
-            rates *= self.params.update_rate
+            rates = (values - held) * (0 if ticked.number is None else rate)
             command = np.concatenate((values, rates))
-        state.get_mutable_abstract_state(0).set_value(_Ticked(tick, new, command))
+        state.get_mutable_abstract_state(0).set_value(_Ticked(number, new, command))
 
     def _calc_command(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(context.get_abstract_state(0).get_value().command)

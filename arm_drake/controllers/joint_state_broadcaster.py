@@ -6,9 +6,8 @@ Source: ros2_controllers, `joint_state_broadcaster` (version 6.9.0, defaults of 
 import dataclasses as dc
 import math
 
-import numpy as np
 from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import Context, DiscreteValues
+from pydrake.systems.framework import Context
 
 from arm_drake import interfaces
 from arm_drake.controllers.controller_interface import (
@@ -17,6 +16,9 @@ from arm_drake.controllers.controller_interface import (
 )
 from arm_drake.errors import ParameterError
 from arm_drake.messages import Header, JointState, Time
+
+# How far the time may be off a tick and still be the tick, in periods.
+_TICK_TOLERANCE = 1e-6
 
 
 @dc.dataclass(frozen=True)
@@ -57,17 +59,19 @@ class JointStateBroadcaster(ControllerInterface):
     ================  ====  ======  ================================================
     port              size  unit    meaning
     ================  ====  ======  ================================================
-    state_interfaces  3J    rad,    measured positions, velocities and efforts of
-                            rad/s,  all J joints of the robot; without efforts (2J)
-                            N·m     if none is published
+    state_interfaces  3J    rad,    positions, velocities and efforts of all J joints
+                            rad/s,  of the robot, held since the last tick
+                            N·m
     joint_states      --    --      JointState of the last tick; NaN where a joint
                                     has no such interface
     ================  ====  ======  ================================================
 
     The joints are published in the order of the parameter ``joints``, else by name.
-    The discrete state is the number of the last tick, -1 before the first one, and what
-    was measured at that tick; efforts are those that the tick's commands cause.
+    It has no state: what it publishes is sampled at its rate before it gets there, and
+    after the commands of the tick, so efforts are those that they cause.
     """
+
+    is_sampled = True
 
     def __init__(
         self,
@@ -89,32 +93,29 @@ class JointStateBroadcaster(ControllerInterface):
             name for name in parameters.extra_joints if name not in self._names
         )
         self._frame_id = parameters.frame_id
+        self._at = [params.measured.index(name) for name in published]
         row = {name: index for index, name in enumerate(published)}
         self._rows = [
             [row.get(f"{joint}/{interface}") for joint in self._names]
             for interface in interfaces.STATE_INTERFACES
         ]
-        self.DeclareDiscreteState(np.concatenate([[-1.0], np.zeros(len(published))]))
-        self.DeclarePeriodicDiscreteUpdateEvent(
-            params.period, 0.0, self._update_measured
-        )
         self.DeclareAbstractOutputPort(
             "joint_states",
             lambda: AbstractValue.Make(JointState()),
             self._calc_joint_states,
-            prerequisites_of_calc={self.xd_ticket()},
+            prerequisites_of_calc={self._measured.ticket(), self.time_ticket()},
         )
 
-    def _update_measured(self, context: Context, state: DiscreteValues) -> None:
-        new = np.concatenate(((self._tick_number(context),), self._read(context)))
-        state.set_value(new)
-
     def _calc_joint_states(self, context: Context, output: AbstractValue) -> None:
-        number, *values = context.get_discrete_state_vector().value().tolist()
-        if number < 0.0:
+        # The tick of this very instant, if it is one, hasn't run.
+        ticks = context.get_time() / self.params.period
+        last = math.ceil(ticks - _TICK_TOLERANCE) - 1
+        if last < 0:
             output.set_value(JointState())
             return
-        time = Time.from_nanoseconds(self._tick_time(int(number)))
+        time = Time.from_nanoseconds(self._tick_time(last))
+        measured = self._measured.Eval(context).tolist()
+        values = [measured[at] for at in self._at]
         zeros = (0.0,) * len(self._extra)
         fields = (
             tuple(math.nan if row is None else values[row] for row in rows) + zeros

@@ -109,12 +109,9 @@ def make_peer(
     _, states = add_state_interfaces(
         builder, plant, model, description, names, effort, ""
     )
-    # What our broadcaster holds, and what our rollout records.
-    broadcaster, sample = (
-        builder.AddSystem(ZeroOrderHold(period, states.size())) for _ in range(2)
-    )
-    for hold in (broadcaster, sample):
-        builder.Connect(states, hold.get_input_port())
+    # What our broadcaster holds and our rollout records.
+    sample = builder.AddSystem(ZeroOrderHold(period, states.size()))
+    builder.Connect(states, sample.get_input_port())
     for port in (sample.get_output_port(), source.get_output_port()):
         log = builder.AddSystem(VectorLogSink(port.size(), period))
         builder.Connect(port, log.get_input_port())
