@@ -229,22 +229,22 @@ def _check(options: argparse.Namespace) -> int:
 
     robot = load_robot_of(options)
     joints = [joint.name for joint in robot.description.movable_joints]
-    controllers = load_controllers_of(robot)
+    controllers, report = load_controllers_of(robot)
     rows = [{"name": c.name, "type": c.type, "state": c.state} for c in controllers]
     if options.json:
         content = {
             "robot": robot.name,
             "joints": joints,
             "controllers": rows,
-            "report": robot.report.to_json(),
+            "report": report.to_json(),
         }
         print(json.dumps(content))
     else:
         print(f"{robot.name}: {len(joints)} movable joints: {', '.join(joints)}")
         for row in rows:
             print(f"controller {row['name']} ({row['type']}): {row['state']}")
-        print(robot.report if len(robot.report) else "nothing to report")
-    is_bad = robot.report.errors or (options.strict and len(robot.report))
+        print(report if len(report) else "nothing to report")
+    is_bad = report.errors or (options.strict and len(report))
     return 1 if is_bad else 0
 
 

@@ -1,5 +1,6 @@
 """What a program holds of a controller and of a goal that it sent."""
 
+import dataclasses as dc
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -42,6 +43,9 @@ class GoalHandle:
         self.status = GoalStatus.PENDING
         self.result: FollowJointTrajectoryResult | None = None
 
+        # What of the goal was not taken as written.
+        self.note = ""
+
         self._feedback: list[FollowJointTrajectoryFeedback] = []
         self._sources: list[Callable[[], FollowJointTrajectoryFeedback]] = []
 
@@ -49,6 +53,7 @@ class GoalHandle:
         """Take the controller's news of this goal."""
         self.status = event.status
         self.result = event.result or self.result
+        self.note = event.note or self.note
         if event.feedback_source is not None:
             self._sources.append(event.feedback_source)
 
@@ -118,14 +123,22 @@ class ControllerHandle:
         self._send(ACTION, request)
         return handle
 
-    def send_trajectory(self, trajectory: JointTrajectory) -> None:
+    def send_trajectory(self, trajectory: JointTrajectory, *, where: str = "") -> None:
         """Send a trajectory to the controller's topic.
+
+        Args:
+            trajectory: What to follow from the controller's next tick on.
+            where: Where it comes from, for messages.
 
         Raises:
             InputError: If the controller has no such topic.
         """
         self.check(trajectory)
-        self._send(TOPIC, trajectory)
+        # A copy: the same message once more is a new one.
+        message = dc.replace(trajectory)
+        if where:
+            self._simulation.add_message(message, where)
+        self._send(TOPIC, message)
 
     def cancel(self) -> None:
         """Cancel the last goal that was sent to the controller, if there is one."""

@@ -17,6 +17,7 @@ from pydrake.systems.primitives import VectorLogSink, ZeroOrderHold
 from arm_drake import interfaces
 from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.description.joints import WORLD
+from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.drives import commanded_joints, effort_limits
 from arm_drake.errors import InputError
@@ -55,8 +56,8 @@ def build_diagram(
 ) -> Diagram:
     """Return the Diagram of robots with their controllers, in physics.
 
-    Its ports are named as in ROS: `<controller>.<topic>`, `joint_states`, `frames`,
-    `state`; with several robots, `<robot>/` stands before each name.
+    Its ports are named as in ROS: `<controller>.<topic>`, `joint_states`, `frames`;
+    with several robots, `<robot>/` stands before each name. `state` is the plant's.
 
     Args:
         robots: One or several loaded robots.
@@ -87,31 +88,31 @@ def build_diagram(
     builder.ExportOutput(plant.get_state_output_port(), "state")
     if meshcat is not None:
         add_visualizer(builder, scene_graph, meshcat)
-    diagram = builder.Build()
-    diagram.set_name("arm_drake")
-    return diagram
+    return builder.Build()
 
 
 def load_controllers_of(
     robot: Robot, period: float | None = None, options: SimulationOptions | None = None
-) -> tuple[LoadedController, ...]:
-    """Return the controllers of a robot, and which of them start.
+) -> tuple[tuple[LoadedController, ...], LoadReport]:
+    """Return the controllers of a robot, and its report with what they lack.
 
     Args:
-        robot: The robot; what doesn't load or start is added to its report.
+        robot: The robot; its own report stays as it is.
         period: Period of its controller manager in Drake's time [s].
         options: Which controllers to start or not.
     """
     options = SimulationOptions() if options is None else options
     commanded = [joint.name for joint in commanded_joints(robot.description)]
-    return load_controllers(
+    report = LoadReport(robot.report)
+    controllers = load_controllers(
         robot.controllers,
         find_surroundings(robot.description, commanded, robot.initial_positions),
-        robot.report,
+        report,
         period=period,
         active=options.active,
         inactive=options.inactive,
     )
+    return controllers, report
 
 
 def _check_names(robots: Robot | Sequence[Robot]) -> list[Robot]:
@@ -167,7 +168,7 @@ class _RobotInDiagram:
         robot, prefix = self.robot, self.prefix
         if not self.options.self_collision:
             filter_self_collision(plant, scene_graph, self.model)
-        controllers = load_controllers_of(robot, self.period, self.options)
+        controllers, report = load_controllers_of(robot, self.period, self.options)
         hardware = add_hardware(
             builder,
             plant,
@@ -183,12 +184,15 @@ class _RobotInDiagram:
             ControllerManager(
                 robot,
                 controllers,
+                report,
                 prefix=prefix,
                 period=self.period,
                 log_period=self.log_period,
                 servo_plant=hardware.servo_plant,
             ),
         )
+        self._record(builder, hardware.joint_states)
+        frames = self._add_frames(builder, plant)
         commands = []
         for controller in controllers:
             if controller.state == "active" and controller.system is not None:
@@ -198,8 +202,7 @@ class _RobotInDiagram:
                 commands += _commands(controller.system)
         connect_commands(builder, hardware, commands, prefix)
         builder.ExportOutput(hardware.joint_states, f"{prefix}joint_states")
-        self._record(builder, hardware.joint_states)
-        self._add_frames(builder, plant)
+        builder.ExportOutput(frames, f"{prefix}frames")
         return hardware
 
     def _add_controller(
@@ -211,7 +214,9 @@ class _RobotInDiagram:
     ) -> None:
         """Add an active controller, connect what it reads, export its topics."""
         full_name = f"{self.prefix}{name}"
-        builder.AddNamedSystem(full_name, system)
+        # Any name is legal in ROS, also that of one of our own systems.
+        is_taken = builder.HasSubsystemNamed(full_name)
+        builder.AddNamedSystem(f"{full_name}:" if is_taken else full_name, system)
         measured = (
             hardware.joint_states if system.reads_effort else hardware.joint_motions
         )
@@ -255,7 +260,8 @@ class _RobotInDiagram:
         )
         builder.Connect(port, log.get_input_port())
 
-    def _add_frames(self, builder: DiagramBuilder, plant: MultibodyPlant) -> None:
+    def _add_frames(self, builder: DiagramBuilder, plant: MultibodyPlant) -> OutputPort:
+        """Add the poses of the links."""
         bodies = [
             plant.world_body()
             if link == WORLD
@@ -268,7 +274,7 @@ class _RobotInDiagram:
         builder.Connect(
             plant.get_body_poses_output_port(), frames.GetInputPort("body_poses")
         )
-        builder.ExportOutput(frames.GetOutputPort("frames"), f"{self.prefix}frames")
+        return frames.GetOutputPort("frames")
 
 
 def _commands(

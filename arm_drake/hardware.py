@@ -127,7 +127,9 @@ def connect_commands(
         builder.Connect(commands[0][0], hardware.command)
         return
     hold = np.concatenate([hardware.initial, np.zeros(n)])
-    total = builder.AddNamedSystem(f"{prefix}command", Adder(len(commands) + 1, 2 * n))
+    total = builder.AddNamedSystem(
+        f"{prefix}command:sum", Adder(len(commands) + 1, 2 * n)
+    )
     for index, (port, joints) in enumerate(commands):
         D = np.zeros((2 * n, 2 * len(joints)))
         for column, joint in enumerate(joints):
@@ -137,7 +139,7 @@ def connect_commands(
         gain = builder.AddNamedSystem(f"{prefix}command:{index}", MatrixGain(D))
         builder.Connect(port, gain.get_input_port())
         builder.Connect(gain.get_output_port(), total.get_input_port(index))
-    held = builder.AddNamedSystem(f"{prefix}held", ConstantVectorSource(hold))
+    held = builder.AddNamedSystem(f"{prefix}command:held", ConstantVectorSource(hold))
     builder.Connect(held.get_output_port(), total.get_input_port(len(commands)))
     builder.Connect(total.get_output_port(), hardware.command)
 

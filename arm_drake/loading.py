@@ -43,7 +43,7 @@ def load_robot(
     *,
     controllers: Source | Sequence[Source] | None = None,
     xacro_args: Mapping[str, str] | None = None,
-    package_paths: Sequence[Source] = (),
+    package_paths: Source | Sequence[Source] = (),
     variables: Mapping[str, str] | None = None,
     distro: str = "jazzy",
     name: str | None = None,
@@ -72,11 +72,15 @@ def load_robot(
         InputError: If the files can't be used at all; or with ``strict``, if anything
             was not taken as written.
     """
+    if name is not None and (not name or "/" in name):
+        raise InputError(f"name {name!r}: expected a name without '/'")
+    if isinstance(package_paths, str | os.PathLike):
+        package_paths = [package_paths]
     report = LoadReport()
     distro = _check_distro(distro, report)
     entry, bundled = _find_entry(source)
     packages = PackageFinder(entry, [_existing_folder(path) for path in package_paths])
-    text = expand_xacro(entry, dict(xacro_args or {}), packages)
+    text = expand_xacro(entry, dict(xacro_args or {}), packages, report)
     description = parse_urdf(text, entry, packages, report)
     files = _find_controllers(controllers, description, packages, bundled, report)
     config = load_controllers_config(files, dict(variables or {}), report)
@@ -94,7 +98,8 @@ def load_robot(
     )
     commanded = [joint.name for joint in commanded_joints(description)]
     surroundings = find_surroundings(description, commanded, robot.initial_positions)
-    load_controllers(config, surroundings, report)
+    # Which of them start is decided when a diagram is built.
+    load_controllers(config, surroundings, report, judges_claims=False)
     if strict and len(report):
         raise InputError(f"not everything was taken as written:\n{report}")
     return robot

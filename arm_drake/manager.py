@@ -105,6 +105,7 @@ def load_controllers(
     period: float | None = None,
     active: Iterable[str] = (),
     inactive: Iterable[str] = (),
+    judges_claims: bool = True,
 ) -> tuple[LoadedController, ...]:
     """Load the controllers of a robot and choose those that start.
 
@@ -115,6 +116,7 @@ def load_controllers(
         period: Period of the manager in Drake's time [s].
         active: Controllers to start before the others.
         inactive: Controllers not to start.
+        judges_claims: Whether a controller whose interfaces are claimed stays inactive.
 
     Raises:
         InputError: If ``active`` or ``inactive`` names no controller.
@@ -135,7 +137,7 @@ def load_controllers(
         if system is None:
             states[controller.name] = "unconfigured"
         elif controller.name in inactive or not loader.can_claim(
-            controller, system, claims
+            controller, system, claims if judges_claims else {}
         ):
             states[controller.name] = "inactive"
         else:
@@ -314,6 +316,7 @@ class ControllerManager(LeafSystem):
         self,
         robot: Robot,
         controllers: Iterable[LoadedController],
+        report: LoadReport,
         *,
         prefix: str,
         period: float,
@@ -325,6 +328,7 @@ class ControllerManager(LeafSystem):
         Args:
             robot: The robot.
             controllers: Its controllers.
+            report: Its load report, with what its controllers lack.
             prefix: Start of the names of the robot's ports and systems.
             period: Period of the manager in Drake's time [s].
             log_period: Period of the log of the joints' states [s].
@@ -333,6 +337,7 @@ class ControllerManager(LeafSystem):
         """
         super().__init__()
         self.robot = robot
+        self.report = report
         self.controllers = tuple(controllers)
         self.prefix = prefix
         self.period = period

@@ -286,6 +286,9 @@ class GoalEvent(Message):
     status: GoalStatus
     result: FollowJointTrajectoryResult | None = None
 
+    # What of the goal is not taken as written, in words.
+    note: str = ""
+
     # What makes the feedback, if there is any: most of it is never looked at.
     feedback_source: Callable[[], FollowJointTrajectoryFeedback] | None = dc.field(
         default=None, compare=False, repr=False

@@ -53,9 +53,7 @@ class Motion:
     @property
     def duration(self) -> float:
         """When the last step's trajectory has ended [s]."""
-        return max(
-            (step.at + _length(step.message) for step in self.steps), default=0.0
-        )
+        return max((_end(step) for step in self.steps), default=0.0)
 
 
 def load_motion(path: str | Path) -> Motion:
@@ -190,6 +188,10 @@ class _Step:
     def _trajectory(self, value: Any, where: str) -> JointTrajectory:
         data = dict(self._mapping(value, where))
         header = dict(self._mapping(data.pop("header", {}), f"{where}.header"))
+        for key in header:
+            if key not in ("stamp", "frame_id"):
+                hint = suggest(str(key), ["stamp", "frame_id"])
+                raise self._error(f"{where}.header", f"unknown key {key!r}; {hint}")
         names = self._list(data.pop("joint_names", []), f"{where}.joint_names")
         for name in names:
             if not isinstance(name, str):
@@ -218,6 +220,8 @@ class _Step:
             if key not in fields:
                 hint = suggest(str(key), fields)
                 raise self._error(where, f"unknown key {key!r}; {hint}")
+        for name in set(data) & {"position", "velocity", "acceleration"}:
+            self._check_number(data[name], f"{where}.{name}")
         for name in set(data) & {"positions", "velocities", "accelerations", "effort"}:
             self._check_numbers(data[name], f"{where}.{name}")
         try:
@@ -227,9 +231,11 @@ class _Step:
 
     def _check_numbers(self, value: Any, where: str) -> None:
         for index, number in enumerate(self._list(value, where)):
-            if type(number) not in (int, float) or not abs(number) < math.inf:
-                expected = f"expected a finite number, got {number!r}"
-                raise self._error(f"{where}[{index}]", expected)
+            self._check_number(number, f"{where}[{index}]")
+
+    def _check_number(self, number: Any, where: str) -> None:
+        if type(number) not in (int, float) or not abs(number) < math.inf:
+            raise self._error(where, f"expected a finite number, got {number!r}")
 
     def _mapping(self, value: Any, where: str) -> Mapping[str, Any]:
         if not isinstance(value, Mapping):
@@ -246,10 +252,13 @@ class _Step:
         return MotionError(problem, file=self._file, where=place)
 
 
-def _length(message: Message | None) -> float:
+def _end(step: MotionStep) -> float:
+    """Return when a step is done [s]."""
+    message = step.message
     if isinstance(message, FollowJointTrajectoryGoal):
         message = message.trajectory
     if not isinstance(message, JointTrajectory) or not message.points:
-        return 0.0
-    end = message.points[-1].time_from_start.to_seconds()
-    return max(0.0, end) if math.isfinite(end) else 0.0
+        return step.at
+    # A stamp counts from the start of the simulation.
+    start = max(step.at, message.header.stamp.to_seconds())
+    return start + max(0.0, message.points[-1].time_from_start.to_seconds())

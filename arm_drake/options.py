@@ -3,6 +3,9 @@
 import dataclasses as dc
 import math
 
+# A smaller step of the physics is a mistake [s].
+SMALLEST_STEP = 1e-6
+
 
 @dc.dataclass(frozen=True)
 class SimulationOptions:
@@ -35,9 +38,13 @@ class SimulationOptions:
 
     def __post_init__(self) -> None:
         """Reject what can't be simulated."""
-        for name in ("time_step", "servo_bandwidth"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ValueError(f"{name} must be positive, got {value!r}")
+        if not SMALLEST_STEP <= self.time_step < math.inf:
+            raise ValueError(
+                f"time_step must be at least {SMALLEST_STEP} s, got {self.time_step!r}"
+            )
+        if not 0.0 < self.servo_bandwidth < math.inf:
+            raise ValueError(
+                f"servo_bandwidth must be positive, got {self.servo_bandwidth!r}"
+            )
         if self.log_rate is not None and not self.log_rate > 0.0:
             raise ValueError(f"log_rate must be positive, got {self.log_rate!r}")

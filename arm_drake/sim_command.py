@@ -30,7 +30,7 @@ _HEADLESS_DURATION = 10.0
 # What follows a motion [s].
 _AFTER_MOTION = 1.0
 
-_FAILED = (GoalStatus.REJECTED, GoalStatus.ABORTED, GoalStatus.CANCELED)
+_FAILED = (GoalStatus.REJECTED, GoalStatus.ABORTED)
 
 
 def simulate(options: argparse.Namespace, robot: Robot) -> int:
@@ -44,11 +44,8 @@ def simulate(options: argparse.Namespace, robot: Robot) -> int:
     logging.getLogger("drake").setLevel(logging.WARNING)
     use_native_cpp_logging()
     say = _Speaker(is_quiet=options.json)
-    for entry in robot.report:
-        if entry.severity != "info":
-            print(entry, file=sys.stderr)
-    if options.strict and len(robot.report):
-        raise InputError(f"not everything was taken as written:\n{robot.report}")
+    if options.hold and options.headless:
+        raise InputError("--hold keeps the page, and with --headless there is none")
     _check_outputs(options)
     motion = _find_motion(options.motion, robot)
     meshcat = None
@@ -62,12 +59,20 @@ def simulate(options: argparse.Namespace, robot: Robot) -> int:
             meshcat=meshcat,
         )
     )
+    report = simulation.report
+    if options.strict and len(report):
+        raise InputError(f"not everything was taken as written:\n{report}")
+    for entry in report:
+        if entry.severity != "info":
+            print(entry, file=sys.stderr)
     simulation.check_motion(motion)
     if meshcat is not None:
         points = [pose.translation() for pose in simulation.link_poses().values()]
         frame_points(meshcat, points)
     if meshcat is not None and not options.headless:
-        say.line(f"page: {meshcat.web_url()}")
+        say.page(f"page: {meshcat.web_url()}")
+        if options.host != "localhost":
+            say.page("whoever reaches this machine can open the page")
     simulation.on_event(say.event)
     duration = _choose_duration(options, motion)
     wall_time = _run(simulation, duration, motion, options, meshcat, say)
@@ -100,6 +105,13 @@ class _Speaker:
                 sys.stderr.write("\r\033[K")
             print(text, flush=True)
 
+    def page(self, text: str) -> None:
+        """Say something about the page: also beside JSON, on standard error."""
+        if self._is_quiet:
+            print(text, file=sys.stderr, flush=True)
+        else:
+            self.line(text)
+
     def progress(self, simulated: float) -> None:
         """Show the simulated time: in place on a terminal, else once a second."""
         text = f"{simulated:7.2f} s  {self._news}"
@@ -120,6 +132,8 @@ class _Speaker:
                 self._news = f"{news.controller}: error {1e3 * largest:.1f} mrad"
             else:
                 self.line(f"{news.controller}: goal accepted")
+                if news.note:
+                    print(f"warning: {news.controller}: {news.note}", file=sys.stderr)
         elif news.result is not None:
             self._news = ""
             text = f"{news.status.value}, error code {int(news.result.error_code)}"
@@ -169,9 +183,8 @@ def _find_motion(name: str | None, robot: Robot) -> Motion | None:
         return load_motion(known[name])
     if not Path(name).suffix and not Path(name).is_file():
         owner = robot.bundled or robot.name
-        raise MotionError(
-            f"no motion {name!r} of {owner!r}, and no such file; {suggest(name, known)}"
-        )
+        hint = suggest(name, known) if known else "give the file of a motion"
+        raise MotionError(f"no motion {name!r} of {owner!r}, and no such file; {hint}")
     return load_motion(name)
 
 
@@ -272,7 +285,7 @@ def _summary(
         ],
         "effort_saturation": rollout.effort_saturation(),
         "final": dict(zip(final.name, final.position, strict=True)),
-        "report": robot.report.to_json(),
+        "report": simulation.report.to_json(),
     }
 
 
@@ -284,13 +297,16 @@ def _print_summary(
         f"simulated {simulation.time:.2f} s in {wall_time:.2f} s "
         f"({factor:.1f} x real time)"
     )
+    for goal in simulation.goals:
+        if not goal.status.is_terminal:
+            say.line(f"{goal.controller}: goal is still {goal.status.value}")
     for name, seconds in rollout.effort_saturation().items():
         say.line(f"{name} was at its effort limit for {seconds:.2f} s")
 
 
 def _hold(meshcat: Meshcat, say: _Speaker) -> None:
     """Keep the page until Ctrl-C."""
-    say.line(f"the page stays at {meshcat.web_url()} until Ctrl-C")
+    say.page(f"the page stays at {meshcat.web_url()} until Ctrl-C")
     try:
         while True:
             time.sleep(1.0)

@@ -56,7 +56,7 @@ class Simulation:
         }
         if not self._managers:
             raise InputError(
-                "the diagram has no robot; expected one made by build_diagram"
+                "the diagram has no robot at its top; expected one of build_diagram"
             )
         self.simulator = Simulator(diagram)
         self._period = min(manager.period for manager in self._managers.values())
@@ -76,9 +76,7 @@ class Simulation:
         self._next_event = dict.fromkeys(self._event_ports, 0)
         self.goals: list[GoalHandle] = []
         self.rejected: list[TopicRejected] = []
-        self._topic_sources: dict[int, str] = {}
-        # The first tick that hasn't run.
-        self._next_tick = 0
+        self._sources: dict[int, tuple[JointTrajectory, str]] = {}
 
     @property
     def time(self) -> float:
@@ -92,8 +90,8 @@ class Simulation:
 
     @property
     def report(self) -> LoadReport:
-        """The load report of the first robot."""
-        return next(iter(self.robots.values())).report
+        """The load report of the first robot, and what its controllers lack."""
+        return self._manager(None).report
 
     def controller(self, name: str) -> ControllerHandle:
         """Return what sends to a controller.
@@ -153,22 +151,32 @@ class Simulation:
             time: Simulated time to stop at [s].
 
         Raises:
-            ValueError: If the time is past.
+            ValueError: If the time is past, or no number.
         """
-        if time < self.time:
-            raise ValueError(f"can't go back from {self.time} s to {time} s")
+        if not time >= self.time or not math.isfinite(time):
+            raise ValueError(f"can't go from {self.time} s to {time} s")
         while self.time < time:
-            tick_at = self._next_tick * self._period
-            if tick_at < time:
-                if self.time < tick_at:
-                    self.simulator.AdvanceTo(tick_at)
-                # The tick at this time is still to come: it sees what is fed now.
-                self._next_tick += 1 if self._feed(tick_at) else _TICKS_AT_A_TIME
-            self.simulator.AdvanceTo(min(self._next_tick * self._period, time))
+            # A controller sees what is on its ports at its next tick.
+            waiting = [period for queue, period in self._queues.values() if queue]
+            due = min((self._tick_after(period) for period in waiting), default=time)
+            if due >= time:
+                chunk = self.time + _TICKS_AT_A_TIME * self._period
+                self.simulator.AdvanceTo(min(chunk, time))
+            else:
+                if due > self.time:
+                    self.simulator.AdvanceTo(due)
+                self._feed(due)
+                periods = [period for queue, period in self._queues.values() if queue]
+                later = (self._tick_after(period, due) for period in periods)
+                stop = min((*later, due + _TICKS_AT_A_TIME * self._period))
+                self.simulator.AdvanceTo(min(stop, time))
             self._collect()
-        # Ticks before this time have run; one at this very time hasn't.
-        ticks = self.time / self._period
-        self._next_tick = math.ceil(ticks - _TICK_TOLERANCE)
+
+    def _tick_after(self, period: float, time: float | None = None) -> float:
+        """Return the next tick: one that is now, or after a time the next one."""
+        if time is None:
+            return math.ceil(self.time / period - _TICK_TOLERANCE) * period
+        return (math.floor(time / period + _TICK_TOLERANCE) + 1) * period
 
     def run(
         self,
@@ -188,10 +196,15 @@ class Simulation:
 
         Raises:
             MotionError: If a step is for a controller that isn't active.
+            ValueError: If the duration is negative, or no number.
         """
+        if not (math.isfinite(duration) and duration >= 0.0):
+            raise ValueError(f"duration must be at least 0 s, got {duration!r}")
         start = self.time
         steps = collections.deque(motion.steps if motion else ())
         self.check_motion(motion)
+        # The rate counts from now.
+        self.simulator.ResetStatistics()
         self.simulator.set_target_realtime_rate(realtime_rate)
         end, tolerance = start + duration, _TICK_TOLERANCE * self._period
         report_at = start
@@ -311,30 +324,24 @@ class Simulation:
         elif isinstance(step.message, FollowJointTrajectoryGoal):
             handle.send_goal(step.message, where=where)
         elif isinstance(step.message, JointTrajectory):
-            self._topic_sources[id(step.message)] = where
-            handle.send_trajectory(step.message)
+            handle.send_trajectory(step.message, where=where)
 
-    def _feed(self, time: float) -> bool:
-        """Put the oldest waiting message on each port whose controller ticks now.
-
-        Returns:
-            Whether messages are still waiting, for the ticks to come.
-        """
+    def _feed(self, time: float) -> None:
+        """Put the oldest waiting message on each port whose controller ticks now."""
         context = self.simulator.get_mutable_context()
-        is_waiting = False
         for port, (queue, period) in self._queues.items():
             ticks = time / period
             if queue and abs(ticks - round(ticks)) <= _TICK_TOLERANCE:
                 value = AbstractValue.Make(queue.popleft())
                 self.diagram.GetInputPort(port).FixValue(context, value)
-            is_waiting |= bool(queue)
-        return is_waiting
 
     def _collect(self) -> None:
         """Take the news since the last time."""
         for port in self._event_ports:
             events = self._eval(port)
             if not events or events[-1][0] < self._next_event[port]:
+                # Nothing new, or the context is one of before.
+                self._next_event[port] = events[-1][0] + 1 if events else 0
                 continue
             for number, event in events:
                 if number >= self._next_event[port]:
@@ -359,6 +366,10 @@ class Simulation:
         self._handles[id(goal.request)] = goal
         self.goals.append(goal)
 
+    def add_message(self, message: JointTrajectory, where: str) -> None:
+        """Take note of where a message that is being sent comes from."""
+        self._sources[id(message)] = (message, where)
+
     def enqueue(self, port: str, message: Message, period: float) -> None:
         """Let a message wait for the next tick of the controller that has a port.
 
@@ -375,7 +386,8 @@ class Simulation:
 
     def source_of(self, rejected: TopicRejected) -> str:
         """Return where a refused message comes from; empty if from a program."""
-        return self._topic_sources.get(id(rejected.message), "")
+        _, where = self._sources.get(id(rejected.message), (None, ""))
+        return where
 
 
 def _has_port(controller: LoadedController, name: str) -> bool:

@@ -35,7 +35,20 @@ class YamlError(ValueError):
 
 
 class Loader(yaml.SafeLoader):
-    """Plain values only, as YAML's safe loader."""
+    """Plain values only, as YAML's safe loader; a key stands once in a mapping."""
+
+    def construct_mapping(
+        self, node: yaml.MappingNode, deep: bool = False
+    ) -> dict[Any, Any]:
+        """Return the mapping of a node."""
+        seen = set()
+        for key, _ in node.value:
+            if key.value in seen and key.tag != f"{_TAG}merge":
+                raise yaml.constructor.ConstructorError(
+                    None, None, f"the key {key.value!r} stands twice", key.start_mark
+                )
+            seen.add(str(key.value))
+        return super().construct_mapping(node, deep)
 
 
 Loader.yaml_implicit_resolvers = {

@@ -279,7 +279,7 @@ def test_an_error_of_a_list_in_python_has_no_file():
         ),
         (
             goal("{path_tolerance: [{name: a, position: '1'}]}"),
-            "[0].goal.path_tolerance[0]: position: expected numbers, got ['1']",
+            "[0].goal.path_tolerance[0].position: expected a finite number, got '1'",
         ),
         (
             goal("{goal_time_tolerance: x}"),

@@ -1,6 +1,8 @@
 """Simulation: messages in, news and a rollout out."""
 
+import dataclasses as dc
 import gc
+import time
 
 import numpy as np
 import pytest
@@ -208,7 +210,7 @@ def test_a_motion_for_the_wrong_controller_is_an_error_before_the_start(
 
 def test_time_does_not_go_back(sim):
     sim.advance_to(0.2)
-    with pytest.raises(ValueError, match=r"can't go back from 0\.2 s to 0\.1 s"):
+    with pytest.raises(ValueError, match=r"can't go from 0\.2 s to 0\.1 s"):
         sim.advance_to(0.1)
 
 
@@ -221,7 +223,7 @@ def test_a_diagram_without_a_robot_is_refused():
     with pytest.raises(InputError) as error:
         ad.Simulation(builder.Build())
     assert str(error.value) == (
-        "the diagram has no robot; expected one made by build_diagram"
+        "the diagram has no robot at its top; expected one of build_diagram"
     )
 
 
@@ -240,3 +242,128 @@ def test_two_robots_have_names_of_their_own():
     np.testing.assert_allclose(sim.joint_states("right").position, 0.0, atol=1e-6)
     assert sim.link_poses("right")["base_0"].translation()[1] == -0.5
     assert sim.rollout("left").position[-1, 0] > 0.09
+
+
+@pytest.mark.parametrize("moment", [float("nan"), float("inf")])
+def test_a_time_that_is_no_number_is_refused(sim, moment):
+    with pytest.raises(ValueError, match="can't go from"):
+        sim.advance_to(moment)
+    with pytest.raises(ValueError, match="duration must be at least 0 s"):
+        sim.run(moment)
+
+
+def test_the_same_message_once_more_is_a_new_one(sim):
+    controller, message = sim.controller(JTC), trajectory([0.1] * 6)
+    controller.send_trajectory(message)
+    sim.advance_to(0.5)
+    controller.send_trajectory(trajectory([0.0] * 6))
+    sim.advance_to(1.0)
+
+    controller.send_trajectory(message)
+    sim.advance_to(1.5)
+
+    np.testing.assert_allclose(sim.joint_states().position, 0.1, atol=2e-3)
+
+
+def test_a_simulation_goes_on_from_a_context_of_before(sim):
+    sim.advance_to(0.5)
+    before = sim.simulator.get_context().Clone()
+    sim.advance_to(1.5)
+
+    sim.simulator.reset_context(before)
+    sim.simulator.Initialize()
+    goal = sim.controller(JTC).send_goal(trajectory([0.1] * 6))
+    sim.advance_to(1.0)
+
+    assert goal.status is ad.GoalStatus.SUCCEEDED
+
+
+def test_a_simulation_goes_on_where_its_simulator_was_taken(sim):
+    sim.simulator.AdvanceTo(0.505)
+    goal = sim.controller(JTC).send_goal(trajectory([0.1] * 6))
+    sim.advance_to(1.0)
+    assert goal.status is ad.GoalStatus.SUCCEEDED
+
+
+def test_robots_with_different_rates_get_their_messages_in_time(robot):
+    odd = dc.replace(
+        robot,
+        name="odd",
+        pose=(0.0, 3.0, 0.0, 0.0, 0.0, 0.0),
+        controllers=dc.replace(robot.controllers, update_rate=97),
+    )
+    sim = ad.Simulation(ad.build_diagram([robot, odd]))
+    sim.advance_to(0.02)
+
+    goals = [
+        sim.controller(f"{name}/{JTC}").send_goal(trajectory([0.1] * 6, time=0.5))
+        for name in ("a0912", "odd")
+    ]
+    sim.advance_to(0.9)
+
+    assert [goal.status for goal in goals] == [ad.GoalStatus.SUCCEEDED] * 2
+
+
+def test_the_real_time_rate_counts_from_the_run(sim):
+    sim.advance_to(5.0)
+    start = time.perf_counter()
+    sim.run(0.2, realtime_rate=1.0)
+    assert 0.15 < time.perf_counter() - start < 3.0
+
+
+def test_a_tolerance_that_does_not_hold_is_noted(sim):
+    goal = ad.FollowJointTrajectoryGoal(
+        trajectory=trajectory([0.1] * 6),
+        goal_tolerance=[ad.JointTolerance("elbow", position=0.1)],
+    )
+    handle = sim.controller(JTC).send_goal(goal)
+    sim.advance_to(0.1)
+    assert handle.note == (
+        "goal_tolerance: no joint 'elbow'; known: joint1, joint2, joint3, joint4, "
+        "joint5, joint6; the controller's defaults hold"
+    )
+
+
+@pytest.mark.parametrize("name", ["servo", "plant", "frames", "joint_states"])
+def test_a_controller_may_have_any_name(tmp_path, name):
+    yaml = tmp_path / "controllers.yaml"
+    yaml.write_text(
+        f"controller_manager: {{ros__parameters: {{update_rate: 100, {name}: "
+        "{type: joint_state_broadcaster/JointStateBroadcaster}}}}\n".replace(
+            "}}}}", "}}}"
+        ),
+        encoding="utf-8",
+    )
+    robot = ad.load_robot("doosan_a0912", controllers=yaml)
+    sim = ad.Simulation(ad.build_diagram(robot))
+    sim.advance_to(0.02)
+    published = sim.diagram.GetOutputPort(f"{name}.joint_states")
+    assert published.Eval(sim.simulator.get_context()).name == JOINTS
+
+
+def test_building_a_diagram_leaves_the_robots_report_alone(tmp_path):
+    yaml = tmp_path / "controllers.yaml"
+    jtc = "joint_trajectory_controller/JointTrajectoryController"
+    parameters = (
+        "{ros__parameters: {joints: [joint1], command_interfaces: [position], "
+        "state_interfaces: [position]}}"
+    )
+    yaml.write_text(
+        "controller_manager:\n  ros__parameters:\n    update_rate: 100\n"
+        f"    a: {{type: {jtc}}}\n    b: {{type: {jtc}}}\n"
+        f"a: {parameters}\nb: {parameters}\n",
+        encoding="utf-8",
+    )
+    robot = ad.load_robot("doosan_a0912", controllers=yaml)
+    assert len(robot.report) == 0
+
+    for options, inactive, active in (
+        (ad.SimulationOptions(), "b", "a"),
+        (ad.SimulationOptions(active=("b",)), "a", "b"),
+    ):
+        sim = ad.Simulation(ad.build_diagram(robot, options=options))
+        assert str(sim.report) == (
+            f"warning: {yaml}:{4 + (inactive == 'b')}: {inactive}: joint1/position is "
+            f"already claimed by {active!r}; the controller stays inactive"
+        )
+    assert len(robot.report) == 0

@@ -160,13 +160,14 @@ class _Tick:
                 self._conclude(self._goal, GoalStatus.ABORTED, code, _PREEMPTED_TEXT)
             self._deliver()
         self._pending, self._is_holding = message, False
-        self._tolerances, _ = resolve_tolerances(
+        self._tolerances, problem = resolve_tolerances(
             request.goal, self._rules.allowed.joints, self._rules.tolerances
         )
         now_ns = self._inputs.time_ns
         due_ns = now_ns + self._rules.monitor_period_ns
         self._goal = ActiveGoal(request, now_ns, due_ns)
-        self._events.append(GoalEvent(request, GoalStatus.EXECUTING))
+        accepted = GoalEvent(request, GoalStatus.EXECUTING, note=problem)
+        self._events.append(accepted)
 
     def _monitor(self, goal: ActiveGoal) -> None:
         """Deliver the result, or else feedback, when it is due."""

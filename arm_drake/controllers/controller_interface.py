@@ -216,8 +216,8 @@ class TickingController(ControllerInterface, Generic[S]):
         command = ticked.command
         if self.command_interfaces:
             values, held = self._command(new), command[: len(self.command_interfaces)]
-            # The sum of squares is finite only if all values are.
-            if not math.isfinite(values.dot(values)):
+            # A sum is finite only if all of its terms are.
+            if not math.isfinite(values.sum()):
                 values = np.where(np.isfinite(values), values, held)
             # A jump at the first tick is no speed.
             rates = (values - held) * (0 if ticked.number is None else rate)

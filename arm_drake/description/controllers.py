@@ -19,6 +19,7 @@ from arm_drake.description.report import LoadReport
 from arm_drake.errors import ParameterError, suggest
 
 DEFAULT_UPDATE_RATE = 100  # Hz
+MAX_UPDATE_RATE = 10_000  # Hz
 MANAGER = "controller_manager"
 _PARAMETERS = "ros__parameters"
 _SUBSTITUTION = re.compile(r"\$\((\S+)\s+([^)]*)\)")
@@ -67,8 +68,9 @@ def load_controllers(
     Raises:
         ParameterError: If a file can't be used.
     """
+    used: set[str] = set()
     sections = [
-        section for file in files for section in _read_sections(file, variables)
+        section for file in files for section in _read_sections(file, variables, used)
     ]
     manager = _merge(section for section in sections if section.matches(MANAGER))
     types = {
@@ -101,12 +103,27 @@ def load_controllers(
                 f"{DEFAULT_UPDATE_RATE} Hz is used",
                 file=files[0],
             )
-    elif type(rate.value) is not int or rate.value <= 0:
+    elif type(rate.value) is not int or not 0 < rate.value <= MAX_UPDATE_RATE:
         raise ParameterError(
-            f"expected a positive integer [Hz], got {rate.value!r}",
+            f"expected an integer from 1 to {MAX_UPDATE_RATE} [Hz], got {rate.value!r}",
             file=rate.file,
             line=rate.line,
             where=f"{MANAGER}.update_rate",
+        )
+    if files and not controllers:
+        report.add(
+            "warning",
+            "missing",
+            "no controller is configured",
+            "no controller runs",
+            file=files[0],
+        )
+    for name in sorted(set(variables) - used):
+        report.add(
+            "warning",
+            "ignored",
+            f"no controllers YAML uses the variable {name!r}",
+            "it has no effect",
         )
     _report_unmatched(sections, controllers, report)
     return ControllerManagerConfig(
@@ -182,9 +199,11 @@ def _report_unmatched(
         )
 
 
-def _read_sections(file: Path, variables: Mapping[str, str]) -> list[_Section]:
+def _read_sections(
+    file: Path, variables: Mapping[str, str], used: set[str]
+) -> list[_Section]:
     try:
-        text = _substitute(yaml_files.read_text(file), variables, file)
+        text = _substitute(yaml_files.read_text(file), variables, file, used)
         root = yaml_files.compose(text)
         if root is None:
             return []
@@ -201,8 +220,13 @@ def _read_sections(file: Path, variables: Mapping[str, str]) -> list[_Section]:
     return sections
 
 
-def _substitute(text: str, variables: Mapping[str, str], file: Path) -> str:
-    """Replace `$(var NAME)`, and other substitutions of that name, outside comments."""
+def _substitute(
+    text: str, variables: Mapping[str, str], file: Path, used: set[str]
+) -> str:
+    """Replace `$(var NAME)`, and other substitutions of that name, outside comments.
+
+    The names of the variables are added to ``used``.
+    """
     lines = []
     for number, line in enumerate(text.splitlines(), start=1):
         code, mark, comment = line.partition("#")
@@ -210,6 +234,7 @@ def _substitute(text: str, variables: Mapping[str, str], file: Path) -> str:
         def replace(match: re.Match[str], number: int = number) -> str:
             kind, name = match.group(1), match.group(2).strip()
             if name in variables:
+                used.add(name)
                 return str(variables[name])
             if kind == "env" and name in os.environ:
                 return os.environ[name]

@@ -2,7 +2,7 @@
 
 import dataclasses as dc
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Literal
 
@@ -42,9 +42,13 @@ class ReportEntry:
 class LoadReport:
     """What was repaired, ignored, unsupported, missing or invalid in a load."""
 
-    def __init__(self) -> None:
-        """Create an empty report."""
-        self._entries: list[ReportEntry] = []
+    def __init__(self, entries: Iterable[ReportEntry] = ()) -> None:
+        """Create a report.
+
+        Args:
+            entries: What is in it from the start, such as another report.
+        """
+        self._entries = list(entries)
 
     def add(
         self,

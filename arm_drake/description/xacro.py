@@ -17,6 +17,7 @@ import xacro
 from xacro import substitution_args
 
 from arm_drake.description.packages import PackageFinder
+from arm_drake.description.report import LoadReport
 from arm_drake.errors import ArmDrakeError, DescriptionError, suggest
 
 # xacro's globals serve one expansion at a time.
@@ -26,29 +27,29 @@ _ARGUMENT = re.compile(r"<xacro:arg\s([^>]*)>")
 _ATTRIBUTE = re.compile(r"(\w+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
 
 
-def expand_xacro(path: Path, args: Mapping[str, str], packages: PackageFinder) -> str:
+def expand_xacro(
+    path: Path,
+    args: Mapping[str, str],
+    packages: PackageFinder,
+    report: LoadReport | None = None,
+) -> str:
     """Return the URDF text that a file stands for.
 
     Args:
         path: A xacro file, or a plain URDF, which is returned as it is.
         args: Values of xacro arguments.
         packages: What resolves `$(find <package>)`.
+        report: Where arguments that no file asks for are recorded.
 
     Raises:
         DescriptionError: If the file can't be read or expanded.
         PackageError: If a package isn't found.
     """
     text = _read(path)
-    unknown = sorted(set(args) - set(declared_arguments(text)))
-    if unknown and "xacro:include" not in text:
-        raise DescriptionError(
-            f"no xacro argument {unknown[0]!r}; "
-            f"{suggest(unknown[0], declared_arguments(text))}",
-            file=path,
-        )
+    values = _Arguments({name: str(value) for name, value in args.items()})
     if "xacro" not in text and "$(" not in text:
+        _check_unused(values, path, text, report)
         return text
-    values = {name: str(value) for name, value in args.items()}
     with _LOCK, _package_lookup(packages.find):
         try:
             document = xacro.process_file(str(path), mappings=values, verbosity=0)
@@ -65,7 +66,40 @@ def expand_xacro(path: Path, args: Mapping[str, str], packages: PackageFinder) -
             raise DescriptionError(problem, file=_current_file(path)) from None
         finally:
             xacro.substitution_args_context["arg"] = {}
-        return str(document.toxml())
+    _check_unused(values, path, text, report)
+    return str(document.toxml())
+
+
+class _Arguments(dict[str, str]):
+    """Values of xacro arguments, which remember whether anything asked for them."""
+
+    def __init__(self, values: Mapping[str, str]) -> None:
+        super().__init__(values)
+        self.unused = set(values)
+
+    def __contains__(self, name: object) -> bool:
+        self.unused.discard(str(name))
+        return super().__contains__(name)
+
+    def __getitem__(self, name: str) -> str:
+        self.unused.discard(name)
+        return super().__getitem__(name)
+
+
+def _check_unused(
+    values: _Arguments, path: Path, text: str, report: LoadReport | None
+) -> None:
+    """Say if a value was given that nothing asks for.
+
+    Launch files pass such arguments on, so it is no error where files include others.
+    """
+    for name in sorted(values.unused):
+        problem = f"no xacro argument {name!r}; "
+        problem += suggest(name, declared_arguments(text))
+        if "xacro:include" not in text:
+            raise DescriptionError(problem, file=path)
+        if report is not None:
+            report.add("warning", "ignored", problem, "it has no effect", file=path)
 
 
 def declared_arguments(text: str) -> dict[str, str | None]:

@@ -1,5 +1,7 @@
 """The robot in the browser, in Drake's Meshcat."""
 
+import ipaddress
+import socket
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -15,6 +17,10 @@ from pydrake.geometry import (
 from pydrake.systems.framework import DiagramBuilder
 
 from arm_drake.errors import InputError, OutputError
+
+# Ports that Meshcat takes, and names of addresses.
+_FIRST_PORT, _LAST_PORT = 1024, 65535
+_HOSTS = ("localhost", "*")
 
 # Pictures per second of simulated time.
 _FRAME_RATE = 30.0
@@ -41,10 +47,23 @@ def start_meshcat(*, host: str = "localhost", port: int | None = None) -> Meshca
     Raises:
         InputError: If the server can't listen there.
     """
+    place = host if port is None else f"{host}:{port}"
+    if port is not None and not _FIRST_PORT <= port <= _LAST_PORT:
+        raise InputError(f"port {port}: expected {_FIRST_PORT} to {_LAST_PORT}")
+    if host not in _HOSTS:
+        try:
+            ipaddress.ip_address(host)
+            with socket.create_server((host, 0)):
+                pass
+        except (ValueError, OSError):
+            raise InputError(
+                f"host {host!r}: expected localhost, * (all addresses) or an address "
+                "of this machine"
+            ) from None
     try:
         return Meshcat(MeshcatParams(host=host, port=port))
-    except RuntimeError as error:
-        place = host if port is None else f"{host}:{port}"
+    # Drake's own checks end in a SystemExit.
+    except (RuntimeError, SystemExit) as error:
         raise InputError(
             f"Meshcat can't listen on {place}: {' '.join(str(error).split())}"
         ) from None

@@ -74,7 +74,9 @@ def plot_tracking(
         unit = interfaces.unit(interfaces.POSITION, joint_type)
         panel.set_ylabel(f"{name} [{unit}]")
         panel.grid(alpha=0.3)
-        if np.ptp(position[:, index]) < 1e-3:  # A still joint isn't noise.
+        if (
+            len(time) and np.ptp(position[:, index]) < 1e-3
+        ):  # A still joint isn't noise.
             middle = float(position[:, index].mean())
             panel.set_ylim(middle - 0.05, middle + 0.05)
     for panel in panels[len(names) :]:

@@ -107,7 +107,8 @@ def test_a_missing_update_rate_is_100_hz_and_reported(load):
 
     assert config.update_rate == 100
     assert lines == [
-        "info: 0.yaml: controller_manager.update_rate is not given; 100 Hz is used"
+        "info: 0.yaml: controller_manager.update_rate is not given; 100 Hz is used",
+        "warning: 0.yaml: no controller is configured; no controller runs",
     ]
 
 
@@ -475,8 +476,8 @@ def test_a_bad_update_rate_is_an_error(problem, rate):
     )
 
     assert message == (
-        "0.yaml:3: controller_manager.update_rate: expected a positive integer [Hz], "
-        f"got {shown}"
+        "0.yaml:3: controller_manager.update_rate: expected an integer from 1 to "
+        f"10000 [Hz], got {shown}"
     )
 
 
