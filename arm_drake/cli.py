@@ -225,7 +225,7 @@ def _list(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace) -> int:
-    from arm_drake.diagram import load_controllers_of
+    from arm_drake.manager import load_controllers_of
 
     robot = load_robot_of(options)
     joints = [joint.name for joint in robot.description.movable_joints]

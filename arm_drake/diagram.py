@@ -17,7 +17,6 @@ from pydrake.systems.primitives import VectorLogSink, ZeroOrderHold
 from arm_drake import interfaces
 from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.description.joints import WORLD
-from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.drives import commanded_joints, effort_limits
 from arm_drake.errors import InputError
@@ -30,9 +29,7 @@ from arm_drake.hardware import (
 )
 from arm_drake.manager import (
     ControllerManager,
-    LoadedController,
-    find_surroundings,
-    load_controllers,
+    load_controllers_of,
 )
 from arm_drake.options import SimulationOptions
 from arm_drake.plant import (
@@ -54,7 +51,7 @@ def build_diagram(
     options: SimulationOptions | None = None,
     meshcat: Meshcat | None = None,
 ) -> Diagram:
-    """Return the Diagram of robots with their controllers, in physics.
+    """Return the Diagram of robots with their controllers.
 
     Its ports are named as in ROS: `<controller>.<topic>`, `joint_states`, `frames`;
     with several robots, `<robot>/` stands before each name. `state` is the plant's.
@@ -88,31 +85,9 @@ def build_diagram(
     builder.ExportOutput(plant.get_state_output_port(), "state")
     if meshcat is not None:
         add_visualizer(builder, scene_graph, meshcat)
-    return builder.Build()
-
-
-def load_controllers_of(
-    robot: Robot, period: float | None = None, options: SimulationOptions | None = None
-) -> tuple[tuple[LoadedController, ...], LoadReport]:
-    """Return the controllers of a robot, and its report with what they lack.
-
-    Args:
-        robot: The robot; its own report stays as it is.
-        period: Period of its controller manager in Drake's time [s].
-        options: Which controllers to start or not.
-    """
-    options = SimulationOptions() if options is None else options
-    commanded = [joint.name for joint in commanded_joints(robot.description)]
-    report = LoadReport(robot.report)
-    controllers = load_controllers(
-        robot.controllers,
-        find_surroundings(robot.description, commanded, robot.initial_positions),
-        report,
-        period=period,
-        active=options.active,
-        inactive=options.inactive,
-    )
-    return controllers, report
+    diagram = builder.Build()
+    diagram.set_name("arm_drake")
+    return diagram
 
 
 def _check_names(robots: Robot | Sequence[Robot]) -> list[Robot]:

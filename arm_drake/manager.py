@@ -24,7 +24,9 @@ from arm_drake.description.parameters import load_parameters
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.description.urdf import RobotDescription
+from arm_drake.drives import commanded_joints
 from arm_drake.errors import InputError, ParameterError, suggest
+from arm_drake.options import SimulationOptions
 
 # Command interfaces that the simulated hardware acts on.
 SIMULATED_COMMANDS = (interfaces.POSITION,)
@@ -147,6 +149,30 @@ def load_controllers(
         LoadedController(c.name, c.type, states[c.name], systems[c.name])
         for c in config.controllers
     )
+
+
+def load_controllers_of(
+    robot: Robot, period: float | None = None, options: SimulationOptions | None = None
+) -> tuple[tuple[LoadedController, ...], LoadReport]:
+    """Return the controllers of a robot, and its report with what they lack.
+
+    Args:
+        robot: The robot; its own report stays as it is.
+        period: Period of its controller manager in Drake's time [s].
+        options: Which controllers to start or not.
+    """
+    options = SimulationOptions() if options is None else options
+    commanded = [joint.name for joint in commanded_joints(robot.description)]
+    report = LoadReport(robot.report)
+    controllers = load_controllers(
+        robot.controllers,
+        find_surroundings(robot.description, commanded, robot.initial_positions),
+        report,
+        period=period,
+        active=options.active,
+        inactive=options.inactive,
+    )
+    return controllers, report
 
 
 class _Loader:

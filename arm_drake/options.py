@@ -3,6 +3,8 @@
 import dataclasses as dc
 import math
 
+from arm_drake.errors import InputError
+
 # A smaller step of the physics is a mistake [s].
 SMALLEST_STEP = 1e-6
 
@@ -39,12 +41,12 @@ class SimulationOptions:
     def __post_init__(self) -> None:
         """Reject what can't be simulated."""
         if not SMALLEST_STEP <= self.time_step < math.inf:
-            raise ValueError(
+            raise InputError(
                 f"time_step must be at least {SMALLEST_STEP} s, got {self.time_step!r}"
             )
         if not 0.0 < self.servo_bandwidth < math.inf:
-            raise ValueError(
+            raise InputError(
                 f"servo_bandwidth must be positive, got {self.servo_bandwidth!r}"
             )
         if self.log_rate is not None and not self.log_rate > 0.0:
-            raise ValueError(f"log_rate must be positive, got {self.log_rate!r}")
+            raise InputError(f"log_rate must be positive, got {self.log_rate!r}")

@@ -267,6 +267,14 @@ def test_sim_exits_with_1_when_a_topic_message_is_refused(run, tmp_path):
             "--initial joint1=x: expected a number [rad or m]",
         ),
         (
+            ["doosan_a0912", "--time-step", "1e-9"],
+            "time_step must be at least 1e-06 s, got 1e-09",
+        ),
+        (
+            ["doosan_a0912", "--hold"],
+            "--hold keeps the page, and with --headless there is none",
+        ),
+        (
             ["doosan_a0912", "--distro", "noetic"],
             "unknown distro 'noetic'; known: humble, jazzy, kilted, rolling",
         ),
@@ -324,6 +332,38 @@ def test_a_motion_with_nan_is_found_before_the_start(run, tmp_path):
         f"arm-drake: {motion}: [0].goal.points[0].positions[1]: expected a finite "
         "number, got nan\n"
     )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--port", "80"], "port 80: expected 1024 to 65535"),
+        (["--port", "99999"], "port 99999: expected 1024 to 65535"),
+        (
+            ["--host", "203.0.113.7"],
+            "host '203.0.113.7': expected localhost, * (all addresses) or an address "
+            "of this machine",
+        ),
+    ],
+)
+def test_where_the_page_cannot_be_is_said(run, arguments, message):
+    code, out, err = run("sim", "doosan_a0912", "--duration", 0.1, *arguments)
+    assert (code, out, err) == (2, "", f"arm-drake: {message}\n")
+
+
+def test_a_cancelled_goal_is_no_failure(run, tmp_path):
+    points = "[{positions: [0, 0, 0, 0, 0, 0], time_from_start: 2}]"
+    motion = goal_file(tmp_path, points=points)
+    cancel = f"- {{at: 0.1, controller: {JTC}, cancel: true}}\n"
+    motion.write_text(motion.read_text() + cancel)
+
+    code, out, err = run(
+        "sim", "doosan_a0912", "--headless", "--motion", motion, "--duration", 0.3
+    )
+
+    assert code == 0
+    assert f"{JTC}: CANCELED, error code 0\n" in out
+    assert "arm-drake:" not in err
 
 
 def test_an_existing_log_survives_a_run_that_does_not_start(run, tmp_path):

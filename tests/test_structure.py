@@ -36,8 +36,8 @@ PACKAGE = Path(arm_drake.__file__).parent
 # From the ground up. A module or package imports only what lies on lower layers, and a
 # package its own modules.
 LAYERS = [
-    ["errors", "interfaces", "messages", "options", "timing", "yaml_files", "bundled"],
-    ["description", "visualization"],
+    ["errors", "interfaces", "messages", "timing", "yaml_files", "bundled"],
+    ["description", "options", "visualization"],
     ["control", "plant", "world", "frames", "motion", "rollout"],
     ["servo", "controllers"],
     ["drives"],
