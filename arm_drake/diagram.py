@@ -15,6 +15,7 @@ from pydrake.systems.framework import (
 from pydrake.systems.primitives import VectorLogSink, ZeroOrderHold
 
 from arm_drake import interfaces
+from arm_drake.contact import links_in_contact
 from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot
@@ -87,7 +88,26 @@ def build_diagram(
         add_visualizer(builder, scene_graph, meshcat)
     diagram = builder.Build()
     diagram.set_name("arm_drake")
+    for robot, model in zip(robots, models, strict=True):
+        _report_contact(diagram, plant, robot, model)
     return diagram
+
+
+def _report_contact(
+    diagram: Diagram, plant: MultibodyPlant, robot: Robot, model: ModelInstanceIndex
+) -> None:
+    links = links_in_contact(diagram, plant, model)
+    if not links:
+        return
+    for system in diagram.GetSystems():
+        if isinstance(system, ControllerManager) and system.robot is robot:
+            system.report.add(
+                "warning",
+                "invalid",
+                f"links {links} touch something in the initial pose",
+                "contact moves the robot; another pose or the world 'void' avoids it",
+                file=robot.description.file,
+            )
 
 
 def _check_names(robots: Robot | Sequence[Robot]) -> list[Robot]:

@@ -371,3 +371,16 @@ def test_the_log_has_a_row_per_tick_or_at_the_rate_asked_for(tmp_path: Path) -> 
         expected = np.arange(len(times)) / (100.0 if rate is None else rate)
         assert len(times) == rows
         np.testing.assert_allclose(times, expected, atol=1e-9)
+
+
+def test_a_robot_that_starts_in_the_ground_is_reported() -> None:
+    robot = ad.load_robot("doosan_a0912", initial_positions={"joint2": 2.5})
+
+    report = ad.Simulation(ad.build_diagram(robot)).report
+
+    assert str(report) == (
+        f"warning: {robot.description.file}: links ['link2', 'link4', 'link5', "
+        "'link6'] touch something in the initial pose; contact moves the robot; another "
+        "pose or the world 'void' avoids it"
+    )
+    assert len(ad.Simulation(ad.build_diagram(robot, world="void")).report) == 0

@@ -38,7 +38,7 @@ PACKAGE = Path(arm_drake.__file__).parent
 LAYERS = [
     ["errors", "interfaces", "messages", "timing", "yaml_files", "bundled"],
     ["description", "options", "visualization"],
-    ["control", "plant", "world", "frames", "motion", "rollout"],
+    ["contact", "control", "plant", "world", "frames", "motion", "rollout"],
     ["servo", "controllers"],
     ["drives"],
     ["hardware", "manager"],
