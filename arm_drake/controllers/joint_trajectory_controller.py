@@ -206,7 +206,8 @@ class JointTrajectoryController(TickingController[JointTrajectoryState]):
         self._position_at = at[interfaces.POSITION]
         self._velocity_at = at.get(interfaces.VELOCITY)
 
-        nothing = AbstractValue.Make(None)
+        # Any Python object: None is none to newer versions of Drake.
+        nothing = AbstractValue.Make(())
         self._topic = self.DeclareAbstractInputPort("joint_trajectory", nothing)
         self._action = self.DeclareAbstractInputPort("follow_joint_trajectory", nothing)
 
@@ -217,7 +218,7 @@ class JointTrajectoryController(TickingController[JointTrajectoryState]):
         }.items():
             self.DeclareAbstractOutputPort(
                 name,
-                lambda: AbstractValue.Make(None),
+                lambda: AbstractValue.Make(()),
                 calc,
                 prerequisites_of_calc={self.xa_ticket()},
             )
