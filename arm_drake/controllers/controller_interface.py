@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import (
-    BasicVector,
     Context,
     InputPort,
     LeafSystem,
@@ -65,9 +64,6 @@ class _Ticked(Message, Generic[S]):
 
     # State of the controller.
     state: S
-
-    # Commands and their rates of change, of size 2k for k command interfaces.
-    command: NDArray[np.float64]
 
 
 def message_on(port: InputPort, context: Context, expected: type[M]) -> M | None:
@@ -168,21 +164,18 @@ class TickingController(ControllerInterface, Generic[S]):
             state_interfaces=state_interfaces,
             command_interfaces=command_interfaces,
         )
-        num_commands = len(command_interfaces)
-        hold = [params.initial_commands.get(name, 0.0) for name in command_interfaces]
-        command = np.concatenate([hold, np.zeros(num_commands)])
         # An immutable Python object goes into the Context as it is.
-        self.DeclareAbstractState(AbstractValue.Make(_Ticked(None, initial, command)))
+        self.DeclareAbstractState(AbstractValue.Make(_Ticked(None, initial)))
         self.DeclarePeriodicUnrestrictedUpdateEvent(
             params.period, 0.0, self._update_state
         )
         if command_interfaces:
-            self.DeclareVectorOutputPort(
-                interfaces.COMMAND_PORT,
-                2 * num_commands,
-                self._calc_command,
-                prerequisites_of_calc={self.xa_ticket()},
+            hold = [params.initial_commands.get(n, 0.0) for n in command_interfaces]
+            # Commands, and their rates of change: what the servo reads without Python.
+            state = self.DeclareDiscreteState(
+                np.concatenate([hold, np.zeros(len(command_interfaces))])
             )
+            self.DeclareStateOutputPort(interfaces.COMMAND_PORT, state)
 
     @abstractmethod
     def _tick(self, context: Context, state: S, time_ns: int, period_ns: int) -> S:
@@ -213,19 +206,17 @@ class TickingController(ControllerInterface, Generic[S]):
         time_ns = number * NANOSECONDS // rate
         period_ns = time_ns - (number - 1) * NANOSECONDS // rate
         new = self._tick(context, ticked.state, time_ns, period_ns)
-        command = ticked.command
+        state.get_mutable_abstract_state(0).set_value(_Ticked(number, new))
         if self.command_interfaces:
-            values, held = self._command(new), command[: len(self.command_interfaces)]
+            values = self._command(new)
+            held = context.get_discrete_state_vector().value()[: len(values)]
             # A sum is finite only if all of its terms are.
             if not math.isfinite(values.sum()):
                 values = np.where(np.isfinite(values), values, held)
             # A jump at the first tick is no speed.
             rates = (values - held) * (0 if ticked.number is None else rate)
             command = np.concatenate((values, rates))
-        state.get_mutable_abstract_state(0).set_value(_Ticked(number, new, command))
-
-    def _calc_command(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(context.get_abstract_state(0).get_value().command)
+            state.get_mutable_discrete_state(0).set_value(command)
 
 
 def _positions(names: Sequence[str], order: Sequence[str]) -> slice | list[int]:
