@@ -4,8 +4,8 @@ import dataclasses as dc
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.errors import InputError
-from arm_drake.manager import LoadedController
 from arm_drake.messages import (
     ActionRequest,
     CancelGoal,
@@ -76,30 +76,28 @@ class ControllerHandle:
         self,
         simulation: "Simulation",
         name: str,
-        controller: LoadedController,
-        period: float,
+        system: ControllerInterface,
+        type_: str,
     ) -> None:
         """Create the handle; `Simulation.controller` does that.
 
         Args:
             simulation: Where the controller runs.
             name: Name of the controller with its prefix.
-            controller: The controller.
-            period: Period of its ticks [s].
+            system: The controller.
+            type_: Its ros2_control type.
         """
         self.name = name
-        self._period = period
         self._simulation = simulation
-        self._controller = controller
+        self._system = system
+        self._type = type_
 
     def check(self, message: Message | None) -> None:
         """Raise InputError if the controller takes no messages of this kind."""
         port = TOPIC if isinstance(message, JointTrajectory) else ACTION
-        system = self._controller.system
-        if system is None or not system.HasInputPort(port):
+        if not self._system.HasInputPort(port):
             raise InputError(
-                f"controller {self.name!r} of type {self._controller.type!r} "
-                f"has no {port}"
+                f"controller {self.name!r} of type {self._type!r} has no {port}"
             )
 
     def send_goal(
@@ -151,4 +149,5 @@ class ControllerHandle:
         return self._simulation.eval_output(f"{self.name}.controller_state")
 
     def _send(self, port: str, message: JointTrajectory | ActionRequest) -> None:
-        self._simulation.enqueue(f"{self.name}.{port}", message, self._period)
+        period = self._system.params.period
+        self._simulation.enqueue(f"{self.name}.{port}", message, period)

@@ -103,16 +103,16 @@ class Simulation:
             InputError: If there is no such controller, or it isn't active.
         """
         controllers = {
-            manager.prefix + controller.name: (controller, manager.period)
+            manager.prefix + controller.name: controller
             for manager in self._managers.values()
             for controller in manager.controllers
         }
         if name not in controllers:
             raise InputError(f"no controller {name!r}; {suggest(name, controllers)}")
-        controller, period = controllers[name]
-        if controller.state != "active":
+        controller = controllers[name]
+        if controller.state != "active" or controller.system is None:
             raise InputError(f"controller {name!r} is {controller.state}, not active")
-        return ControllerHandle(self, name, controller, period)
+        return ControllerHandle(self, name, controller.system, controller.type)
 
     def list_controllers(self) -> list[ControllerState]:
         """Return the controllers and their states, in the order of the YAML."""
@@ -131,7 +131,7 @@ class Simulation:
             robot: Name of the robot; by default the first one.
         """
         manager = self._manager(robot)
-        values = self._eval(f"{manager.prefix}joint_states").reshape(3, -1)
+        values = self.eval_output(f"{manager.prefix}joint_states").reshape(3, -1)
         names = tuple(j.name for j in manager.robot.description.movable_joints)
         return JointState(
             name=names,
@@ -240,7 +240,7 @@ class Simulation:
             robot: Name of the robot; by default the first one.
         """
         manager = self._manager(robot)
-        poses = self._eval(f"{manager.prefix}frames")
+        poses = self.eval_output(f"{manager.prefix}frames")
         return dict(zip(manager.robot.description.links, poses, strict=True))
 
     def reset(self) -> None:
@@ -291,9 +291,6 @@ class Simulation:
             raise InputError(f"no robot {robot!r}; {suggest(robot, self._managers)}")
         return self._managers[robot]
 
-    def _eval(self, port: str) -> Any:
-        return self.diagram.GetOutputPort(port).Eval(self.simulator.get_context())
-
     def _log(self, manager: ControllerManager, name: str) -> NDArray[np.float64]:
         """Return the rows of a log."""
         sink = self.diagram.GetSubsystemByName(f"{manager.prefix}log:{name}")
@@ -338,7 +335,7 @@ class Simulation:
     def _collect(self) -> None:
         """Take the news since the last time."""
         for port in self._event_ports:
-            events = self._eval(port)
+            events = self.eval_output(port)
             if not events or events[-1][0] < self._next_event[port]:
                 # Nothing new, or the context is one of before.
                 self._next_event[port] = events[-1][0] + 1 if events else 0
@@ -382,7 +379,7 @@ class Simulation:
 
     def eval_output(self, port: str) -> Any:
         """Return the present value of an output port of the diagram."""
-        return self._eval(port)
+        return self.diagram.GetOutputPort(port).Eval(self.simulator.get_context())
 
     def source_of(self, rejected: TopicRejected) -> str:
         """Return where a refused message comes from; empty if from a program."""

@@ -367,3 +367,26 @@ def test_building_a_diagram_leaves_the_robots_report_alone(tmp_path):
             f"already claimed by {active!r}; the controller stays inactive"
         )
     assert len(robot.report) == 0
+
+
+def test_messages_wait_for_the_tick_of_a_slower_controller(robot, tmp_path):
+    (published,) = robot.controllers.files
+    yaml = tmp_path / "controllers.yaml"
+    text = published.read_text(encoding="utf-8")
+    own = f"{JTC}:\n  ros__parameters:\n"
+    assert own in text
+    yaml.write_text(text.replace(own, f"{own}    update_rate: 20\n"), encoding="utf-8")
+    slow = ad.load_robot("doosan_a0912", controllers=yaml)
+    sim = ad.Simulation(ad.build_diagram(slow))
+    sim.advance_to(0.01)
+
+    goals = [
+        sim.controller(JTC).send_goal(trajectory([angle] * 6)) for angle in (0.1, 0.05)
+    ]
+    sim.advance_to(1.0)
+
+    # Both were seen, one after the other.
+    assert [goal.status for goal in goals] == [
+        ad.GoalStatus.ABORTED,
+        ad.GoalStatus.SUCCEEDED,
+    ]
