@@ -17,7 +17,6 @@ from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Pose, Robot
 from arm_drake.description.urdf import RobotDescription, parse_urdf
 from arm_drake.description.xacro import expand_xacro
-from arm_drake.drives import commanded_joints
 from arm_drake.errors import DescriptionError, InputError, PackageError, suggest
 from arm_drake.manager import find_surroundings, load_controllers
 
@@ -96,8 +95,7 @@ def load_robot(
         distro=distro,
         bundled=bundled,
     )
-    commanded = [joint.name for joint in commanded_joints(description)]
-    surroundings = find_surroundings(description, commanded, robot.initial_positions)
+    surroundings = find_surroundings(description, robot.initial_positions)
     # Which of them start is decided when a diagram is built.
     load_controllers(config, surroundings, report, judges_claims=False)
     if strict and len(report):

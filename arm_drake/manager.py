@@ -67,16 +67,13 @@ class Surroundings:
 
 
 def find_surroundings(
-    description: RobotDescription,
-    commanded: Iterable[str],
-    initial_positions: Mapping[str, float],
+    description: RobotDescription, initial_positions: Mapping[str, float]
 ) -> Surroundings:
     """Return the joints and interfaces of a robot.
 
     Args:
         description: The robot; without `<ros2_control>`, its hardware is taken to have
             all that is simulated.
-        commanded: Joints that have an actuator.
         initial_positions: Initial positions by joint [rad] or [m].
     """
     movable = {joint.name: joint.type for joint in description.movable_joints}
@@ -92,7 +89,10 @@ def find_surroundings(
         for interface in component.state_interfaces
     }
     if not description.hardware:
-        commands = {f"{name}/{interfaces.POSITION}" for name in commanded}
+        commands = {
+            f"{joint.name}/{interfaces.POSITION}"
+            for joint in commanded_joints(description)
+        }
         states = {f"{n}/{i}" for n in movable for i in interfaces.STATE_INTERFACES}
     return Surroundings(
         movable, frozenset(commands), frozenset(states), initial_positions
@@ -162,11 +162,10 @@ def load_controllers_of(
         options: Which controllers to start or not.
     """
     options = SimulationOptions() if options is None else options
-    commanded = [joint.name for joint in commanded_joints(robot.description)]
     report = LoadReport(robot.report)
     controllers = load_controllers(
         robot.controllers,
-        find_surroundings(robot.description, commanded, robot.initial_positions),
+        find_surroundings(robot.description, robot.initial_positions),
         report,
         period=period,
         active=options.active,
@@ -257,7 +256,7 @@ class _Loader:
         claims: Mapping[str, str],
     ) -> bool:
         """Return whether a controller can start, with a line in the report if not."""
-        for problem in self._obstacles(controller, system):
+        for problem in self._obstacles(system):
             self._reject(controller, problem)
             return False
         taken = [name for name in system.command_interfaces if name in claims]
@@ -273,10 +272,7 @@ class _Loader:
             )
         return not taken
 
-    def _obstacles(
-        self, controller: ControllerConfig, system: ControllerInterface
-    ) -> Iterator[str]:
-        del controller
+    def _obstacles(self, system: ControllerInterface) -> Iterator[str]:
         there = self._surroundings
         for kind, needed, known in (
             ("command", system.command_interfaces, there.command_interfaces),

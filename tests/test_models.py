@@ -1,7 +1,6 @@
 """The bundled robots are the published ones: same kinematics, dynamics and limits."""
 
 import itertools
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,10 +17,11 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, JointIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
+from tests.robots import real_robot
+
 REPO = Path(__file__).resolve().parents[1]
 MODELS = REPO / "models"
 CONFIGS = REPO / "configs"
-ROBOTS = Path(os.environ.get("ARM_DRAKE_ROBOTS", REPO.parent / "shared" / "robots"))
 
 A0912 = MODELS / "doosan_a0912"
 A0912_CONFIG = CONFIGS / "doosan_a0912"
@@ -75,14 +75,8 @@ def a0912(expand: Expand) -> str:
 
 @pytest.fixture
 def published_a0912(expand: Expand) -> str:
-    package = ROBOTS / "doosan_a0912" / "my_doosan_pkg"
-    file = package / "description" / "xacro" / "a0912.urdf.xacro"
-    if not file.exists():
-        reason = "the published package isn't here; ARM_DRAKE_ROBOTS names its folder"
-        if os.environ.get("ARM_DRAKE_NO_SKIP") == "1":
-            pytest.fail(reason)
-        pytest.skip(reason)
-    return expand(file, {"my_doosan_pkg": package})
+    file = real_robot("doosan_a0912/my_doosan_pkg/description/xacro/a0912.urdf.xacro")
+    return expand(file, {"my_doosan_pkg": file.parents[2]})
 
 
 def expand_a0912(expand: Expand, **args: str) -> str:

@@ -1,7 +1,6 @@
 import base64
 import io
 import json
-import os
 import struct
 import subprocess
 import sys
@@ -16,6 +15,7 @@ import arm_drake.description.meshes as mut
 from arm_drake.description import mesh_cache
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import OutputError
+from tests.robots import real_robot
 
 ONE = (1.0, 1.0, 1.0)
 REPOSITORY = Path(__file__).parents[2]
@@ -600,6 +600,7 @@ import sys
 from pathlib import Path
 from arm_drake.description.meshes import convert_visual
 from arm_drake.description.report import LoadReport
+from tests.robots import real_robot
 
 path = convert_visual(Path({str(source)!r}), (1.0, 1.0, 1.0), LoadReport(), where="",
                       cache_dir=Path({str(converter.cache)!r}))
@@ -745,14 +746,11 @@ A0912_COLORS = {
 
 @pytest.mark.parametrize("part", A0912)
 def test_the_doosan_arm_has_its_extents_and_colours(converter, part):
-    robots = os.environ.get("ARM_DRAKE_ROBOTS") or REPOSITORY.parent / "shared/robots"
-    found = sorted(Path(robots).rglob(f"A0912_{part}.dae"))
-    if not found:
-        assert os.environ.get("ARM_DRAKE_NO_SKIP") != "1", f"no Doosan in {robots}"
-        pytest.skip(f"no Doosan in {robots}; ARM_DRAKE_ROBOTS says where robots are")
+    meshes = "doosan_a0912/my_doosan_pkg/description/meshes/a0912_blue"
+    source = real_robot(f"{meshes}/A0912_{part}.dae")
 
-    visual = converter.visual(found[0], (0.001,) * 3)
-    collision = converter.collision(found[0], (0.001,) * 3)
+    visual = converter.visual(source, (0.001,) * 3)
+    collision = converter.collision(source, (0.001,) * 3)
 
     # The table has four digits; the hull may be 1e-5 of its size smaller.
     expected = np.array(A0912[part]) * 0.001
