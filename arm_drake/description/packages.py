@@ -1,16 +1,26 @@
 """Find ROS packages and the files that robot descriptions name.
 
 A package is a folder with a `package.xml`. Source trees and install trees
-(`share/<package>`) are searched alike; the package nearest to the entry file wins, for
-one repository may hold several copies of a package.
+(`share/<package>`) are searched alike. First come the folders that the user names, the
+entry file's own package and what ROS has installed; then what lies around the entry
+file, the nearest first, for one repository may hold several copies of a package.
 """
 
+import itertools
 import os
 import re
+import shutil
+import tempfile
+import weakref
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from urllib.parse import unquote
 
+from arm_drake.description.install_layout import (
+    installed_elsewhere,
+    show_as_installed,
+)
+from arm_drake.description.report import LoadReport
 from arm_drake.errors import PackageError, suggest
 
 # How far below a searched folder a package may lie, and how far above the entry file
@@ -18,8 +28,7 @@ from arm_drake.errors import PackageError, suggest
 _SEARCH_DEPTH = 5
 _WORKSPACE_HEIGHT = 4
 
-# A bound on the folders looked at below one ancestor: an entry file in a home folder
-# must not start a walk through all of it.
+# A bound on the folders looked at below one ancestor.
 _MAX_FOLDERS = 20_000
 
 _SKIPPED = {"build", "install", "log", "node_modules", "__pycache__"}
@@ -29,35 +38,46 @@ _NAME = re.compile(r"<name>\s*([^<\s]+)\s*</name>")
 class PackageFinder:
     """Resolves package names and file URIs for one robot description."""
 
-    def __init__(self, entry: Path, package_paths: Sequence[Path] = ()) -> None:
+    def __init__(
+        self,
+        entry: Path,
+        package_paths: Sequence[Path] = (),
+        report: LoadReport | None = None,
+    ) -> None:
         """Create a finder.
 
         Args:
             entry: The description's entry file.
             package_paths: Folders to search first, with all that lies below them.
+            report: Where a package that only seems to be the right one is recorded.
         """
         self._entry = entry
+        parents = list(entry.resolve().parents)[: _WORKSPACE_HEIGHT + 1]
+        # An entry file in the home folder must not start a walk through all of it.
+        self._ancestors = list(
+            itertools.takewhile(
+                lambda folder: folder not in (folder.parent, Path.home()), parents
+            )
+        )
         self._package_paths = tuple(package_paths)
+        self._report = LoadReport() if report is None else report
         self._scanned: dict[Path, dict[str, Path]] = {}
+        self._found: dict[str, Path] = {}
+        # Packages that look different when installed, shown as that.
+        self._installed: Path | None = None
 
     def find(self, name: str) -> Path:
-        """Return the folder of a package.
+        """Return the folder of a package, as `share/<package>` where it is installed.
 
         Args:
-            name: Name in its package.xml.
+            name: Name in its package.xml, or of its folder.
 
         Raises:
             PackageError: If there is no such package.
         """
-        for folder in self._candidates():
-            if name in folder:
-                return folder[name]
-        known = {package for folder in self._candidates() for package in folder}
-        raise PackageError(
-            f"package {name!r} not found; name the folder that holds it with "
-            f"package_paths (--package-path); {suggest(name, known)}",
-            file=self._entry,
-        )
+        if name not in self._found:
+            self._found[name] = self._as_installed(name, self._search(name))
+        return self._found[name]
 
     def resolve(self, uri: str, relative_to: Path) -> Path:
         """Return the path that a file name or URI in a description stands for.
@@ -80,27 +100,82 @@ class PackageFinder:
             # "file:////abs" and "file:///abs" both occur; both mean "/abs".
             return Path("/" + unquote(rest).lstrip("/"))
         if scheme in ("package", "model"):
-            package, _, path = rest.partition("/")
-            return self.find(unquote(package)) / unquote(path)
+            package, _, path = rest.lstrip("/").partition("/")
+            return self.real(self.find(unquote(package)) / unquote(path))
         raise PackageError(
             f"{uri!r} can't be loaded; expected a path, package://, model:// or file://"
         )
+
+    def real(self, path: Path) -> Path:
+        """Return where a file lies that `find` shows as installed."""
+        shown = self._installed
+        is_shown = shown is not None and path.is_relative_to(shown)
+        return path.resolve() if is_shown else path
+
+    def real_paths(self, text: str) -> str:
+        """Return a text in which every path that `find` made up is the real one."""
+        if self._installed is None:
+            return text
+        pattern = re.escape(str(self._installed)) + r"[^\"'<>|*?\n]*"
+        return re.sub(pattern, lambda m: str(self.real(Path(m[0]))), text)
+
+    def _search(self, name: str) -> Path:
+        by_folder = None
+        for packages in self._candidates():
+            if name in packages:
+                return packages[name]
+            for folder in packages.values():
+                if folder.name == name and by_folder is None:
+                    by_folder = folder
+        found = by_folder or self._folder_called(name)
+        if found is not None:
+            what = f"no package.xml says that it is the package {name!r}"
+            done = f"the folder {str(found)!r} of that name is taken"
+            self._report.add("info", "repair", what, done, file=self._entry)
+            return found
+        known = {package for folder in self._candidates() for package in folder}
+        raise PackageError(
+            f"package {name!r} not found; name the folder that holds it with "
+            f"package_paths (--package-path); {suggest(name, known)}",
+            file=self._entry,
+        )
+
+    def _folder_called(self, name: str) -> Path | None:
+        """Return a folder of this name beside or above the entry file, if any."""
+        if name in ("", ".", "..") or "/" in name:
+            return None
+        beside = [folder / name for folder in self._ancestors]
+        above = [folder for folder in self._ancestors if folder.name == name]
+        given = [root / name for root in self._package_paths]
+        return next((path for path in [*given, *above, *beside] if path.is_dir()), None)
+
+    def _as_installed(self, name: str, package: Path) -> Path:
+        rules = installed_elsewhere(package, name)
+        if not rules:
+            return package
+        if self._installed is None:
+            self._installed = Path(tempfile.mkdtemp(prefix="arm_drake_"))
+            weakref.finalize(self, shutil.rmtree, self._installed, ignore_errors=True)
+        shown = self._installed / name
+        show_as_installed(package, rules, shown)
+        return shown
 
     def _candidates(self) -> Iterator[dict[str, Path]]:
         """Yield packages by name, the preferred ones first."""
         for root in self._package_paths:
             yield self._scan(root)
-        ancestors = list(self._entry.resolve().parents)[: _WORKSPACE_HEIGHT + 1]
-        for folder in ancestors:
-            if folder.parent == folder or folder == Path.home():
+        for folder in self._ancestors:
+            if (folder / "package.xml").is_file():  # The entry's own.
+                yield {_package_name(folder / "package.xml"): folder}
                 break
-            yield self._scan(folder)
         for variable in ("AMENT_PREFIX_PATH", "COLCON_PREFIX_PATH"):
             for prefix in filter(None, os.environ.get(variable, "").split(os.pathsep)):
                 yield self._scan(Path(prefix) / "share")
         for path in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep):
             if path:
                 yield self._scan(Path(path))
+        for folder in self._ancestors:
+            yield self._scan(folder)
 
     def _scan(self, root: Path) -> dict[str, Path]:
         if root not in self._scanned:

@@ -7,7 +7,6 @@ that nothing leaks from one load into the next.
 
 import contextlib
 import os
-import re
 import threading
 import xml.parsers.expat
 from collections.abc import Callable, Iterator, Mapping
@@ -18,13 +17,14 @@ from xacro import substitution_args
 
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
-from arm_drake.errors import ArmDrakeError, DescriptionError, suggest
+from arm_drake.description.xacro_sources import read_sources
+from arm_drake.errors import ArmDrakeError, DescriptionError, PackageError, suggest
 
 # xacro's globals serve one expansion at a time.
 _LOCK = threading.RLock()
 
-_ARGUMENT = re.compile(r"<xacro:arg\s([^>]*)>")
-_ATTRIBUTE = re.compile(r"(\w+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
+# More than any robot has: a file of this size is no description [bytes].
+MAX_SIZE = 64 * 2**20
 
 
 def expand_xacro(
@@ -48,26 +48,32 @@ def expand_xacro(
     text = _read(path)
     values = _Arguments({name: str(value) for name, value in args.items()})
     if "xacro" not in text and "$(" not in text:
-        _check_unused(values, path, text, report)
+        _check_unused(values, path, text, packages, report)
         return text
     with _LOCK, _package_lookup(packages.find):
         try:
             document = xacro.process_file(str(path), mappings=values, verbosity=0)
         except xacro.XacroException as error:
-            raise _explain(error, path, text) from None
+            raise _explain(error, path, packages) from None
         except xml.parsers.expat.ExpatError as error:
             reason = xml.parsers.expat.errors.messages[error.code]
             raise DescriptionError(
-                f"malformed XML: {reason}", file=_current_file(path), line=error.lineno
+                f"malformed XML: {reason}",
+                file=_current_file(path, packages),
+                line=error.lineno,
             ) from None
         # xacro evaluates what a file says, and answers a bad one with any exception.
         except Exception as error:
             problem = f"xacro: {type(error).__name__}: {error}"
-            raise DescriptionError(problem, file=_current_file(path)) from None
+            if isinstance(error, RecursionError):
+                problem = _explain_recursion(packages)
+            raise DescriptionError(
+                problem, file=_current_file(path, packages)
+            ) from None
         finally:
             xacro.substitution_args_context["arg"] = {}
-    _check_unused(values, path, text, report)
-    return str(document.toxml())
+    _check_unused(values, path, text, packages, report)
+    return packages.real_paths(str(document.toxml()))
 
 
 class _Arguments(dict[str, str]):
@@ -87,34 +93,33 @@ class _Arguments(dict[str, str]):
 
 
 def _check_unused(
-    values: _Arguments, path: Path, text: str, report: LoadReport | None
+    values: _Arguments,
+    path: Path,
+    text: str,
+    packages: PackageFinder,
+    report: LoadReport | None,
 ) -> None:
     """Say if a value was given that nothing asks for.
 
     Launch files pass such arguments on, so it is no error where files include others.
     """
+    if not values.unused:
+        return
+    declared = read_sources(path, packages).arguments
     for name in sorted(values.unused):
-        problem = f"no xacro argument {name!r}; "
-        problem += suggest(name, declared_arguments(text))
+        problem = f"no xacro argument {name!r}; {suggest(name, declared)}"
         if "xacro:include" not in text:
             raise DescriptionError(problem, file=path)
         if report is not None:
             report.add("warning", "ignored", problem, "it has no effect", file=path)
 
 
-def declared_arguments(text: str) -> dict[str, str | None]:
-    """Return the arguments that a xacro text declares, with their defaults."""
-    declared = {}
-    for match in _ARGUMENT.finditer(text):
-        pairs = _ATTRIBUTE.findall(match.group(1))
-        attributes = {name: double or single for name, double, single in pairs}
-        if "name" in attributes:
-            declared[attributes["name"]] = attributes.get("default")
-    return declared
-
-
 def _read(path: Path) -> str:
     try:
+        size = path.stat().st_size
+        if size > MAX_SIZE:
+            problem = f"{size / 2**20:.0f} MB; a description has at most 64 MB"
+            raise DescriptionError(problem, file=path)
         return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         return path.read_text(encoding="latin-1")
@@ -139,37 +144,82 @@ def _package_lookup(find: Callable[[str], Path]) -> Iterator[None]:
         substitution_args._eval_find, substitution_args._eval_dict["find"] = saved
 
 
-def _explain(error: Exception, path: Path, text: str) -> ArmDrakeError:
+def _explain(error: Exception, path: Path, packages: PackageFinder) -> ArmDrakeError:
     """Return a xacro error in our words, with the chain of files that led to it."""
     cause: object = error
     while isinstance(cause, xacro.XacroException) and cause.exc is not None:
         cause = cause.exc
+    if isinstance(cause, PackageError):
+        return _list_missing(cause, path, packages)
     if isinstance(cause, ArmDrakeError):
         return cause
     problem = " ".join(str(error).split())
     if problem.startswith("<class "):  # xacro says the same twice.
         problem = " ".join(str(cause).split())
     if isinstance(cause, OSError):
-        problem = f"{cause.filename!r} can't be read: {cause.strerror}"
+        missing = read_sources(path, packages).missing_files
+        if isinstance(cause, FileNotFoundError) and len(missing) > 1:
+            problem = f"{len(missing)} files don't exist: {_with_places(missing)}"
+        else:
+            name = str(packages.real(Path(os.fsdecode(cause.filename or ""))))
+            problem = f"{name!r} can't be read: {cause.strerror}"
     if isinstance(cause, substitution_args.ArgException):
-        declared = declared_arguments(text)
-        listed = ", ".join(
-            name if default is None else f"{name}:={default}"
-            for name, default in sorted(declared.items())
-        )
-        is_late = str(cause) in declared
-        state = "used before it is declared" if is_late else "undefined"
-        problem = (
-            f"xacro argument {str(cause)!r} is {state}; "
-            f"give it as {cause}:=VALUE; the file declares: {listed or 'none'}"
-        )
-    chain = [os.fspath(file) for file in xacro.filestack or [] if file]
+        problem = _explain_argument(str(cause), read_sources(path, packages).arguments)
+    chain = [str(packages.real(Path(file))) for file in xacro.filestack or [] if file]
     if len(chain) > 1:
         problem += f" (included by {' -> '.join(chain[:-1])})"
-    return DescriptionError(problem, file=_current_file(path))
+    return DescriptionError(problem, file=_current_file(path, packages))
 
 
-def _current_file(path: Path) -> Path:
+def _explain_argument(name: str, declared: Mapping[str, str | None]) -> str:
+    listed = ", ".join(
+        other if default is None else f"{other}:={default}"
+        for other, default in sorted(declared.items())
+    )
+    state = "used before it is declared" if name in declared else "undefined"
+    return (
+        f"xacro argument {name!r} is {state}; "
+        f"give it as {name}:=VALUE; the file declares: {listed or 'none'}"
+    )
+
+
+def _list_missing(
+    error: PackageError, path: Path, packages: PackageFinder
+) -> PackageError:
+    """Return an error that names every package that is missing, and who asked."""
+    missing = read_sources(path, packages).missing_packages
+    if not missing:
+        return error
+    if len(missing) == 1:
+        text = f"package {_with_places(missing)} not found; name the folder that holds"
+        rest = error.problem.partition(" holds")[2]
+        return PackageError(text + rest, file=path)
+    return PackageError(
+        f"{len(missing)} packages not found: {_with_places(missing)}; name the folders "
+        "that hold them with package_paths (--package-path)",
+        file=path,
+    )
+
+
+def _explain_recursion(packages: PackageFinder) -> str:
+    files = [str(packages.real(Path(file))) for file in xacro.filestack or [] if file]
+    for index, file in enumerate(files):
+        if file in files[:index]:
+            circle = files[files.index(file) : index + 1]
+            return f"includes itself: {' -> '.join(circle)}"
+    macros = {macro.body.getAttribute("name") for macro in xacro.macrostack or []}
+    return f"nested too deeply; macros that call each other: {sorted(macros)}"
+
+
+def _with_places(missing: Mapping[str, list[str]]) -> str:
+    return ", ".join(
+        f"{name!r} (asked for by {', '.join(places[:3])}"
+        + (f" and {len(places) - 3} more)" if len(places) > 3 else ")")
+        for name, places in missing.items()
+    )
+
+
+def _current_file(path: Path, packages: PackageFinder) -> Path:
     """Return the file that xacro was reading."""
     files = [file for file in xacro.filestack or [] if file]
-    return Path(files[-1]) if files else path
+    return packages.real(Path(files[-1])) if files else path

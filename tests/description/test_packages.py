@@ -5,11 +5,14 @@ from pathlib import Path
 import pytest
 
 from arm_drake.description.packages import PackageFinder
+from arm_drake.description.report import LoadReport
 from arm_drake.errors import PackageError
 
 
 @pytest.fixture(autouse=True)
-def no_ros(monkeypatch):
+def nothing_around(tmp_path, monkeypatch):
+    """Leave neither ROS nor what other tests write to be found."""
+    monkeypatch.setattr(Path, "home", lambda: tmp_path.parent)
     for name in ("AMENT_PREFIX_PATH", "COLCON_PREFIX_PATH", "ROS_PACKAGE_PATH"):
         monkeypatch.delenv(name, raising=False)
 
@@ -92,6 +95,67 @@ def test_ros_package_path_is_searched(tmp_path, monkeypatch):
     monkeypatch.setenv("ROS_PACKAGE_PATH", f":{tmp_path / 'ros'}")
 
     assert PackageFinder(entry).find("meshes") == installed
+
+
+def test_a_package_is_found_by_its_folders_name_too(tmp_path):
+    package = add_package(tmp_path / "arm-data", "arm_descriptions")
+    report = LoadReport()
+
+    found = PackageFinder(entry_of(package), report=report).find("arm-data")
+
+    assert found == package
+    assert str(report) == (
+        f"info: {entry_of(package)}: no package.xml says that it is the package "
+        f"'arm-data'; the folder {str(package)!r} of that name is taken"
+    )
+
+
+@pytest.mark.parametrize("folder", ["arm", "x/arm", "arm_meshes/arm"])
+def test_a_folder_without_a_manifest_is_taken_by_its_name(tmp_path, folder):
+    (tmp_path / folder / "urdf").mkdir(parents=True)
+    entry = tmp_path / folder / "urdf" / "robot.urdf"
+    report = LoadReport()
+
+    assert PackageFinder(entry, report=report).find("arm") == tmp_path / folder
+    assert len(report) == 1
+
+
+def test_a_folder_beside_the_entry_may_be_the_package(tmp_path):
+    (tmp_path / "meshes").mkdir()
+
+    found = PackageFinder(tmp_path / "robot.urdf").find("meshes")
+
+    assert found == tmp_path / "meshes"
+
+
+def test_a_manifests_name_comes_before_a_folders(tmp_path):
+    entry = entry_of(add_package(tmp_path / "a", "x"))
+    named = add_package(tmp_path / "b" / "deep", "arm")
+    add_package(tmp_path / "arm", "other")
+
+    assert PackageFinder(entry).find("arm") == named
+
+
+@pytest.mark.parametrize("name", ["", "..", ".", "a/b"])
+def test_a_name_that_is_no_name_is_no_folder(tmp_path, name):
+    (tmp_path / "a" / "b").mkdir(parents=True)
+
+    with pytest.raises(PackageError):
+        PackageFinder(tmp_path / "robot.urdf").find(name)
+
+
+def test_the_entrys_own_package_comes_before_the_installed_and_those_before_others(
+    tmp_path, monkeypatch
+):
+    package = add_package(tmp_path / "ws" / "arm")
+    add_package(tmp_path / "ws" / "meshes")
+    for name in ("arm", "meshes"):
+        add_package(tmp_path / "opt" / "share" / name)
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "opt"))
+    finder = PackageFinder(entry_of(package))
+
+    assert finder.find("arm") == package
+    assert finder.find("meshes") == tmp_path / "opt" / "share" / "meshes"
 
 
 def test_the_surroundings_come_before_the_installed(tmp_path, monkeypatch):

@@ -5,7 +5,8 @@ import time
 import pytest
 
 from arm_drake.description.packages import PackageFinder
-from arm_drake.description.xacro import declared_arguments, expand_xacro
+from arm_drake.description.xacro import expand_xacro
+from arm_drake.description.xacro_sources import declared_arguments
 from arm_drake.errors import DescriptionError, PackageError
 
 NAMESPACE = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
@@ -161,28 +162,119 @@ def test_an_error_says_where_and_what(expand, tmp_path, body, message):
 
 
 @pytest.mark.parametrize(
-    "body",
+    ("body", "problem"),
     [
-        '<xacro:macro name="m"><xacro:m/></xacro:macro><xacro:m/>',
-        '<xacro:include filename="robot.xacro"/>',
+        (
+            '<xacro:macro name="m"><xacro:m/></xacro:macro><xacro:m/>',
+            "nested too deeply; macros that call each other: ['m']",
+        ),
+        (
+            '<xacro:include filename="robot.xacro"/>',
+            "includes itself: {folder}/robot.xacro -> {folder}/robot.xacro",
+        ),
+        (
+            '<xacro:include filename="$(find other)/part.xacro"/>',
+            "includes itself: {folder}/other/part.xacro -> {folder}/again.xacro -> "
+            "{folder}/other/part.xacro",
+        ),
     ],
 )
-def test_an_endless_recursion_ends_in_an_error(expand, tmp_path, body):
+def test_an_endless_recursion_ends_in_an_error(expand, tmp_path, body, problem):
+    (tmp_path / "package.xml").write_text("<name>arm</name>", encoding="utf-8")
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other/package.xml").write_text("<name>other</name>", encoding="utf-8")
+    again = robot('<xacro:include filename="$(find other)/part.xacro"/>')
+    (tmp_path / "again.xacro").write_text(again, encoding="utf-8")
+    part = robot('<xacro:include filename="$(find arm)/again.xacro"/>')
+    (tmp_path / "other/part.xacro").write_text(part, encoding="utf-8")
+
     with pytest.raises(DescriptionError) as caught:
         expand(body)
 
-    assert str(caught.value).startswith(
-        f"{tmp_path / 'robot.xacro'}: xacro: RecursionError: maximum recursion depth"
-    )
+    assert str(caught.value).endswith(f": {problem.format(folder=tmp_path)}")
 
 
-def test_a_missing_package_is_the_finders_error(expand, tmp_path):
+def test_a_missing_package_is_named_with_who_asked(expand, tmp_path):
     with pytest.raises(PackageError) as caught:
         expand('<xacro:include filename="$(find nope)/a.xacro"/>')
 
+    file = tmp_path / "robot.xacro"
     assert str(caught.value).startswith(
-        f"{tmp_path / 'robot.xacro'}: package 'nope' not found; "
+        f"{file}: package 'nope' (asked for by {file}:2) not found; name the folder "
+        "that holds it with package_paths (--package-path); "
     )
+
+
+def test_all_missing_packages_are_named_at_once(expand, tmp_path):
+    part = robot(
+        """
+        <!-- <xacro:include filename="$(find unused)/a.xacro"/> -->
+        <xacro:include filename="$(find two)/a.xacro"/>
+        <link name="a"><visual><geometry><mesh filename="package://three/a.stl"/>
+        </geometry></visual></link>
+        """
+    )
+    (tmp_path / "part.xacro").write_text(part, encoding="utf-8")
+
+    with pytest.raises(PackageError) as caught:
+        expand(
+            """
+            <xacro:include filename="part.xacro"/>
+            <xacro:include filename="$(find one)/a.xacro"/>
+            <xacro:include filename="$(find one)/b.xacro"/>
+            """
+        )
+
+    file = tmp_path / "robot.xacro"
+    assert str(caught.value) == (
+        f"{file}: 3 packages not found: 'one' (asked for by {file}:4, {file}:5), "
+        f"'two' (asked for by {tmp_path / 'part.xacro'}:4), "
+        f"'three' (asked for by {tmp_path / 'part.xacro'}:5); name the folders that "
+        "hold them with package_paths (--package-path)"
+    )
+
+
+def test_all_missing_files_are_named_at_once(expand, tmp_path):
+    with pytest.raises(DescriptionError) as caught:
+        expand(
+            """
+            <xacro:include filename="1.xacro"/>
+            <xacro:include filename="0.xacro" optional="true"/>
+            <xacro:include filename="2.xacro"/>
+            """
+        )
+
+    file = tmp_path / "robot.xacro"
+    assert str(caught.value) == (
+        f"{file}: 2 files don't exist: '{tmp_path / '1.xacro'}' (asked for by {file}:3)"
+        f", '{tmp_path / '2.xacro'}' (asked for by {file}:5)"
+    )
+
+
+def test_errors_name_the_files_of_the_source_tree(expand, tmp_path):
+    cmake = "install(DIRECTORY src/urdf DESTINATION share/arm)"
+    (tmp_path / "package.xml").write_text("<name>arm</name>", encoding="utf-8")
+    (tmp_path / "CMakeLists.txt").write_text(cmake, encoding="utf-8")
+    (tmp_path / "src" / "urdf").mkdir(parents=True)
+    part = tmp_path / "src" / "urdf" / "part.xacro"
+    part.write_text(robot("${nope}"), encoding="utf-8")
+
+    with pytest.raises(DescriptionError) as caught:
+        expand('<xacro:include filename="$(find arm)/urdf/part.xacro"/>')
+
+    assert str(caught.value).startswith(f"{part}: name 'nope' is not defined")
+
+
+def test_a_file_larger_than_any_description_is_refused_unread(tmp_path):
+    path = tmp_path / "robot.xacro"
+    with path.open("wb") as file:
+        file.truncate(100 * 2**20)
+
+    with pytest.raises(DescriptionError) as caught:
+        expand_xacro(path, {}, PackageFinder(path))
+
+    problem = "100 MB; a description has at most 64 MB"
+    assert str(caught.value) == f"{path}: {problem}"
 
 
 @pytest.mark.parametrize("body", ['<xacro:arg name="side" default=""/>', "<link/>"])
