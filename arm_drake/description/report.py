@@ -2,11 +2,17 @@
 
 import dataclasses as dc
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Literal
 
 Severity = Literal["info", "warning", "error"]
+# The order in which people read them.
+_ORDER = ("error", "warning", "info")
+
+# Of things found in many places, so many are named in the text.
+_MAX_PLACES = 4
+
 Kind = Literal["repair", "ignored", "unsupported", "missing", "invalid"]
 
 
@@ -32,11 +38,27 @@ class ReportEntry:
 
     def __str__(self) -> str:
         """Return the entry as one line."""
-        place = self.file or ""
-        if self.line is not None:
-            place += f":{self.line}"
-        parts = [part for part in (place, self.where, self.what) if part]
-        return f"{self.severity}: {': '.join(parts)}; {self.done}"
+        return _line(self, self.where)
+
+
+def _line(entry: ReportEntry, where: str) -> str:
+    place = entry.file or ""
+    if entry.file and entry.line is not None:
+        place += f":{entry.line}"
+    parts = [part for part in (place, where, entry.what) if part]
+    return f"{entry.severity}: {': '.join(parts)}; {entry.done}"
+
+
+def _group_line(entries: list[ReportEntry]) -> str:
+    """Return one line for things that differ only in their place."""
+    places = [entry.where for entry in entries if entry.where]
+    named = ", ".join(places[:_MAX_PLACES])
+    if len(places) > _MAX_PLACES:
+        named += f" and {len(places) - _MAX_PLACES} more"
+    first = entries[0]
+    if any(entry.line != first.line for entry in entries):
+        first = dc.replace(first, line=None)
+    return _line(first, named)
 
 
 class LoadReport:
@@ -94,9 +116,30 @@ class LoadReport:
         """Return the entries as plain data for JSON."""
         return [dc.asdict(entry) for entry in self._entries]
 
+    def add_lines(self, find: Callable[[str], tuple[Path, int] | None]) -> None:
+        """Say where things stand that were found in an expanded description.
+
+        Args:
+            find: Returns file and line of a place such as "link 'elbow'", or None.
+        """
+        for index, entry in enumerate(self._entries):
+            if entry.line is not None or not entry.where:
+                continue
+            found = find(entry.where)
+            if found is not None:
+                file, line = found
+                self._entries[index] = dc.replace(entry, file=str(file), line=line)
+
     def __str__(self) -> str:
-        """Return the report as lines of text."""
-        return "\n".join(str(entry) for entry in self._entries)
+        """Return the report as lines of text, errors first.
+
+        What was found in several places is one line.
+        """
+        groups: dict[tuple[str, ...], list[ReportEntry]] = {}
+        for entry in sorted(self._entries, key=lambda e: _ORDER.index(e.severity)):
+            key = (entry.severity, entry.kind, entry.what, entry.done, entry.file or "")
+            groups.setdefault(key, []).append(entry)
+        return "\n".join(_group_line(entries) for entries in groups.values())
 
     def __repr__(self) -> str:
         """Return the report as JSON."""

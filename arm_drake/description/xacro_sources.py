@@ -26,6 +26,9 @@ _MAX_FILES = 1000
 class XacroSources:
     """What the files of a description declare, and what they lack."""
 
+    # The files that were read, the entry file first.
+    files: list[Path] = dc.field(default_factory=list)
+
     # Arguments that are declared, with their defaults.
     arguments: dict[str, str | None] = dc.field(default_factory=dict)
 
@@ -51,6 +54,7 @@ def read_sources(entry: Path, packages: PackageFinder) -> XacroSources:
             text = path.read_text(encoding="utf-8", errors="replace")
         except OSError:
             continue
+        sources.files.append(packages.real(path))
         for included in _read(text, path, packages, sources):
             if included.resolve() not in seen:
                 seen.add(included.resolve())

@@ -1,6 +1,7 @@
 """The load report: one line for each thing, once."""
 
 import json
+from pathlib import Path
 
 from arm_drake.description.report import LoadReport, ReportEntry
 
@@ -58,3 +59,47 @@ def test_the_representation_is_json():
     text = repr(report).removeprefix("LoadReport(").removesuffix(")")
 
     assert json.loads(text) == report.to_json()
+
+
+def test_what_is_found_in_several_places_is_one_line():
+    report = LoadReport()
+    for name in "abcdef":
+        report.add(
+            "warning", "repair", "no mass", "1 g", where=f"link '{name}'", line=1
+        )
+    report.add("warning", "repair", "no mass", "2 g", where="link 'g'")
+
+    assert str(report) == (
+        "warning: link 'a', link 'b', link 'c', link 'd' and 2 more: no mass; 1 g\n"
+        "warning: link 'g': no mass; 2 g"
+    )
+    assert len(report) == 7
+
+
+def test_errors_are_read_first_and_infos_last():
+    report = LoadReport()
+    for severity in ("info", "warning", "error"):
+        report.add(severity, "invalid", severity, "done")
+
+    assert [line.partition(":")[0] for line in str(report).splitlines()] == [
+        "error",
+        "warning",
+        "info",
+    ]
+
+
+def test_lines_are_added_where_they_are_known():
+    report = LoadReport()
+    report.add("info", "repair", "a", "b", where="link 'x'", file="entry")
+    report.add("info", "repair", "a", "b", where="link 'y'", file="entry")
+    report.add("info", "repair", "a", "b", where="link 'x'", file="other", line=3)
+    report.add("info", "repair", "a", "b", file="entry")
+
+    report.add_lines({"link 'x'": (Path("part"), 7)}.get)
+
+    assert [(entry.file, entry.line) for entry in report] == [
+        ("part", 7),
+        ("entry", None),
+        ("other", 3),
+        ("entry", None),
+    ]

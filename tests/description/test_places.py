@@ -1,0 +1,51 @@
+"""Lines of links and joints in the files that make them."""
+
+import pytest
+
+from arm_drake.description.places import find_place
+
+ENTRY = """<robot name="r">
+  <link name="base"/>
+  <joint type="fixed"
+         name='weld'/>
+  <link name="${prefix}tip"/>
+  <link name="$(arg side)_hand"/>
+  <link name="${name}"/>
+  <link name="${a}_twin_1"/>
+  <ros2_control name="arm" type="system"/>
+</robot>
+"""
+PART = """<robot>
+  <link name="base"/>
+  <joint name="base" type="fixed"/>
+  <link name="${b}_twin_1"/>
+</robot>
+"""
+
+
+@pytest.mark.parametrize(
+    ("where", "expected"),
+    [
+        ("link 'base'", ("entry", 2)),
+        ("link 'base', visual 0", ("entry", 2)),
+        ("joint 'base'", ("part", 3)),
+        ("joint 'weld'", ("entry", 3)),
+        ("ros2_control 'arm', joint 'weld'", ("entry", 9)),
+        # Computed names.
+        ("link 'left_tip'", ("entry", 5)),
+        ("link 'left_hand'", ("entry", 6)),
+        # Nothing fits, or more than one.
+        ("link 'nope'", None),
+        ("link 'a_twin_1'", None),
+        ("controller 'base'", None),
+        ("", None),
+    ],
+)
+def test_a_place_is_found_in_the_files(tmp_path, where, expected):
+    for name, text in (("entry", ENTRY), ("part", PART)):
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    files = [tmp_path / name for name in ("entry", "gone", "part")]
+
+    found = find_place(lambda: files)(where)
+
+    assert (found and (found[0].name, found[1])) == expected
