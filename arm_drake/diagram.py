@@ -15,12 +15,11 @@ from pydrake.systems.framework import (
 from pydrake.systems.primitives import VectorLogSink, ZeroOrderHold
 
 from arm_drake import interfaces
-from arm_drake.contact import links_in_contact
+from arm_drake.contact import separate
 from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.description.joints import WORLD
-from arm_drake.description.robot import Robot
+from arm_drake.description.robot import Robot, list_robots
 from arm_drake.drives import commanded_joints, effort_limits
-from arm_drake.errors import InputError
 from arm_drake.frames import LinkFrames
 from arm_drake.hardware import (
     Hardware,
@@ -38,6 +37,8 @@ from arm_drake.plant import (
     add_plant,
     add_robot_model,
     filter_self_collision,
+    place_floating_links,
+    place_free_base,
     set_initial_positions,
 )
 from arm_drake.timing import choose_time_step
@@ -67,7 +68,7 @@ def build_diagram(
         InputError: If the robots can't be put together.
     """
     options = SimulationOptions() if options is None else options
-    robots = _check_names(robots)
+    robots = list_robots(robots)
     step, periods = choose_time_step(
         options.time_step, [robot.controllers.update_rate for robot in robots]
     )
@@ -88,44 +89,36 @@ def build_diagram(
         add_visualizer(builder, scene_graph, meshcat)
     diagram = builder.Build()
     diagram.set_name("arm_drake")
+    are_free = [robot.has_free_base for robot in robots]
+    free = dict(zip(models, are_free, strict=True))
+    overlaps = separate(diagram, plant, scene_graph, free)
     for robot, model in zip(robots, models, strict=True):
-        _report_contact(diagram, plant, robot, model)
+        _report_overlaps(diagram, robot, overlaps[model])
     return diagram
 
 
-def _report_contact(
-    diagram: Diagram, plant: MultibodyPlant, robot: Robot, model: ModelInstanceIndex
-) -> None:
-    links = links_in_contact(diagram, plant, model)
+def _report_overlaps(diagram: Diagram, robot: Robot, links: list[str]) -> None:
     if not links:
         return
     for system in diagram.GetSystems():
         if isinstance(system, ControllerManager) and system.robot is robot:
             system.report.add(
                 "warning",
-                "invalid",
-                f"links {links} touch something in the initial pose",
-                "contact moves the robot; another pose or the world 'void' avoids it",
+                "repair",
+                f"links {links} overlap something in the initial pose",
+                "they pass through what they overlap",
                 file=robot.description.file,
             )
 
 
-def _check_names(robots: Robot | Sequence[Robot]) -> list[Robot]:
-    several = [robots] if isinstance(robots, Robot) else list(robots)
-    if not several:
-        raise InputError("no robot was given; expected at least one")
-    names = [robot.name for robot in several]
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(
-                f"{names.count(name)} robots are called {name!r}; "
-                "give each its own name with load_robot(..., name=...)"
-            )
-    return several
-
-
 def _add_model(plant: MultibodyPlant, robot: Robot) -> ModelInstanceIndex:
-    model = add_robot_model(plant, robot.description, robot.name, robot.pose)
+    model = add_robot_model(
+        plant,
+        robot.description,
+        robot.name,
+        robot.pose,
+        has_free_base=robot.has_free_base,
+    )
     joints = commanded_joints(robot.description)
     add_actuators(plant, model, [joint.name for joint in joints], effort_limits(joints))
     set_initial_positions(plant, model, dict(robot.initial_positions))
@@ -161,6 +154,10 @@ class _RobotInDiagram:
     ) -> Hardware:
         """Add hardware and controllers, connect them, export their ports."""
         robot, prefix = self.robot, self.prefix
+        place_floating_links(plant, self.model, robot.description)
+        if robot.has_free_base:
+            base = robot.description.roots[0]
+            place_free_base(plant, scene_graph, self.model, base, robot.pose)
         if not self.options.self_collision:
             filter_self_collision(plant, scene_graph, self.model)
         controllers, report = load_controllers_of(robot, self.period, self.options)

@@ -11,10 +11,15 @@ from pydrake.systems.primitives import SymbolicVectorSystem
 
 from arm_drake.control.servo import compute_friction_gains, compute_servo_gains
 from arm_drake.description.joints import JointInfo
-from arm_drake.description.robot import Pose
+from arm_drake.description.robot import Pose, Robot
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.options import SimulationOptions
-from arm_drake.plant import add_robot_model, set_gravity, state_indices
+from arm_drake.plant import (
+    add_robot_model,
+    set_gravity,
+    set_initial_positions,
+    state_indices,
+)
 from arm_drake.servo import (
     add_step_inertia,
     make_dry_friction,
@@ -52,7 +57,7 @@ def make_servo_plant(
     options: SimulationOptions,
     time_step: float,
 ) -> MultibodyPlant:
-    """Return a plant that a servo computes with: one robot, no geometry.
+    """Return a plant that a servo computes with: one robot on a fixed base.
 
     Args:
         description: The robot.
@@ -62,7 +67,7 @@ def make_servo_plant(
     """
     plant = MultibodyPlant(time_step)
     set_gravity(plant, options)
-    model = add_robot_model(plant, description, "robot", pose, has_geometry=False)
+    model = add_robot_model(plant, description, "robot", pose, is_reduced=True)
     add_step_inertia(plant, model, time_step)
     plant.Finalize()
     return plant
@@ -81,7 +86,7 @@ def make_robot_servo(
         plant: Plant of `make_servo_plant`; it must live as long as the servo.
         description: The robot.
         joints: The commanded joints.
-        at: Indices of their positions and velocities in the robot's state.
+        at: Indices of their positions and velocities in the state of ``plant``.
         options: How to simulate.
     """
     N = velocity_map(plant, description, joints)
@@ -93,6 +98,32 @@ def make_robot_servo(
         time_step=plant.time_step(),
     )
     return make_joint_servo(plant, gains, *at, N)
+
+
+def report_gravity(robot: Robot) -> None:
+    """Record joints that gravity asks for more effort than they have, at the start."""
+    description, options = robot.description, SimulationOptions()
+    joints = commanded_joints(description)
+    plant = make_servo_plant(description, robot.pose, options, options.time_step)
+    model = plant.GetModelInstanceByName("robot")
+    set_initial_positions(plant, model, dict(robot.initial_positions))
+    context = plant.CreateDefaultContext()
+    N = velocity_map(plant, description, joints)
+    efforts = np.abs(N.T @ plant.CalcGravityGeneralizedForces(context))
+    for joint, effort, limit in zip(
+        joints, efforts, effort_limits(joints), strict=True
+    ):
+        if effort > limit:
+            unit = "N" if joint.type == "prismatic" else "N·m"
+            robot.report.add(
+                "warning",
+                "invalid",
+                f"gravity asks for {effort:.3g} {unit} at the start, the effort limit "
+                f"is {limit:.3g}",
+                "the joint sinks",
+                where=f"joint {joint.name!r}",
+                file=description.file,
+            )
 
 
 def velocity_map(

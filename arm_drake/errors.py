@@ -8,6 +8,9 @@ import difflib
 from collections.abc import Iterable
 from pathlib import Path
 
+# So many names that exist are listed in a message.
+_MAX_NAMES = 30
+
 
 class ArmDrakeError(Exception):
     """Base of every error that a user's input can cause."""
@@ -89,5 +92,7 @@ def suggest(name: str, known: Iterable[str]) -> str:
     names = sorted(set(known))
     close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
     hint = f"did you mean {close[0]!r}? " if close else ""
-    listed = ", ".join(names) if names else "none"
+    listed = ", ".join(names[:_MAX_NAMES]) if names else "none"
+    if len(names) > _MAX_NAMES:
+        listed += f" and {len(names) - _MAX_NAMES} more"
     return f"{hint}known: {listed}"

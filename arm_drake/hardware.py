@@ -85,11 +85,13 @@ def add_hardware(
     state = plant.get_state_output_port(model)
     effort = command = None
     if names:
-        at = state_indices(plant, model, names)
+        at = state_indices(alone, alone.GetModelInstanceByName("robot"), names)
         servo = builder.AddNamedSystem(
             f"{prefix}servo", make_robot_servo(alone, description, joints, at, options)
         )
-        builder.Connect(state, servo.GetInputPort("state"))
+        D = _reduced_state(plant, model, alone, description)
+        reduced = _gain(builder, f"{prefix}servo_state", D, state)
+        builder.Connect(reduced, servo.GetInputPort("state"))
         effort, command = servo.GetOutputPort("effort"), servo.GetInputPort("command")
         builder.Connect(effort, plant.get_actuation_input_port(model))
     motions, joint_states = add_state_interfaces(
@@ -104,6 +106,24 @@ def add_hardware(
             forces = friction.get_output_port()
     hold = tuple(initial[name] for name in names)
     return Hardware(names, hold, command, joint_states, motions, forces, alone)
+
+
+def _reduced_state(
+    plant: MultibodyPlant,
+    model: ModelInstanceIndex,
+    alone: MultibodyPlant,
+    description: RobotDescription,
+) -> np.ndarray:
+    """Return what picks the state of ``alone`` from that of the robot.
+
+    The robot may have a free base and joints of several degrees of freedom besides.
+    """
+    names = [joint.name for joint in description.movable_joints]
+    rows = state_indices(alone, alone.GetModelInstanceByName("robot"), names)
+    columns = state_indices(plant, model, names)
+    D = np.zeros((alone.num_multibody_states(), plant.num_multibody_states(model)))
+    D[np.concatenate(rows), np.concatenate(columns)] = 1.0
+    return D
 
 
 def connect_commands(

@@ -2,22 +2,27 @@
 
 import math
 import os
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from arm_drake.bundled import bundled_robots, configs_folder
-from arm_drake.description.controllers import (
-    MANAGER,
-)
+from arm_drake.description.control_files import find_control_files
+from arm_drake.description.controllers import ControllerManagerConfig
 from arm_drake.description.controllers import (
     load_controllers as load_controllers_config,
 )
+from arm_drake.description.default_control import default_controllers
+from arm_drake.description.entry import Source, find_entry
+from arm_drake.description.joints import WORLD
 from arm_drake.description.packages import PackageFinder
+from arm_drake.description.places import find_place
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Pose, Robot
 from arm_drake.description.urdf import RobotDescription, parse_urdf
 from arm_drake.description.xacro import expand_xacro
-from arm_drake.errors import DescriptionError, InputError, PackageError, suggest
+from arm_drake.description.xacro_sources import read_sources
+from arm_drake.drives import report_gravity
+from arm_drake.errors import InputError, suggest
 from arm_drake.manager import find_surroundings, load_controllers
 
 # Distributions whose controllers are known, and what older names are taken as.
@@ -32,9 +37,22 @@ _DISTRO_ALIASES = {
 # The distribution whose defaults and rules the controllers follow.
 _MODELLED_DISTRO = "jazzy"
 
-_SUFFIXES = (".urdf", ".xacro", ".xml")
 
-Source = str | os.PathLike[str]
+# What drives a mobile robot's base: controllers and Gazebo plugins.
+BASE_CONTROLLERS = frozenset(
+    {
+        "ackermann_steering_controller/AckermannSteeringController",
+        "bicycle_steering_controller/BicycleSteeringController",
+        "diff_drive_controller/DiffDriveController",
+        "mecanum_drive_controller/MecanumDriveController",
+        "omni_wheel_drive_controller/OmniWheelDriveController",
+        "tricycle_controller/TricycleController",
+        "tricycle_steering_controller/TricycleSteeringController",
+    }
+)
+BASE_PLUGINS = re.compile(
+    r"(ackermann|diff|mecanum|skid|tricycle|omni)\w*(drive|steer)|planar_?move", re.I
+)
 
 
 def load_robot(
@@ -53,10 +71,12 @@ def load_robot(
     """Load a robot from its description and its controllers YAML.
 
     Args:
-        source: Name of a bundled robot, a `.urdf` or `.xacro` file, or a folder.
+        source: Name of a bundled robot, `example:NAME` (needs the extra `robots`), a
+            `.urdf` or `.xacro` file, or a package folder.
         controllers: Controllers YAML files. By default the one that the description
             names in its Gazebo plugin tag, else the one in the package's config folder
-            if there is exactly one.
+            if there is exactly one. A robot with neither YAML nor control tags gets a
+            joint trajectory controller of all its independent joints.
         xacro_args: Values of xacro arguments.
         package_paths: Folders to search for packages, with all that lies below them.
             The description's surroundings are searched in any case.
@@ -77,12 +97,16 @@ def load_robot(
         package_paths = [package_paths]
     report = LoadReport()
     distro = _check_distro(distro, report)
-    entry, bundled = _find_entry(source)
-    packages = PackageFinder(entry, [_existing_folder(path) for path in package_paths])
+    entry, bundled = find_entry(source)
+    folders = [_existing_folder(path) for path in package_paths]
+    packages = PackageFinder(entry, folders, report)
     text = expand_xacro(entry, dict(xacro_args or {}), packages, report)
     description = parse_urdf(text, entry, packages, report)
-    files = _find_controllers(controllers, description, packages, bundled, report)
-    config = load_controllers_config(files, dict(variables or {}), report)
+    files = find_control_files(controllers, description, packages, bundled, report)
+    if files is None:
+        config = default_controllers(description, report)
+    else:
+        config = load_controllers_config(files, dict(variables or {}), report)
     robot = Robot(
         name=name or description.name,
         description=description,
@@ -92,15 +116,31 @@ def load_robot(
             description, dict(initial_positions or {}), report
         ),
         pose=_check_pose(pose),
+        has_free_base=_has_free_base(description, config),
         distro=distro,
         bundled=bundled,
     )
     surroundings = find_surroundings(description, robot.initial_positions)
     # Which of them start is decided when a diagram is built.
     load_controllers(config, surroundings, report, judges_claims=False)
+    report_gravity(robot)
+    report.add_lines(find_place(lambda: read_sources(entry, packages).files))
     if strict and len(report):
         raise InputError(f"not everything was taken as written:\n{report}")
     return robot
+
+
+def _has_free_base(
+    description: RobotDescription, config: ControllerManagerConfig
+) -> bool:
+    """Return whether something drives the base, and no joint holds it in the world."""
+    if any(joint.parent == WORLD for joint in description.joints):
+        return False
+    is_driven = any(c.type in BASE_CONTROLLERS for c in config.controllers)
+    return is_driven or any(
+        BASE_PLUGINS.search(f"{plugin.filename} {plugin.name}")
+        for plugin in description.gazebo_plugins
+    )
 
 
 def _check_distro(distro: str, report: LoadReport) -> str:
@@ -143,132 +183,6 @@ def _finite(value: object, where: str) -> float:
     if not math.isfinite(number):
         raise InputError(f"expected a finite number, got {value!r}", where=where)
     return number
-
-
-def _find_entry(source: Source) -> tuple[Path, str | None]:
-    """Return the entry file of a source, and its name if it is bundled."""
-    robots = bundled_robots()
-    if isinstance(source, str) and source in robots:
-        return robots[source], source
-    path = Path(source)
-    # Unlike those of Path, these take names that no file can have.
-    if os.path.isdir(path):
-        return _entry_in_folder(path), None
-    if os.path.isfile(path):
-        if path.suffix.lower() not in _SUFFIXES:
-            raise DescriptionError(
-                f"expected a {', '.join(_SUFFIXES)} file, or a package folder",
-                file=path,
-            )
-        return path.absolute(), None
-    if path.suffix or os.sep in str(source):
-        raise DescriptionError("no such file or folder", file=path)
-    raise DescriptionError(
-        f"unknown robot {str(source)!r}: neither a bundled robot nor a file or folder; "
-        f"{suggest(str(source), robots)}"
-    )
-
-
-def _entry_in_folder(folder: Path) -> Path:
-    """Return the one file in a package folder that makes a robot."""
-    candidates = sorted(
-        path
-        for path in folder.rglob("*")
-        if path.suffix.lower() in (".urdf", ".xacro") and _makes_robot(path)
-    )
-    named = [p for p in candidates if p.name.partition(".")[0] == folder.name]
-    if len(named) == 1:
-        return named[0].absolute()
-    if len(candidates) != 1:
-        listed = ", ".join(str(path.relative_to(folder)) for path in candidates)
-        raise DescriptionError(
-            f"expected one robot description in the folder, got "
-            f"{len(candidates)}; name the file: {listed or 'none found'}",
-            file=folder,
-        )
-    return candidates[0].absolute()
-
-
-def _makes_robot(path: Path) -> bool:
-    """Return whether a file is a named robot, not only macros to be included."""
-    root = _text(path).partition("<robot")[2].partition(">")
-    is_named = "name=" in root[0].replace(" ", "")
-    if path.suffix.lower() == ".urdf":
-        return is_named
-    return is_named and ("<link" in root[2] or "<xacro:include" in root[2])
-
-
-def _text(path: Path) -> str:
-    """Return the text of a file to look for something in; "" if it can't be read."""
-    try:
-        return path.read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        return ""
-
-
-def _find_controllers(
-    given: Source | Sequence[Source] | None,
-    description: RobotDescription,
-    packages: PackageFinder,
-    bundled: str | None,
-    report: LoadReport,
-) -> list[Path]:
-    if given is not None:
-        files = [given] if isinstance(given, str | os.PathLike) else list(given)
-        return [Path(file) for file in files]
-    named = [
-        text
-        for plugin in description.gazebo_plugins
-        for text in plugin.texts("parameters")
-        if text
-    ]
-    found = []
-    for text in dict.fromkeys(named):
-        try:
-            path = packages.resolve(text, description.file.parent)
-            problem = None if os.path.isfile(path) else f"{text!r} does not exist"
-        except PackageError as error:
-            problem = error.problem
-        if problem is None:
-            found.append(path.resolve())
-            continue
-        report.add(
-            "error",
-            "missing",
-            f"<parameters>: {problem}",
-            "its controllers are left out",
-            file=description.file,
-        )
-    if named:
-        return found
-    if bundled is not None:
-        own = configs_folder() / bundled / "controllers.yaml"
-        return [own] if own.is_file() else []
-    return _controllers_in_package(description, report)
-
-
-def _controllers_in_package(
-    description: RobotDescription, report: LoadReport
-) -> list[Path]:
-    """Return the controllers YAML in the package's config folder, if there is one."""
-    folders = [f for f in description.file.parents if (f / "package.xml").is_file()]
-    candidates = [
-        path
-        for folder in folders[:1]
-        for path in sorted((folder / "config").glob("**/*.y*ml"))
-        if f"{MANAGER}:" in _text(path)
-    ]
-    if len(candidates) == 1:
-        return candidates
-    listed = ", ".join(str(path) for path in candidates)
-    report.add(
-        "warning",
-        "missing",
-        f"the description names no controllers YAML; candidates: {listed or 'none'}",
-        "no controller runs",
-        file=description.file,
-    )
-    return []
 
 
 def _initial_positions(

@@ -15,7 +15,7 @@ from pydrake.multibody.plant import (
 from pydrake.multibody.tree import JointActuator, ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder
 
-from arm_drake.description.joints import WORLD
+from arm_drake.description.joints import FREE_TYPES, WORLD
 from arm_drake.description.robot import Pose
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.errors import DescriptionError
@@ -51,34 +51,28 @@ def add_robot_model(
     name: str,
     pose: Pose | None,
     *,
-    has_geometry: bool = True,
+    has_free_base: bool = False,
+    is_reduced: bool = False,
 ) -> ModelInstanceIndex:
-    """Add a robot's bodies and joints, fixed to the world.
+    """Add a robot's bodies and joints.
 
     Args:
         plant: A plant that isn't finalized.
         description: The robot.
         name: Name of the model instance.
         pose: Pose of the base in the world; None is the origin.
-        has_geometry: Whether to add what is seen and what collides.
+        has_free_base: Whether its base moves freely, instead of being fixed.
+        is_reduced: Whether to leave out what is seen and what collides, and to fix
+            joints of several degrees of freedom: what a servo computes with.
 
     Raises:
         DescriptionError: If Drake refuses the description.
     """
-    if not description.movable_joints:
-        raise DescriptionError(
-            "the robot has no movable joint; expected a revolute, continuous or "
-            "prismatic one",
-            file=description.file,
-        )
     X_WB = _transform(pose)
     root = ET.fromstring(description.urdf)  # noqa: S314  our own text.
     root.set("name", name)
-    if not has_geometry:
-        for link in root.iterfind("link"):
-            for tag in ("visual", "collision"):
-                for element in link.findall(tag):
-                    link.remove(element)
+    if is_reduced:
+        _reduce(root)
     # A link called "world" is the world itself: move what is attached to it.
     for joint in root.iterfind("joint"):
         parent = joint.find("parent")
@@ -95,10 +89,83 @@ def add_robot_model(
         raise DescriptionError(
             f"Drake refuses the description: {problem}", file=description.file
         ) from None
-    for name_of_root in description.roots:
+    for name_of_root in description.roots[1 if has_free_base else 0 :]:
         frame = plant.GetBodyByName(name_of_root, model).body_frame()
         plant.WeldFrames(plant.world_frame(), frame, X_WB)
     return model
+
+
+def _reduce(root: ET.Element) -> None:
+    for link in root.iterfind("link"):
+        for tag in ("visual", "collision"):
+            for element in link.findall(tag):
+                link.remove(element)
+    for joint in root.iterfind("joint"):
+        if joint.get("type") in FREE_TYPES:
+            joint.set("type", "fixed")
+
+
+def place_floating_links(
+    plant: MultibodyPlant, model: ModelInstanceIndex, description: RobotDescription
+) -> None:
+    """Let links on floating joints start where the joints' origins are.
+
+    Drake makes them free bodies, at the world's origin.
+    """
+    root = ET.fromstring(description.urdf)  # noqa: S314  our own text.
+    for joint in root.iterfind("joint[@type='floating']"):
+        context = plant.CreateDefaultContext()
+        info = description.joint(joint.get("name", ""))
+        parent = plant.world_body()
+        if info.parent != WORLD:
+            parent = plant.GetBodyByName(info.parent, model)
+        X_WC = plant.EvalBodyPoseInWorld(context, parent) @ _origin(joint)
+        child = plant.GetBodyByName(info.child, model)
+        plant.SetDefaultFloatingBaseBodyPose(child, X_WC)
+
+
+def place_free_base(
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    model: ModelInstanceIndex,
+    base: str,
+    pose: Pose | None,
+) -> None:
+    """Set where a robot with a free base starts.
+
+    Args:
+        plant: The finalized plant.
+        scene_graph: Its scene graph.
+        model: The robot's model instance.
+        base: The link that moves freely.
+        pose: Pose of the base; None puts the robot's lowest collision point on the
+            ground, z = 0.
+    """
+    body = plant.GetBodyByName(base, model)
+    X_WB = _transform(pose)
+    plant.SetDefaultFloatingBaseBodyPose(body, X_WB)
+    if pose is None:
+        lowest = _lowest_point(plant, scene_graph, model)
+        plant.SetDefaultFloatingBaseBodyPose(body, RigidTransform([0.0, 0.0, -lowest]))
+
+
+def _lowest_point(
+    plant: MultibodyPlant, scene_graph: SceneGraph, model: ModelInstanceIndex
+) -> float:
+    """Return the height of a robot's lowest collision point [m]; 0 if it has none."""
+    context = plant.CreateDefaultContext()
+    inspector = scene_graph.model_inspector()
+    heights = []
+    for index in plant.GetBodyIndices(model):
+        body = plant.get_body(index)
+        X_WB = plant.EvalBodyPoseInWorld(context, body)
+        for geometry in plant.GetCollisionGeometriesForBody(body):
+            box = inspector.GetObbInGeometryFrame(geometry)
+            if box is not None:
+                X_WO = X_WB @ inspector.GetPoseInFrame(geometry) @ box.pose()
+                reach = np.abs(X_WO.rotation().matrix()[2]) @ box.half_width()
+                heights.append(X_WO.translation()[2] - reach)
+    return float(min(heights, default=0.0))
 
 
 def add_actuators(
@@ -175,16 +242,21 @@ def _transform(pose: Pose | None) -> RigidTransform:
     return RigidTransform(RollPitchYaw(np.array(pose[3:])), np.array(pose[:3]))
 
 
+def _origin(joint: ET.Element) -> RigidTransform:
+    origin = joint.find("origin")
+    xyz, rpy = (
+        [float(x) for x in ("" if origin is None else origin.get(name, "")).split()]
+        or [0.0, 0.0, 0.0]
+        for name in ("xyz", "rpy")
+    )
+    return RigidTransform(RollPitchYaw(np.array(rpy)), np.array(xyz))
+
+
 def _move_origin(joint: ET.Element, X_WB: RigidTransform) -> None:
+    X_WP = X_WB @ _origin(joint)
     origin = joint.find("origin")
     if origin is None:
         origin = ET.SubElement(joint, "origin")
-    numbers = [
-        [float(number) for number in origin.get(attribute, "0 0 0").split()]
-        for attribute in ("xyz", "rpy")
-    ]
-    X_BP = RigidTransform(RollPitchYaw(np.array(numbers[1])), np.array(numbers[0]))
-    X_WP = X_WB @ X_BP
     rpy = RollPitchYaw(X_WP.rotation()).vector()
     for attribute, values in (("xyz", X_WP.translation()), ("rpy", rpy)):
         origin.set(attribute, " ".join(repr(float(value)) for value in values))

@@ -380,7 +380,7 @@ def test_a_robot_that_starts_in_the_ground_is_reported() -> None:
 
     assert str(report) == (
         f"warning: {robot.description.file}: links ['link2', 'link4', 'link5', "
-        "'link6'] touch something in the initial pose; contact moves the robot; "
-        "another pose or the world 'void' avoids it"
+        "'link6'] overlap something in the initial pose; they pass through what they "
+        "overlap"
     )
     assert len(ad.Simulation(ad.build_diagram(robot, world="void")).report) == 0

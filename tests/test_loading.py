@@ -313,8 +313,8 @@ def test_strict_turns_any_report_line_into_an_error(package):
 
     assert problem(file, strict=True) == (
         "not everything was taken as written:\n"
-        f"warning: {file}: the description names no controllers YAML; "
-        "candidates: none; no controller runs"
+        f"info: {file}: neither <ros2_control> tags nor a controllers YAML; "
+        "one joint_trajectory_controller moves its 1 independent joints"
     )
     assert ad.load_robot("doosan_a0912", strict=True).name == "a0912"
 
@@ -348,7 +348,8 @@ def test_a_start_outside_the_limits_is_clamped_and_reported(package, value, clam
 
     assert robot.initial_positions == {"j": clamped}
     assert lines(robot)[-1] == (
-        f"warning: {file}: joint 'j': initial position {value} is outside [-1.0, 2.0]; "
+        f"warning: {file}:8: joint 'j': initial position {value} is outside "
+        "[-1.0, 2.0]; "
         f"it starts at {clamped}"
     )
 

@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio
@@ -204,11 +205,18 @@ def test_gravity_acts_downwards_or_not_at_all(tmp_path: Path) -> None:
     np.testing.assert_array_equal(off.gravity_field().gravity_vector(), 0.0)
 
 
-@pytest.mark.parametrize(("self_collision", "contacts"), [(False, 0), (True, 1)])
-def test_links_of_a_robot_collide_with_each_other_by_option_only(
-    tmp_path: Path, self_collision: bool, contacts: int
+# Two balls that overlap by 0.2 mm.
+TOUCHING = models.OVERLAPPING.replace("0.05 0 0", "0.0999 0 0")
+
+
+@pytest.mark.parametrize(
+    ("urdf", "self_collision", "contacts"),
+    [(TOUCHING, False, 0), (TOUCHING, True, 1), (models.OVERLAPPING, True, 0)],
+)
+def test_links_of_a_robot_collide_by_option_unless_they_overlap_from_the_start(
+    tmp_path: Path, urdf: str, self_collision: bool, contacts: int
 ) -> None:
-    robot = models.load(tmp_path, models.OVERLAPPING)
+    robot = models.load(tmp_path, urdf)
     options = ad.SimulationOptions(self_collision=self_collision)
     diagram = ad.build_diagram(robot, world="void", options=options)
 
@@ -221,10 +229,13 @@ def test_links_of_a_robot_collide_with_each_other_by_option_only(
     assert results.num_point_pair_contacts() == contacts
 
 
-def test_robots_collide_with_each_other(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("distance", "contacts"), [(0.1999, 1), (0.15, 0)])
+def test_robots_collide_unless_they_overlap_from_the_start(
+    tmp_path: Path, distance: float, contacts: int
+) -> None:
     robots = [
         models.load(tmp_path, models.FALLING_BALL, name=name, pose=(x, 0, 0, 0, 0, 0))
-        for name, x in (("one", 0.0), ("two", 0.15))
+        for name, x in (("one", 0.0), ("two", distance))
     ]
     diagram = ad.build_diagram(robots, world="void")
 
@@ -234,7 +245,7 @@ def test_robots_collide_with_each_other(tmp_path: Path) -> None:
     results = plant.get_contact_results_output_port().Eval(
         plant.GetMyContextFromRoot(context)
     )
-    assert results.num_point_pair_contacts() == 1
+    assert results.num_point_pair_contacts() == contacts
 
 
 def test_a_falling_link_comes_to_rest_on_the_ground(tmp_path: Path) -> None:
@@ -255,34 +266,10 @@ def test_ports_of_the_plant_are_not_sampled(tmp_path: Path) -> None:
     assert not plant_of(diagram).has_sampled_output_ports()
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "problem"),
-    [
-        (
-            "<limit",
-            '<dynamics damping="-1"/><limit',
-            "Drake refuses the description: "
-            "Revolute joint damping must be nonnegative.",
-        ),
-    ],
-)
-def test_a_description_that_makes_no_plant_is_refused(
-    tmp_path: Path, old: str, new: str, problem: str
-) -> None:
-    robot = models.load(tmp_path, models.pendulum().replace(old, new))
-
-    with pytest.raises(DescriptionError) as caught:
-        ad.build_diagram(robot)
-
-    assert str(caught.value) == f"{robot.description.file}: {problem}"
-
-
 def test_an_axis_of_zero_is_refused(tmp_path: Path) -> None:
-    robot = models.load(tmp_path, models.pendulum().replace("0 1 0", "0 0 0"))
-
     # The line is one of the text that Drake reads.
     with pytest.raises(DescriptionError, match=r"Joint 'swing' axis is zero"):
-        ad.build_diagram(robot)
+        models.load(tmp_path, models.pendulum().replace("0 1 0", "0 0 0"))
 
 
 def test_a_step_of_the_plant_is_the_one_asked_for(tmp_path: Path) -> None:
@@ -292,3 +279,125 @@ def test_a_step_of_the_plant_is_the_one_asked_for(tmp_path: Path) -> None:
     diagram = ad.build_diagram(robot, options=options)
 
     assert plant_of(diagram).time_step() == pytest.approx(2e-3, rel=1e-12)
+
+
+MOBILE = """
+<robot name="mobile">
+  <link name="base">
+    <inertial><mass value="10"/><origin xyz="0 0 0.1"/>
+      <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>
+    <collision><origin xyz="-0.15 0 0"/><geometry><sphere radius="0.1"/></geometry>
+    </collision>
+  </link>
+  {left}{right}
+</robot>"""
+WHEEL = """
+  <link name="{name}_wheel">
+    <inertial><mass value="1"/>
+      <inertia ixx="0.003" ixy="0" ixz="0" iyy="0.005" iyz="0" izz="0.003"/></inertial>
+    <collision><origin rpy="1.5707963267948966 0 0"/>
+      <geometry><cylinder radius="0.1" length="0.04"/></geometry></collision>
+  </link>
+  <joint name="{name}" type="continuous">
+    <parent link="base"/><child link="{name}_wheel"/>
+    <origin xyz="0.1 {y} 0"/><axis xyz="0 1 0"/><limit effort="5" velocity="10"/>
+  </joint>"""
+DIFF_DRIVE = """
+controller_manager:
+  ros__parameters:
+    base: {type: diff_drive_controller/DiffDriveController}
+base:
+  ros__parameters:
+    left_wheel_names: [left]
+    right_wheel_names: [right]
+    wheel_separation: 0.3
+    wheel_radius: 0.1
+"""
+
+
+def load_mobile(tmp_path: Path, yaml: str = DIFF_DRIVE, **options: Any) -> ad.Robot:
+    wheels = {
+        name: WHEEL.format(name=name, y=y)
+        for name, y in (("left", 0.15), ("right", -0.15))
+    }
+    return models.load(tmp_path, MOBILE.format(**wheels), yaml, **options)
+
+
+def test_a_base_that_a_controller_drives_stands_freely_on_the_ground(
+    tmp_path: Path,
+) -> None:
+    robot = load_mobile(tmp_path)
+    simulation = ad.Simulation(ad.build_diagram(robot))
+
+    X_start = simulation.link_poses()["base"]
+    simulation.advance_to(1.0)
+    X_end = simulation.link_poses()["base"]
+
+    assert robot.has_free_base
+    # Its wheels and its caster, of radius 0.1 m, touch the ground.
+    np.testing.assert_allclose(X_start.translation(), [0.0, 0.0, 0.1], atol=1e-9)
+    # Contact is compliant: it sinks in by less than a millimetre, and stays.
+    np.testing.assert_allclose(X_end.translation(), [0.0, 0.0, 0.1], atol=1e-3)
+    # In free fall it would be 4.9 m lower.
+    void = ad.Simulation(ad.build_diagram(robot, world="void"))
+    void.advance_to(1.0)
+    height = void.link_poses()["base"].translation()[2]
+    assert height == pytest.approx(0.1 - 9.81 / 2, rel=2e-3)
+
+
+def test_a_free_base_starts_in_the_pose_that_is_given(tmp_path: Path) -> None:
+    robot = load_mobile(tmp_path, pose=POSE)
+
+    assert link_poses(robot)["base"].IsNearlyEqualTo(X_WB, 1e-12)
+
+
+def test_a_base_that_nothing_drives_is_fixed(tmp_path: Path) -> None:
+    yaml = DIFF_DRIVE.partition("base:")[0] + "    update_rate: 50"
+
+    robot = load_mobile(tmp_path, yaml)
+
+    assert not robot.has_free_base
+    simulation = ad.Simulation(ad.build_diagram(robot, world="void"))
+    simulation.advance_to(0.1)
+    pose = simulation.link_poses()["base"]
+    np.testing.assert_allclose(pose.translation(), 0.0, atol=1e-12)
+
+
+def test_the_wheels_of_a_free_base_hold_as_on_a_fixed_one(tmp_path: Path) -> None:
+    simulation = ad.Simulation(ad.build_diagram(load_mobile(tmp_path), world="void"))
+
+    simulation.advance_to(0.5)
+
+    rollout = simulation.rollout()
+    np.testing.assert_allclose(rollout.position, 0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize(("joint_type", "dofs"), [("floating", 6), ("planar", 3)])
+def test_a_joint_of_several_degrees_of_freedom_moves_freely(
+    tmp_path: Path, joint_type: str, dofs: int
+) -> None:
+    urdf = models.FALLING_BALL.replace(
+        "</robot>",
+        '<link name="free"><inertial><mass value="2"/><inertia ixx="1" ixy="0" ixz="0" '
+        'iyy="1" iyz="0" izz="1"/></inertial></link>'
+        f'<joint name="loose" type="{joint_type}"><parent link="base"/>'
+        '<child link="free"/><origin xyz="0.1 0 2"/><axis xyz="0 1 0"/></joint>'
+        "</robot>",
+    )
+    robot = models.load(tmp_path, urdf)
+    diagram = ad.build_diagram(robot, world="void")
+    simulation = ad.Simulation(diagram)
+
+    simulation.advance_to(0.5)
+
+    plant = plant_of(diagram)
+    (joint,) = (
+        plant.get_joint(index)
+        for index in plant.GetJointIndices()
+        if plant.get_joint(index).child_body().name() == "free"
+    )
+    assert joint.num_velocities() == dofs
+    x, _, z = simulation.link_poses()["free"].translation()
+    assert x == pytest.approx(0.1, abs=1e-9)
+    # The plane of a planar joint is normal to its axis, here y.
+    assert z - 2.0 == pytest.approx(-9.81 * 0.5**2 / 2, rel=5e-3)

@@ -1,13 +1,17 @@
 """Joints of a robot, and whether they make a robot with its links."""
 
 import dataclasses as dc
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
+from arm_drake.description.report import LoadReport
 from arm_drake.errors import DescriptionError, suggest
 
 MOVABLE_TYPES = ("revolute", "continuous", "prismatic")
-UNSUPPORTED_TYPES = ("floating", "planar")
-JOINT_TYPES = (*MOVABLE_TYPES, "fixed", *UNSUPPORTED_TYPES)
+# They have several degrees of freedom: no interface of ros2_control is for them.
+FREE_TYPES = ("floating", "planar")
+
+JOINT_TYPES = (*MOVABLE_TYPES, "fixed", *FREE_TYPES)
 
 WORLD = "world"
 
@@ -89,7 +93,6 @@ def check_structure(
                     where=f"joint {joint.name!r}",
                 )
     _check_tree(joints, file)
-    _check_mimics({joint.name: joint for joint in joints}, file)
 
 
 def _check_tree(joints: tuple[JointInfo, ...], file: Path) -> None:
@@ -118,21 +121,54 @@ def _check_tree(joints: tuple[JointInfo, ...], file: Path) -> None:
         is_tree |= path
 
 
-def _check_mimics(joints: dict[str, JointInfo], file: Path) -> None:
-    for joint in joints.values():
-        master, seen = joint, {joint.name}
-        while master.mimic is not None:
-            name = master.mimic.joint
-            if name not in joints:
-                problem = f"mimics {name!r}, which doesn't exist; "
-                problem += suggest(name, joints)
-            elif name in seen:
-                problem = f"mimics itself, through {name!r}"
-            elif joint.is_movable and not joints[name].is_movable:
-                problem = f"mimics {name!r}, which is {joints[name].type}; "
-                problem += f"expected one of {', '.join(MOVABLE_TYPES)}"
-            else:
-                master = joints[name]
-                seen.add(name)
-                continue
-            raise DescriptionError(problem, file=file, where=f"joint {joint.name!r}")
+def drop_bad_mimics(
+    joints: tuple[JointInfo, ...], file: Path, report: LoadReport
+) -> tuple[JointInfo, ...]:
+    """Return the joints without `<mimic>` tags that nothing can follow.
+
+    Args:
+        joints: The joints.
+        file: File to name.
+        report: Where each one is recorded.
+    """
+    by_name = {joint.name: joint for joint in joints}
+    for name, joint in by_name.items():
+        problem = _mimic_problem(joint, by_name)
+        if problem:
+            by_name[name] = dc.replace(joint, mimic=None)
+            done = "the joint moves on its own" if joint.is_movable else "it is fixed"
+            where = f"joint {name!r}"
+            report.add("warning", "invalid", problem, done, where=where, file=file)
+    return tuple(by_name.values())
+
+
+def _mimic_problem(joint: JointInfo, joints: dict[str, JointInfo]) -> str | None:
+    """Return why a joint can't follow its master, None if it can or has none."""
+    master, seen = joint, {joint.name}
+    if joint.mimic is not None and not joint.is_movable:
+        return f"mimics {joint.mimic.joint!r}, but is {joint.type}"
+    while master.mimic is not None:
+        name = master.mimic.joint
+        if name not in joints:
+            return f"mimics {name!r}, which doesn't exist; {suggest(name, joints)}"
+        if name in seen:
+            return f"mimics itself, through {name!r}"
+        if not joints[name].is_movable:
+            kind, expected = joints[name].type, ", ".join(MOVABLE_TYPES)
+            return f"mimics {name!r}, which is {kind}; expected one of {expected}"
+        master = joints[name]
+        seen.add(name)
+    return None
+
+
+def write_mimics(root: ET.Element, joints: tuple[JointInfo, ...]) -> None:
+    """Give the joints of a URDF the `<mimic>` tags that they are known to have."""
+    by_name = {joint.name: joint for joint in joints}
+    for element in root.iterfind("joint"):
+        for tag in element.findall("mimic"):
+            element.remove(tag)
+        mimic = by_name[element.get("name", "")].mimic
+        if mimic is not None:
+            tag = ET.SubElement(element, "mimic", joint=mimic.joint)
+            tag.set("multiplier", repr(mimic.multiplier))
+            tag.set("offset", repr(mimic.offset))

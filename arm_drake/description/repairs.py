@@ -9,6 +9,7 @@ import math
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
+from arm_drake.description.cleaning import clean
 from arm_drake.description.meshes import convert_collision, convert_visual
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
@@ -52,22 +53,12 @@ def normalise(
     Raises:
         DescriptionError: If a number is malformed.
     """
-    if root.find("transmission") is not None:
-        report.add(
-            "info",
-            "ignored",
-            "<transmission> tags",
-            "actuators come from <ros2_control>",
-            file=file,
-        )
-    for tag in ("transmission", "ros2_control", "gazebo"):
-        for element in root.findall(tag):
-            root.remove(element)
+    clean(root, file, report)
     for tag in ("link", "joint"):
         for element in root.iterfind(tag):
             _check_numbers(element, file, f"{tag} {element.get('name')!r}")
     for joint in root.iterfind("joint"):
-        _repair_joint(joint, file)
+        _repair_joint(joint, file, report)
     _repair_materials(root, file, report)
     _repair_inertials(root, file, report)
     for link in root.iterfind("link"):
@@ -104,24 +95,35 @@ def _check_numbers(parent: ET.Element, file: Path, where: str) -> None:
                 )
 
 
-def _repair_joint(joint: ET.Element, file: Path) -> None:
+def _repair_joint(joint: ET.Element, file: Path, report: LoadReport) -> None:
     limit, dynamics = joint.find("limit"), joint.find("dynamics")
+    where = f"joint {joint.get('name')!r}"
+
+    def add(what: str, done: str) -> None:
+        report.add("info", "repair", what, done, where=where, file=file)
+
     # Drake takes an effort limit of 0 literally, and no inf; both mean "unset".
     if limit is not None:
-        where = f"joint {joint.get('name')!r}"
         for attribute in ("effort", "velocity"):
-            numbers = _numbers(limit.get(attribute, "0"), file, where)
-            if not any(map(math.isfinite, filter(None, numbers))):
-                limit.attrib.pop(attribute, None)
-        if joint.get("type") == "continuous":
-            for attribute in ("lower", "upper"):
-                limit.attrib.pop(attribute, None)
+            text = limit.get(attribute)
+            numbers = _numbers(text or "", file, where)
+            if text is not None and not any(map(_is_limit, numbers)):
+                del limit.attrib[attribute]
+                add(f"{attribute} limit {text}", "taken as unset")
+        ends = [limit.attrib.pop(end, None) for end in _useless_ends(joint)]
+        if any(ends):
+            add("limits of a continuous joint", "it turns without end")
     # Friction is modelled beside the plant; Drake would warn about it.
     if dynamics is not None:
         dynamics.attrib.pop("friction", None)
-    for tag in ("safety_controller", "calibration"):
-        for element in joint.findall(tag):
-            joint.remove(element)
+
+
+def _is_limit(number: float) -> bool:
+    return math.isfinite(number) and number != 0.0
+
+
+def _useless_ends(joint: ET.Element) -> tuple[str, ...]:
+    return ("lower", "upper") if joint.get("type") == "continuous" else ()
 
 
 def _repair_materials(root: ET.Element, file: Path, report: LoadReport) -> None:

@@ -1,11 +1,12 @@
 """A robot as loaded from its files."""
 
 import dataclasses as dc
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from arm_drake.description.controllers import ControllerManagerConfig
 from arm_drake.description.report import LoadReport
 from arm_drake.description.urdf import RobotDescription
+from arm_drake.errors import InputError
 
 # Pose of a robot's base in the world: x, y, z [m], roll, pitch, yaw [rad].
 Pose = tuple[float, float, float, float, float, float]
@@ -28,8 +29,30 @@ class Robot:
     # Pose of the base in the world: x, y, z [m], roll, pitch, yaw [rad].
     pose: Pose | None = None
 
+    # Whether its base moves freely, as that of a mobile robot; else it is fixed.
+    has_free_base: bool = False
+
     # Distribution whose controllers it runs.
     distro: str = "jazzy"
 
     # Name of the bundled robot, if it is one.
     bundled: str | None = None
+
+
+def list_robots(robots: Robot | Sequence[Robot]) -> list[Robot]:
+    """Return one or several robots as a list.
+
+    Raises:
+        InputError: If there is none, or two have the same name.
+    """
+    several = [robots] if isinstance(robots, Robot) else list(robots)
+    if not several:
+        raise InputError("no robot was given; expected at least one")
+    names = [robot.name for robot in several]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(
+                f"{names.count(name)} robots are called {name!r}; "
+                "give each its own name with load_robot(..., name=...)"
+            )
+    return several

@@ -10,13 +10,15 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from arm_drake.description.joints import (
+    FREE_TYPES,
     JOINT_TYPES,
-    UNSUPPORTED_TYPES,
     WORLD,
     JointInfo,
     JointLimits,
     Mimic,
     check_structure,
+    drop_bad_mimics,
+    write_mimics,
 )
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.repairs import normalise
@@ -106,10 +108,12 @@ def parse_urdf(
             "defines macros needs one that calls them",
             file=file,
         )
-    joints = tuple(_joint(element, file) for element in root.iterfind("joint"))
+    joints = tuple(_joint(element, file, report) for element in root.iterfind("joint"))
     check_structure(links, joints, file)
+    joints = drop_bad_mimics(joints, file, report)
     hardware = read_hardware(root, [joint.name for joint in joints], report, file)
     plugins = read_gazebo_plugins(root)
+    write_mimics(root, joints)
     normalise(root, file, packages, report)
     robot = RobotDescription(
         name=root.get("name") or file.name.partition(".")[0],
@@ -144,7 +148,7 @@ def _parse_xml(text: str, file: Path) -> ET.Element:
         ) from None
 
 
-def _joint(element: ET.Element, file: Path) -> JointInfo:
+def _joint(element: ET.Element, file: Path, report: LoadReport) -> JointInfo:
     name = element.get("name")
     if not name:
         raise DescriptionError(
@@ -158,16 +162,14 @@ def _joint(element: ET.Element, file: Path) -> JointInfo:
             file=file,
             where=where,
         )
-    if joint_type in UNSUPPORTED_TYPES:
-        supported = [kind for kind in JOINT_TYPES if kind not in UNSUPPORTED_TYPES]
-        raise DescriptionError(
-            f"type {joint_type!r} is not supported yet; "
-            f"supported: {', '.join(supported)}",
-            file=file,
-            where=where,
-        )
     mimic = element.find("mimic")
     try:
+        _order_limits(element.find("limit"), joint_type, where, file, report)
+        _drop_negative(element.find("dynamics"), where, file, report)
+        if joint_type in FREE_TYPES:
+            what = f"the joint is {joint_type}"
+            done = "it moves freely, no controller moves it"
+            report.add("info", "unsupported", what, done, where=where, file=file)
         return JointInfo(
             name=name,
             type=joint_type,
@@ -196,15 +198,40 @@ def _child_attribute(element: ET.Element, tag: str, attribute: str) -> str:
     return value
 
 
+def _order_limits(
+    limit: ET.Element | None,
+    joint_type: str,
+    where: str,
+    file: Path,
+    report: LoadReport,
+) -> None:
+    """Swap a lower and an upper limit that are the wrong way round."""
+    lower, upper = (_number(limit, end, 0.0) for end in ("lower", "upper"))
+    if limit is not None and lower > upper and joint_type != "continuous":
+        limit.set("lower", repr(upper))
+        limit.set("upper", repr(lower))
+        what = f"the lower limit {lower} is above the upper one, {upper}"
+        report.add("warning", "repair", what, "swapped", where=where, file=file)
+
+
+def _drop_negative(
+    dynamics: ET.Element | None, where: str, file: Path, report: LoadReport
+) -> None:
+    """Remove a damping or friction that would drive the joint."""
+    for name in ("damping", "friction"):
+        if dynamics is not None and _number(dynamics, name, 0.0) < 0.0:
+            what = f"{name} {dynamics.attrib.pop(name)} is negative"
+            done = "taken as 0"
+            report.add("warning", "repair", what, done, where=where, file=file)
+
+
 def _limits(element: ET.Element | None, joint_type: str) -> JointLimits:
     if element is None:
         return JointLimits()
     effort = abs(_number(element, "effort", 0.0))
     velocity = abs(_number(element, "velocity", 0.0))
     lower, upper = (_number(element, end, 0.0) for end in ("lower", "upper"))
-    has_range = joint_type != "continuous"
-    if has_range and lower > upper:
-        raise ValueError(f"lower: expected at most upper, {upper}, got {lower}")
+    has_range = joint_type in ("revolute", "prismatic")
     return JointLimits(
         lower=lower if has_range else None,
         upper=upper if has_range else None,

@@ -191,27 +191,6 @@ def test_a_text_that_is_no_robot_is_an_error(text, message):
             "joint 'j': link 'b' hangs on itself; links and joints form a tree",
         ),
         (
-            LINKS + joint('<mimic joint="j"/>'),
-            "joint 'j': mimics itself, through 'j'",
-        ),
-        (
-            LINKS
-            + joint('<mimic joint="k"/>')
-            + joint('<mimic joint="j"/>', name="k", parent="b", child="c"),
-            "joint 'j': mimics itself, through 'j'",
-        ),
-        (
-            LINKS + joint('<mimic joint="i"/>'),
-            "joint 'j': mimics 'i', which doesn't exist; known: j",
-        ),
-        (
-            LINKS
-            + joint('<mimic joint="k"/>')
-            + joint(name="k", type="fixed", parent="b", child="c"),
-            "joint 'j': mimics 'k', which is fixed; "
-            "expected one of revolute, continuous, prismatic",
-        ),
-        (
             LINKS + joint('<mimic joint="j" multiplier="x"/>'),
             "joint 'j': multiplier: expected a number, got 'x'",
         ),
@@ -234,10 +213,6 @@ def test_a_text_that_is_no_robot_is_an_error(text, message):
         (
             LINKS + joint(limit='velocity=""'),
             "joint 'j': velocity: expected a number, got ''",
-        ),
-        (
-            LINKS + joint(limit='lower="2" upper="1"'),
-            "joint 'j': lower: expected at most upper, 1.0, got 2.0",
         ),
         (
             LINKS + joint('<dynamics damping="x"/>'),
@@ -330,11 +305,79 @@ def test_links_attached_to_nothing_are_fixed_to_the_world_and_reported():
     )
 
 
+def report_of(body: str) -> tuple[RobotDescription, list[str]]:
+    report = LoadReport()
+    text = f'<robot name="r">{body}</robot>'
+    robot = parse_urdf(text, FILE, PackageFinder(FILE), report)
+    return robot, [f"{entry.what}; {entry.done}" for entry in report]
+
+
+MOVES = "the joint moves on its own"
+
+
+@pytest.mark.parametrize(
+    ("body", "lines"),
+    [
+        (joint('<mimic joint="j"/>'), [f"mimics itself, through 'j'; {MOVES}"]),
+        (
+            joint('<mimic joint="k"/>')
+            + joint('<mimic joint="j"/>', name="k", parent="b", child="c"),
+            [f"mimics itself, through 'j'; {MOVES}"],
+        ),
+        (
+            joint('<mimic joint="i"/>'),
+            [f"mimics 'i', which doesn't exist; known: j; {MOVES}"],
+        ),
+        (
+            joint('<mimic joint="k"/>')
+            + joint(name="k", type="fixed", parent="b", child="c"),
+            [
+                "mimics 'k', which is fixed; expected one of revolute, continuous, "
+                f"prismatic; {MOVES}"
+            ],
+        ),
+        (
+            joint('<mimic joint="k"/>', type="fixed")
+            + joint(name="k", parent="b", child="c"),
+            ["mimics 'k', but is fixed; it is fixed"],
+        ),
+    ],
+)
+def test_a_mimic_joint_that_can_follow_nothing_is_mended(body, lines):
+    robot, reported = report_of(LINKS + body)
+
+    assert robot.joint("j").mimic is None
+    assert 'name="j"' in robot.urdf
+    assert "<mimic" not in robot.urdf.partition('name="k"')[0]
+    assert [line for line in reported if "mimics" in line] == lines
+
+
+def test_limits_the_wrong_way_round_are_swapped():
+    robot, reported = report_of(LINKS + joint(limit='lower="2" upper="1"'))
+
+    limits = robot.joint("j").limits
+    assert (limits.lower, limits.upper) == (1.0, 2.0)
+    assert '<limit lower="1.0" upper="2.0"' in robot.urdf
+    assert "the lower limit 2.0 is above the upper one, 1.0; swapped" in reported
+
+
+@pytest.mark.parametrize("name", ["damping", "friction"])
+def test_a_negative_damping_or_friction_counts_as_none(name):
+    body = f'<dynamics {name}="-1"/>'
+
+    robot, reported = report_of(LINKS + joint(body))
+
+    assert getattr(robot.joint("j"), name) == 0.0
+    assert 'damping="-1"' not in robot.urdf
+    assert f"{name} -1 is negative; taken as 0" in reported
+
+
 @pytest.mark.parametrize("joint_type", ["floating", "planar"])
-def test_joints_of_several_degrees_of_freedom_are_refused_by_name(joint_type):
-    with pytest.raises(DescriptionError) as caught:
-        read_joint(type=joint_type)
-    assert str(caught.value) == (
-        f"arm.urdf: joint 'j': type {joint_type!r} is not supported yet; supported: "
-        "revolute, continuous, prismatic, fixed"
+def test_joints_of_several_degrees_of_freedom_are_no_movable_joints(joint_type):
+    robot, reported = report_of(LINKS + joint(type=joint_type))
+
+    assert robot.joint("j").type == joint_type
+    assert robot.movable_joints == ()
+    assert f"the joint is {joint_type}; it moves freely, no controller moves it" in (
+        reported
     )

@@ -1,0 +1,93 @@
+"""Which file is meant: the description of a robot, in a folder or by its name."""
+
+import os
+from pathlib import Path
+
+from arm_drake.bundled import bundled_robots
+from arm_drake.description.examples import EXAMPLE, find_example
+from arm_drake.errors import DescriptionError, suggest
+
+_SUFFIXES = (".urdf", ".xacro", ".xml")
+
+# How packages of a robot's description are called, after the robot.
+_FOLDER_SUFFIXES = ("_description", "_descriptions", "_support")
+
+Source = str | os.PathLike[str]
+
+
+def find_entry(source: Source) -> tuple[Path, str | None]:
+    """Return the entry file of a source, and its name if it is bundled.
+
+    Args:
+        source: A bundled robot, `example:NAME`, a file or a package folder.
+
+    Raises:
+        DescriptionError: If no single file is meant.
+        MissingExtraError: If an example is asked for and they aren't installed.
+    """
+    robots = bundled_robots()
+    if isinstance(source, str) and source in robots:
+        return robots[source], source
+    if str(source).startswith(EXAMPLE):
+        return find_example(str(source).removeprefix(EXAMPLE)), None
+    path = Path(source)
+    # Unlike those of Path, these take names that no file can have.
+    if os.path.isdir(path):
+        return _entry_in_folder(path), None
+    if os.path.isfile(path):
+        if path.suffix.lower() not in _SUFFIXES:
+            raise DescriptionError(
+                f"expected a {', '.join(_SUFFIXES)} file, or a package folder",
+                file=path,
+            )
+        return path.absolute(), None
+    if path.suffix or os.sep in str(source):
+        raise DescriptionError("no such file or folder", file=path)
+    raise DescriptionError(
+        f"unknown robot {str(source)!r}: neither a bundled robot nor a file or folder; "
+        f"{suggest(str(source), robots)}"
+    )
+
+
+def _entry_in_folder(folder: Path) -> Path:
+    """Return the one file in a package folder that makes a robot."""
+    try:
+        os.listdir(folder)
+    except OSError as error:
+        problem = f"can't be read: {error.strerror}"
+        raise DescriptionError(problem, file=folder) from None
+    candidates = sorted(
+        path
+        for path in folder.rglob("*")
+        if path.suffix.lower() in (".urdf", ".xacro") and _makes_robot(path)
+    )
+    name = folder.absolute().name
+    names = {name, *(name.removesuffix(suffix) for suffix in _FOLDER_SUFFIXES)}
+    named = [p for p in candidates if p.name.partition(".")[0] in names]
+    if len(named) == 1:
+        return named[0].absolute()
+    if len(candidates) != 1:
+        listed = ", ".join(str(path.relative_to(folder)) for path in candidates)
+        raise DescriptionError(
+            f"expected one robot description in the folder, got "
+            f"{len(candidates)}; name the file: {listed or 'none found'}",
+            file=folder,
+        )
+    return candidates[0].absolute()
+
+
+def _makes_robot(path: Path) -> bool:
+    """Return whether a file is a named robot, not only macros to be included."""
+    root = text_of(path).partition("<robot")[2].partition(">")
+    is_named = "name=" in root[0].replace(" ", "")
+    if path.suffix.lower() == ".urdf":
+        return is_named
+    return is_named and ("<link" in root[2] or "<xacro:include" in root[2])
+
+
+def text_of(path: Path) -> str:
+    """Return the text of a file to look for something in; "" if it can't be read."""
+    try:
+        return path.read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return ""

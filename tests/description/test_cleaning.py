@@ -1,0 +1,96 @@
+"""What Drake doesn't read is removed, and said once."""
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+
+from arm_drake.description.cleaning import clean
+from arm_drake.description.report import LoadReport
+
+FILE = Path("arm.urdf")
+
+KNOWN = (
+    '<robot name="r"><material name="m"><color rgba="1 0 0 1" /></material>'
+    '<link name="a"><inertial><origin xyz="0 0 1" rpy="0 0 0" /><mass value="1" />'
+    '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1" /></inertial>'
+    '<visual name="v"><origin xyz="0 0 1" /><geometry><mesh filename="a" scale="1" />'
+    '</geometry><material name="m" /></visual><collision><geometry>'
+    '<cylinder radius="1" length="2" /></geometry></collision></link>'
+    '<joint name="j" type="revolute"><parent link="world" /><child link="a" />'
+    '<axis xyz="0 0 1" /><limit lower="0" upper="1" effort="1" velocity="1" />'
+    '<dynamics damping="1" friction="1" /><mimic joint="k" offset="1" /></joint>'
+    "</robot>"
+)
+
+
+def cleaned(body: str) -> tuple[str, list[str]]:
+    root = ET.fromstring(f"<robot>{body}</robot>")  # noqa: S314
+    report = LoadReport()
+    clean(root, FILE, report)
+    text = "".join(ET.tostring(child, encoding="unicode") for child in root)
+    return text, [f"{entry.what}; {entry.done}" for entry in report]
+
+
+def test_what_drake_reads_stays():
+    root = ET.fromstring(KNOWN)  # noqa: S314
+    report = LoadReport()
+
+    clean(root, FILE, report)
+
+    assert ET.tostring(root, encoding="unicode") == KNOWN
+    assert not len(report)
+
+
+def test_tags_of_hardware_and_gazebo_are_reported_by_those_who_read_them():
+    text, lines = cleaned("<gazebo/><ros2_control/><link/>")
+
+    assert text == "<link />"
+    assert lines == []
+
+
+@pytest.mark.parametrize(
+    ("body", "text", "line"),
+    [
+        ('<link type="x"/>' * 2, "<link />" * 2, "<link type=...>, 2 times; "),
+        (
+            "<joint><safety_controller/></joint>" * 3,
+            "<joint />" * 3,
+            "<joint/safety_controller>, 3 times; soft limits aren't enforced",
+        ),
+        ("<transmission/>", "", "<transmission>; actuators come from <ros2_control>"),
+        ("<sensor><a/></sensor>", "", "<sensor>; it has no effect"),
+        (
+            "<joint><limit lower='1' soft='2'/></joint>",
+            '<joint><limit lower="1" /></joint>',
+            "<joint/limit soft=...>; it has no effect",
+        ),
+        (
+            "<link><inertial><mass value='1'/><x/></inertial></link>",
+            '<link><inertial><mass value="1" /></inertial></link>',
+            "<link/inertial/x>; it has no effect",
+        ),
+    ],
+)
+def test_what_drake_does_not_read_is_removed_and_said_once(body, text, line):
+    left, lines = cleaned(body)
+
+    assert left == text
+    assert len(lines) == 1
+    assert lines[0].startswith(line)
+
+
+def test_a_geometry_is_left_to_its_own_repair():
+    text, lines = cleaned(
+        "<link><visual><geometry><cone a='1'/></geometry></visual></link>"
+    )
+
+    assert '<cone a="1" />' in text
+    assert lines == []
+
+
+def test_attributes_of_other_name_spaces_are_no_news():
+    text, lines = cleaned('<link xmlns:x="http://x" x:y="1" name="a"/>')
+
+    assert text == '<link name="a" />'
+    assert lines == []
