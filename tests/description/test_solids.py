@@ -1,0 +1,165 @@
+"""Volume, centre and inertia of shapes, against integrals done by hand."""
+
+import math
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm_drake.description import solids
+from arm_drake.description.meshes import convert_visual
+from arm_drake.description.report import LoadReport
+from arm_drake.description.solids import Inertial, link_solid
+
+# A tetrahedron with its corners on the axes, volume 1 * 2 * 3 / 6.
+CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]], float)
+FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+
+
+def link(*elements: str, tag="collision") -> ET.Element:
+    return ET.XML(f"<link>{''.join(f'<{tag}>{e}</{tag}>' for e in elements)}</link>")
+
+
+def shape(text: str, origin: str = "") -> str:
+    return f"<geometry>{text}</geometry>{origin}"
+
+
+def read(*elements: str, tag="collision") -> Inertial:
+    found = link_solid(link(*elements, tag=tag))
+    assert found is not None
+    return found[0]
+
+
+# Shape, volume, moments about its centre.
+PRIMITIVES = [
+    ('<box size="1 2 3"/>', 6.0, [6.5, 5.0, 2.5]),
+    ('<sphere radius="1"/>', 4 / 3 * math.pi, [8 / 15 * math.pi] * 3),
+    (
+        '<cylinder radius="1" length="6"/>',
+        6 * math.pi,
+        [19.5 * math.pi, 19.5 * math.pi, 3 * math.pi],
+    ),
+]
+
+
+@pytest.mark.parametrize(("text", "volume", "moments"), PRIMITIVES)
+def test_a_primitive_has_the_inertia_of_the_textbook(text, volume, moments):
+    solid = read(shape(text))
+
+    assert solid.mass == pytest.approx(volume)
+    np.testing.assert_allclose(solid.center, 0.0)
+    np.testing.assert_allclose(solid.inertia, np.diag(moments), atol=1e-12)
+
+
+def test_a_capsule_has_the_inertia_of_its_slices():
+    radius, length = 0.3, 0.7
+    n = 100_000
+    z = (np.arange(n) + 0.5) / n * (length + 2 * radius) - length / 2 - radius
+    beyond = np.maximum(np.abs(z) - length / 2, 0.0)
+    square = radius**2 - beyond**2
+    slices = math.pi * square * (length + 2 * radius) / n
+
+    solid = read(shape(f'<capsule radius="{radius}" length="{length}"/>'))
+
+    across = slices @ (square / 4 + z**2)
+    expected = np.diag([across, across, slices @ square / 2])
+    assert solid.mass == pytest.approx(slices.sum(), rel=1e-8)
+    np.testing.assert_allclose(solid.inertia, expected, rtol=1e-8, atol=1e-15)
+
+
+def test_origins_turn_and_move_a_shape():
+    # x of the box, 3 long, points along y of the link.
+    origin = f'<origin xyz="4 5 6" rpy="0 0 {math.pi / 2!r}"/>'
+
+    solid = read(shape('<box size="3 2 1"/>', origin))
+
+    np.testing.assert_allclose(solid.center, [4.0, 5.0, 6.0])
+    np.testing.assert_allclose(
+        solid.inertia, np.diag([5.0, 2.5, 6.5]), rtol=1e-12, atol=1e-12
+    )
+
+
+def test_roll_pitch_and_yaw_turn_about_fixed_axes():
+    # Rolled, z points along -y; pitched, x along -z; yawed, y along -x.
+    half = repr(math.pi / 2)
+    element = ET.XML(f'<a><origin rpy="{half} {half} {half}"/></a>')
+
+    R, p = solids.read_origin(element)
+
+    np.testing.assert_allclose(R, [[0, 0, 1], [0, 1, 0], [-1, 0, 0]], atol=1e-15)
+    np.testing.assert_allclose(p, 0.0)
+
+
+def test_two_halves_of_a_box_are_the_box():
+    halves = [
+        shape('<box size="1 2 1.5"/>', f'<origin xyz="1 1 {z}"/>') for z in (1, 2.5)
+    ]
+
+    solid = read(*halves)
+
+    assert solid.mass == pytest.approx(6.0)
+    np.testing.assert_allclose(solid.center, [1.0, 1.0, 1.75])
+    np.testing.assert_allclose(solid.inertia, np.diag([6.5, 5.0, 2.5]), atol=1e-12)
+
+
+def test_a_tetrahedron_has_the_integrals_of_its_corners():
+    solid = solids.polyhedron(CORNERS + np.array([5.0, 6.0, 7.0]), FACES)
+
+    # Over the tetrahedron the mean of x^2 is 1/10 of a^2, of x y 1/20 of a b.
+    a = np.array([1.0, 2.0, 3.0])
+    mean = (np.outer(a, a) + np.diag(a**2)) / 20.0 - np.outer(a, a) / 16.0
+    assert solid.mass == pytest.approx(1.0)
+    np.testing.assert_allclose(solid.center, [5.25, 6.5, 7.75])
+    expected = np.trace(mean) * np.eye(3) - mean
+    np.testing.assert_allclose(solid.inertia, expected, atol=1e-10)
+
+
+def write_obj(folder: Path) -> Path:
+    path = folder / "a b.obj"
+    lines = ["v {} {} {}".format(*corner) for corner in CORNERS.tolist()]
+    lines += ["f {} {} {}".format(*face) for face in (FACES + 1).tolist()]
+    path.write_text("\n".join(lines))
+    return path
+
+
+def test_a_converted_collision_mesh_counts_as_its_hull(tmp_path):
+    solid = read(shape(f'<mesh filename="{write_obj(tmp_path).as_uri()}"/>'))
+
+    assert solid.mass == pytest.approx(1.0)
+    np.testing.assert_allclose(solid.center, [0.25, 0.5, 0.75])
+
+
+def test_a_converted_visual_mesh_counts_as_the_box_around_it(tmp_path):
+    mesh = convert_visual(
+        write_obj(tmp_path),
+        (1.0, 1.0, 1.0),
+        LoadReport(),
+        where="",
+        cache_dir=tmp_path / "c d",
+    )
+    assert mesh is not None
+
+    solid = read(shape(f'<mesh filename="{mesh.as_uri()}"/>'), tag="visual")
+
+    assert solid.mass == pytest.approx(6.0)
+    np.testing.assert_allclose(solid.center, [0.5, 1.0, 1.5])
+    np.testing.assert_allclose(solid.inertia, np.diag([6.5, 5.0, 2.5]), atol=1e-12)
+
+
+def test_collision_geometry_comes_before_visual():
+    both = link(shape('<sphere radius="1"/>'))
+    both.extend(link(shape('<sphere radius="2"/>'), tag="visual"))
+
+    found = link_solid(both)
+
+    assert found is not None
+    assert found[1] == "collision geometry"
+    assert found[0].mass == pytest.approx(4 / 3 * math.pi)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "<geometry/>", shape('<mesh filename="package://a/b.stl"/>')]
+)
+def test_what_has_no_volume_is_no_solid(text):
+    assert link_solid(link(text)) is None
