@@ -10,14 +10,11 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from arm_drake.description.cleaning import clean
+from arm_drake.description.inertia import repair_inertials
 from arm_drake.description.meshes import convert_collision, convert_visual
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import DescriptionError, PackageError
-
-# A moving body without mass stops Drake's dynamics; this is small beside any link.
-_SMALL_MASS = 1e-3  # kg
-_SMALL_INERTIA = 1e-6  # kg·m^2
 
 # How many numbers the attributes of these elements hold.
 _COUNTS = {
@@ -60,7 +57,6 @@ def normalise(
     for joint in root.iterfind("joint"):
         _repair_joint(joint, file, report)
     _repair_materials(root, file, report)
-    _repair_inertials(root, file, report)
     for link in root.iterfind("link"):
         for tag in ("visual", "collision"):
             for index, element in enumerate(link.findall(tag)):
@@ -68,6 +64,7 @@ def normalise(
                 shape = _GeometryRepair(element, file, where, packages, report)
                 if not shape.repair():
                     link.remove(element)
+    repair_inertials(root, report, file)
 
 
 def _numbers(text: str, file: Path, where: str) -> list[float]:
@@ -163,49 +160,6 @@ def _repair_materials(root: ET.Element, file: Path, report: LoadReport) -> None:
                 what = f"material {name!r} has no colour of 4 numbers from 0 to 1"
                 done = "the default colour is used"
                 report.add("warning", "missing", what, done, file=file)
-
-
-def _repair_inertials(root: ET.Element, file: Path, report: LoadReport) -> None:
-    """Give a small inertia to moving bodies that have none.
-
-    Links fixed to each other count as one body.
-    """
-    parents = {}
-    for joint in root.iterfind("joint"):
-        child, parent = joint.find("child"), joint.find("parent")
-        if child is not None and parent is not None:
-            parents[child.get("link", "")] = (joint.get("type"), parent.get("link", ""))
-
-    def body_of(link: str) -> str:
-        while parents.get(link, ("", ""))[0] == "fixed":
-            link = parents[link][1]
-        return link
-
-    links = {link.get("name", ""): link for link in root.iterfind("link")}
-    massive = set()
-    for name, link in links.items():
-        mass = link.find("inertial/mass")
-        text = "0" if mass is None else mass.get("value", "0")
-        if any(_numbers(text, file, f"link {name!r}")):
-            massive.add(body_of(name))
-    for name, link in links.items():
-        if name not in parents or body_of(name) != name or name in massive:
-            continue
-        for inertial in link.findall("inertial"):
-            link.remove(inertial)
-        inertial = ET.SubElement(link, "inertial")
-        ET.SubElement(inertial, "mass", value=repr(_SMALL_MASS))
-        moments = dict.fromkeys(("ixx", "iyy", "izz"), repr(_SMALL_INERTIA))
-        products = dict.fromkeys(("ixy", "ixz", "iyz"), "0")
-        ET.SubElement(inertial, "inertia", {**moments, **products})
-        report.add(
-            "warning",
-            "repair",
-            "a moving body without mass",
-            f"it gets {_SMALL_MASS} kg and {_SMALL_INERTIA} kg·m^2",
-            where=f"link {name!r}",
-            file=file,
-        )
 
 
 class _GeometryRepair:

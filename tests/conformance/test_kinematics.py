@@ -242,6 +242,8 @@ def case(
         controllers=[real_robot(file) for file in entry["controllers_yaml"]],
         variables=entry["launch_vars"],
     )
+    # pinocchio's base is fixed.
+    robot = dc.replace(robot, has_free_base=False)
     root = ET.fromstring(text)  # noqa: S314  one we chose.
     return Case(
         name=request.param,

@@ -7,6 +7,7 @@ import pytest
 import arm_drake as ad
 from arm_drake.description import examples
 from arm_drake.errors import DescriptionError, MissingExtraError
+from arm_drake.messages import Duration
 
 
 def test_every_description_of_the_package_has_a_name():
@@ -38,13 +39,13 @@ def test_an_example_is_loaded_with_a_controller_of_all_its_joints(
             joint_names=tuple(joints),
             points=(
                 ad.JointTrajectoryPoint(
-                    positions=(0.1,) * 6, time_from_start=ad.Duration.from_seconds(1.0)
+                    positions=(0.1,) * 6, time_from_start=Duration(sec=1)
                 ),
             ),
         )
     )
     simulation.advance_to(2.0)
-    assert goal.status == "succeeded"
+    assert goal.status == "SUCCEEDED"
     assert simulation.rollout().position[-1] == pytest.approx([0.1] * 6, abs=1e-3)
     assert not robot.report.errors
     lines = [entry for entry in robot.report if "neither" in entry.what]

@@ -192,50 +192,6 @@ def test_a_colour_stays_when_its_texture_goes(repair):
     assert [element.tag for element in root.iterfind(".//material/*")] == ["color"]
 
 
-def test_a_moving_body_without_mass_gets_a_small_one(repair):
-    root, lines = repair(f'<link name="a"/><link name="b"/>{hinge()}')
-
-    link = root.findall("link")[1]
-    assert float(link.find("inertial/mass").get("value")) > 0.0
-    inertia = link.find("inertial/inertia").attrib
-    assert float(inertia["ixx"]) > 0.0
-    assert {name: float(inertia[name]) for name in ("ixy", "ixz", "iyz")} == {
-        "ixy": 0.0,
-        "ixz": 0.0,
-        "iyz": 0.0,
-    }
-    assert lines == [
-        "warning: link 'b': a moving body without mass; "
-        "it gets 0.001 kg and 1e-06 kg·m^2"
-    ]
-
-
-def test_a_mass_of_zero_counts_as_none(repair):
-    massless = '<inertial><mass value="0"/></inertial>'
-
-    root, lines = repair(f'<link name="a"/><link name="b">{massless}</link>{hinge()}')
-
-    assert len(root.findall("link/inertial")) == 1
-    assert len(lines) == 1
-
-
-def test_links_fixed_to_each_other_are_one_body(repair):
-    _, lines = repair(
-        '<link name="a"/><link name="b"/><link name="c">'
-        '<inertial><mass value="1"/></inertial></link>'
-        + hinge()
-        + hinge(parent="b", child="c", type="fixed")
-    )
-
-    assert lines == []
-
-
-def test_the_base_needs_no_mass(repair):
-    _, lines = repair('<link name="a"/>')
-
-    assert lines == []
-
-
 @pytest.mark.parametrize(
     ("shape", "problem"),
     [
