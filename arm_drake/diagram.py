@@ -19,6 +19,7 @@ from arm_drake.contact import separate
 from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot, list_robots
+from arm_drake.description.srdf import find_disabled_collisions
 from arm_drake.drives import commanded_joints, effort_limits
 from arm_drake.frames import LinkFrames
 from arm_drake.hardware import (
@@ -36,6 +37,7 @@ from arm_drake.plant import (
     add_actuators,
     add_plant,
     add_robot_model,
+    filter_pairs,
     filter_self_collision,
     place_floating_links,
     place_free_base,
@@ -158,9 +160,12 @@ class _RobotInDiagram:
         if robot.has_free_base:
             base = robot.description.roots[0]
             place_free_base(plant, scene_graph, self.model, base, robot.pose)
-        if not self.options.self_collision:
-            filter_self_collision(plant, scene_graph, self.model)
         controllers, report = load_controllers_of(robot, self.period, self.options)
+        if self.options.self_collision:
+            pairs = find_disabled_collisions(robot.description, report)
+            filter_pairs(plant, scene_graph, self.model, pairs)
+        else:
+            filter_self_collision(plant, scene_graph, self.model)
         hardware = add_hardware(
             builder,
             plant,

@@ -211,6 +211,24 @@ def filter_self_collision(
     scene_graph.collision_filter_manager().Apply(declaration)
 
 
+def filter_pairs(
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    model: ModelInstanceIndex,
+    pairs: Iterable[tuple[str, str]],
+) -> None:
+    """Let pairs of a robot's links pass through each other."""
+    for names in pairs:
+        sets = [
+            GeometrySet(
+                plant.GetCollisionGeometriesForBody(plant.GetBodyByName(name, model))
+            )
+            for name in names
+        ]
+        declaration = CollisionFilterDeclaration().ExcludeBetween(*sets)
+        scene_graph.collision_filter_manager().Apply(declaration)
+
+
 def state_indices(
     plant: MultibodyPlant, model: ModelInstanceIndex, joints: Sequence[str]
 ) -> tuple[list[int], list[int]]:

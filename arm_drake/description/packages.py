@@ -106,6 +106,10 @@ class PackageFinder:
             f"{uri!r} can't be loaded; expected a path, package://, model:// or file://"
         )
 
+    def known(self) -> list[tuple[str, Path]]:
+        """Return all packages that can be found, by name, the preferred first."""
+        return [item for packages in self._candidates() for item in packages.items()]
+
     def real(self, path: Path) -> Path:
         """Return where a file lies that `find` shows as installed."""
         shown = self._installed
@@ -133,7 +137,7 @@ class PackageFinder:
             done = f"the folder {str(found)!r} of that name is taken"
             self._report.add("info", "repair", what, done, file=self._entry)
             return found
-        known = {package for folder in self._candidates() for package in folder}
+        known = {package for package, _ in self.known()}
         raise PackageError(
             f"package {name!r} not found; name the folder that holds it with "
             f"package_paths (--package-path); {suggest(name, known)}",

@@ -1,0 +1,55 @@
+"""Pairs of links that MoveIt's semantic description says never collide."""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from pathlib import Path
+
+from arm_drake.description.packages import PackageFinder
+from arm_drake.description.report import LoadReport
+from arm_drake.description.urdf import RobotDescription
+
+# How packages with an SRDF are called.
+_MOVEIT = "moveit_config"
+
+Pairs = frozenset[tuple[str, str]]
+
+
+def find_disabled_collisions(
+    description: RobotDescription, report: LoadReport
+) -> Pairs:
+    """Return the pairs of links, in order of name, whose collisions are disabled.
+
+    The SRDF files of the description's own package and of the MoveIt packages around
+    it are read; those for another robot are left out.
+
+    Args:
+        description: The robot.
+        report: Where a file that can't be read is recorded.
+    """
+    pairs = set()
+    for path in _files(description.file):
+        try:
+            root = ET.parse(path).getroot()  # noqa: S314  no external entities.
+        except (OSError, ET.ParseError, ValueError) as error:
+            what = f"the SRDF can't be read ({' '.join(str(error).split())})"
+            report.add("warning", "invalid", what, "it has no effect", file=path)
+            continue
+        if root.get("name") != description.name:
+            continue
+        for element in root.iter("disable_collisions"):
+            one, two = sorted((element.get("link1", ""), element.get("link2", "")))
+            if {one, two} <= set(description.links):
+                pairs.add((one, two))
+    return frozenset(pairs)
+
+
+def _files(file: Path) -> Iterator[Path]:
+    packages = PackageFinder(file)
+    folders = [f for f in file.parents if (f / "package.xml").is_file()][:1]
+    folders += [folder for name, folder in packages.known() if _MOVEIT in name]
+    seen = set()
+    for folder in folders:
+        for path in sorted(folder.rglob("*.srdf")):
+            if path.resolve() not in seen:
+                seen.add(path.resolve())
+                yield path
