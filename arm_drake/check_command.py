@@ -1,0 +1,75 @@
+"""`arm-drake check`: what a robot is, and what was not taken as written."""
+
+import json
+from typing import Any
+
+from arm_drake.description.report import LoadReport
+from arm_drake.description.robot import Robot
+from arm_drake.description.summary import reach, total_mass
+from arm_drake.manager import load_controllers_of
+
+# Exit codes.
+_CLEAN, _BAD = 0, 1
+
+
+def check(robot: Robot, *, strict: bool, as_json: bool) -> int:
+    """Print a robot's summary and its load report; return the exit code.
+
+    Args:
+        robot: The robot.
+        strict: Whether anything reported makes the exit code 1.
+        as_json: Whether to print one JSON object.
+    """
+    controllers, report = load_controllers_of(robot)
+    rows: list[dict[str, Any]] = [
+        {"name": c.name, "type": c.type, "state": c.state, "problem": None}
+        for c in controllers
+    ]
+    for row in rows:
+        if row["state"] != "active":
+            row["problem"] = _problem(row["name"], report)
+    description = robot.description
+    content = {
+        "robot": robot.name,
+        "file": str(description.file),
+        "links": len(description.links),
+        "joints": [joint.name for joint in description.movable_joints],
+        "mass": total_mass(description),
+        "reach": reach(description),
+        "base": "free" if robot.has_free_base else "fixed",
+        "controllers": rows,
+        "report": report.to_json(),
+    }
+    print(json.dumps(content) if as_json else _text(content, report))
+    return _BAD if report.errors or (strict and len(report)) else _CLEAN
+
+
+def _problem(controller: str, report: LoadReport) -> str | None:
+    """Return why a controller doesn't start."""
+    for entry in report:
+        is_meant = entry.where == controller or entry.where.startswith(f"{controller}.")
+        if is_meant and entry.done.startswith("the controller"):
+            return entry.what
+    return None
+
+
+def _text(content: dict[str, Any], report: LoadReport) -> str:
+    joints = content["joints"]
+    lines = [
+        f"{content['robot']}: {content['links']} links, {len(joints)} movable joints, "
+        f"{content['mass']:.3g} kg, reach at most {content['reach']:.3g} m, "
+        f"{content['base']} base",
+        f"joints: {', '.join(joints) or 'none'}",
+    ]
+    for row in content["controllers"]:
+        problem = f": {row['problem']}" if row["problem"] else ""
+        lines.append(
+            f"controller {row['name']} ({row['type']}): {row['state']}{problem}"
+        )
+    counts = ", ".join(
+        f"{count} {severity}{'' if severity == 'info' else 's' * (count != 1)}"
+        for severity in ("error", "warning", "info")
+        if (count := sum(entry.severity == severity for entry in report))
+    )
+    lines.append(f"report: {counts or 'nothing'}")
+    return "\n".join([*lines, str(report)]).rstrip("\n")

@@ -1,0 +1,185 @@
+"""Real robots, unchanged: what their index says is found, and they simulate.
+
+The index may be another one: `ARM_DRAKE_ROBOTS` names its folder.
+"""
+
+import contextlib
+import dataclasses as dc
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+import arm_drake as ad
+from arm_drake.controllers import CONTROLLER_TYPES
+from arm_drake.manager import load_controllers_of
+from tests.robots import real_robot, robots_folder
+
+# How long they simulate [s], and how far a held joint may be off its start [rad, m].
+DURATION = 2.0
+HOLD_TOLERANCE = 5e-3
+
+
+def read_index() -> dict[str, dict[str, Any]]:
+    text = real_robot("INDEX.yaml").read_text(encoding="utf-8")
+    return {row["name"]: row for row in yaml.safe_load(text)["robots"]}
+
+
+def names() -> list[str]:
+    """Return the names in the index, or "none" without one."""
+    with contextlib.suppress(pytest.skip.Exception, pytest.fail.Exception):
+        return list(read_index())
+    return ["none"]
+
+
+@dc.dataclass(frozen=True)
+class Case:
+    """A robot as loaded, and what the index expects of it."""
+
+    robot: ad.Robot
+    expected: dict[str, Any]
+    variables: dict[str, str]
+
+    def substitute(self, value: Any) -> Any:
+        """Return a value of the index with its launch variables filled in."""
+        if isinstance(value, list):
+            return [self.substitute(item) for item in value]
+        if isinstance(value, str):
+            for name, text in self.variables.items():
+                value = value.replace(f"$(var {name})", str(text))
+        return value
+
+
+@pytest.fixture(scope="module", params=names())
+def case(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Case:
+    row = read_index()[request.param]
+    folder = robots_folder()
+    robot = ad.load_robot(
+        folder / row["entry"],
+        xacro_args=row["xacro_args"],
+        controllers=[folder / file for file in row["controllers_yaml"]] or None,
+        variables=row["launch_vars"],
+    )
+    return Case(robot, row["expected"], row["launch_vars"])
+
+
+def test_links_and_joints_are_those_of_the_index(case: Case) -> None:
+    description, expected = case.robot.description, case.expected
+
+    assert description.name == expected["robot_name"]
+    movable = [joint.name for joint in description.movable_joints]
+    assert movable == expected["movable_joints"]
+    for key, found in (
+        ("links", len(description.links)),
+        ("joints", len(description.joints)),
+        ("root_links", _roots(description)),
+    ):
+        if expected.get(key) is not None:
+            assert found == expected[key], key
+
+
+def _roots(description: Any) -> list[str]:
+    children = {joint.child for joint in description.joints}
+    return [link for link in description.links if link not in children]
+
+
+def test_mimic_joints_follow_as_the_index_says(case: Case) -> None:
+    joints = case.robot.description.movable_joints
+    mimics = {joint.name: joint.mimic for joint in joints if joint.mimic}
+
+    expected = case.expected["mimic"]
+    assert list(mimics) == [m["joint"] if isinstance(m, dict) else m for m in expected]
+    for mimic in expected:
+        if isinstance(mimic, dict):
+            found = mimics[mimic["joint"]]
+            assert found.joint == mimic["of"]
+            assert found.multiplier == mimic.get("multiplier", 1.0)
+            assert found.offset == mimic.get("offset", 0.0)
+
+
+def test_controllers_are_those_of_the_index(case: Case) -> None:
+    config, expected = case.robot.controllers, case.expected
+
+    if expected.get("update_rate") is not None:
+        assert config.update_rate == expected["update_rate"]
+    found = {controller.name: controller for controller in config.controllers}
+    for name, parts in (expected.get("controllers") or {}).items():
+        assert found[name].type == parts["type"]
+        for key in ("joints", "command_interfaces"):
+            if key in parts:
+                assert _parameter(found[name], key) == case.substitute(parts[key])
+
+
+def _parameter(controller: Any, name: str) -> Any:
+    """Return a parameter; a forward command controller calls its one otherwise."""
+    for key in (name, "interface_name", "joint", "dof_names"):
+        if key in controller.parameters:
+            return controller.parameters[key].value
+    return None
+
+
+def test_the_controllers_that_are_not_simulated_are_reported_exactly(
+    case: Case,
+) -> None:
+    _, report = load_controllers_of(case.robot)
+
+    reported = {
+        entry.where
+        for entry in report
+        if entry.kind == "unsupported" and "controller type" in entry.what
+    }
+    configured = case.robot.controllers.controllers
+    assert reported == {c.name for c in configured if not _is_simulated(c.type)}
+    expected = case.expected.get("controllers") or {}
+    assert {n for n, c in expected.items() if not _is_simulated(c["type"])} <= reported
+
+
+def _is_simulated(controller_type: str) -> bool:
+    row = CONTROLLER_TYPES.get(controller_type)
+    return row is not None and (row.system is not None or bool(row.runs_as))
+
+
+def test_it_simulates_and_holds_what_its_controllers_hold(case: Case) -> None:
+    robot = case.robot
+    simulation = ad.Simulation(ad.build_diagram(robot))
+
+    simulation.advance_to(DURATION)
+
+    rollout = simulation.rollout()
+    assert len(rollout.time) > DURATION * 10
+    for values in (rollout.position, rollout.velocity, rollout.effort):
+        assert np.isfinite(values).all()
+    overloaded = [e.where for e in simulation.report if "gravity asks" in e.what]
+    if overloaded:  # The whole arm sags.
+        return
+    start = [robot.initial_positions[name] for name in rollout.joint_names]
+    error = np.abs(rollout.position - start).max(axis=0)
+    held = _held_joints(robot)
+    deviations = dict(zip(rollout.joint_names, error, strict=True))
+    assert all(deviations[name] <= HOLD_TOLERANCE for name in held), deviations
+
+
+def _held_joints(robot: ad.Robot) -> set[str]:
+    """Return the joints whose positions active controllers command."""
+    controllers, _ = load_controllers_of(robot)
+    return {
+        interface.rpartition("/")[0]
+        for controller in controllers
+        if controller.state == "active" and controller.system is not None
+        for interface in controller.system.command_interfaces
+        if interface.endswith("/position")
+    }
+
+
+def test_an_arm_too_weak_for_its_weight_is_reported() -> None:
+    rows = {name: row for name, row in read_index().items() if name == "denso_cobotta"}
+    for row in rows.values():  # In the folder that this was written for.
+        robot = ad.load_robot(
+            robots_folder() / row["entry"], xacro_args=row["xacro_args"]
+        )
+        lines = [entry for entry in robot.report if "gravity asks" in entry.what]
+        # 7.7 N·m against 1 N·m, by another library.
+        assert any("the effort limit is 1" in entry.what for entry in lines)
