@@ -12,6 +12,7 @@ from arm_drake.description.controllers import (
 from arm_drake.description.controllers import (
     load_controllers as load_controllers_config,
 )
+from arm_drake.description.given import DISTROS
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Pose, Robot
@@ -20,8 +21,7 @@ from arm_drake.description.xacro import expand_xacro
 from arm_drake.errors import DescriptionError, InputError, PackageError, suggest
 from arm_drake.manager import find_surroundings, load_controllers
 
-# Distributions whose controllers are known, and what older names are taken as.
-DISTROS = ("humble", "jazzy", "kilted", "rolling")
+# What names of distributions without rules of their own are taken as.
 _DISTRO_ALIASES = {
     "lyrical": "rolling",
     "foxy": "humble",
@@ -29,7 +29,7 @@ _DISTRO_ALIASES = {
     "iron": "humble",
 }
 
-# The distribution whose defaults and rules the controllers follow.
+# The distribution whose behaviour the controllers have; parameters are each one's own.
 _MODELLED_DISTRO = "jazzy"
 
 _SUFFIXES = (".urdf", ".xacro", ".xml")
@@ -82,7 +82,9 @@ def load_robot(
     text = expand_xacro(entry, dict(xacro_args or {}), packages, report)
     description = parse_urdf(text, entry, packages, report)
     files = _find_controllers(controllers, description, packages, bundled, report)
-    config = load_controllers_config(files, dict(variables or {}), report)
+    config = load_controllers_config(
+        files, dict(variables or {}), report, packages=packages
+    )
     robot = Robot(
         name=name or description.name,
         description=description,
@@ -97,7 +99,7 @@ def load_robot(
     )
     surroundings = find_surroundings(description, robot.initial_positions)
     # Which of them start is decided when a diagram is built.
-    load_controllers(config, surroundings, report, judges_claims=False)
+    load_controllers(config, surroundings, report, judges_claims=False, distro=distro)
     if strict and len(report):
         raise InputError(f"not everything was taken as written:\n{report}")
     return robot
@@ -112,7 +114,7 @@ def _check_distro(distro: str, report: LoadReport) -> str:
             "warning",
             "unsupported",
             f"distro {distro!r}",
-            f"the controllers follow {_MODELLED_DISTRO}",
+            f"parameters and defaults are its own, behaviour is {_MODELLED_DISTRO}'s",
         )
     return known
 
