@@ -13,6 +13,7 @@ from arm_drake.description.controllers import (
 )
 from arm_drake.description.default_control import default_controllers
 from arm_drake.description.entry import Source, find_entry
+from arm_drake.description.given import DISTROS
 from arm_drake.description.joints import WORLD
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.places import find_place
@@ -25,8 +26,7 @@ from arm_drake.drives import report_gravity
 from arm_drake.errors import InputError, suggest
 from arm_drake.manager import find_surroundings, load_controllers
 
-# Distributions whose controllers are known, and what older names are taken as.
-DISTROS = ("humble", "jazzy", "kilted", "rolling")
+# What names of distributions without rules of their own are taken as.
 _DISTRO_ALIASES = {
     "lyrical": "rolling",
     "foxy": "humble",
@@ -34,7 +34,7 @@ _DISTRO_ALIASES = {
     "iron": "humble",
 }
 
-# The distribution whose defaults and rules the controllers follow.
+# The distribution whose behaviour the controllers have; parameters are each one's own.
 _MODELLED_DISTRO = "jazzy"
 
 
@@ -106,7 +106,9 @@ def load_robot(
     if files is None:
         config = default_controllers(description, report)
     else:
-        config = load_controllers_config(files, dict(variables or {}), report)
+        config = load_controllers_config(
+            files, dict(variables or {}), report, packages=packages
+        )
     robot = Robot(
         name=name or description.name,
         description=description,
@@ -122,7 +124,7 @@ def load_robot(
     )
     surroundings = find_surroundings(description, robot.initial_positions)
     # Which of them start is decided when a diagram is built.
-    load_controllers(config, surroundings, report, judges_claims=False)
+    load_controllers(config, surroundings, report, judges_claims=False, distro=distro)
     report_gravity(robot)
     report.add_lines(find_place(lambda: read_sources(entry, packages).files))
     if strict and len(report):
@@ -152,7 +154,7 @@ def _check_distro(distro: str, report: LoadReport) -> str:
             "warning",
             "unsupported",
             f"distro {distro!r}",
-            f"the controllers follow {_MODELLED_DISTRO}",
+            f"parameters and defaults are its own, behaviour is {_MODELLED_DISTRO}'s",
         )
     return known
 

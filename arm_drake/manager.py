@@ -21,7 +21,7 @@ from arm_drake.controllers.controller_interface import (
 )
 from arm_drake.description.controllers import ControllerConfig, ControllerManagerConfig
 from arm_drake.description.parameters import load_parameters
-from arm_drake.description.report import LoadReport
+from arm_drake.description.report import Kind, LoadReport, Severity
 from arm_drake.description.robot import Robot
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.drives import commanded_joints
@@ -108,6 +108,7 @@ def load_controllers(
     active: Iterable[str] = (),
     inactive: Iterable[str] = (),
     judges_claims: bool = True,
+    distro: str = "jazzy",
 ) -> tuple[LoadedController, ...]:
     """Load the controllers of a robot and choose those that start.
 
@@ -119,6 +120,7 @@ def load_controllers(
         active: Controllers to start before the others.
         inactive: Controllers not to start.
         judges_claims: Whether a controller whose interfaces are claimed stays inactive.
+        distro: Distribution whose parameters and defaults hold.
 
     Raises:
         InputError: If ``active`` or ``inactive`` names no controller.
@@ -127,7 +129,7 @@ def load_controllers(
     for name in (*active, *inactive):
         if name not in names:
             raise InputError(f"no controller {name!r}; {suggest(name, names)}")
-    loader = _Loader(config, surroundings, report, period)
+    loader = _Loader(config, surroundings, report, period, distro)
     systems = {c.name: loader.load(c) for c in config.controllers}
     claims: dict[str, str] = {}
     states: dict[str, ControllerStatus] = {}
@@ -170,6 +172,7 @@ def load_controllers_of(
         period=period,
         active=options.active,
         inactive=options.inactive,
+        distro=robot.distro,
     )
     return controllers, report
 
@@ -183,7 +186,9 @@ class _Loader:
         surroundings: Surroundings,
         report: LoadReport,
         period: float | None,
+        distro: str,
     ) -> None:
+        self._distro = distro
         self._config = config
         self._surroundings = surroundings
         self._report = report
@@ -191,19 +196,27 @@ class _Loader:
 
     def load(self, controller: ControllerConfig) -> ControllerInterface | None:
         """Return the system of a controller, or None and a line in the report."""
-        if controller.type not in CONTROLLER_TYPES:
-            hint = suggest(controller.type, CONTROLLER_TYPES)
-            self._reject(
-                controller, f"unknown controller type {controller.type!r}; {hint}"
-            )
+        row = CONTROLLER_TYPES.get(controller.type)
+        if row is None:
+            own_types = [name for name, r in CONTROLLER_TYPES.items() if not r.runs_as]
+            hint = suggest(controller.type, own_types)
+            problem = f"unknown controller type {controller.type!r}; {hint}"
+            self._reject(controller, problem, kind="unsupported")
             return None
-        row = CONTROLLER_TYPES[controller.type]
+        if row.runs_as:
+            what, done = f"controller type {controller.type!r}", f"run as {row.runs_as}"
+            self._add(controller, "info", "repair", what, done)
         own = dict(controller.parameters)
         divisor = self._take_rate(controller, own)
         try:
+            node, file, report = controller.name, controller.file, self._report
             parameters: Any = load_parameters(
-                row.parameters, own, controller.name, controller.file, self._report
+                row.parameters, own, node, file, report, distro=self._distro
             )
+            if row.system is None:
+                problem = f"controller type {controller.type!r} is not simulated yet"
+                self._reject(controller, problem, kind="unsupported")
+                return None
             params = ControllerInterfaceParams(
                 controller_name=controller.name,
                 update_rate=self._config.update_rate // divisor,
@@ -261,15 +274,9 @@ class _Loader:
             return False
         taken = [name for name in system.command_interfaces if name in claims]
         if taken:
-            self._report.add(
-                "warning",
-                "ignored",
-                f"{taken[0]} is already claimed by {claims[taken[0]]!r}",
-                "the controller stays inactive",
-                where=controller.name,
-                file=controller.file,
-                line=controller.line,
-            )
+            done = "the controller stays inactive"
+            what = f"{taken[0]} is already claimed by {claims[taken[0]]!r}"
+            self._add(controller, "warning", "ignored", what, done)
         return not taken
 
     def _obstacles(self, system: ControllerInterface) -> Iterator[str]:
@@ -304,12 +311,26 @@ class _Loader:
         controller: ControllerConfig,
         problem: str,
         error: ParameterError | None = None,
+        *,
+        kind: Kind = "invalid",
+    ) -> None:
+        done = "the controller does not run"
+        self._add(controller, "error", kind, problem, done, error)
+
+    def _add(
+        self,
+        controller: ControllerConfig,
+        severity: Severity,
+        kind: Kind,
+        what: str,
+        done: str,
+        error: ParameterError | None = None,
     ) -> None:
         self._report.add(
-            "error",
-            "invalid",
-            problem,
-            "the controller does not run",
+            severity,
+            kind,
+            what,
+            done,
             where=(error.where if error else None) or controller.name,
             file=(error.file if error else None) or controller.file,
             line=error.line if error and error.where else controller.line,

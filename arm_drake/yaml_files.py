@@ -14,6 +14,12 @@ _FLOAT = re.compile(
 )
 _TAG = "tag:yaml.org,2002:"
 
+_LINE_ENDS = "\0\r\n\x85\u2028\u2029"
+
+# Bytes of a file that are read. Real files have some 10 kB; a million values take
+# seconds and gigabytes.
+MAX_SIZE = 4_000_000
+
 # More values than this are taken only if they are written out, not multiplied by
 # aliases of aliases.
 _MAX_ALIASED = 100_000
@@ -35,7 +41,39 @@ class YamlError(ValueError):
 
 
 class Loader(yaml.SafeLoader):
-    """Plain values only, as YAML's safe loader; a key stands once in a mapping."""
+    """Plain values only, as YAML's safe loader; a key stands once in a mapping.
+
+    TABs are taken where libyaml takes them, which PyYAML doesn't: after a value, and
+    before a comment.
+    """
+
+    def scan_to_next_token(self) -> None:
+        """Skip blanks and comments."""
+        while True:
+            self._skip_blanks()
+            if self.peek() == "#":
+                while self.peek() not in _LINE_ENDS:
+                    self.forward()
+            if not self.scan_line_break():  # type: ignore[no-untyped-call]
+                return
+            if not self.flow_level:
+                self.allow_simple_key = True
+
+    def _skip_blanks(self) -> None:
+        while True:
+            length = 0
+            while self.peek(length) == " ":
+                length += 1
+            self.forward(length)
+            if self.peek() != "\t":
+                return
+            length = 1
+            while self.peek(length) in " \t":
+                length += 1
+            is_indentation = self.allow_simple_key and not self.flow_level
+            if is_indentation and self.peek(length) not in f"#{_LINE_ENDS}":
+                return
+            self.forward(length)
 
     def construct_mapping(
         self, node: yaml.MappingNode, deep: bool = False
@@ -75,30 +113,48 @@ class _Constructor(yaml.constructor.SafeConstructor):
             ) from None
 
 
-def read_text(path: Path) -> str:
+def read_text(path: Path, max_size: int = MAX_SIZE) -> str:
     """Return the text of a file.
+
+    Args:
+        path: The file.
+        max_size: Largest size to read [bytes].
 
     Raises:
         YamlError: If it can't be read.
     """
     try:
-        return path.read_text(encoding="utf-8-sig")
+        with path.open("rb") as stream:
+            content = stream.read(max_size + 1)
     except OSError as error:
         raise YamlError(f"can't be read: {error.strerror or error}") from None
-    except UnicodeDecodeError:
-        raise YamlError("can't be read: it is not UTF-8 text") from None
     except ValueError:
         raise YamlError("can't be read: no file has such a name") from None
+    if len(content) > max_size:
+        raise YamlError(f"can't be read: it is larger than {max_size / 1e6:g} MB")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise YamlError("can't be read: it is not UTF-8 text") from None
 
 
-def compose(text: str) -> yaml.Node | None:
+def compose(text: str, loader: type[Loader] = Loader) -> yaml.Node | None:
     """Return the nodes of a YAML text, with their lines.
+
+    Args:
+        text: The text.
+        loader: What gives the nodes their tags.
 
     Raises:
         YamlError: If the text is malformed.
     """
     try:
-        node = yaml.compose(text, Loader=Loader)
+        node = yaml.compose(text, Loader=loader)
+    except yaml.reader.ReaderError as error:
+        raise YamlError(
+            f"malformed YAML: the character {chr(error.character)!r} is in no text",
+            text.count("\n", 0, error.position) + 1,
+        ) from None
     except yaml.YAMLError as error:
         raise _explain(error) from None
     except RecursionError:
@@ -142,6 +198,8 @@ def load(path: Path) -> Any:
 def _explain(error: yaml.YAMLError) -> YamlError:
     mark = getattr(error, "problem_mark", None)
     problem = getattr(error, "problem", None) or " ".join(str(error).split())
+    if problem.startswith(r"found character '\t'"):
+        problem = "a TAB indents this line; expected spaces"
     return YamlError(f"malformed YAML: {problem}", mark.line + 1 if mark else None)
 
 
@@ -169,6 +227,6 @@ def items(node: yaml.MappingNode) -> list[tuple[yaml.ScalarNode, yaml.Node]]:
         raise _explain(error) from None
     for key, _ in node.value:
         if not isinstance(key, yaml.ScalarNode):
-            problem = f"malformed YAML: expected a name, got {plain(key)!r}"
+            problem = f"malformed YAML: expected a name, got a {key.id}"
             raise YamlError(problem, key.start_mark.line + 1)
     return list(node.value)

@@ -267,7 +267,10 @@ def test_a_known_distro_is_kept_and_reported(distro):
     robot = ad.load_robot("doosan_a0912", distro=distro)
 
     assert robot.distro == distro
-    assert lines(robot) == [f"warning: distro {distro!r}; the controllers follow jazzy"]
+    assert lines(robot) == [
+        f"warning: distro {distro!r}; parameters and defaults are its own, behaviour "
+        "is jazzy's"
+    ]
 
 
 @pytest.mark.parametrize(
@@ -510,7 +513,7 @@ def test_a_malformed_controllers_file_is_an_error(package):
     file = write(package / "config" / "controllers.yaml", "controller_manager:\n\tx: 1")
 
     assert problem(package) == (
-        f"{file}:2: malformed YAML: found character '\\t' that cannot start any token"
+        f"{file}:2: malformed YAML: a TAB indents this line; expected spaces"
     )
 
 

@@ -5,6 +5,7 @@ Source: ros2_controllers, `joint_state_broadcaster` (version 6.9.0, defaults of 
 
 import dataclasses as dc
 import math
+from typing import Annotated
 
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context
@@ -14,11 +15,21 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
 )
+from arm_drake.description.parameters import Rule
 from arm_drake.errors import ParameterError
 from arm_drake.messages import Header, JointState, Time
 
 # How far the time may be off a tick and still be the tick, in periods.
 _TICK_TOLERANCE = 1e-6
+
+
+@dc.dataclass(frozen=True)
+class InterfaceMap:
+    """Names of the interfaces that are published as positions, velocities, efforts."""
+
+    position: Annotated[str, Rule(only="position")] = "position"
+    velocity: Annotated[str, Rule(only="velocity")] = "velocity"
+    effort: Annotated[str, Rule(only="effort")] = "effort"
 
 
 @dc.dataclass(frozen=True)
@@ -32,17 +43,21 @@ class JointStateBroadcasterParameters:
     # Names published with zeros besides.
     extra_joints: tuple[str, ...] = ()
 
+    map_interface_to_joint_state: InterfaceMap = InterfaceMap()
+
     # Whether the topic is the broadcaster's own; without effect on a port's name.
     use_local_topics: bool = False
 
     # Whether only joints of the description are published; a simulator has no others.
     use_urdf_to_filter: bool = True
 
-    # Whether dynamic_joint_states are published too; not modelled.
-    publish_dynamic_joint_states: bool = True
+    # Whether dynamic_joint_states are published too.
+    publish_dynamic_joint_states: Annotated[
+        bool, Rule(rolling=False, until="kilted", only=False)
+    ] = True
 
     # Frame of the message's header.
-    frame_id: str = ""
+    frame_id: Annotated[str, Rule(rolling="base_link")] = ""
 
 
 class JointStateBroadcaster(ControllerInterface):

@@ -4,10 +4,6 @@ Source: ros2_controllers, `joint_trajectory_controller` (version 6.9.0, defaults
 jazzy); the tick itself is `arm_drake.control.joint_trajectory`.
 """
 
-import dataclasses as dc
-import math
-from typing import Literal
-
 import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context
@@ -29,7 +25,11 @@ from arm_drake.controllers.controller_interface import (
     TickingController,
     message_on,
 )
-from arm_drake.description.parameters import per_element_of
+from arm_drake.controllers.joint_trajectory_parameters import (
+    JointConstraints,
+    JointTrajectoryControllerParameters,
+)
+from arm_drake.errors import ParameterError
 from arm_drake.messages import (
     NANOSECONDS,
     ActionRequest,
@@ -38,102 +38,6 @@ from arm_drake.messages import (
     JointTrajectoryControllerState,
     Time,
 )
-
-Interface = Literal["position", "velocity", "acceleration", "effort"]
-
-
-@dc.dataclass(frozen=True)
-class JointConstraints:
-    """Tolerances of one joint; 0 is not checked."""
-
-    # Position tolerance along the way [rad].
-    trajectory: float = 0.0
-
-    # Position tolerance at the end [rad].
-    goal: float = 0.0
-
-
-@dc.dataclass(frozen=True)
-class Constraints:
-    """Tolerances where a goal asks for none."""
-
-    # Velocity tolerance at the end [rad/s].
-    stopped_velocity_tolerance: float = 0.01
-
-    # How late a goal may be reached [s]; 0 waits for ever.
-    goal_time: float = 0.0
-
-    joint: dict[str, JointConstraints] = per_element_of("joints")
-
-    def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
-        if not 0.0 <= self.goal_time < math.inf:
-            raise ValueError(f"goal_time must be at least 0, got {self.goal_time}")
-
-
-@dc.dataclass(frozen=True)
-class JointTrajectoryControllerParameters:
-    """Parameters of a JointTrajectoryController."""
-
-    # Joints to control, in the order of every port.
-    joints: tuple[str, ...]
-
-    # Interfaces to claim on each joint.
-    command_interfaces: tuple[Interface, ...]
-
-    # Interfaces to read of each joint.
-    state_interfaces: tuple[Interface, ...]
-
-    # Whether a trajectory may leave joints out; those stay where they are.
-    allow_partial_joints_goal: bool = False
-
-    # Whether trajectories start from the last command, not from the measured state.
-    interpolate_from_desired_state: bool = False
-
-    # Older name of interpolate_from_desired_state.
-    open_loop_control: bool = False
-
-    # Whether points may leave positions out, to be integrated.
-    allow_integration_in_goal_trajectories: bool = False
-
-    # Rate of feedback and results [Hz].
-    action_monitor_rate: float = 20.0
-
-    # "none" jumps from point to point.
-    interpolation_method: Literal["splines", "none"] = "splines"
-
-    # Whether a trajectory may end in motion.
-    allow_nonzero_velocity_at_trajectory_end: bool = False
-
-    # How long the last point is held before the joints stop where they are [s]; used if
-    # it exceeds constraints.goal_time, 0 is for ever.
-    cmd_timeout: float = 0.0
-
-    # Accepted and without effect, as in jazzy: the state is published at every tick.
-    state_publish_rate: float = 50.0
-
-    constraints: Constraints = Constraints()
-
-    def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
-        for name in ("joints", "command_interfaces", "state_interfaces"):
-            values = getattr(self, name)
-            if not values:
-                raise ValueError(f"{name} must have at least one element")
-            if len(set(values)) != len(values):
-                raise ValueError(f"{name} must not repeat elements, got {list(values)}")
-        if "position" not in self.state_interfaces:
-            raise ValueError(
-                f"state_interfaces must have 'position', "
-                f"got {list(self.state_interfaces)}"
-            )
-        if not 0.0 <= self.cmd_timeout < math.inf:
-            raise ValueError(f"cmd_timeout must be at least 0, got {self.cmd_timeout}")
-        if not 0.1 <= self.action_monitor_rate < math.inf:
-            raise ValueError(
-                f"action_monitor_rate must be at least 0.1 Hz, "
-                f"got {self.action_monitor_rate}"
-            )
 
 
 class JointTrajectoryController(TickingController[JointTrajectoryState]):
@@ -187,8 +91,16 @@ class JointTrajectoryController(TickingController[JointTrajectoryState]):
         Args:
             parameters: The controller's parameters.
             params: Rate and surroundings of the controller.
+
+        Raises:
+            ParameterError: If other joints are to be commanded than are measured.
         """
         joints = parameters.joints
+        if parameters.command_joints not in ((), joints):
+            raise ParameterError(
+                f"command_joints other than joints are not acted on yet, "
+                f"got {list(parameters.command_joints)}"
+            )
         n = len(joints)
         super().__init__(
             params,

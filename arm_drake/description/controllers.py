@@ -1,45 +1,40 @@
-"""Controllers YAML to a ControllerManagerConfig, as rcl reads parameter files.
+"""Controllers YAML to a ControllerManagerConfig.
 
-A file maps node names, with wildcards and name spaces, to `ros__parameters`. Duplicate
-keys merge, dotted and nested keys mean the same, a later section overrides an earlier
-one, value by value.
+Launch files decide about name spaces and spawn the controllers. Without them, every
+name space is taken, and every controller that has a type.
 """
 
 import dataclasses as dc
-import os
-import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
-import yaml
-
-from arm_drake import yaml_files
-from arm_drake.description.parameters import Parameter
+from arm_drake.description.controller_manager import (
+    ControllerConfig,
+    ManagedControllers,
+    Nodes,
+)
+from arm_drake.description.controller_manager_parameters import (
+    DEFAULT_UPDATE_RATE,
+    MANAGER,
+    MAX_UPDATE_RATE,
+    ControllerManagerParameters,
+    HardwareComponentsInitialState,
+)
+from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
-from arm_drake.errors import ParameterError, suggest
+from arm_drake.description.ros_parameters import ParameterReader, Section
 
-DEFAULT_UPDATE_RATE = 100  # Hz
-MAX_UPDATE_RATE = 10_000  # Hz
-MANAGER = "controller_manager"
-_PARAMETERS = "ros__parameters"
-_SUBSTITUTION = re.compile(r"\$\((\S+)\s+([^)]*)\)")
-
-
-@dc.dataclass(frozen=True)
-class ControllerConfig:
-    """A controller as its YAML configures it."""
-
-    name: str
-
-    # ros2_control type, such as "forward_command_controller/ForwardCommandController".
-    type: str
-
-    # Its parameters by dotted name, without "type".
-    parameters: dict[str, Parameter]
-
-    # Where its type is given.
-    file: Path
-    line: int
+__all__ = [
+    "DEFAULT_UPDATE_RATE",
+    "MANAGER",
+    "MAX_UPDATE_RATE",
+    "ControllerConfig",
+    "ControllerManagerConfig",
+    "HardwareComponentsInitialState",
+    "load_controllers",
+]
 
 
 @dc.dataclass(frozen=True)
@@ -54,61 +49,49 @@ class ControllerManagerConfig:
     # Files that were read.
     files: tuple[Path, ...] = ()
 
+    # Whether commands are kept within the joints' limits. None: as the distribution
+    # does by default.
+    enforce_command_limits: bool | None = None
+
+    hardware_components_initial_state: HardwareComponentsInitialState = dc.field(
+        default_factory=HardwareComponentsInitialState
+    )
+
 
 def load_controllers(
-    files: Sequence[Path], variables: Mapping[str, str], report: LoadReport
+    files: Sequence[Path],
+    variables: Mapping[str, str],
+    report: LoadReport,
+    *,
+    packages: PackageFinder | None = None,
 ) -> ControllerManagerConfig:
     """Return what controllers YAML files configure.
 
     Args:
         files: YAML files; a later one overrides an earlier one.
         variables: Values of `$(var NAME)`.
-        report: Where sections without effect are recorded.
+        report: Where what is not taken as written is recorded.
+        packages: What resolves `$(find-pkg-share PACKAGE)` and `package://`.
 
     Raises:
         ParameterError: If a file can't be used.
     """
-    used: set[str] = set()
-    sections = [
-        section for file in files for section in _read_sections(file, variables, used)
+    reader = ParameterReader(variables, report, packages)
+    sections = [section for file in files for section in reader.read(file)]
+    namespaces = _namespaces(sections)
+    nodes = Nodes(sections, namespaces)
+    managers = [
+        ManagedControllers(ns, nodes, reader, packages, report) for ns in namespaces
     ]
-    manager = _merge(section for section in sections if section.matches(MANAGER))
-    types = {
-        key.removesuffix(".type"): parameter
-        for key, parameter in manager.items()
-        if key.endswith(".type")
-    }
-    # A plain "/**" section reaches every node; the manager's keys in it are not theirs.
-    managed = {
-        key: parameter
-        for key, parameter in manager.items()
-        if key == "update_rate" or any(key.startswith(f"{name}.") for name in types)
-    }
-    controllers = {
-        name: _controller(name, parameter, managed, sections)
-        for name, parameter in types.items()
-    }
-    for section in sections:
-        name = section.node.rpartition("/")[2]
-        own_type = section.parameters.get("type")
-        if own_type is not None and name not in (*controllers, MANAGER, "**", "*"):
-            controllers[name] = _controller(name, own_type, managed, sections)
-    rate = manager.get("update_rate")
-    if rate is None:
-        if files:
-            report.add(
-                "info",
-                "missing",
-                f"{MANAGER}.update_rate is not given",
-                f"{DEFAULT_UPDATE_RATE} Hz is used",
-                file=files[0],
-            )
-    elif type(rate.value) is not int or not 0 < rate.value <= MAX_UPDATE_RATE:
-        raise ParameterError(
-            f"expected an integer from 1 to {MAX_UPDATE_RATE} [Hz], got {rate.value!r}",
-            file=rate.file,
-            line=rate.line,
-            where=f"{MANAGER}.update_rate",
+    controllers = _named_apart(managers, report)
+    _report_several(managers, report)
+    if files and all("update_rate" not in m.parameters for m in managers):
+        report.add(
+            "info",
+            "missing",
+            f"{MANAGER}.update_rate is not given",
+            f"{DEFAULT_UPDATE_RATE} Hz is used",
+            file=files[0],
         )
     if files and not controllers:
         report.add(
@@ -118,169 +101,106 @@ def load_controllers(
             "no controller runs",
             file=files[0],
         )
-    for name in sorted(set(variables) - used):
+    for name in reader.substitutions.unused:
         report.add(
             "warning",
             "ignored",
             f"no controllers YAML uses the variable {name!r}",
             "it has no effect",
         )
-    _report_unmatched(sections, controllers, report)
+    names = [name for manager in managers for name in manager.controllers]
+    nodes.report_unused((*names, MANAGER), report)
+    further = [file for manager in managers for file in manager.files]
     return ControllerManagerConfig(
-        update_rate=rate.value if rate is not None else DEFAULT_UPDATE_RATE,
-        controllers=tuple(controllers.values()),
-        files=tuple(files),
+        update_rate=_first_given("update_rate", managers),
+        controllers=tuple(controllers),
+        files=tuple(dict.fromkeys((*files, *further))),
+        enforce_command_limits=_first_given("enforce_command_limits", managers),
+        hardware_components_initial_state=_together(m.settings for m in managers),
     )
 
 
-@dc.dataclass(frozen=True)
-class _Section:
-    """The parameters under one node key."""
-
-    # Node key as a fully qualified name; may hold the wildcards "*" and "**".
-    node: str
-    parameters: dict[str, Parameter]
-    file: Path
-    line: int
-
-    def matches(self, name: str) -> bool:
-        pattern = re.escape(self.node).replace(r"/\*\*", r"(/\w+)*")
-        pattern = pattern.replace(r"/\*", r"(/\w+)")
-        # Without a launch file the name space is unknown: any one is taken.
-        return bool(re.fullmatch(pattern, f"/{name}")) or (
-            self.node.rpartition("/")[2] == name
-        )
+def _namespaces(sections: Iterable[Section]) -> list[str]:
+    """Return the name spaces of the controller managers, one at least."""
+    named = (s.namespace for s in sections if s.name == MANAGER)
+    return list(dict.fromkeys(ns for ns in named if "*" not in ns)) or [""]
 
 
-def _merge(sections: Iterator[_Section]) -> dict[str, Parameter]:
-    merged: dict[str, Parameter] = {}
-    for section in sections:
-        merged.update(section.parameters)
-    return merged
+def _named_apart(
+    managers: Sequence[ManagedControllers], report: LoadReport
+) -> list[ControllerConfig]:
+    """Return the controllers of all managers; equal names get their name space."""
+    counts = Counter(name for manager in managers for name in manager.controllers)
+    controllers: dict[str, ControllerConfig] = {}
+    for manager in managers:
+        prefix = manager.namespace.strip("/").replace("/", "_")
+        names = {
+            name: f"{prefix}_{name}" if prefix and counts[name] > 1 else name
+            for name in manager.controllers
+        }
+        for name, controller in manager.controllers.items():
+            new = names[name]
+            while new in controllers or (new != name and new in counts):
+                new += "_"
+            if new != name:
+                report.add(
+                    "warning",
+                    "repair",
+                    f"several controller managers have a controller {name!r}",
+                    f"this one is named {new!r}",
+                    where=f"{manager.node}.{name}",
+                    file=controller.file,
+                    line=controller.line,
+                )
+            fallback = tuple(names.get(n, n) for n in controller.fallback_controllers)
+            controllers[new] = dc.replace(
+                controller, name=new, fallback_controllers=fallback
+            )
+    return list(controllers.values())
 
 
-def _controller(
-    name: str,
-    type_: Parameter,
-    managed: Mapping[str, Parameter],
-    sections: Sequence[_Section],
-) -> ControllerConfig:
-    if not isinstance(type_.value, str):
-        raise ParameterError(
-            f"expected a controller type, got {type_.value!r}",
-            file=type_.file,
-            line=type_.line,
-            where=f"{name}.type",
-        )
-    own = _merge(section for section in sections if section.matches(name))
-    parameters = {
-        key: parameter
-        for key, parameter in own.items()
-        if key != "type" and managed.get(key) is not parameter
-    }
-    return ControllerConfig(name, type_.value, parameters, type_.file, type_.line)
-
-
-def _report_unmatched(
-    sections: Sequence[_Section], controllers: Mapping[str, object], report: LoadReport
-) -> None:
-    for section in sections:
-        if any(section.matches(name) for name in (*controllers, MANAGER)):
-            continue
-        known = [*controllers, MANAGER]
+def _report_several(managers: Sequence[ManagedControllers], report: LoadReport) -> None:
+    first = managers[0]
+    for manager in managers[1:]:
+        place = manager.section
         report.add(
             "warning",
-            "ignored",
-            f"no controller of this name; {suggest(section.node.strip('/'), known)}",
-            "the section has no effect",
-            where=section.node.lstrip("/"),
-            file=section.file,
-            line=section.line,
+            "repair",
+            f"a further controller manager beside {first.node!r}",
+            f"its controllers run under {first.node!r}",
+            where=manager.node,
+            file=place.file,
+            line=place.line,
         )
+        for name in ("update_rate", "enforce_command_limits"):
+            asked, used = getattr(manager.settings, name), _first_given(name, managers)
+            parameter = manager.parameters.get(name)
+            if asked != used and parameter is not None:
+                report.add(
+                    "warning",
+                    "ignored",
+                    f"{asked} differs from {used} of another controller manager",
+                    f"{used} is used",
+                    where=f"{manager.node}.{name}",
+                    file=parameter.file,
+                    line=parameter.line,
+                )
 
 
-def _read_sections(
-    file: Path, variables: Mapping[str, str], used: set[str]
-) -> list[_Section]:
-    try:
-        text = _substitute(yaml_files.read_text(file), variables, file, used)
-        root = yaml_files.compose(text)
-        if root is None:
-            return []
-        is_foreign = isinstance(root, yaml.MappingNode) and _PARAMETERS not in text
-        sections = [] if is_foreign else list(_sections(root, "", file))
-    except yaml_files.YamlError as error:
-        raise ParameterError(error.problem, file=file, line=error.line) from None
-    if not sections:
-        raise ParameterError(
-            f"no {_PARAMETERS!r} anywhere: this is no ROS 2 parameter file "
-            "(ROS 1 configurations have none)",
-            file=file,
+def _first_given(name: str, managers: Sequence[ManagedControllers]) -> Any:
+    """Return a parameter of the first manager that it is given to, or its default."""
+    given = (m.settings for m in managers if name in m.parameters)
+    return getattr(next(given, managers[0].settings), name)
+
+
+def _together(
+    settings: Iterable[ControllerManagerParameters],
+) -> HardwareComponentsInitialState:
+    """Return the initial states that all managers ask for."""
+    states = [one.hardware_components_initial_state for one in settings]
+    return HardwareComponentsInitialState(
+        *(
+            tuple(dict.fromkeys(n for state in states for n in getattr(state, f.name)))
+            for f in dc.fields(HardwareComponentsInitialState)
         )
-    return sections
-
-
-def _substitute(
-    text: str, variables: Mapping[str, str], file: Path, used: set[str]
-) -> str:
-    """Replace `$(var NAME)`, and other substitutions of that name, outside comments.
-
-    The names of the variables are added to ``used``.
-    """
-    lines = []
-    for number, line in enumerate(text.splitlines(), start=1):
-        code, mark, comment = line.partition("#")
-
-        def replace(match: re.Match[str], number: int = number) -> str:
-            kind, name = match.group(1), match.group(2).strip()
-            if name in variables:
-                used.add(name)
-                return str(variables[name])
-            if kind == "env" and name in os.environ:
-                return os.environ[name]
-            raise ParameterError(
-                f"{match.group(0)} has no value; give one with "
-                f"variables={{{name!r}: ...}} (--var {name}=VALUE)",
-                file=file,
-                line=number,
-            )
-
-        lines.append(_SUBSTITUTION.sub(replace, code) + mark + comment)
-    return "\n".join(lines)
-
-
-def _sections(node: yaml.Node, path: str, file: Path) -> Iterator[_Section]:
-    """Yield the sections below a node key, nested name spaces included."""
-    if not isinstance(node, yaml.MappingNode):
-        raise _misplaced(node, f"a mapping that ends in {_PARAMETERS!r}", path, file)
-    for key, value in yaml_files.items(node):
-        is_empty = isinstance(value, yaml.ScalarNode) and not value.value
-        if key.value == _PARAMETERS:
-            if not isinstance(value, yaml.MappingNode) and not is_empty:
-                raise _misplaced(value, "a mapping of parameters", path, file)
-            flat: dict[str, Parameter] = {}
-            _flatten(value, "", flat, file)
-            yield _Section(path or "/**", flat, file, key.start_mark.line + 1)
-        elif not is_empty:
-            yield from _sections(value, f"{path}/{key.value.strip('/')}", file)
-
-
-def _misplaced(node: yaml.Node, expected: str, path: str, file: Path) -> ParameterError:
-    return ParameterError(
-        f"expected {expected}, got {yaml_files.plain(node)!r}",
-        file=file,
-        line=node.start_mark.line + 1,
-        where=path.lstrip("/"),
     )
-
-
-def _flatten(
-    node: yaml.Node, prefix: str, flat: dict[str, Parameter], file: Path
-) -> None:
-    if isinstance(node, yaml.MappingNode):
-        for key, value in yaml_files.items(node):
-            name = f"{prefix}.{key.value}" if prefix else str(key.value)
-            _flatten(value, name, flat, file)
-    elif prefix:
-        line = node.start_mark.line + 1
-        flat[prefix] = Parameter(yaml_files.plain(node), file, line)

@@ -71,6 +71,7 @@ class LoadReport:
             entries: What is in it from the start, such as another report.
         """
         self._entries = list(entries)
+        self._seen = set(self._entries)
 
     def add(
         self,
@@ -96,7 +97,8 @@ class LoadReport:
         """
         name = None if file is None else str(file)
         entry = ReportEntry(severity, kind, what, done, where, name, line)
-        if entry not in self._entries:
+        if entry not in self._seen:
+            self._seen.add(entry)
             self._entries.append(entry)
 
     def __iter__(self) -> Iterator[ReportEntry]:
@@ -129,6 +131,7 @@ class LoadReport:
             if found is not None:
                 file, line = found
                 self._entries[index] = dc.replace(entry, file=str(file), line=line)
+        self._seen.update(self._entries)
 
     def __str__(self) -> str:
         """Return the report as lines of text, errors first.

@@ -9,8 +9,10 @@ import pytest
 
 from arm_drake.description.controllers import (
     ControllerManagerConfig,
+    HardwareComponentsInitialState,
     load_controllers,
 )
+from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import ParameterError
 
@@ -35,7 +37,8 @@ def load(tmp_path):
         for file, text in zip(files, texts, strict=True):
             file.write_text(text, encoding="utf-8")
         report = LoadReport()
-        config = load_controllers(files, variables, report)
+        packages = PackageFinder(tmp_path / "a.urdf", [tmp_path])
+        config = load_controllers(files, variables, report, packages=packages)
         return config, [str(e).replace(f"{tmp_path}/", "") for e in report]
 
     return load_texts
@@ -71,7 +74,7 @@ def test_the_managers_list_gives_the_controllers_in_order(load):
         "    b: {type: b/B}\n"
         "    a:\n"
         "      type: a/A\n"
-        "    gains: {p: 1.0}\n"
+        "    use_sim_time: true\n"
     )
 
     assert config.update_rate == 50
@@ -96,10 +99,11 @@ def test_no_file_means_no_controllers_at_the_default_rate(load):
     assert lines == []
 
 
-def test_an_empty_file_configures_nothing(load):
-    config, _ = load("# nothing\n")
-
-    assert config.controllers == ()
+@pytest.mark.parametrize("text", ["", "\n", "# nothing\n", "---\n"])
+def test_an_empty_file_is_an_error(problem, text):
+    assert problem(text) == (
+        "0.yaml: it is empty; expected <node>: {ros__parameters: {...}}"
+    )
 
 
 def test_a_missing_update_rate_is_100_hz_and_reported(load):
@@ -132,7 +136,6 @@ def test_a_parameter_knows_its_file_and_line(load, tmp_path):
         "/left: {robot: {arm: {ros__parameters: {x: 1}}}}",
         "/**: {ros__parameters: {x: 1}}",
         "/*: {ros__parameters: {x: 1}}",
-        "ros__parameters: {x: 1}",
         "/**: {ros__parameters: {x: 1, arm: {type: a/A}}}",
     ],
 )
@@ -345,7 +348,7 @@ def test_substitutions_take_the_given_values(load, monkeypatch):
     }
 
 
-@pytest.mark.parametrize("kind", ["var", "arg", "env", "find-pkg-share"])
+@pytest.mark.parametrize("kind", ["var", "arg", "env"])
 def test_a_substitution_without_a_value_is_an_error(problem, monkeypatch, kind):
     monkeypatch.delenv("nope", raising=False)
     if kind != "env":
@@ -371,13 +374,28 @@ def test_a_section_without_a_controller_is_reported(load):
     ]
 
 
-def test_a_node_without_anything_is_nothing(load):
-    config, lines = load(f"{MANAGER}arm:\nleg: {{ros__parameters: }}\n")
+def test_nodes_without_anything_are_reported(load):
+    config, lines = load(
+        f"{MANAGER}arm:\n"
+        "/**/arm: {ros__parameters: }\n"
+        "leg: {ros__parameters: {}}\n"
+    )
 
     assert values(config) == {}
     assert lines == [
-        "warning: 0.yaml:6: leg: no controller of this name; "
-        "known: arm, controller_manager; the section has no effect"
+        "warning: 0.yaml:5: arm: nothing stands below it; it has no effect",
+        "warning: 0.yaml:6: **/arm: it has no parameters; defaults are used",
+        "warning: 0.yaml:7: leg: no controller of this name; "
+        "known: arm, controller_manager; the section has no effect",
+    ]
+
+
+def test_parameters_without_a_node_are_taken_for_every_node(load):
+    config, lines = load(f"{MANAGER}ros__parameters: {{x: 1}}\n")
+
+    assert values(config) == {"x": 1}
+    assert lines == [
+        "warning: 0.yaml:5: it has no node name; it is taken for every node"
     ]
 
 
@@ -386,8 +404,7 @@ def test_a_node_without_anything_is_nothing(load):
     [
         (
             "a:\n\tb: 1",
-            "0.yaml:2: malformed YAML: found character '\\t' that cannot start any "
-            "token",
+            "0.yaml:2: malformed YAML: a TAB indents this line; expected spaces",
         ),
         ("a: {}\n---\nb: {}", "0.yaml:2: malformed YAML: but found another document"),
         ("a: *b", "0.yaml:1: malformed YAML: found undefined alias 'b'"),
@@ -422,30 +439,30 @@ def test_a_node_without_anything_is_nothing(load):
         ),
         (
             "joint_state_controller:\n  type: joint_state_controller/A\n",
-            "0.yaml: no 'ros__parameters' anywhere: this is no ROS 2 parameter file "
-            "(ROS 1 configurations have none)",
+            "0.yaml: this is a ROS 1 configuration: no 'ros__parameters' anywhere; "
+            "expected <node>: {ros__parameters: {...}}",
         ),
         (
             "# ros__parameters\na: {}\n",
-            "0.yaml: no 'ros__parameters' anywhere: this is no ROS 2 parameter file "
-            "(ROS 1 configurations have none)",
+            "0.yaml: no ROS 2 parameter file: no 'ros__parameters' anywhere; "
+            "expected <node>: {ros__parameters: {...}}",
         ),
         (
             "? [a]\n: {ros__parameters: {}}\n",
-            "0.yaml:1: malformed YAML: expected a name, got ['a']",
+            "0.yaml:1: malformed YAML: expected a name, got a sequence",
         ),
         (
             "a:\n  ros__parameters:\n    ? {b: 1}\n    : 1\n",
-            "0.yaml:3: malformed YAML: expected a name, got {'b': 1}",
+            "0.yaml:3: malformed YAML: expected a name, got a mapping",
         ),
         (
             "a:\n  ros__parameters:\n    b: !!int x\n",
-            "0.yaml:3: malformed YAML: invalid literal for int() with base 10: 'x'",
+            "0.yaml:3: 'x' is no int",
         ),
         (
             "a:\n  ros__parameters:\n    b: !mine x\n",
-            "0.yaml:3: malformed YAML: could not determine a constructor for the tag "
-            "'!mine'",
+            "0.yaml:3: the tag '!mine' is not taken; known: !!bool, !!float, !!int, "
+            "!!str",
         ),
         (
             "a:\n  ros__parameters:\n    b: {<<: 1}\n",
@@ -482,7 +499,7 @@ def test_a_bad_update_rate_is_an_error(problem, rate):
 
 
 @pytest.mark.parametrize(
-    ("value", "shown"), [("5", "5"), ("", "None"), ("[a/A]", "['a/A']")]
+    ("value", "shown"), [("5", "5"), ("true", "True"), ("[a/A]", "['a/A']")]
 )
 def test_a_type_that_is_no_text_is_an_error(problem, value, shown):
     message = problem(
@@ -534,3 +551,377 @@ def test_a_name_that_no_file_has_is_an_error():
         load_controllers([Path("a\0b")], {}, LoadReport())
 
     assert caught.value.problem == "can't be read: no file has such a name"
+
+
+# The manager's own parameters
+
+
+def manager(text: str) -> str:
+    indented = "".join(f"    {line}\n" for line in text.splitlines())
+    return f"controller_manager:\n  ros__parameters:\n    arm.type: a/A\n{indented}"
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("update_rate: 50", None),
+        ("update_rate: 50\nenforce_command_limits: true", True),
+        ("update_rate: 50\nenforce_command_limits: off", False),
+    ],
+)
+def test_enforce_command_limits_is_as_given_or_unknown(load, text, expected):
+    config, lines = load(manager(text))
+
+    assert config.enforce_command_limits is expected
+    assert lines == []
+
+
+def test_initial_states_of_hardware_are_lists_of_names(load):
+    config, lines = load(
+        manager(
+            "update_rate: 50\n"
+            "hardware_components_initial_state:\n"
+            "  unconfigured: [a]\n"
+            "  inactive: [b, c, b]"
+        )
+    )
+
+    assert config.hardware_components_initial_state == HardwareComponentsInitialState(
+        unconfigured=("a",), inactive=("b", "c"), active=()
+    )
+    assert lines == []
+
+
+def test_humbles_names_of_initial_states_are_mapped(load):
+    config, lines = load(
+        manager(
+            "update_rate: 50\n"
+            "activate_components_on_start: [a]\n"
+            "configure_components_on_start: [b]\n"
+            "hardware_components_initial_state.inactive: [c]"
+        )
+    )
+
+    assert config.hardware_components_initial_state == HardwareComponentsInitialState(
+        unconfigured=(), inactive=("c", "b"), active=("a",)
+    )
+    assert lines == [
+        "info: 0.yaml:5: controller_manager.activate_components_on_start: this is "
+        "Humble's name; taken as the active ones of hardware_components_initial_state",
+        "info: 0.yaml:6: controller_manager.configure_components_on_start: this is "
+        "Humble's name; taken as the inactive ones of "
+        "hardware_components_initial_state",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("enforce_command_limits: 1", "enforce_command_limits: expected bool, got 1"),
+        (
+            "hardware_components_initial_state: {inactive: arm}",
+            "hardware_components_initial_state.inactive: expected a list of str, "
+            "got 'arm'",
+        ),
+        (
+            "activate_components_on_start: [1]",
+            "activate_components_on_start: expected str, got 1",
+        ),
+        (
+            "arm.params_file: 1",
+            "arm.params_file: expected a text or a list of texts, got 1",
+        ),
+        (
+            "arm.params_file: [1.5]",
+            "arm.params_file: expected a text or a list of texts, got [1.5]",
+        ),
+    ],
+)
+def test_a_managers_parameter_of_another_type_is_an_error(problem, text, message):
+    assert problem(manager(text)) == f"0.yaml:4: controller_manager.{message}"
+
+
+def test_what_a_simulation_has_not_is_taken_without_a_word(load):
+    _, lines = load(
+        manager(
+            "update_rate: 50\n"
+            "use_sim_time: true\n"
+            "lock_memory: false\n"
+            "cpu_affinity: 2\n"
+            "thread_priority: 50\n"
+            "overruns: {manage: true, print_warnings: false}\n"
+            "diagnostics: {threshold: {x: {error: 1.0}}}\n"
+            "hardware_synchronization: {a: {b: 1}}"
+        )
+    )
+
+    assert lines == []
+
+
+def test_parameters_of_the_manager_without_effect_are_reported(load):
+    _, lines = load(
+        manager(
+            "update_rate: 50\n"
+            "update_rte: 60\n"
+            "gains: {p: 1.0, d: 2.0}\n"
+            "handle_exceptions: false\n"
+            "arm: {joints: [a], gains: {p: 1}}"
+        )
+    )
+
+    assert lines == [
+        "info: 0.yaml:7: controller_manager.handle_exceptions: it is not simulated; "
+        "it has no effect",
+        "info: 0.yaml:5: controller_manager.update_rte: unknown parameter; did you "
+        "mean 'update_rate'? known: activate_components_on_start, "
+        "configure_components_on_start, enforce_command_limits, "
+        "hardware_components_initial_state, update_rate; it has no effect",
+        "info: 0.yaml:6: controller_manager.gains: no controller, for it has no "
+        "'type', only d, p; it has no effect",
+        "info: 0.yaml:8: controller_manager.arm: gains.p, joints: a controller's "
+        "parameters stand in its own section; it has no effect",
+    ]
+
+
+def test_parameters_of_all_nodes_are_not_the_managers_alone(load):
+    config, lines = load(
+        "/**:\n"
+        "  ros__parameters:\n"
+        "    update_rate: 50\n"
+        "    enforce_command_limits: true\n"
+        "    joints: [a]\n"
+        "    arm: {type: a/A, gains: {p: 1}}\n"
+    )
+
+    assert config.update_rate == 50
+    assert config.enforce_command_limits is True
+    assert values(config) == {"joints": ["a"]}
+    assert lines == [
+        "info: 0.yaml:6: controller_manager.arm: gains.p: a controller's parameters "
+        "stand in its own section; it has no effect"
+    ]
+
+
+# What the manager's section says about a controller
+
+
+def test_a_controllers_fallback_is_kept(load):
+    config, lines = load(
+        f"{MANAGER}    hold: {{type: a/A}}\n    leg: {{type: b/B}}\n"
+        "    arm.fallback_controllers: [hold]\n"
+        "leg: {ros__parameters: {fallback_controllers: [hold, arm], x: 1}}\n"
+    )
+
+    fallback = {c.name: c.fallback_controllers for c in config.controllers}
+    assert fallback == {"arm": ("hold",), "hold": (), "leg": ("hold", "arm")}
+    assert values(config, "leg") == {"x": 1}
+    assert lines == []
+
+
+def test_options_of_a_node_are_reported(load):
+    config, lines = load(f"{MANAGER}    arm.node_options_args: ['-r', 'a:=b']\n")
+
+    assert [c.name for c in config.controllers] == ["arm"]
+    assert lines == [
+        "info: 0.yaml:5: controller_manager.arm.node_options_args: options of nodes "
+        "are not simulated; it has no effect"
+    ]
+
+
+def test_a_controller_is_not_its_own_fallback(load):
+    config, lines = load(
+        f"{MANAGER}    leg: {{type: b/B}}\n    arm.fallback_controllers: [leg, arm]\n"
+    )
+
+    assert [c.name for c in config.controllers] == ["leg"]
+    assert lines == [
+        "error: 0.yaml:6: controller_manager.arm: it is its own fallback; "
+        "it is not spawned"
+    ]
+
+
+def test_a_controller_without_a_type_is_not_spawned(load):
+    config, lines = load(f"{MANAGER}    leg: {{fallback_controllers: [arm]}}\n")
+
+    assert [c.name for c in config.controllers] == ["arm"]
+    assert lines == [
+        "warning: 0.yaml:5: controller_manager.leg: no 'type' is given; "
+        "it is not spawned"
+    ]
+
+
+def test_a_type_without_a_value_is_not_given(load):
+    config, lines = load(f"{MANAGER}    leg:\n      type:\n")
+
+    assert [c.name for c in config.controllers] == ["arm"]
+    assert lines == [
+        "warning: 0.yaml:6: controller_manager.leg.type: it has no value; "
+        "rcl refuses the file; taken as not given"
+    ]
+
+
+def test_files_of_a_controller_are_read_for_it_alone(load, tmp_path):
+    package = tmp_path / "pkg"
+    package.mkdir()
+    (package / "package.xml").write_text("<package><name>pkg</name></package>")
+    (package / "far.yaml").write_text("arm: {ros__parameters: {x: 4}}\n")
+    (tmp_path / "all.yaml").write_text("/**: {ros__parameters: {x: 3, y: 3, z: 3}}\n")
+    (tmp_path / "leg.yaml").write_text(
+        "leg: {ros__parameters: {type: b/B}}\nother: {ros__parameters: {x: 1}}\n"
+    )
+
+    config, lines = load(
+        f"{MANAGER}"
+        "    arm.params_file: [all.yaml, package://pkg/far.yaml]\n"
+        f"    leg.params_file: {tmp_path}/leg.yaml\n"
+        "arm: {ros__parameters: {x: 1, y: 1, w: 1}}\n"
+    )
+
+    assert values(config) == {"x": 4, "y": 3, "z": 3, "w": 1}
+    assert [(c.name, c.type) for c in config.controllers] == [
+        ("arm", "a/A"),
+        ("leg", "b/B"),
+    ]
+    assert values(config, "leg") == {}
+    assert config.files == (
+        tmp_path / "0.yaml",
+        tmp_path / "all.yaml",
+        package / "far.yaml",
+        tmp_path / "leg.yaml",
+    )
+    assert lines == []
+
+
+def test_a_missing_file_of_a_controller_is_reported(load):
+    config, lines = load(
+        f"{MANAGER}    arm.params_file:\n      - nope.yaml\n      - package://nope/a\n"
+    )
+
+    assert [c.name for c in config.controllers] == ["arm"]
+    assert lines[0] == (
+        "error: 0.yaml:6: controller_manager.arm.params_file: no such file: "
+        "'nope.yaml'; it is left out"
+    )
+    assert "arm.params_file: package 'nope' not found" in lines[1]
+    assert len(lines) == 2
+
+
+# Several managers
+
+
+TWO = """\
+/left/controller_manager:
+  ros__parameters:
+    update_rate: 50
+    arm: {type: a/A, fallback_controllers: [hold, arm2]}
+    arm2: {type: a/A}
+    hold: {type: h/H}
+right:
+  controller_manager:
+    ros__parameters:
+      update_rate: 50
+      hold: {type: h/H}
+      leg: {type: b/B}
+"""
+
+FURTHER = (
+    "warning: 0.yaml:9: right/controller_manager: a further controller manager beside "
+    "'left/controller_manager'; its controllers run under 'left/controller_manager'"
+)
+
+
+def test_controllers_of_several_managers_are_all_taken(load):
+    config, lines = load(TWO)
+
+    assert config.update_rate == 50
+    assert [(c.name, c.type, c.fallback_controllers) for c in config.controllers] == [
+        ("arm", "a/A", ("left_hold", "arm2")),
+        ("arm2", "a/A", ()),
+        ("left_hold", "h/H", ()),
+        ("right_hold", "h/H", ()),
+        ("leg", "b/B", ()),
+    ]
+    assert lines == [
+        "warning: 0.yaml:6: left/controller_manager.hold: several controller managers "
+        "have a controller 'hold'; this one is named 'left_hold'",
+        "warning: 0.yaml:11: right/controller_manager.hold: several controller "
+        "managers have a controller 'hold'; this one is named 'right_hold'",
+        FURTHER,
+    ]
+
+
+def test_controllers_of_one_name_get_the_parameters_of_their_name_space(load):
+    config, _ = load(
+        f"{TWO}"
+        "/**: {ros__parameters: {a: 1}}\n"
+        "/**/hold: {ros__parameters: {b: 1}}\n"
+        "/left/hold: {ros__parameters: {c: 1}}\n"
+        "right: {hold: {ros__parameters: {d: 1}}}\n"
+        "/*/hold: {ros__parameters: {e: 1}}\n"
+        "/a/*/hold: {ros__parameters: {f: 1}}\n"
+        "hold: {ros__parameters: {g: 1}}\n"
+    )
+
+    assert values(config, "left_hold") == {"a": 1, "b": 1, "c": 1, "e": 1, "g": 1}
+    assert values(config, "right_hold") == {"a": 1, "b": 1, "d": 1, "e": 1, "g": 1}
+
+
+def test_a_section_of_another_managers_name_space_is_reported(load):
+    config, lines = load(f"{TWO}/left/leg: {{ros__parameters: {{x: 1}}}}\n")
+
+    assert values(config, "leg") == {}
+    assert lines[-1] == (
+        "warning: 0.yaml:13: left/leg: no controller of this name; did you mean 'leg'? "
+        "known: arm, arm2, controller_manager, hold, leg; the section has no effect"
+    )
+
+
+def test_a_type_in_its_own_section_belongs_to_one_manager(load):
+    config, _ = load(
+        f"{TWO}"
+        "/right/foot: {ros__parameters: {type: f/F}}\n"
+        "wheel: {ros__parameters: {type: w/W}}\n"
+    )
+
+    names = [c.name for c in config.controllers]
+    assert sorted(names) == sorted(
+        ["arm", "arm2", "left_hold", "wheel", "right_hold", "leg", "foot"]
+    )
+
+
+def test_of_several_rates_the_first_is_used(load):
+    text = TWO.replace("      update_rate: 50", "      update_rate: 100")
+
+    config, lines = load(text)
+
+    assert config.update_rate == 50
+    assert lines[-2:] == [
+        FURTHER,
+        "warning: 0.yaml:10: right/controller_manager.update_rate: 100 differs from 50 "
+        "of another controller manager; 50 is used",
+    ]
+
+
+def test_parameters_of_several_managers_are_taken_together(load):
+    config, _ = load(
+        TWO.replace(
+            "    update_rate: 50\n    arm:",
+            "    hardware_components_initial_state.inactive: [a, b]\n    arm:",
+        ),
+        "/right/controller_manager:\n"
+        "  ros__parameters:\n"
+        "    enforce_command_limits: true\n"
+        "    hardware_components_initial_state.inactive: [b, c]\n",
+    )
+
+    assert config.update_rate == 50
+    assert config.enforce_command_limits is True
+    assert config.hardware_components_initial_state.inactive == ("a", "b", "c")
+
+
+def test_a_new_name_that_is_taken_gets_a_mark(load):
+    config, _ = load(f"{TWO}      left_hold: {{type: l/L}}\n")
+
+    types = {c.name: c.type for c in config.controllers}
+    assert types["left_hold"] == "l/L"
+    assert types["left_hold_"] == "h/H"

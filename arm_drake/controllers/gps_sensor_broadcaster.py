@@ -1,0 +1,30 @@
+"""``gps_sensor_broadcaster/GPSSensorBroadcaster``.
+
+Source: ros2_controllers, `gps_sensor_broadcaster` (version 6.9.0). Parameters only.
+"""
+
+import dataclasses as dc
+
+from arm_drake.controllers.validation import check_length, check_not_empty
+
+
+@dc.dataclass(frozen=True)
+class GPSSensorBroadcasterParameters:
+    """Parameters of a GPSSensorBroadcaster."""
+
+    # Sensor to read.
+    sensor_name: str
+
+    # Frame of the message's header.
+    frame_id: str
+
+    # Covariance of the position [m^2], 3 x 3 by rows.
+    static_position_covariance: tuple[float, ...] = (0.0,) * 9
+
+    # Whether the sensor tells the covariance.
+    read_covariance_from_interface: bool = False
+
+    def __post_init__(self) -> None:
+        """Reject what the types alone can't express."""
+        check_not_empty(self, "sensor_name", "frame_id")
+        check_length(self, 9, "static_position_covariance")

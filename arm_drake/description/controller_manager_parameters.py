@@ -1,0 +1,219 @@
+"""The controller manager's own parameters."""
+
+import dataclasses as dc
+from collections.abc import Collection
+from pathlib import Path
+
+from arm_drake.description.parameters import Parameter, Parameters, load_parameters
+from arm_drake.description.report import Kind, LoadReport
+from arm_drake.errors import ParameterError, suggest
+
+DEFAULT_UPDATE_RATE = 100  # Hz
+MAX_UPDATE_RATE = 10_000  # Hz
+MANAGER = "controller_manager"
+
+# They tell the manager about a controller, below its name.
+CONTROLLER_KEYS = (
+    "type",
+    "params_file",
+    "fallback_controllers",
+    "node_options_args",
+)
+
+# They mean nothing without threads, clocks and hardware of their own.
+_NEEDLESS = (
+    "cpu_affinity",
+    "diagnostics",
+    "hardware_synchronization",
+    "lock_memory",
+    "overruns",
+    "robot_description",
+    "thread_priority",
+    "use_sim_time",
+)
+
+# They change what a controller manager does, but not yet this one.
+_NOT_SIMULATED = ("defaults", "handle_exceptions")
+_SHUTDOWN = "hardware_components_initial_state.shutdown_on_initial_state_failure"
+
+
+@dc.dataclass(frozen=True)
+class HardwareComponentsInitialState:
+    """In which state the blocks of `<ros2_control>` start, by their names."""
+
+    # Those left unconfigured.
+    unconfigured: tuple[str, ...] = ()
+
+    # Those configured but not activated.
+    inactive: tuple[str, ...] = ()
+
+    # The only ones activated, all others staying unconfigured, as in Humble's
+    # activate_components_on_start. Empty: all that are not named above.
+    active: tuple[str, ...] = ()
+
+
+@dc.dataclass(frozen=True)
+class ControllerManagerParameters:
+    """The parameters of a controller manager that have an effect."""
+
+    # Rate of the read-update-write loop [Hz].
+    update_rate: int = DEFAULT_UPDATE_RATE
+
+    # Whether commands are kept within the joints' limits. None: as the distribution
+    # does by default.
+    enforce_command_limits: bool | None = None
+
+    hardware_components_initial_state: HardwareComponentsInitialState = (
+        HardwareComponentsInitialState()
+    )
+
+
+@dc.dataclass(frozen=True)
+class _InitialState:
+    unconfigured: tuple[str, ...] = ()
+    inactive: tuple[str, ...] = ()
+    shutdown_on_initial_state_failure: bool = False
+
+
+@dc.dataclass(frozen=True)
+class _Schema:
+    update_rate: int = DEFAULT_UPDATE_RATE
+    enforce_command_limits: bool = True
+    hardware_components_initial_state: _InitialState = _InitialState()
+    activate_components_on_start: tuple[str, ...] = ()
+    configure_components_on_start: tuple[str, ...] = ()
+
+
+_KNOWN = tuple(field.name for field in dc.fields(_Schema))
+
+
+def is_managers(key: str) -> bool:
+    """Return whether a parameter is the manager's, wherever it is given."""
+    return key.partition(".")[0] in (*_KNOWN, *_NEEDLESS, *_NOT_SIMULATED)
+
+
+def load_manager_parameters(
+    parameters: Parameters, node: str, report: LoadReport
+) -> ControllerManagerParameters:
+    """Return the parameters of a controller manager.
+
+    Args:
+        parameters: All parameters of its node.
+        node: Name of the node, for messages.
+        report: Where what has no effect is recorded.
+
+    Raises:
+        ParameterError: If one is of the wrong type or out of range.
+    """
+    rate = parameters.get("update_rate")
+    if rate is not None and (
+        type(rate.value) is not int or not 0 < rate.value <= MAX_UPDATE_RATE
+    ):
+        raise ParameterError(
+            f"expected an integer from 1 to {MAX_UPDATE_RATE} [Hz], got {rate.value!r}",
+            file=rate.file,
+            line=rate.line,
+            where=f"{node}.update_rate",
+        )
+    own = {k: p for k, p in parameters.items() if k.partition(".")[0] in _KNOWN}
+    loaded = load_parameters(_Schema, own, node, Path(), report)
+    for key in parameters:
+        if key.partition(".")[0] in _NOT_SIMULATED or key == _SHUTDOWN:
+            what, done = "it is not simulated", "it has no effect"
+            _report(report, "unsupported", what, done, f"{node}.{key}", parameters[key])
+    for old, new in (
+        ("activate_components_on_start", "active"),
+        ("configure_components_on_start", "inactive"),
+    ):
+        if old in parameters:
+            what = "this is Humble's name"
+            done = f"taken as the {new} ones of hardware_components_initial_state"
+            _report(report, "repair", what, done, f"{node}.{old}", parameters[old])
+    states = loaded.hardware_components_initial_state
+    return ControllerManagerParameters(
+        update_rate=loaded.update_rate,
+        enforce_command_limits=(
+            loaded.enforce_command_limits
+            if "enforce_command_limits" in parameters
+            else None
+        ),
+        hardware_components_initial_state=HardwareComponentsInitialState(
+            states.unconfigured,
+            (*states.inactive, *loaded.configure_components_on_start),
+            loaded.activate_components_on_start,
+        ),
+    )
+
+
+def report_foreign(
+    parameters: Parameters, node: str, controllers: Collection[str], report: LoadReport
+) -> None:
+    """Report what stands in a manager's section and is neither its nor a controller's.
+
+    Args:
+        parameters: Parameters of sections of this manager alone.
+        node: Name of the manager's node, for messages.
+        controllers: Names of its controllers.
+        report: Where it is recorded, a line for each name.
+    """
+    groups: dict[str, dict[str, Parameter]] = {}
+    for key, parameter in parameters.items():
+        group, _, rest = key.partition(".")
+        if not is_managers(key) and not (
+            group in controllers and rest in CONTROLLER_KEYS
+        ):
+            groups.setdefault(group, {})[rest] = parameter
+    for group, members in groups.items():
+        listed = ", ".join(sorted(members))
+        if group in controllers:
+            what = f"{listed}: a controller's parameters stand in its own section"
+        elif "" not in members:
+            what = f"no controller, for it has no 'type', only {listed}"
+        else:
+            what = f"unknown parameter; {suggest(group, _KNOWN)}"
+        first = next(iter(members.values()))
+        done = "it has no effect"
+        _report(report, "ignored", what, done, f"{node}.{group}", first)
+
+
+def _report(
+    report: LoadReport,
+    kind: Kind,
+    what: str,
+    done: str,
+    where: str,
+    parameter: Parameter,
+) -> None:
+    report.add(
+        "info",
+        kind,
+        what,
+        done,
+        where=where,
+        file=parameter.file,
+        line=parameter.line,
+    )
+
+
+def texts_of(parameter: Parameter | None, where: str) -> tuple[str, ...]:
+    """Return a parameter that is a list of texts; one text alone is a list of one.
+
+    Args:
+        parameter: The parameter; None if it is not given.
+        where: Its full name, for messages.
+
+    Raises:
+        ParameterError: If it is something else.
+    """
+    if parameter is None:
+        return ()
+    value = parameter.value
+    values = [value] if isinstance(value, str) else value
+    if not isinstance(values, list) or not all(isinstance(v, str) for v in values):
+        raise ParameterError(
+            f"expected a text or a list of texts, got {value!r}",
+            file=parameter.file,
+            line=parameter.line,
+            where=where,
+        )
+    return tuple(values)

@@ -1,0 +1,283 @@
+"""What a controller doesn't act on, or not as written, is said in the report."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from arm_drake.controllers import CONTROLLER_TYPES
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.joint_trajectory_controller import JointTrajectoryController
+from arm_drake.description.controllers import (
+    ControllerConfig,
+    ControllerManagerConfig,
+)
+from arm_drake.description.controllers import load_controllers as read_controllers
+from arm_drake.description.parameters import Parameter, load_parameters
+from arm_drake.description.report import LoadReport
+from arm_drake.errors import ParameterError
+from arm_drake.manager import Surroundings, load_controllers
+from tests.controllers.parameters import (
+    ACKERMANN,
+    DIFF_DRIVE,
+    FORWARD,
+    JSB,
+    JTC,
+    MINIMAL,
+    OLD_JSB,
+    PID,
+    SCALED_JTC,
+    load,
+    report_of,
+)
+from tests.robots import robots_folder
+
+
+def not_acted_on(name: str, value: Any, only: Any) -> str:
+    return (
+        f"warning: {name}: {value!r} is not acted on yet; the controller acts as with "
+        f"{only!r}"
+    )
+
+
+@pytest.mark.parametrize(
+    ("type_", "name", "value", "only"),
+    [
+        (JTC, "speed_scaling.state_interface", "s/factor", ""),
+        (JTC, "speed_scaling.command_interface", "s/factor", ""),
+        (JTC, "speed_scaling.initial_scaling_factor", 0.5, 1.0),
+        (JTC, "constraints.decelerate_on_cancel", True, False),
+        (JSB, "map_interface_to_joint_state.position", "angle", "position"),
+        (JSB, "map_interface_to_joint_state.velocity", "speed", "velocity"),
+        (JSB, "map_interface_to_joint_state.effort", "torque", "effort"),
+        (JSB, "publish_dynamic_joint_states", True, False),
+    ],
+)
+def test_what_a_controller_does_not_act_on_yet_is_reported(type_, name, value, only):
+    assert report_of(type_, {name: value}) == [not_acted_on(name, value, only)]
+    assert report_of(type_, {name: only}) == []
+
+
+def test_other_joints_to_command_are_refused():
+    params = ControllerInterfaceParams(
+        controller_name="c",
+        update_rate=100,
+        period=0.01,
+        joint_types={"a": "revolute", "b": "revolute"},
+        command_interfaces=frozenset(),
+        state_interfaces=frozenset(),
+        measured=(),
+        initial_commands={},
+    )
+
+    with pytest.raises(ParameterError) as caught:
+        JointTrajectoryController(load(JTC, {"command_joints": ["b"]}), params)
+
+    assert str(caught.value) == (
+        "command_joints other than joints are not acted on yet, got ['b']"
+    )
+
+
+def test_gains_without_a_pid_are_reported_once():
+    given = {"gains.a.p": 1.0, "gains.b.p": 1.0}
+    velocity = {"command_interfaces": ["velocity"]}
+
+    assert report_of(JTC, given) == [
+        "info: gains.a.p: gains act on 'velocity' or 'effort' alone, not on "
+        "['position']; none of them has an effect"
+    ]
+    assert report_of(JTC, {**velocity, **given}) == []
+
+
+def test_the_name_of_the_scaled_controllers_factor_is_taken():
+    name, factor = "speed_scaling_interface_name", "speed_scaling/speed_scaling_factor"
+
+    loaded = load(SCALED_JTC, {name: factor})
+
+    assert loaded.speed_scaling.state_interface == factor
+    assert report_of(SCALED_JTC, {name: factor}) == [
+        f"info: {name}: older parameter; later: speed_scaling.state_interface: "
+        f"{factor}; taken as that",
+        not_acted_on("speed_scaling.state_interface", factor, ""),
+    ]
+
+
+def test_saturation_of_a_trajectory_controller_is_unknown_after_jazzy():
+    velocity = {"command_interfaces": ["velocity"]}
+    given = {**velocity, "gains.a.saturation": False, "gains.a.u_clamp_max": 2.0}
+
+    for distro, limit in (("jazzy", float("inf")), ("kilted", 2.0)):
+        assert load(JTC, given, distro=distro).gains.joint["a"].u_clamp_max == limit
+    assert report_of(JTC, given) == [
+        "warning: gains.a.u_clamp_max: saturation is false; it has no effect"
+    ]
+    assert report_of(PID, {"gains.a.saturation": True}) == []
+
+
+@pytest.mark.parametrize(
+    ("given", "lines"),
+    [
+        (
+            {"linear.x.has_jerk_limits": False, "linear.x.max_jerk": 1.0},
+            [
+                "warning: linear.x.has_jerk_limits: a parameter of humble; a limit "
+                "that is given acts: max_jerk"
+            ],
+        ),
+        (
+            {"linear.x.has_jerk_limits": False},
+            [
+                "info: linear.x.has_jerk_limits: a parameter of humble; a limit that "
+                "is given acts: none"
+            ],
+        ),
+    ],
+)
+def test_a_switch_of_limits_without_effect_is_reported(given, lines):
+    assert report_of(DIFF_DRIVE, given) == lines
+
+
+def test_a_limit_that_humble_does_not_switch_on_is_reported():
+    given = {"linear.x.max_velocity": 1.0, "angular.z.max_jerk": float("nan")}
+
+    assert report_of(DIFF_DRIVE, given, distro="humble") == [
+        "warning: linear.x.max_velocity: has_velocity_limits is not true; the limit is "
+        "off"
+    ]
+
+
+def test_steered_wheels_need_no_radius():
+    given = {"front_wheels_radius": 0.2}
+
+    assert report_of(ACKERMANN, given) == [
+        "info: front_wheels_radius: the steered wheels' radius has no use; it has no "
+        "effect"
+    ]
+
+
+FILE = Path("c.yaml")
+
+
+def loaded_by_manager(type_: str, **given: Any) -> tuple[list[str], list[str], bool]:
+    """Return state and report of a controller, and whether it has a system."""
+    written = {**MINIMAL.get(type_, {}), **given}
+    parameters = {name: Parameter(v, FILE, 7) for name, v in written.items()}
+    distro = parameters.pop("distro", Parameter("jazzy", FILE, 1)).value
+    config = ControllerManagerConfig(
+        controllers=(ControllerConfig("c", type_, parameters, FILE, 3),)
+    )
+    names = [
+        f"{joint}/{interface}"
+        for interface in ("position", "velocity", "effort")
+        for joint in "ab"
+    ]
+    there = Surroundings(
+        {"a": "revolute", "b": "revolute"},
+        frozenset(names[:2]),
+        frozenset(names),
+        {"a": 0.0, "b": 0.0},
+    )
+    report = LoadReport()
+    (controller,) = load_controllers(config, there, report, distro=distro)
+    return [controller.state], str(report).splitlines(), controller.system is not None
+
+
+def test_a_type_that_is_not_simulated_has_its_parameters_checked():
+    done = "the controller does not run"
+
+    assert loaded_by_manager(FORWARD) == (
+        ["unconfigured"],
+        [
+            f"error: c.yaml:3: c: controller type {FORWARD!r} is not simulated yet; "
+            f"{done}"
+        ],
+        False,
+    )
+    assert loaded_by_manager(FORWARD, joints=[]) == (
+        ["unconfigured"],
+        [f"error: c.yaml: c: joints must have at least one element; {done}"],
+        False,
+    )
+
+
+def test_a_type_that_is_unknown_is_unsupported():
+    state, (line,), _ = loaded_by_manager("pid_controller/PidControler")
+
+    assert state == ["unconfigured"]
+    assert line.startswith(
+        "error: c.yaml:3: c: unknown controller type 'pid_controller/PidControler'; "
+        "did you mean 'pid_controller/PidController'? known: ackermann_steering_"
+    )
+
+
+@pytest.mark.parametrize(("type_", "other"), [(SCALED_JTC, JTC), (OLD_JSB, JSB)])
+def test_an_equivalent_type_runs_as_ours(type_, other):
+    assert loaded_by_manager(type_) == (
+        ["active"],
+        [f"info: c.yaml:3: c: controller type {type_!r}; run as {other}"],
+        True,
+    )
+
+
+def test_the_manager_loads_the_distros_parameters():
+    given = {"state_publish_rate": 10.0}
+
+    assert loaded_by_manager(JTC, **given, distro="humble")[1] == []
+    assert loaded_by_manager(JTC, **given)[1] == [
+        "info: c.yaml:7: c.state_publish_rate: a parameter up to humble only, not of "
+        "jazzy; it has no effect"
+    ]
+
+
+# Types of other packages, which nothing here stands for.
+OF_OTHERS = {
+    "robotiq_controllers/RobotiqActivationController",
+    "kuka_controllers/EventBroadcaster",
+    "epick_controllers/EpickGripperActionController",
+    "epick_controllers/EpickStatusPublisherController",
+}
+
+# The parameters of one robot's controllers are in no file: its driver's launch file
+# passes them.
+WITHOUT_PARAMETERS = {
+    "joint_trajectory_controller.joints: is required but missing",
+    "gpio_controller.gpios: is required but missing",
+}
+
+
+def real_controllers() -> Iterator[tuple[str, ControllerConfig]]:
+    """Yield every controller of the real robots, all files of a robot together."""
+    root = robots_folder()
+    index = yaml.safe_load((root / "INDEX.yaml").read_text(encoding="utf-8"))
+    for robot in index["robots"]:
+        files = [root / file for file in robot["controllers_yaml"] or ()]
+        variables = {k: str(v) for k, v in (robot.get("launch_vars") or {}).items()}
+        for controller in read_controllers(files, variables, LoadReport()).controllers:
+            yield robot["name"], controller
+
+
+@pytest.mark.parametrize("distro", ["humble", "jazzy", "kilted", "rolling"])
+def test_real_robots_have_their_controllers_parameters(distro):
+    loaded = set()
+    unknown = set()
+    refused = set()
+    for robot, controller in real_controllers():
+        row = CONTROLLER_TYPES.get(controller.type)
+        if row is None:
+            unknown.add(controller.type)
+            continue
+        own = dict(controller.parameters)
+        own.pop("update_rate", None)
+        name, file = controller.name, controller.file
+        schema, report = row.parameters, LoadReport()
+        try:
+            load_parameters(schema, own, name, file, report, distro=distro)
+            loaded.add(controller.type)
+        except ParameterError as error:
+            refused.add((robot, f"{error.where}: {error.problem}"))
+
+    assert unknown == OF_OTHERS
+    assert refused == {("kuka_kr6_agilus", problem) for problem in WITHOUT_PARAMETERS}
+    assert len(loaded) > 9
