@@ -1,45 +1,38 @@
-"""Mesh files of robot descriptions to what Drake draws and collides, once.
+"""Mesh files of robot descriptions to what Drake draws and collides, once."""
 
-COLLADA is read as RViz and Gazebo read it: the unit counts, the up axis doesn't.
-"""
-
+import dataclasses as dc
 import hashlib
-import io
-import re
-from pathlib import Path, PureWindowsPath
-from typing import Any, Literal
-from urllib.parse import unquote
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
-from arm_drake.description import mesh_cache
-from arm_drake.description.mesh_cache import Array, Color, Surface
+from arm_drake.description import convex, mesh_cache
+from arm_drake.description.gltf import encode_gltf
 from arm_drake.description.mesh_cache import cache_directory as cache_directory
 from arm_drake.description.mesh_cache import clear_cache as clear_cache
+from arm_drake.description.mesh_files import read_bytes, references
+from arm_drake.description.mesh_reading import read_surfaces
 from arm_drake.description.report import Kind, LoadReport, ReportEntry, Severity
+from arm_drake.description.surfaces import Array, Color, Surface
 
 # Part of every cache key: raise it when the same input gives another output.
-CONVERTER_VERSION = 2
+CONVERTER_VERSION = 3
 
 MESH_SUFFIXES = (".dae", ".glb", ".gltf", ".obj", ".ply", ".stl")
 
+# Browsers draw a few million triangles of all robots together.
+MANY_TRIANGLES = 200_000
+
 Scale = tuple[float, float, float]
+Mode = Literal["visual", "hull", "parts"]
+_Paths = tuple[Path, ...]
 
 _DEFAULT_COLOR: Color = (0.7, 0.7, 0.7, 1.0)
 
-# Drake's convex hull needs a volume: a flat mesh gets this thickness [m].
-_FLAT_THICKNESS = 1e-4
-_FLATNESS = 1e-5  # Thickness as a part of the size; less is flat.
-
+_WITHOUT = "drawn without it"
 _IMAGES = (".bmp", ".jpeg", ".jpg", ".png", ".tga", ".tif", ".tiff")
-
-# How COLLADA, OBJ and MTL, PLY and glTF name the files that belong to them.
-_REFERENCE = re.compile(
-    rb"<image\b[^>]*>\s*<init_from>\s*(?:<ref>)?([^<]+)<"
-    rb"|^\s*(?:mtllib|map_Kd|comment TextureFile)[ \t]+([^\r\n]+)"
-    rb'|"uri"\s*:\s*"(?!data:)([^"]+)"',
-    re.MULTILINE,
-)
 
 
 def convert_visual(
@@ -66,8 +59,9 @@ def convert_visual(
     Raises:
         OutputError: Neither the cache nor a temporary folder can be written.
     """
-    place = {"where": where, "file": file}
-    return _convert("visual", source, scale, report, place, cache_dir, color)
+    conversion = _Conversion("visual", source, scale, report, where, file, color)
+    paths = conversion.run(cache_dir, (color,))
+    return paths[0] if paths else None
 
 
 def convert_collision(
@@ -78,228 +72,166 @@ def convert_collision(
     where: str,
     file: Path | None = None,
     cache_dir: Path | None = None,
-) -> Path | None:
-    """Return an OBJ file of the convex hull, or None and a report line.
+    decompose: bool = False,
+) -> tuple[Path, ...]:
+    """Return OBJ files of convex bodies, or none and a report line.
 
-    Arguments and errors are those of `convert_visual`.
+    Args:
+        source: The mesh file.
+        scale: Factors for x, y and z; negative ones mirror.
+        report: Receives what was not taken as written.
+        where: Place in the description, such as "link 'link1', collision 0".
+        file: The description.
+        cache_dir: Folder of converted meshes, by default `cache_directory`.
+        decompose: Whether to cover the mesh with convex parts, one file each, instead
+            of its convex hull.
+
+    Raises:
+        MissingExtraError: The library that decomposes isn't installed.
+        OutputError: Neither the cache nor a temporary folder can be written.
     """
-    place = {"where": where, "file": file}
-    return _convert("collision", source, scale, report, place, cache_dir, None)
+    library = (convex.require_decomposition(),) if decompose else ()
+    mode: Mode = "parts" if decompose else "hull"
+    return _Conversion(mode, source, scale, report, where, file).run(cache_dir, library)
 
 
-def _convert(
-    role: Literal["visual", "collision"],
-    source: Path,
-    scale: Scale,
-    report: LoadReport,
-    place: dict[str, Any],
-    cache_dir: Path | None,
-    color: Color | None,
-) -> Path | None:
-    is_visual = role == "visual"
-    severity: Severity = "warning" if is_visual else "error"
-    done = "it isn't drawn" if is_visual else "nothing collides with it"
-    mesh = f"mesh file {str(source)!r}"
-    suffix = source.suffix.lower()
+@dc.dataclass(frozen=True)
+class _Conversion:
+    """One mesh on its way to Drake; the fields are those of `convert_visual`."""
 
-    def fail(kind: Kind, problem: str, severity: Severity = severity) -> Path | None:
-        report.add(severity, kind, f"{mesh} {problem}", done, **place)
-        return None
+    mode: Mode
+    source: Path
+    scale: Scale
+    report: LoadReport
+    where: str
+    file: Path | None
+    color: Color | None = None
 
-    if suffix not in MESH_SUFFIXES:
-        known = ", ".join(MESH_SUFFIXES)
-        return fail("unsupported", f"has an unknown type {suffix!r}, known: {known}")
-    if not all(np.isfinite(s) and s != 0.0 for s in scale):
-        return fail("invalid", f"has the scale {scale}, which has to be finite, not 0")
-    try:
-        content = source.read_bytes()
-        references = {} if suffix == ".stl" else _references(source, content)
-        contents = [path.read_bytes() for path in references.values() if path]
-    except FileNotFoundError:
-        return fail("missing", "doesn't exist")
-    except OSError as error:
-        return fail("invalid", f"can't be read ({error.strerror})")
-
-    if is_visual:
-        for lost in sorted(n for n, path in references.items() if path is None):
-            what = f"{mesh}: its file {lost!r} doesn't exist"
-            report.add("warning", "missing", what, "drawn without it", **place)
-    sums = [hashlib.sha256(data).hexdigest() for data in (content, *contents)]
-    key = (
-        CONVERTER_VERSION,
-        role,
-        suffix,
-        *map(float, scale),
-        color,
-        [*references],
-        sums,
-    )
-    folder = (cache_directory() if cache_dir is None else cache_dir).absolute()
-    name = hashlib.sha256(repr(key).encode()).hexdigest()
-    name += ".gltf" if is_visual else ".obj"
-    converted = mesh_cache.find(folder, name)
-
-    if converted is None:
-        notes: list[ReportEntry] = []
+    def run(self, cache_dir: Path | None, settings: tuple[object, ...]) -> _Paths:
+        """Return the converted files, from the cache if it has them."""
+        suffix = self.source.suffix.lower()
+        if suffix not in MESH_SUFFIXES:
+            known = f"known: {', '.join(MESH_SUFFIXES)}"
+            return self._lose("unsupported", f"has an unknown type {suffix!r}, {known}")
+        if not all(np.isfinite(s) and s != 0.0 for s in self.scale):
+            problem = f"has the scale {self.scale}, which has to be finite, not 0"
+            return self._lose("invalid", problem)
         try:
-            with np.errstate(all="ignore"):
-                surfaces = _read(source, content, scale)
-                points = None if is_visual else _hull_points(surfaces, notes)
-        # The parsers of other projects answer a bad file with any exception there is.
-        except Exception as error:
-            reason = " ".join(str(error).split()) or type(error).__name__
-            return fail("invalid", f"can't be read ({reason[:100]})")
-        if not surfaces or (points is not None and not len(points)):
-            return fail("invalid", "holds no triangles", "warning")
-        images = [p for p in references.values() if p and p.suffix.lower() in _IMAGES]
-        if images and points is None and all(s.texture is None for s in surfaces):
-            what = f"its texture {images[0].name!r} can't be read"
-            notes.append(ReportEntry("warning", "invalid", what, "drawn without it"))
-        if points is None:
-            output = mesh_cache.encode_gltf(surfaces, color or _DEFAULT_COLOR)
-        else:
-            output = mesh_cache.encode_hull(points)
-        converted = mesh_cache.keep(folder, name, output, notes=notes, report=report)
-    for note in converted.notes:
-        what = f"{mesh}: {note.what}"
-        report.add(note.severity, note.kind, what, note.done, **place)
-    return converted.path
+            content = read_bytes(self.source)
+        except FileNotFoundError:
+            return self._lose("missing", "doesn't exist")
+        except OSError as error:
+            return self._lose("invalid", f"can't be read ({error.strerror})")
+        files = {} if suffix == ".stl" else references(self.source, content)
+        sums = [hashlib.sha256(content).hexdigest(), *self._checksums(files)]
+        scale = tuple(map(float, self.scale))
+        key = (CONVERTER_VERSION, self.mode, suffix, scale, settings, [*files], sums)
+        digest = hashlib.sha256(repr(key).encode()).hexdigest()
+        folder = (cache_directory() if cache_dir is None else cache_dir).absolute()
+        kind = ".gltf" if self.mode == "visual" else ".obj"
+        converted = mesh_cache.find(folder, digest, kind)
+        if converted is None:
+            notes: list[ReportEntry] = []
+            try:
+                with np.errstate(all="ignore"):
+                    outputs = self._outputs(content, files, notes)
+            # The parsers of other projects answer a bad file with any exception.
+            except Exception as error:
+                reason = " ".join(str(error).split()) or type(error).__name__
+                self._add_notes(notes)
+                return self._lose("invalid", f"can't be read ({reason[:100]})")
+            if not outputs:
+                self._add_notes(notes)
+                return self._lose("invalid", "holds no triangles", "warning")
+            converted = mesh_cache.keep(
+                folder, digest, kind, outputs, notes=notes, report=self.report
+            )
+        self._add_notes(converted.notes)
+        return converted.paths
 
+    def _checksums(self, files: dict[str, Path | None]) -> list[str]:
+        """Return checksums of the files that a mesh file names; report the lost."""
+        sums = []
+        for name, path in files.items():
+            kind: Kind = "missing" if path is None else "invalid"
+            problem = "doesn't exist"
+            try:
+                if path is not None:
+                    sums.append(hashlib.sha256(read_bytes(path)).hexdigest())
+                    continue
+            except OSError as error:
+                problem = f"can't be read ({error.strerror})"
+            sums.append(problem)
+            if self.mode == "visual":
+                what = f"its file {name!r} {problem}"
+                self._add_notes([ReportEntry("warning", kind, what, _WITHOUT)])
+        return sums
 
-def _references(source: Path, content: bytes) -> dict[str, Path | None]:
-    """Return where the files are that a mesh file names, None if they don't exist."""
-    found: dict[str, Path | None] = {}
-    for match in _REFERENCE.finditer(content):
-        name = next(filter(None, match.groups())).decode(errors="replace").strip()
-        found[name] = path = _beside(source, name)
-        if path is not None and source.suffix.lower() == ".obj":
-            found |= _references(path, path.read_bytes())
-    return found
+    def _outputs(
+        self, content: bytes, files: dict[str, Path | None], notes: list[ReportEntry]
+    ) -> list[bytes]:
+        """Return the files for Drake, none if there are no triangles."""
+        surfaces = read_surfaces(self.source, content, self.scale, notes)
+        if self.mode == "visual":
+            images = [p for p in files.values() if p and p.suffix.lower() in _IMAGES]
+            is_plain = all(surface.texture is None for surface in surfaces)
+            if images and is_plain and not any("texture" in n.what for n in notes):
+                what = f"its texture {images[0].name!r} can't be read"
+                notes.append(ReportEntry("warning", "invalid", what, _WITHOUT))
+            count = sum(len(surface.faces) for surface in surfaces)
+            if count > MANY_TRIANGLES:
+                what = f"it has {count} triangles"
+                done = f"drawn; more than {MANY_TRIANGLES} make a browser slow"
+                notes.append(ReportEntry("info", "unsupported", what, done))
+            color = self.color or _DEFAULT_COLOR
+            return [encode_gltf(surfaces, color)] if surfaces else []
+        return [
+            convex.encode_hull(body, notes) for body in self._bodies(surfaces, notes)
+        ]
 
+    def _bodies(self, surfaces: list[Surface], notes: list[ReportEntry]) -> list[Array]:
+        """Return the points of each convex body, none if there are no triangles."""
+        if not surfaces:
+            return []
+        vertices = np.concatenate([surface.vertices for surface in surfaces])
+        points, is_flat = convex.solid_points(vertices)
+        if is_flat:
+            what, done = "the mesh is flat", "its hull is 0.1 mm thick or more"
+            notes.append(ReportEntry("info", "repair", what, done))
+        elif len(points) and self.mode == "parts":
+            try:
+                return convex.decompose(surfaces)
+            except ValueError as error:
+                what, done = str(error), "its convex hull is used"
+                notes.append(ReportEntry("warning", "unsupported", what, done))
+        return [points] if len(points) else []
 
-def _beside(source: Path, name: str) -> Path | None:
-    """Return the file that a mesh file calls `name`, as RViz and Gazebo look for it."""
-    relative = PureWindowsPath(unquote(name.removeprefix("file://"))).as_posix()
-    base = PureWindowsPath(relative).name
-    folders = (source.parent, source.parent / "../materials/textures")
-    candidates = [source.parent / relative, *(folder / base for folder in folders)]
-    return next((path for path in candidates if path.is_file()), None)
+    def _add_notes(self, notes: Iterable[ReportEntry]) -> None:
+        for note in notes:
+            what = f"{self._mesh}: {note.what}"
+            self.report.add(
+                note.severity,
+                note.kind,
+                what,
+                note.done,
+                where=self.where,
+                file=self.file,
+            )
 
-
-def _read(source: Path, content: bytes, scale: Scale) -> list[Surface]:
-    """Return the surfaces of a mesh file, nodes flattened and z up."""
-    # Not at the top: the imports take longer than all hits of the cache together.
-    import trimesh
-
-    class Files(trimesh.resolvers.FilePathResolver):
-        def get(self, name: str) -> bytes:
-            path = _beside(source, name.strip())
-            if path is None:
-                raise FileNotFoundError(f"its file {name!r} doesn't exist")
-            return path.read_bytes()
-
-    suffix = source.suffix.lower()
-    if content.startswith(b"version https://git-lfs"):
-        raise ValueError("a Git LFS pointer, fetch it with `git lfs pull`")
-    if suffix == ".stl":  # Some exporters write bytes after the last triangle.
-        size = 84 + 50 * int.from_bytes(content[80:84], "little")
-        content = content[:size] if size > 84 else content
-    stream, files = io.BytesIO(content), Files(str(source))
-    scene = trimesh.load_scene(stream, suffix[1:], resolver=files, process=False)
-    surfaces = []
-    for node in sorted(scene.graph.nodes_geometry):
-        transform, name = scene.graph[node]
-        mesh = scene.geometry[name]
-        if not isinstance(mesh, trimesh.Trimesh):  # Points or lines.
-            continue
-        matrix = np.array(transform)
-        unit, is_scaled, _ = str(mesh.metadata.get("units", "")).partition("*")
-        if suffix == ".dae" and is_scaled:
-            matrix *= float(unit)
-        if suffix in (".gltf", ".glb"):  # y up, by their specification.
-            matrix = matrix[[0, 2, 1]] * [[1.0], [-1.0], [1.0]]
-        surface = _surface(mesh, np.diag(scale) @ matrix[:3], suffix)
-        if len(surface.faces):
-            surfaces.append(surface)
-    return surfaces
-
-
-def _surface(mesh: Any, matrix: Array, suffix: str) -> Surface:
-    """Return a trimesh mesh, mapped by a (3, 4) matrix, without degenerate faces."""
-    faces = np.asarray(mesh.faces)
-    columns = {"vertices": mesh.vertices @ matrix[:, :3].T + matrix[:, 3]}
-    volume = np.linalg.det(matrix[:, :3])
-    # Only normals of the file: trimesh would round the edges of a box.
-    if "vertex_normals" in mesh._cache and volume != 0.0:
-        normals = mesh.vertex_normals @ np.linalg.inv(matrix[:, :3])
-        length = np.linalg.norm(normals, axis=1, keepdims=True)
-        if (length > 0.0).all():  # NaN isn't.
-            columns["normals"] = normals / length
-    color = texture = None
-    if mesh.visual.kind == "texture":
-        look = mesh.visual.material
-        look = look if hasattr(look, "baseColorFactor") else look.to_pbr()
-        if look.baseColorFactor is not None:
-            color = tuple((np.asarray(look.baseColorFactor) / 255.0).tolist())
-        if look.baseColorTexture is not None and mesh.visual.uv is not None:
-            color, texture = color or (1.0, 1.0, 1.0, 1.0), _encode(look)
-            columns["uv"] = mesh.visual.uv[:, :2]
-    elif mesh.visual.kind == "vertex":
-        columns["vertex_colors"] = mesh.visual.vertex_colors / 255.0
-    elif mesh.visual.kind == "face":
-        columns = {name: rows[faces.ravel()] for name, rows in columns.items()}
-        columns["vertex_colors"] = np.repeat(mesh.visual.face_colors / 255.0, 3, axis=0)
-        faces = np.arange(faces.size).reshape(-1, 3)
-
-    if suffix not in (".gltf", ".glb"):  # All others have sRGB colours.
-        color = None if color is None else mesh_cache.to_linear(color)
-        if "vertex_colors" in columns:
-            rgb = columns["vertex_colors"][:, :3]
-            columns["vertex_colors"][:, :3] = mesh_cache.linear(rgb)
-
-    # STL and COLLADA come with three vertices of its own for every triangle.
-    table = np.hstack(list(columns.values())).astype("<f4", order="C")
-    keys = table.view(f"V{4 * table.shape[1]}").ravel()
-    _, kept, rows = np.unique(keys, return_index=True, return_inverse=True)
-    faces = rows[faces] if volume > 0.0 else rows[faces][:, ::-1]
-    a, b, c = np.moveaxis(table[kept, :3].astype(float)[faces], 1, 0)
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    is_good = np.isfinite(area) & (area > 0.0)
-    used, faces = np.unique(faces[is_good], return_inverse=True)
-    columns = {name: rows[kept[used]] for name, rows in columns.items()}
-    return Surface(faces=faces.reshape(-1, 3), color=color, texture=texture, **columns)
-
-
-def _encode(look: Any) -> bytes | None:
-    """Return the texture of a material as a PNG or JPEG file, None if it's damaged."""
-    image = look.baseColorTexture
-    kind = "JPEG" if image.format == "JPEG" else "PNG"
-    stream = io.BytesIO()
-    try:
-        rgb = image.convert("RGB" if kind == "JPEG" else "RGBA")
-        rgb.save(stream, kind, quality=95)
-    except (OSError, SyntaxError, ValueError):  # What Pillow raises.
-        return None
-    return stream.getvalue()
-
-
-def _hull_points(surfaces: list[Surface], notes: list[ReportEntry]) -> Array:
-    """Return points that span a volume, shape (n, 3); none if they are on a line."""
-    if not surfaces:
-        return np.empty((0, 3))
-    points = np.unique(np.concatenate([s.vertices for s in surfaces]), axis=0)
-    size = float(np.linalg.norm(np.ptp(points, axis=0)))
-    # Rows of `axes` are the principal axes, the thinnest last.
-    centred = points - points.mean(axis=0)
-    axes = np.linalg.eigh(centred.T @ centred)[1].T[::-1]
-    extents = np.ptp(centred @ axes.T, axis=0)
-    if extents[1] <= _FLATNESS * size:
-        return np.empty((0, 3))
-    if extents[2] <= _FLATNESS * size:
-        offset = axes[2] * max(_FLAT_THICKNESS, 2.0 * _FLATNESS * size) / 2.0
-        points = np.concatenate([points - offset, points + offset])
-        what = "the mesh is flat"
-        notes.append(
-            ReportEntry("info", "repair", what, "its hull is 0.1 mm thick or more")
+    def _lose(
+        self, kind: Kind, problem: str, severity: Severity | None = None
+    ) -> _Paths:
+        is_visual = self.mode == "visual"
+        self.report.add(
+            severity or ("warning" if is_visual else "error"),
+            kind,
+            f"{self._mesh} {problem}",
+            "it isn't drawn" if is_visual else "nothing collides with it",
+            where=self.where,
+            file=self.file,
         )
-    return points
+        return ()
+
+    @property
+    def _mesh(self) -> str:
+        return f"mesh file {str(self.source)!r}"

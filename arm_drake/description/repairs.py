@@ -239,9 +239,10 @@ class _GeometryRepair:
                 color=self._color(),
             )
         else:
-            converted = convert_collision(
+            hulls = convert_collision(
                 path, (x, y, z), self._report, where=self._where, file=self._file
             )
+            converted = hulls[0] if hulls else None
         if converted is None:
             return False
         shape.set("filename", converted.as_uri())
