@@ -2,14 +2,14 @@
 
 import argparse
 import contextlib
-import importlib.metadata
+import functools
 import json
 import os
 import sys
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from arm_drake.arguments import make_parser
 from arm_drake.errors import ArmDrakeError, InputError
 
 _USAGE_ERROR = 2
@@ -21,9 +21,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Args:
         arguments: Words of the command line; by default those of the process.
     """
-    options = _make_parser().parse_args(arguments)
+    options = make_parser().parse_args(arguments)
     try:
-        return int(options.run(options))
+        return _COMMANDS[options.command](options)
     except ArmDrakeError as error:
         print(f"arm-drake: {error}", file=sys.stderr)
         return _USAGE_ERROR
@@ -36,160 +36,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 130
 
 
-def _make_parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="arm-drake",
-        description="ROS 2 robot packages in Drake: the same files, no ROS.",
-    )
-    version = f"arm-drake {importlib.metadata.version('arm-drake')}"
-    parser.add_argument("--version", action="version", version=version)
-    commands = parser.add_subparsers(metavar="COMMAND", required=True)
+def load_robot_of(
+    options: argparse.Namespace, positions: Mapping[str, float] | None = None
+) -> Any:
+    """Load the robot that a command line names.
 
-    listing = commands.add_parser("list", help="bundled robots, worlds and motions")
-    listing.add_argument("--json", action="store_true", help="print one JSON object")
-    listing.set_defaults(run=_list)
-
-    check = commands.add_parser(
-        "check",
-        help="load a robot and print what was not taken as written",
-        description="Exits with 0 if the robot can be used, 1 if something is lost "
-        "(with --strict: if there is anything to report), 2 if it can't be loaded.",
-    )
-    _add_robot_arguments(check)
-    check.set_defaults(run=_check)
-
-    sim = commands.add_parser(
-        "sim",
-        help="simulate a robot with its controllers",
-        description="Exits with 0 if it ran, 1 if a goal failed or a message was "
-        "refused, 2 if something can't be used, found before the simulation starts.",
-    )
-    _add_robot_arguments(sim)
-    _add_sim_arguments(sim)
-    sim.set_defaults(run=_sim)
-    return parser
-
-
-def _add_robot_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "robot",
-        metavar="ROBOT",
-        help="a bundled robot, a .urdf or .xacro file, a folder",
-    )
-    parser.add_argument(
-        "xacro_args",
-        metavar="NAME:=VALUE",
-        nargs="*",
-        type=_pair(":="),
-        help="xacro arguments",
-    )
-    parser.add_argument(
-        "--controllers",
-        metavar="YAML",
-        action="append",
-        help="controllers YAML; repeatable",
-    )
-    parser.add_argument(
-        "--package-path",
-        metavar="DIR",
-        action="append",
-        default=[],
-        help="folder to search for packages; repeatable",
-    )
-    parser.add_argument(
-        "--var",
-        metavar="NAME=VALUE",
-        action="append",
-        default=[],
-        type=_pair("="),
-        help="value of $(var NAME) in the YAML; repeatable",
-    )
-    parser.add_argument("--distro", default="jazzy", help="ROS distribution (jazzy)")
-    parser.add_argument("--name", help="name of the robot")
-    parser.add_argument(
-        "--strict",
-        action="store_true",
-        help="take every line of the report as an error",
-    )
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
-
-
-def _add_sim_arguments(parser: argparse.ArgumentParser) -> None:
-    add = parser.add_argument
-    add("--motion", metavar="NAME|FILE", help="what to send to the controllers")
-    add("--duration", metavar="S", type=_positive, help="how long to simulate [s]")
-    add("--world", metavar="NAME", default="empty", help="built-in world (empty)")
-    add(
-        "--pose",
-        metavar=("X", "Y", "Z", "R", "P", "Y"),
-        nargs=6,
-        type=float,
-        help="pose of the base [m, rad]",
-    )
-    add("--gravity", choices=("on", "off"), default="on", help="gravity (on)")
-    add(
-        "--initial",
-        metavar="JOINT=VALUE",
-        action="append",
-        default=[],
-        type=_pair("="),
-        help="initial position [rad or m]; repeatable",
-    )
-    add("--active", metavar="NAME", action="append", default=[], help="start first")
-    add("--inactive", metavar="NAME", action="append", default=[], help="don't start")
-    add("--headless", action="store_true", help="no browser")
-    add("--hold", action="store_true", help="keep the page until Ctrl-C")
-    add(
-        "--rate",
-        metavar="R",
-        type=_not_negative,
-        help="simulated seconds per second; 0 is as fast as it goes "
-        "(1 with the browser, 0 headless)",
-    )
-    add("--time-step", metavar="S", type=_positive, help="largest step [s] (0.001)")
-    add("--log", metavar="FILE", type=Path, help="write the rollout: .npz or .csv")
-    add("--record", metavar="FILE.html", type=Path, help="write an animated page")
-    add("--plot", metavar="FILE.png", type=Path, help="draw reference and measurement")
-    add("--host", default="localhost", help="address of the page (localhost)")
-    add("--port", type=int, help="port of the page (first free from 7000)")
-
-
-def _pair(separator: str) -> Any:
-    """Return what parses NAME<separator>VALUE."""
-
-    def parse(text: str) -> tuple[str, str]:
-        name, found, value = text.partition(separator)
-        if not found or not name:
-            raise argparse.ArgumentTypeError(
-                f"expected NAME{separator}VALUE, got {text!r}"
-            )
-        return name, value
-
-    return parse
-
-
-def _positive(text: str) -> float:
-    number = _not_negative(text)
-    if number == 0.0:
-        raise argparse.ArgumentTypeError("expected a positive number, got 0")
-    return number
-
-
-def _not_negative(text: str) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        number = -1.0
-    if not 0.0 <= number < float("inf"):
-        raise argparse.ArgumentTypeError(f"expected a positive number, got {text!r}")
-    return number
-
-
-def load_robot_of(options: argparse.Namespace) -> Any:
-    """Load the robot that a command line names."""
+    Args:
+        options: What was parsed.
+        positions: Initial positions by joint [rad] or [m], beside those in `options`.
+    """
     from arm_drake.loading import load_robot
 
-    initial = {}
+    initial = dict(positions or {})
     for name, text in getattr(options, "initial", ()):
         try:
             initial[name] = float(text)
@@ -252,3 +110,41 @@ def _sim(options: argparse.Namespace) -> int:
     from arm_drake.sim_command import simulate
 
     return simulate(options, load_robot_of(options))
+
+
+def _view(options: argparse.Namespace) -> int:
+    from arm_drake.view_command import view
+
+    return view(options, functools.partial(load_robot_of, options))
+
+
+def _graph(options: argparse.Namespace) -> int:
+    from arm_drake.graph_command import run_graph
+
+    return run_graph(options, functools.partial(load_robot_of, options))
+
+
+def _cache(options: argparse.Namespace) -> int:
+    from arm_drake.description.meshes import cache_directory, clear_cache
+
+    folder = cache_directory()
+    if options.clear:
+        content = {"folder": str(folder), "removed": clear_cache()}
+        text = f"{folder}: {content['removed']} files removed"
+    else:
+        files = [path for path in folder.glob("*") if path.is_file()]
+        size = sum(path.stat().st_size for path in files)
+        content = {"folder": str(folder), "files": len(files), "bytes": size}
+        text = f"{folder}: {len(files)} files, {size / 1e6:.1f} MB"
+    print(json.dumps(content) if options.json else text)
+    return 0
+
+
+_COMMANDS: Mapping[str, Callable[[argparse.Namespace], int]] = {
+    "list": _list,
+    "check": _check,
+    "view": _view,
+    "sim": _sim,
+    "graph": _graph,
+    "cache": _cache,
+}

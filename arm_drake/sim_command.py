@@ -19,10 +19,13 @@ from arm_drake.errors import InputError, MotionError, OutputError, suggest
 from arm_drake.messages import GoalStatus, TopicRejected
 from arm_drake.motion import Motion, load_motion
 from arm_drake.options import SimulationOptions
+from arm_drake.output_files import check_suffix, check_writable
 from arm_drake.rollout import Rollout, writer_for
 from arm_drake.simulation import Simulation
+from arm_drake.visualization.browser import check_installed
 from arm_drake.visualization.meshcat import frame_points, save_html, start_meshcat
 from arm_drake.visualization.plot import check_plot_path
+from arm_drake.visualization.screenshot import SCREENSHOT_SUFFIXES, save_screenshot
 
 # How long a simulation without a motion lasts, headless [s].
 _HEADLESS_DURATION = 10.0
@@ -49,7 +52,7 @@ def simulate(options: argparse.Namespace, robot: Robot) -> int:
     _check_outputs(options)
     motion = _find_motion(options.motion, robot)
     meshcat = None
-    if not options.headless or options.record:
+    if not options.headless or options.record or options.screenshot:
         meshcat = start_meshcat(host=options.host, port=options.port)
     simulation = Simulation(
         build_diagram(
@@ -160,18 +163,12 @@ def _check_outputs(options: argparse.Namespace) -> None:
         check_plot_path(options.plot)
     if options.record is not None and options.record.suffix != ".html":
         raise OutputError("expected a .html file to record to", file=options.record)
-    for path in (options.log, options.plot, options.record):
-        if path is None:
-            continue
-        existed = path.exists()
-        try:
-            with path.open("ab"):
-                pass
-        except OSError as error:
-            reason = error.strerror or str(error)
-            raise OutputError(f"can't be written: {reason}", file=path) from None
-        if not existed:
-            path.unlink()
+    if options.screenshot is not None:
+        check_installed()
+        check_suffix(options.screenshot, "a screenshot", SCREENSHOT_SUFFIXES)
+    for path in (options.log, options.plot, options.record, options.screenshot):
+        if path is not None:
+            check_writable(path)
 
 
 def _find_motion(name: str | None, robot: Robot) -> Motion | None:
@@ -244,6 +241,9 @@ def _write(
         save_html(meshcat, options.record)
         size = options.record.stat().st_size / 1e6
         say.line(f"recording: {options.record} ({size:.1f} MB)")
+    if options.screenshot is not None and meshcat is not None:
+        save_screenshot(meshcat, options.screenshot)
+        say.line(f"screenshot: {options.screenshot}")
 
 
 def _failures(simulation: Simulation) -> list[str]:

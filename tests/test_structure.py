@@ -37,6 +37,7 @@ PACKAGE = Path(arm_drake.__file__).parent
 # package its own modules.
 LAYERS = [
     ["errors", "interfaces", "messages", "timing", "yaml_files", "bundled"],
+    ["arguments", "output_files"],
     ["description", "options", "visualization"],
     ["contact", "control", "plant", "world", "frames", "motion", "rollout"],
     ["servo", "controllers"],
@@ -44,7 +45,7 @@ LAYERS = [
     ["hardware", "manager"],
     ["loading", "clients"],
     ["diagram", "simulation"],
-    ["sim_command"],
+    ["sim_command", "view_command", "graph_command"],
     ["cli"],
     ["__main__"],
 ]
@@ -63,11 +64,12 @@ WITHOUT_DRAKE = [
     "control",
 ]
 
-# What a controller may know of the rest. `description.parameters` is the form in which
-# all parameters are declared, not the robot's.
+# What a controller may know of the rest. `description.parameters` and `given` are the
+# form in which all parameters are declared, not the robot's.
 KNOWN_TO_CONTROLLERS = re.compile(
     r"errors|interfaces|messages|control(\..*)?"
-    r"|controllers\.controller_interface|description\.parameters"
+    r"|controllers\.(controller_interface|joint_trajectory_parameters|pid_gains"
+    r"|speed_limits|validation)|description\.(parameters|given)"
 )
 
 MAX_LINES = 300
@@ -75,8 +77,6 @@ MAX_LINES = 300
 # Longer than they should be, each to be split or trimmed; they stay below these.
 LONG_FILES = {
     "control/joint_trajectory.py": 320,
-    "controllers/joint_trajectory_controller.py": 340,
-    "description/meshes.py": 320,
     "description/repairs.py": 320,
     "loading.py": 340,
     "manager.py": 400,

@@ -1,6 +1,7 @@
 """The robot in the browser, in Drake's Meshcat."""
 
 import ipaddress
+import itertools
 import socket
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,12 +12,15 @@ from pydrake.geometry import (
     MeshcatParams,
     MeshcatVisualizer,
     MeshcatVisualizerParams,
+    QueryObject,
     Role,
     SceneGraph,
 )
 from pydrake.systems.framework import DiagramBuilder
 
-from arm_drake.errors import InputError, OutputError
+from arm_drake.errors import InputError
+from arm_drake.output_files import writing
+from arm_drake.visualization.framing import THREE_QUARTER, View
 
 # Ports that Meshcat takes, and names of addresses.
 _FIRST_PORT, _LAST_PORT = 1024, 65535
@@ -25,8 +29,8 @@ _HOSTS = ("localhost", "*")
 # Pictures per second of simulated time.
 _FRAME_RATE = 30.0
 
-# Where the camera looks from, as seen from the robot.
-_VIEW_DIRECTION = np.array([0.8, -1.0, 0.45])
+# How Meshcat's camera looks at a robot; pages are seldom higher than wide.
+_VIEW = View(field_of_view=np.deg2rad(75.0), aspect=1.0, margin=0.15)
 
 # Distance of the camera in diameters of the robot: for Meshcat's field of view of 75°,
 # a sphere around the robot then takes two thirds of the height of the page.
@@ -95,9 +99,29 @@ def frame_points(meshcat: Meshcat, points: Sequence[np.ndarray]) -> None:
     lower, upper = np.min(points, axis=0), np.max(points, axis=0)
     centre = (lower + upper) / 2.0
     diameter = max(float(np.linalg.norm(upper - lower)), _SMALLEST_DIAMETER)
-    direction = _VIEW_DIRECTION / np.linalg.norm(_VIEW_DIRECTION)
+    direction = np.array(THREE_QUARTER) / np.linalg.norm(THREE_QUARTER)
     eye = centre + _VIEW_DISTANCE * diameter * direction
     meshcat.SetCameraPose(eye, centre)
+
+
+def frame_shapes(meshcat: Meshcat, query: QueryObject) -> None:
+    """Point the camera so that it sees all that is to be seen of a scene.
+
+    Args:
+        meshcat: Whose camera to move.
+        query: The scene.
+    """
+    inspector = query.inspector()
+    corners = []
+    for geometry in inspector.GetAllGeometryIds(Role.kIllustration):
+        box = inspector.GetObbInGeometryFrame(geometry)
+        if box is not None:
+            X_WB = query.GetPoseInWorld(geometry) @ box.pose()
+            signs = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+            corners.append(X_WB.multiply((signs * box.half_width()).T).T)
+    if corners:
+        camera = _VIEW.camera_for(np.concatenate(corners))
+        meshcat.SetCameraPose(camera.eye, camera.target)
 
 
 def save_html(meshcat: Meshcat, path: Path) -> None:
@@ -107,8 +131,5 @@ def save_html(meshcat: Meshcat, path: Path) -> None:
         meshcat: What was recorded.
         path: HTML file to write.
     """
-    try:
+    with writing(path):
         path.write_text(meshcat.StaticHtml(), encoding="utf-8")
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise OutputError(f"can't be written: {reason}", file=path) from None

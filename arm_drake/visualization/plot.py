@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_drake import interfaces
-from arm_drake.errors import OutputError
+from arm_drake.output_files import check_suffix, writing
 
 Array = NDArray[np.float64]
 
@@ -21,12 +21,7 @@ _PANEL = (7.0, 1.5)  # inches
 
 def check_plot_path(path: Path) -> None:
     """Raise OutputError if a picture can't be of this type."""
-    if path.suffix not in PLOT_SUFFIXES:
-        raise OutputError(
-            f"unknown type {path.suffix!r} of a picture; expected one of "
-            f"{', '.join(PLOT_SUFFIXES)}",
-            file=path,
-        )
+    check_suffix(path, "a picture", PLOT_SUFFIXES)
 
 
 def plot_tracking(
@@ -91,8 +86,5 @@ def plot_tracking(
     figure.legend(
         lines.values(), lines.keys(), loc="outside upper center", ncols=len(lines)
     )
-    try:
+    with writing(path):
         figure.savefig(path, dpi=120)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise OutputError(f"can't be written: {reason}", file=path) from None

@@ -1,34 +1,17 @@
 """A headless Chromium, and a real robot to look at in it."""
 
-import shutil
+import contextlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page
 from pydrake.geometry import Meshcat
 
 import arm_drake as ad
+from arm_drake.visualization.browser import BrowserError, open_browser
 from tests.browser.pictures import VIEWPORT
 from tests.robots import real_robot, skip_or_fail
-
-_CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
-
-_ARGUMENTS = (
-    "--no-sandbox",
-    # WebGL on the processor. The older --use-gl=swiftshader draws nothing.
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--hide-scrollbars",
-    # Without these, Chromium itself calls home.
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-domain-reliability",
-    "--disable-sync",
-    "--no-first-run",
-    "--no-pings",
-)
 
 
 @pytest.fixture(scope="package")
@@ -52,15 +35,12 @@ def start_meshcat() -> Callable[[], Meshcat]:
 # tests elsewhere could not start their own.
 @pytest.fixture(scope="package")
 def browser(start_meshcat: Callable[[], Meshcat]) -> Iterator[Browser]:
-    path = next(filter(None, map(shutil.which, _CHROMIUM)), None)
-    if path is None:
-        skip_or_fail("Chromium is not installed")
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(
-            executable_path=path, args=list(_ARGUMENTS)
-        )
+    with contextlib.ExitStack() as stack:
+        try:
+            browser = stack.enter_context(open_browser())
+        except BrowserError as error:
+            skip_or_fail(str(error))
         yield browser
-        browser.close()
 
 
 @pytest.fixture

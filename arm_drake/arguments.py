@@ -1,0 +1,209 @@
+"""The words of the command line `arm-drake`."""
+
+import argparse
+import importlib.metadata
+from pathlib import Path
+from typing import Any
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """Return what parses the command line; `command` is the name of the command."""
+    parser = argparse.ArgumentParser(
+        prog="arm-drake",
+        description="ROS 2 robot packages in Drake: the same files, no ROS.",
+    )
+    version = f"arm-drake {importlib.metadata.version('arm-drake')}"
+    parser.add_argument("--version", action="version", version=version)
+    commands = parser.add_subparsers(metavar="COMMAND", dest="command", required=True)
+
+    listing = commands.add_parser("list", help="bundled robots, worlds and motions")
+    _add_json(listing)
+
+    check = commands.add_parser(
+        "check",
+        help="load a robot and print what was not taken as written",
+        description="Exits with 0 if the robot can be used, 1 if something is lost "
+        "(with --strict: if there is anything to report), 2 if it can't be loaded.",
+    )
+    _add_robot_arguments(check)
+
+    view = commands.add_parser(
+        "view",
+        help="look at a robot, without physics",
+        description="Shows the robot in the browser, in a fixed pose, until Ctrl-C; "
+        "sliders for its joints are still to come. With --screenshot it takes a "
+        "picture of all of the robot instead, which needs Chromium and "
+        "`pip install 'arm-drake[browser]'`.",
+    )
+    _add_robot_arguments(view)
+    _add_view_arguments(view)
+
+    sim = commands.add_parser(
+        "sim",
+        help="simulate a robot with its controllers",
+        description="Exits with 0 if it ran, 1 if a goal failed or a message was "
+        "refused, 2 if something can't be used, found before the simulation starts.",
+    )
+    _add_robot_arguments(sim)
+    _add_sim_arguments(sim)
+
+    graph = commands.add_parser(
+        "graph",
+        help="draw topics, controllers, interfaces and hardware",
+        description="Draws which controllers read and command which interfaces. "
+        "Every system and port of Drake's own diagram is in "
+        "build_diagram(robot).GetGraphvizString().",
+    )
+    _add_robot_arguments(graph)
+    graph.add_argument(
+        "-o",
+        "--output",
+        metavar="FILE",
+        type=Path,
+        required=True,
+        help="picture to write: .svg, .png, .pdf, or .dot for Graphviz",
+    )
+
+    cache = commands.add_parser(
+        "cache",
+        help="where converted meshes are kept",
+        description="Prints the folder of converted meshes, and how much is in it.",
+    )
+    cache.add_argument("--clear", action="store_true", help="remove them")
+    _add_json(cache)
+    return parser
+
+
+def _add_robot_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "robot",
+        metavar="ROBOT",
+        help="a bundled robot, a .urdf or .xacro file, a folder",
+    )
+    parser.add_argument(
+        "xacro_args",
+        metavar="NAME:=VALUE",
+        nargs="*",
+        type=_pair(":="),
+        help="xacro arguments",
+    )
+    parser.add_argument(
+        "--controllers",
+        metavar="YAML",
+        action="append",
+        help="controllers YAML; repeatable",
+    )
+    parser.add_argument(
+        "--package-path",
+        metavar="DIR",
+        action="append",
+        default=[],
+        help="folder to search for packages; repeatable",
+    )
+    parser.add_argument(
+        "--var",
+        metavar="NAME=VALUE",
+        action="append",
+        default=[],
+        type=_pair("="),
+        help="value of $(var NAME) in the YAML; repeatable",
+    )
+    parser.add_argument("--distro", default="jazzy", help="ROS distribution (jazzy)")
+    parser.add_argument("--name", help="name of the robot")
+    parser.add_argument(
+        "--strict",
+        action="store_true",
+        help="take every line of the report as an error",
+    )
+    _add_json(parser)
+
+
+def _add_json(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+
+
+def _add_view_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--position",
+        metavar="V",
+        nargs="+",
+        action="extend",
+        default=[],
+        help="JOINT=VALUE, or a value for each movable joint that follows no other "
+        "[rad or m]",
+    )
+    parser.add_argument(
+        "--screenshot", metavar="FILE.png", type=Path, help="picture to write"
+    )
+
+
+def _add_sim_arguments(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument
+    add("--motion", metavar="NAME|FILE", help="what to send to the controllers")
+    add("--duration", metavar="S", type=_positive, help="how long to simulate [s]")
+    add("--world", metavar="NAME", default="empty", help="built-in world (empty)")
+    add(
+        "--pose",
+        metavar=("X", "Y", "Z", "R", "P", "Y"),
+        nargs=6,
+        type=float,
+        help="pose of the base [m, rad]",
+    )
+    add("--gravity", choices=("on", "off"), default="on", help="gravity (on)")
+    add(
+        "--initial",
+        metavar="JOINT=VALUE",
+        action="append",
+        default=[],
+        type=_pair("="),
+        help="initial position [rad or m]; repeatable",
+    )
+    add("--active", metavar="NAME", action="append", default=[], help="start first")
+    add("--inactive", metavar="NAME", action="append", default=[], help="don't start")
+    add("--headless", action="store_true", help="no browser")
+    add("--hold", action="store_true", help="keep the page until Ctrl-C")
+    add(
+        "--rate",
+        metavar="R",
+        type=_not_negative,
+        help="simulated seconds per second; 0 is as fast as it goes "
+        "(1 with the browser, 0 headless)",
+    )
+    add("--time-step", metavar="S", type=_positive, help="largest step [s] (0.001)")
+    add("--log", metavar="FILE", type=Path, help="write the rollout: .npz or .csv")
+    add("--record", metavar="FILE.html", type=Path, help="write an animated page")
+    add("--plot", metavar="FILE.png", type=Path, help="draw reference and measurement")
+    add("--screenshot", metavar="FILE.png", type=Path, help="take a picture at the end")
+    add("--host", default="localhost", help="address of the page (localhost)")
+    add("--port", type=int, help="port of the page (first free from 7000)")
+
+
+def _pair(separator: str) -> Any:
+    """Return what parses NAME<separator>VALUE."""
+
+    def parse(text: str) -> tuple[str, str]:
+        name, found, value = text.partition(separator)
+        if not found or not name:
+            raise argparse.ArgumentTypeError(
+                f"expected NAME{separator}VALUE, got {text!r}"
+            )
+        return name, value
+
+    return parse
+
+
+def _positive(text: str) -> float:
+    number = _not_negative(text)
+    if number == 0.0:
+        raise argparse.ArgumentTypeError("expected a positive number, got 0")
+    return number
+
+
+def _not_negative(text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = -1.0
+    if not 0.0 <= number < float("inf"):
+        raise argparse.ArgumentTypeError(f"expected a positive number, got {text!r}")
+    return number

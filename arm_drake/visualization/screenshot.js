@@ -1,0 +1,97 @@
+// What a Meshcat page does for a screenshot. Its own y is up, z is up in all arguments.
+window.arm_drake = (() => {
+    // Objects that the page has been told to draw and hasn't drawn yet, and whether it
+    // has had the last news: that something called `last_news` is deleted.
+    const waiting = new Set();
+    const last_news = "arm_drake_last_news";
+    let has_last_news = false;
+
+    let viewer;
+    Object.defineProperty(window, "viewer", {
+        get: () => viewer,
+        set: (made) => {
+            viewer = made;
+            const {set_object, set_object_from_json, delete_path} = made;
+            made.set_object_from_json = function (path, data) {
+                waiting.add(path.join("/"));
+                return set_object_from_json.call(this, path, data);
+            };
+            made.set_object = function (path, object) {
+                set_object.call(this, path, object);
+                waiting.delete(path.join("/"));
+            };
+            made.delete_path = function (path) {
+                if (path[path.length - 1] === last_news) has_last_news = true;
+                else delete_path.call(this, path);
+            };
+        },
+    });
+
+    const find = (...path) => viewer.scene_tree.find(path).object;
+    const place = (vector, [x, y, z]) => vector.set(x, z, -y);
+
+    // Returns whether the page has had all news, and what it hasn't drawn yet.
+    const progress = () => [has_last_news, [...waiting]];
+
+    // Returns the farthest drawn point in each direction, none where nothing is drawn.
+    const find_extremes = (paths, directions) => {
+        const found = directions.map(() => ({reach: -Infinity, point: null}));
+        const visit = (object) => {
+            if (!object.visible) return;
+            const position = object.isMesh && object.geometry.attributes.position;
+            const m = object.matrixWorld.elements;
+            for (let i = 0; position && i < position.count; ++i) {
+                const x = position.getX(i), y = position.getY(i), z = position.getZ(i);
+                const px = m[0] * x + m[4] * y + m[8] * z + m[12];
+                const py = m[1] * x + m[5] * y + m[9] * z + m[13];
+                const pz = m[2] * x + m[6] * y + m[10] * z + m[14];
+                directions.forEach(([a, b, c], k) => {
+                    const reach = a * px - b * pz + c * py;
+                    if (reach > found[k].reach)
+                        found[k] = {reach, point: [px, -pz, py]};
+                });
+            }
+            object.children.forEach(visit);
+        };
+        viewer.scene.updateMatrixWorld(true);
+        for (const path of paths) visit(find(...path));
+        return found.map(({point}) => point).filter((point) => point !== null);
+    };
+
+    // Makes camera, lamps and grid suit what is seen, and returns the picture.
+    // scale: size of what is seen, as a multiple of what Meshcat's lamps are made for.
+    // cell: size of the cells of the grid [m].
+    const take_picture = (
+        {eye, target, field_of_view, scale, cell, width, height}) => {
+        const {camera, controls} = viewer;
+        const to_eye = eye.map((e, i) => e - target[i]);
+        const distance = Math.hypot(...to_eye);
+        camera.fov = field_of_view;
+        camera.near = 0.01 * distance;
+        camera.far = 100 * distance;
+        place(camera.position, eye);
+        place(controls.target, target);
+        for (const name of ["PointLightNegativeX", "PointLightPositiveX"]) {
+            const lamp = find("Lights", name, "<object>");
+            const {x, y, z} = lamp.position;
+            lamp.position.set(
+                scale * x + target[0], scale * y + target[1], scale * z + target[2]);
+            // As bright as it is in the middle; three.js limits what is near a lamp.
+            lamp.intensity *= 0.6 / (x * x + y * y + z * z);
+            lamp.decay = lamp.distance = 0;
+        }
+        // The lamp that is infinitely far away stands behind the camera, to its left.
+        const sun = find("Lights", "FillLight", "<object>");
+        const [x, y, z] = to_eye;
+        sun.position.set(0.8 * x + 0.6 * y, 0.8 * y - 0.6 * x, z + 0.3 * distance);
+        sun.intensity = 1.2;
+        const grid = find("Grid"), own_cell = 0.5;
+        grid.scale.setScalar(cell / own_cell);
+        grid.position.set(
+            cell * Math.round(target[0] / cell), cell * Math.round(target[1] / cell), 0);
+        find("Axes").visible = false;
+        return viewer.capture_image(width, height);
+    };
+
+    return {progress, find_extremes, take_picture};
+})();

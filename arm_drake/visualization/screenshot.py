@@ -1,0 +1,208 @@
+"""Pictures of a Meshcat scene, taken in a headless browser."""
+
+import base64
+import concurrent.futures
+import contextlib
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from pydrake.geometry import Meshcat
+
+from arm_drake.output_files import check_suffix, writing
+from arm_drake.visualization.browser import BrowserError, open_browser
+from arm_drake.visualization.framing import Camera, View
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+SCREENSHOT_SUFFIXES = (".png",)
+
+# Width and height [pixels].
+DEFAULT_SIZE = (1280, 960)
+
+# Vertical field of view [rad]: that of a person in front of a photograph. Meshcat's own
+# 75° distorts what is close.
+_FIELD_OF_VIEW = np.deg2rad(35.0)
+
+# Meshcat's lamps are set up for something of this diameter [m].
+_LIT_DIAMETER = 1.5
+
+# About how many cells of the grid are as long as what is seen.
+_CELLS = 12.0
+
+# A single point is lit as if it were of this size [m].
+_SMALLEST = 1e-3
+
+# A scene is drawn within seconds; a busy machine gets more [s].
+_TIMEOUT = 60.0
+_POLL = 0.02
+
+# Works in the page.
+_SCRIPT = Path(__file__).with_suffix(".js")
+
+# Nothing is there; its deletion is the page's last news.
+_LAST_NEWS = "arm_drake_last_news"
+
+
+class Photographer:
+    """A headless browser that takes pictures of Meshcat scenes, one after the other.
+
+    It works in a thread of its own: notebooks have an event loop, beside which that of
+    Playwright can't be. Use it in a `with` statement.
+    """
+
+    def __init__(self) -> None:
+        """Create it; the browser starts with the `with` statement."""
+        self._stack = contextlib.ExitStack()
+        self._thread = concurrent.futures.ThreadPoolExecutor(1)
+
+    def __enter__(self) -> "Photographer":
+        """Start the browser.
+
+        Raises:
+            MissingExtraError: If the extra `browser` isn't installed.
+            BrowserError: If there is no Chromium, or it doesn't start.
+        """
+        try:
+            self._browser = self._thread.submit(
+                self._stack.enter_context, open_browser()
+            ).result()
+        except BaseException:
+            self._thread.shutdown()
+            raise
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Close the browser."""
+        self._thread.submit(self._stack.close).result()
+        self._thread.shutdown()
+
+    def take_picture(
+        self,
+        meshcat: Meshcat,
+        *,
+        size: tuple[int, int] = DEFAULT_SIZE,
+        paths: Sequence[str] = ("drake/visual",),
+    ) -> tuple[bytes, Camera]:
+        """Return a picture of a scene, a PNG file, and where it was taken from.
+
+        The camera goes where it sees all that is to be seen, in this picture only.
+
+        Args:
+            meshcat: The scene.
+            size: Width and height [pixels].
+            paths: What must be in the picture, as paths of the scene.
+
+        Raises:
+            BrowserError: If the browser doesn't draw the scene, or there is nothing.
+        """
+        url = meshcat.web_url()
+        task = self._thread.submit(_take_picture, self._browser, url, size, paths)
+        while not task.done():
+            # A page that isn't connected yet misses it; later it comes after all else.
+            meshcat.Delete(_LAST_NEWS)
+            concurrent.futures.wait([task], _POLL)
+        return task.result()
+
+
+def save_screenshot(
+    meshcat: Meshcat,
+    path: Path,
+    *,
+    size: tuple[int, int] = DEFAULT_SIZE,
+    paths: Sequence[str] = ("drake/visual",),
+    photographer: Photographer | None = None,
+) -> Camera:
+    """Write a picture of a Meshcat scene and return where it was taken from.
+
+    Args:
+        meshcat: The scene.
+        path: PNG file to write.
+        size: Width and height [pixels].
+        paths: What must be in the picture, as paths of the scene.
+        photographer: Who takes it, for several pictures; by default a new one.
+
+    Raises:
+        MissingExtraError: If the extra `browser` isn't installed.
+        BrowserError: If there is no browser, or it doesn't draw the scene.
+        OutputError: If the picture can't be written.
+    """
+    check_suffix(path, "a screenshot", SCREENSHOT_SUFFIXES)
+    with contextlib.ExitStack() as stack:
+        if photographer is None:
+            photographer = stack.enter_context(Photographer())
+        picture, camera = photographer.take_picture(meshcat, size=size, paths=paths)
+    with writing(path):
+        path.write_bytes(picture)
+    return camera
+
+
+def _take_picture(
+    browser: "Browser", url: str, size: tuple[int, int], paths: Sequence[str]
+) -> tuple[bytes, Camera]:
+    from playwright.sync_api import Error
+
+    try:
+        return _draw_and_take_picture(browser, url, size, paths)
+    except Error as error:
+        reason = " ".join(error.message.split())
+        raise BrowserError(f"the browser can't draw {url}: {reason}") from None
+
+
+def _draw_and_take_picture(
+    browser: "Browser", url: str, size: tuple[int, int], paths: Sequence[str]
+) -> tuple[bytes, Camera]:
+    width, height = size
+    context = browser.new_context(viewport={"width": width, "height": height})
+    try:
+        page = context.new_page()
+        page.add_init_script(path=_SCRIPT)
+        page.goto(url)
+        _wait_until_drawn(page)
+        view = View(field_of_view=_FIELD_OF_VIEW, aspect=width / height)
+        extremes = page.evaluate(
+            "([paths, directions]) => arm_drake.find_extremes(paths, directions)",
+            [[path.split("/") for path in paths], view.normals().tolist()],
+        )
+        if not extremes:
+            raise BrowserError("no picture: nothing of the robot is to be seen")
+        points = np.array(extremes)
+        camera = view.camera_for(points)
+        diameter = max(float(np.linalg.norm(np.ptp(points, axis=0))), _SMALLEST)
+        uri = page.evaluate(
+            "(how) => arm_drake.take_picture(how)",
+            {
+                "eye": camera.eye,
+                "target": camera.target,
+                "field_of_view": np.rad2deg(_FIELD_OF_VIEW),
+                "scale": diameter / _LIT_DIAMETER,
+                "cell": _round_number(diameter / _CELLS),
+                "width": width,
+                "height": height,
+            },
+        )
+    finally:
+        context.close()
+    return base64.b64decode(uri.partition(",")[2]), camera
+
+
+def _wait_until_drawn(page: "Page") -> None:
+    """Wait until a page has the scene, and all of it is drawn."""
+    deadline = time.monotonic() + _TIMEOUT
+    while True:
+        has_last_news, waiting = page.evaluate("() => arm_drake.progress()")
+        if has_last_news and not waiting:
+            return
+        if time.monotonic() > deadline:
+            what = f"draws no {waiting[0]}" if waiting else "does not get the scene"
+            raise BrowserError(f"{page.url}: the page {what} within {_TIMEOUT:g} s")
+        page.wait_for_timeout(1000.0 * _POLL)
+
+
+def _round_number(value: float) -> float:
+    """Return the largest of 1, 2, 5, 10, 20, ... that is not above a number."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= value))

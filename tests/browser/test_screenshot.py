@@ -1,0 +1,334 @@
+"""Screenshots: all of the robot is in the picture, whatever its size."""
+
+import dataclasses as dc
+import io
+import json
+import os
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+from pydrake.geometry import Meshcat
+
+import arm_drake as ad
+from arm_drake.cli import main
+from arm_drake.errors import OutputError
+from arm_drake.view_command import show_robot
+from arm_drake.visualization.browser import BrowserError
+from arm_drake.visualization.screenshot import Photographer, save_screenshot
+from tests.browser.pictures import difference, grow
+from tests.models import GRIPPER, LENGTH, bob
+from tests.robots import skip_or_fail
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+
+StartMeshcat = Callable[[], Meshcat]
+Picture = NDArray[np.int16]
+
+WIDTH, HEIGHT = 1280, 960
+
+# Share of the picture that stays free on each side.
+MARGIN = 0.06
+
+# Edges of what is drawn are smoothed [pixels].
+EDGE = 3
+
+
+def red_arm(scale: float) -> str:
+    """Return an arm of red boxes, as high in metres as the scale says."""
+
+    def visual(size: str, xyz: str) -> str:
+        return (
+            f'<visual><origin xyz="{xyz}"/><geometry><box size="{size}"/></geometry>'
+            '<material name="red"><color rgba="1 0 0 1"/></material></visual>'
+        )
+
+    half, width = 0.5 * scale, 0.1 * scale
+    part = visual(f"{width} {width} {half}", f"0 0 {half / 2.0}")
+    foot = visual(f"{3 * width} {2 * width} {0.2 * width}", f"0 0 {0.1 * width}")
+    return f"""
+<robot name="red">
+  {bob("lower", "0 0 0", foot + part)}{bob("upper", "0 0 0", part)}
+  <joint name="elbow" type="revolute">
+    <origin xyz="0 0 {half}"/><axis xyz="0 1 0"/>
+    <parent link="lower"/><child link="upper"/>
+    <limit lower="-3" upper="3" effort="1" velocity="1"/>
+  </joint>
+</robot>"""
+
+
+def read(data: bytes | Path) -> Picture:
+    """Return a picture, shape (height, width, 3), 0 to 255."""
+    with Image.open(io.BytesIO(data) if isinstance(data, bytes) else data) as image:
+        return np.asarray(image.convert("RGB")).astype(np.int16)
+
+
+def red_of(picture: Picture) -> NDArray[np.bool_]:
+    """Return which pixels are far more red than anything else."""
+    red, green, blue = np.moveaxis(picture, 2, 0)
+    return red > np.maximum(green, blue) + 40
+
+
+def assert_framed(mask: NDArray[np.bool_]) -> None:
+    """Check that something is inside the margin and reaches it on opposite sides."""
+    height, width = mask.shape
+    rows, columns = np.nonzero(mask)
+    free = {
+        "top": rows.min() - MARGIN * height,
+        "bottom": (1.0 - MARGIN) * height - 1 - rows.max(),
+        "left": columns.min() - MARGIN * width,
+        "right": (1.0 - MARGIN) * width - 1 - columns.max(),
+    }
+    assert min(free.values()) >= -EDGE, free
+    reaches = {side for side, distance in free.items() if distance <= EDGE}
+    assert {"top", "bottom"} <= reaches or {"left", "right"} <= reaches, free
+
+
+@pytest.fixture(scope="module")
+def photographer() -> Iterator[Photographer]:
+    try:
+        photographer = Photographer().__enter__()
+    except BrowserError as error:
+        skip_or_fail(str(error))
+    yield photographer
+    photographer.__exit__()
+
+
+def load(folder: Path, urdf: str) -> ad.Robot:
+    file = folder / "robot.urdf"
+    file.write_text(urdf, encoding="utf-8")
+    return ad.load_robot(file, controllers=[])
+
+
+@pytest.mark.parametrize("scale", [0.01, 10.0])
+def test_a_robot_of_any_size_fills_the_picture(
+    photographer: Photographer,
+    start_meshcat: StartMeshcat,
+    tmp_path: Path,
+    scale: float,
+) -> None:
+    meshcat = start_meshcat()
+    show_robot(meshcat, load(tmp_path, red_arm(scale)))
+
+    data, _ = photographer.take_picture(meshcat)
+
+    picture = read(data)
+    assert picture.shape == (HEIGHT, WIDTH, 3)
+    red = red_of(picture)
+    assert_framed(red)
+    assert red.mean() > 0.03
+    # Neither in the dark nor in glaring light.
+    assert 120 < picture[red][:, 0].mean() < 250
+
+
+def test_size_makes_no_difference_to_the_picture(
+    photographer: Photographer, start_meshcat: StartMeshcat, tmp_path: Path
+) -> None:
+    pictures = []
+    for scale in (0.01, 10.0):
+        meshcat = start_meshcat()
+        show_robot(meshcat, load(tmp_path, red_arm(scale)))
+        pictures.append(read(photographer.take_picture(meshcat)[0]))
+
+    # 1000 times as large: the same light, the same grid.
+    assert difference(*pictures).mean() < 0.002
+
+
+def test_a_bundled_robot_fills_the_picture(
+    photographer: Photographer, start_meshcat: StartMeshcat
+) -> None:
+    meshcat = start_meshcat()
+    show_robot(meshcat, ad.load_robot("doosan_a0912"))
+
+    data, _ = photographer.take_picture(meshcat)
+
+    # The background has one colour in each row, but for lines of one pixel.
+    picture = read(data)
+    background = np.median(picture, axis=1, keepdims=True)
+    differs = np.abs(picture - background).max(axis=2) > 20
+    robot = grow(~grow(~differs, 2), 2)
+    assert_framed(robot)
+    assert robot.mean() > 0.03
+
+
+def test_a_picture_is_as_large_as_asked_for_and_the_robot_inside(
+    photographer: Photographer, start_meshcat: StartMeshcat, tmp_path: Path
+) -> None:
+    meshcat = start_meshcat()
+    show_robot(meshcat, load(tmp_path, red_arm(1.0)))
+
+    data, _ = photographer.take_picture(meshcat, size=(200, 600))
+
+    picture = read(data)
+    assert picture.shape == (600, 200, 3)
+    assert_framed(red_of(picture))
+
+
+def test_a_joint_that_follows_is_drawn_where_it_belongs(
+    photographer: Photographer, start_meshcat: StartMeshcat, tmp_path: Path
+) -> None:
+    radius = 0.01
+    ball = f'<visual><origin xyz="0 0 {-LENGTH}"/><geometry><sphere radius="{radius}"/>'
+    ball += "</geometry></visual>"
+    file = tmp_path / "robot.urdf"
+    file.write_text(GRIPPER.replace(bob("right"), bob("right", geometry=ball)))
+    robot = ad.load_robot(file, controllers=[], initial_positions={"finger": 2.0})
+    meshcat = start_meshcat()
+    show_robot(meshcat, robot)
+
+    _, camera = photographer.take_picture(meshcat)
+
+    # -0.5 * 2.0 + 0.1, about y; a camera that sees but the ball looks at its middle.
+    angle = -0.9
+    middle = [-LENGTH * np.sin(angle), 1.0, -LENGTH * np.cos(angle)]
+    np.testing.assert_allclose(camera.target, middle, atol=0.1 * radius)
+
+
+def test_only_some_of_the_scene_may_be_framed(
+    photographer: Photographer, start_meshcat: StartMeshcat, tmp_path: Path
+) -> None:
+    meshcat = start_meshcat()
+    show_robot(meshcat, load(tmp_path, red_arm(1.0)))
+
+    paths = ["drake/visual/red/upper"]
+    _, camera = photographer.take_picture(meshcat, paths=paths)
+
+    # The upper half, a box from 0.5 m to 1 m.
+    np.testing.assert_allclose(camera.target, (0.0, 0.0, 0.75), atol=0.03)
+
+
+def test_a_robot_without_anything_to_be_seen_is_said(
+    photographer: Photographer, start_meshcat: StartMeshcat, tmp_path: Path
+) -> None:
+    meshcat = start_meshcat()
+    show_robot(meshcat, load(tmp_path, GRIPPER))
+
+    with pytest.raises(BrowserError) as caught:
+        photographer.take_picture(meshcat)
+
+    assert str(caught.value) == "no picture: nothing of the robot is to be seen"
+
+
+def test_the_camera_of_the_page_stays_where_it_is(
+    photographer: Photographer, start_meshcat: StartMeshcat, tmp_path: Path
+) -> None:
+    meshcat = start_meshcat()
+    show_robot(meshcat, load(tmp_path, red_arm(1.0)))
+    before = meshcat._GetPackedProperty("/Cameras/default/rotated/<object>", "position")
+
+    photographer.take_picture(meshcat)
+
+    after = meshcat._GetPackedProperty("/Cameras/default/rotated/<object>", "position")
+    assert before == after
+
+
+def test_the_command_takes_a_picture_in_the_given_position(
+    start_meshcat: StartMeshcat,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    robot, picture = tmp_path / "robot.urdf", tmp_path / "robot.png"
+    robot.write_text(red_arm(1.0), encoding="utf-8")
+    words = ["view", str(robot), "--position", "1.5708", "--screenshot", str(picture)]
+
+    code = main([*words, "--json"])
+
+    content = json.loads(capsys.readouterr().out)
+    assert code == 0
+    assert content["robot"] == "red"
+    assert content["positions"] == {"elbow": 1.5708}
+    assert content["screenshot"] == str(picture)
+    red = red_of(read(picture))
+    assert_framed(red)
+    # Half of the arm lies flat: the robot is wider than high, and it was not.
+    rows, columns = np.nonzero(red)
+    assert np.ptp(columns) > np.ptp(rows)
+
+
+def test_a_simulation_ends_with_a_picture(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    picture = tmp_path / "robot.png"
+
+    words = ["sim", "doosan_a0912", "--headless", "--duration", "0.1"]
+    code = main([*words, "--screenshot", str(picture)])
+
+    assert code == 0
+    assert f"screenshot: {picture}\n" in capsys.readouterr().out
+    colours = {tuple(colour) for colour in read(picture).reshape(-1, 3)}
+    assert len(colours) > 500
+
+
+def test_a_picture_that_cannot_be_written_names_the_file(
+    photographer: Photographer, start_meshcat: StartMeshcat, tmp_path: Path
+) -> None:
+    meshcat = start_meshcat()
+    show_robot(meshcat, load(tmp_path, red_arm(1.0)))
+    file = tmp_path / "missing" / "robot.png"
+
+    with pytest.raises(OutputError) as caught:
+        save_screenshot(meshcat, file, photographer=photographer)
+
+    assert str(caught.value) == f"{file}: can't be written: No such file or directory"
+
+
+@dc.dataclass(frozen=True)
+class Silent:
+    """Stands in for a Meshcat that says nothing more to its page."""
+
+    url: str
+
+    def web_url(self) -> str:
+        return self.url
+
+    def Delete(self, path: str) -> None:
+        del path
+
+
+def test_a_page_that_does_not_get_the_scene_is_said(
+    photographer: Photographer,
+    start_meshcat: StartMeshcat,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("arm_drake.visualization.screenshot._TIMEOUT", 0.5)
+    url = start_meshcat().web_url()
+
+    with pytest.raises(BrowserError) as caught:
+        photographer.take_picture(Silent(url))
+
+    assert str(caught.value) == (
+        f"{url}/: the page does not get the scene within 0.5 s"
+    )
+
+
+def test_a_page_that_does_not_exist_is_said(
+    photographer: Photographer, start_meshcat: StartMeshcat
+) -> None:
+    url = f"{start_meshcat().web_url()}0/"
+
+    with pytest.raises(BrowserError) as caught:
+        photographer.take_picture(Silent(url))
+
+    assert str(caught.value).startswith(f"the browser can't draw {url}: ")
+    assert "\n" not in str(caught.value)
+
+
+def test_the_browser_is_gone_afterwards(
+    photographer: Photographer, start_meshcat: StartMeshcat, tmp_path: Path
+) -> None:
+    psutil = pytest.importorskip("psutil")
+    meshcat = start_meshcat()
+    show_robot(meshcat, load(tmp_path, red_arm(1.0)))
+    own = psutil.Process(os.getpid())
+    before = {process.pid for process in own.children(recursive=True)}
+    threads = threading.active_count()
+
+    save_screenshot(meshcat, tmp_path / "robot.png")
+
+    after = {process.pid for process in own.children(recursive=True)}
+    assert after <= before
+    assert threading.active_count() == threads
