@@ -3,10 +3,10 @@
 import json
 from typing import Any
 
+from arm_drake.controller_loading import load_controllers_of
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.description.summary import reach, total_mass
-from arm_drake.manager import load_controllers_of
 
 # Exit codes.
 _CLEAN, _BAD = 0, 1

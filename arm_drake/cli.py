@@ -70,40 +70,27 @@ def load_robot_of(
 
 def _list(options: argparse.Namespace) -> int:
     from arm_drake.bundled import bundled_motions, bundled_robots
+    from arm_drake.description.examples import EXAMPLE, example_robots
     from arm_drake.world import WORLDS
 
     robots = {name: list(bundled_motions(name)) for name in bundled_robots()}
+    examples = [f"{EXAMPLE}{name}" for name in example_robots()]
+    worlds = sorted(WORLDS)
     if options.json:
-        print(json.dumps({"robots": robots, "worlds": sorted(WORLDS)}))
+        print(json.dumps({"robots": robots, "worlds": worlds, "examples": examples}))
         return 0
     for name, motions in robots.items():
         print(f"{name}\n  motions: {', '.join(motions) or 'none'}")
-    print(f"worlds: {', '.join(sorted(WORLDS))}")
+    print(f"worlds: {', '.join(worlds)}")
+    print("examples:", *(examples or ["none (pip install 'arm-drake[robots]')"]))
     return 0
 
 
 def _check(options: argparse.Namespace) -> int:
-    from arm_drake.manager import load_controllers_of
+    from arm_drake.check_command import check
 
     robot = load_robot_of(options)
-    joints = [joint.name for joint in robot.description.movable_joints]
-    controllers, report = load_controllers_of(robot)
-    rows = [{"name": c.name, "type": c.type, "state": c.state} for c in controllers]
-    if options.json:
-        content = {
-            "robot": robot.name,
-            "joints": joints,
-            "controllers": rows,
-            "report": report.to_json(),
-        }
-        print(json.dumps(content))
-    else:
-        print(f"{robot.name}: {len(joints)} movable joints: {', '.join(joints)}")
-        for row in rows:
-            print(f"controller {row['name']} ({row['type']}): {row['state']}")
-        print(report if len(report) else "nothing to report")
-    is_bad = report.errors or (options.strict and len(report))
-    return 1 if is_bad else 0
+    return check(robot, strict=options.strict, as_json=options.json)
 
 
 def _sim(options: argparse.Namespace) -> int:

@@ -16,6 +16,7 @@ from pydrake.systems.primitives import VectorLogSink, ZeroOrderHold
 
 from arm_drake import interfaces
 from arm_drake.contact import separate
+from arm_drake.controller_loading import load_controllers_of
 from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot, list_robots
@@ -28,10 +29,7 @@ from arm_drake.hardware import (
     connect_commands,
     connect_forces,
 )
-from arm_drake.manager import (
-    ControllerManager,
-    load_controllers_of,
-)
+from arm_drake.manager import ControllerManager
 from arm_drake.options import SimulationOptions
 from arm_drake.plant import (
     add_actuators,

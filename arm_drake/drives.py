@@ -25,7 +25,11 @@ from arm_drake.servo import (
     make_dry_friction,
     make_joint_servo,
     sample_dynamics,
+    sample_gravity,
 )
+
+# Poses in which a joint's effort limit is compared with gravity.
+_NUM_POSES = 200
 
 
 def commanded_joints(description: RobotDescription) -> tuple[JointInfo, ...]:
@@ -101,29 +105,36 @@ def make_robot_servo(
 
 
 def report_gravity(robot: Robot) -> None:
-    """Record joints that gravity asks for more effort than they have, at the start."""
+    """Record joints whose effort limit is less than what gravity asks for.
+
+    That is judged in the initial pose, and in random ones within the limits.
+    """
     description, options = robot.description, SimulationOptions()
     joints = commanded_joints(description)
     plant = make_servo_plant(description, robot.pose, options, options.time_step)
     model = plant.GetModelInstanceByName("robot")
     set_initial_positions(plant, model, dict(robot.initial_positions))
-    context = plant.CreateDefaultContext()
     N = velocity_map(plant, description, joints)
-    efforts = np.abs(N.T @ plant.CalcGravityGeneralizedForces(context))
-    for joint, effort, limit in zip(
-        joints, efforts, effort_limits(joints), strict=True
+    efforts = np.abs(sample_gravity(plant, N, _NUM_POSES))
+    limits = effort_limits(joints)
+    for joint, at_start, anywhere, limit in zip(
+        joints, efforts[0], efforts.max(axis=0), limits, strict=True
     ):
-        if effort > limit:
-            unit = "N" if joint.type == "prismatic" else "N·m"
-            robot.report.add(
-                "warning",
-                "invalid",
-                f"gravity asks for {effort:.3g} {unit} at the start, the effort limit "
-                f"is {limit:.3g}",
-                "the joint sinks",
-                where=f"joint {joint.name!r}",
-                file=description.file,
-            )
+        if anywhere <= limit:
+            continue
+        sinks = at_start > limit
+        unit = "N" if joint.type == "prismatic" else "N·m"
+        where = "at the start" if sinks else "in some poses"
+        effort = at_start if sinks else anywhere
+        robot.report.add(
+            "warning",
+            "invalid",
+            f"gravity asks for {effort:.2g} {unit} {where}, the effort limit is "
+            f"{limit:.3g} {unit}",
+            "the joint sinks" if sinks else "it can't hold those poses",
+            where=f"joint {joint.name!r}",
+            file=description.file,
+        )
 
 
 def velocity_map(

@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from arm_drake.controller_loading import find_surroundings, load_controllers
 from arm_drake.description.control_files import find_control_files
 from arm_drake.description.controllers import ControllerManagerConfig
 from arm_drake.description.controllers import (
@@ -24,7 +25,6 @@ from arm_drake.description.xacro import expand_xacro
 from arm_drake.description.xacro_sources import read_sources
 from arm_drake.drives import report_gravity
 from arm_drake.errors import InputError, suggest
-from arm_drake.manager import find_surroundings, load_controllers
 
 # What names of distributions without rules of their own are taken as.
 _DISTRO_ALIASES = {

@@ -11,6 +11,8 @@ the velocities of the commanded joints to those of all joints, so mimic joints f
 their master. Everything here is evaluated at every step of the plant, hence no Python.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
@@ -18,7 +20,7 @@ from pydrake.symbolic import Expression, Variable
 from pydrake.symbolic import max as max_
 from pydrake.symbolic import min as min_
 from pydrake.systems.controllers import InverseDynamics
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import (
     MatrixGain,
     Multiplexer,
@@ -42,6 +44,37 @@ _SEED = 20_260_101
 _TURN = np.pi
 
 
+def sample_gravity(plant: MultibodyPlant, N: Array, num_samples: int) -> Array:
+    """Return the efforts that hold the commanded joints against gravity.
+
+    Args:
+        plant: A finalized plant that holds this robot alone.
+        N: As for `sample_dynamics`.
+        num_samples: How many poses; the first one is the default configuration.
+
+    Returns:
+        Efforts [N·m] or [N], shape (num_samples, n).
+    """
+    return np.array(
+        [
+            -N.T @ plant.CalcGravityGeneralizedForces(context)
+            for context in _poses(plant, num_samples)
+        ]
+    )
+
+
+def _poses(plant: MultibodyPlant, num_samples: int) -> Iterator[Context]:
+    """Yield a context in the default configuration, then in random ones."""
+    context = plant.CreateDefaultContext()
+    random = np.random.default_rng(_SEED)
+    lower = np.clip(plant.GetPositionLowerLimits(), -_TURN, _TURN)
+    upper = np.clip(plant.GetPositionUpperLimits(), -_TURN, _TURN)
+    for sample in range(num_samples):
+        if sample:
+            plant.SetPositions(context, random.uniform(lower, np.maximum(lower, upper)))
+        yield context
+
+
 def sample_dynamics(plant: MultibodyPlant, N: Array) -> DynamicsSamples:
     """Return the dynamics of the commanded joints at random configurations.
 
@@ -49,14 +82,8 @@ def sample_dynamics(plant: MultibodyPlant, N: Array) -> DynamicsSamples:
         plant: A finalized plant that holds this robot alone.
         N: Velocities of all joints per velocity of a commanded joint, shape (m, n).
     """
-    context = plant.CreateDefaultContext()
-    random = np.random.default_rng(_SEED)
-    lower = np.clip(plant.GetPositionLowerLimits(), -_TURN, _TURN)
-    upper = np.clip(plant.GetPositionUpperLimits(), -_TURN, _TURN)
     masses, gravities = [], []
-    for sample in range(_NUM_SAMPLES):
-        if sample:  # The first one is the default configuration.
-            plant.SetPositions(context, random.uniform(lower, np.maximum(lower, upper)))
+    for context in _poses(plant, _NUM_SAMPLES):
         masses.append(N.T @ plant.CalcMassMatrixViaInverseDynamics(context) @ N)
         gravities.append(-N.T @ plant.CalcGravityGeneralizedForces(context))
     damping = np.zeros(plant.num_velocities())

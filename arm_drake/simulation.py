@@ -13,11 +13,12 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram
 
 from arm_drake.clients import ControllerHandle, GoalHandle
+from arm_drake.controller_loading import ControllerState, LoadedController
 from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, MotionError, suggest
-from arm_drake.manager import ControllerManager, ControllerState, LoadedController
+from arm_drake.manager import ControllerManager
 from arm_drake.messages import (
     FollowJointTrajectoryGoal,
     GoalEvent,

@@ -66,7 +66,7 @@ def test_check_of_a_clean_robot_exits_with_0(run):
     code, out, err = run("check", "doosan_a0912")
     assert (code, err) == (0, "")
     assert f"controller {JTC} (joint_trajectory_controller/" in out
-    assert "nothing to report" in out
+    assert "report: nothing" in out
 
 
 def test_check_exits_with_1_for_a_controller_that_does_not_load(run, tmp_path):

@@ -8,14 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 
 import arm_drake as ad
 from arm_drake.bundled import bundled_robots, configs_folder, models_folder
 from arm_drake.errors import (
     ArmDrakeError,
 )
-from tests.robots import real_robot, robots_folder
 
 KNOWN_ROBOTS = ", ".join(bundled_robots())
 
@@ -574,56 +572,3 @@ def test_a_damaged_plain_urdf_gives_no_error_but_ours(tmp_path):
         path.write_bytes(content)
         with contextlib.suppress(ArmDrakeError):
             ad.load_robot(path)
-
-
-# Real robots
-
-# Robots of which nothing is lost, neither a controller nor a collision mesh. The others
-# wait for a later version, but for the mycobots, whose published meshes are incomplete.
-COMPLETE = {"denso_cobotta", "dobot_cr5", "doosan_a0912", "interbotix_wx250s"}
-
-
-def real_robots() -> list[str]:
-    """Return the names in the index of real robots, or "none" without them."""
-    with contextlib.suppress(pytest.skip.Exception, pytest.fail.Exception):
-        return [row["name"] for row in read_index()]
-    return ["none"]
-
-
-def read_index() -> list[dict[str, Any]]:
-    text = real_robot("INDEX.yaml").read_text(encoding="utf-8")
-    rows: list[dict[str, Any]] = yaml.safe_load(text)["robots"]
-    return rows
-
-
-@pytest.mark.parametrize("name", real_robots())
-def test_a_real_robot_is_loaded_with_its_joints(name, shared_cache, monkeypatch):
-    monkeypatch.setenv("ARM_DRAKE_CACHE", str(shared_cache))
-    (row,) = (row for row in read_index() if row["name"] == name)
-    given = {
-        "xacro_args": row["xacro_args"],
-        "controllers": [robots_folder() / f for f in row["controllers_yaml"]] or None,
-        "variables": row["launch_vars"],
-    }
-
-    robot = ad.load_robot(robots_folder() / row["entry"], **given)
-
-    expected = row["expected"]
-    joints = robot.description.movable_joints
-    assert robot.description.name == expected["robot_name"]
-    assert [joint.name for joint in joints] == expected["movable_joints"]
-    mimics = {joint.name: joint.mimic for joint in joints if joint.mimic}
-    for mimic in expected["mimic"]:
-        if isinstance(mimic, dict):
-            found = mimics[mimic["joint"]]
-            assert found.joint == mimic["of"]
-            assert found.multiplier == mimic["multiplier"]
-            assert found.offset == mimic["offset"]
-    names = [m["joint"] if isinstance(m, dict) else m for m in expected["mimic"]]
-    assert list(mimics) == names
-    if expected.get("update_rate") is not None:
-        assert robot.controllers.update_rate == expected["update_rate"]
-    types = {c.name: c.type for c in robot.controllers.controllers}
-    for controller, parts in expected.get("controllers", {}).items():
-        assert types[controller] == parts["type"]
-    assert (not robot.report.errors) == (name in COMPLETE)

@@ -12,8 +12,8 @@ import pytest
 import yaml
 
 import arm_drake as ad
+from arm_drake.controller_loading import load_controllers_of
 from arm_drake.controllers import CONTROLLER_TYPES
-from arm_drake.manager import load_controllers_of
 from tests.robots import real_robot, robots_folder
 
 # How long they simulate [s], and how far a held joint may be off its start [rad, m].
@@ -39,16 +39,6 @@ class Case:
 
     robot: ad.Robot
     expected: dict[str, Any]
-    variables: dict[str, str]
-
-    def substitute(self, value: Any) -> Any:
-        """Return a value of the index with its launch variables filled in."""
-        if isinstance(value, list):
-            return [self.substitute(item) for item in value]
-        if isinstance(value, str):
-            for name, text in self.variables.items():
-                value = value.replace(f"$(var {name})", str(text))
-        return value
 
 
 @pytest.fixture(scope="module", params=names())
@@ -63,7 +53,7 @@ def case(
         controllers=[folder / file for file in row["controllers_yaml"]] or None,
         variables=row["launch_vars"],
     )
-    return Case(robot, row["expected"], row["launch_vars"])
+    return Case(robot, row["expected"])
 
 
 def test_links_and_joints_are_those_of_the_index(case: Case) -> None:
@@ -108,17 +98,6 @@ def test_controllers_are_those_of_the_index(case: Case) -> None:
     found = {controller.name: controller for controller in config.controllers}
     for name, parts in (expected.get("controllers") or {}).items():
         assert found[name].type == parts["type"]
-        for key in ("joints", "command_interfaces"):
-            if key in parts:
-                assert _parameter(found[name], key) == case.substitute(parts[key])
-
-
-def _parameter(controller: Any, name: str) -> Any:
-    """Return a parameter; a forward command controller calls its one otherwise."""
-    for key in (name, "interface_name", "joint", "dof_names"):
-        if key in controller.parameters:
-            return controller.parameters[key].value
-    return None
 
 
 def test_the_controllers_that_are_not_simulated_are_reported_exactly(
@@ -149,12 +128,11 @@ def test_it_simulates_and_holds_what_its_controllers_hold(case: Case) -> None:
     simulation.advance_to(DURATION)
 
     rollout = simulation.rollout()
-    assert len(rollout.time) > DURATION * 10
+    assert rollout.time[-1] >= DURATION - 0.11
     for values in (rollout.position, rollout.velocity, rollout.effort):
         assert np.isfinite(values).all()
-    overloaded = [e.where for e in simulation.report if "gravity asks" in e.what]
-    if overloaded:  # The whole arm sags.
-        return
+    if any(entry.done == "the joint sinks" for entry in simulation.report):
+        return  # Its effort limits are too low, and the whole arm sags.
     start = [robot.initial_positions[name] for name in rollout.joint_names]
     error = np.abs(rollout.position - start).max(axis=0)
     held = _held_joints(robot)
@@ -181,5 +159,7 @@ def test_an_arm_too_weak_for_its_weight_is_reported() -> None:
             robots_folder() / row["entry"], xacro_args=row["xacro_args"]
         )
         lines = [entry for entry in robot.report if "gravity asks" in entry.what]
-        # 7.7 N·m against 1 N·m, by another library.
-        assert any("the effort limit is 1" in entry.what for entry in lines)
+        wheres = {entry.where: entry.what for entry in lines}
+        assert wheres["joint 'joint_2'"] == (
+            "gravity asks for 7.7 N·m in some poses, the effort limit is 1 N·m"
+        )

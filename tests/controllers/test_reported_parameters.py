@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 import yaml
 
+from arm_drake.controller_loading import Surroundings, load_controllers
 from arm_drake.controllers import CONTROLLER_TYPES
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.joint_trajectory_controller import JointTrajectoryController
@@ -18,7 +19,6 @@ from arm_drake.description.controllers import load_controllers as read_controlle
 from arm_drake.description.parameters import Parameter, load_parameters
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import ParameterError
-from arm_drake.manager import Surroundings, load_controllers
 from tests.controllers.parameters import (
     ACKERMANN,
     DIFF_DRIVE,

@@ -9,6 +9,9 @@ from arm_drake.description import examples
 from arm_drake.errors import DescriptionError, MissingExtraError
 from arm_drake.messages import Duration
 
+# Upwards, away from the ground.
+GOAL = (0.1, -0.5, 0.1, 0.1, 0.1, 0.1)
+
 
 def test_every_description_of_the_package_has_a_name():
     names = examples.example_robots()
@@ -39,14 +42,14 @@ def test_an_example_is_loaded_with_a_controller_of_all_its_joints(
             joint_names=tuple(joints),
             points=(
                 ad.JointTrajectoryPoint(
-                    positions=(0.1,) * 6, time_from_start=Duration(sec=1)
+                    positions=GOAL, time_from_start=Duration(sec=1)
                 ),
             ),
         )
     )
     simulation.advance_to(2.0)
-    assert goal.status == "SUCCEEDED"
-    assert simulation.rollout().position[-1] == pytest.approx([0.1] * 6, abs=1e-3)
+    assert goal.status is ad.GoalStatus.SUCCEEDED
+    assert simulation.rollout().position[-1] == pytest.approx(GOAL, abs=1e-3)
     assert not robot.report.errors
     lines = [entry for entry in robot.report if "neither" in entry.what]
     assert [entry.done for entry in lines] == [
