@@ -1,0 +1,149 @@
+"""Hardware of a description without `<ros2_control>`: what the controllers claim."""
+
+import collections
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+from arm_drake import interfaces
+from arm_drake.description.controllers import ControllerConfig, ControllerManagerConfig
+from arm_drake.description.hardware_info import (
+    ComponentInfo,
+    HardwareInfo,
+    InterfaceInfo,
+)
+from arm_drake.description.joints import JointInfo
+from arm_drake.description.report import LoadReport
+
+_POSITION, _VELOCITY = interfaces.POSITION, interfaces.VELOCITY
+
+# Parameters that say what a controller claims of its joints.
+_INTERFACES = (
+    "command_interfaces",
+    "command_interface",
+    "interface_names",
+    "interface_name",
+)
+
+# Parameters that name joints, and what is claimed of them. None is what the parameters
+# above say, or else the controller's type.
+_JOINTS: Mapping[str, str | None] = {
+    "command_joints": None,
+    "joints": None,
+    "joint": None,
+    "dof_names": None,
+    "left_wheel_names": _VELOCITY,
+    "right_wheel_names": _VELOCITY,
+    "wheel_names": _VELOCITY,
+    "traction_joints_names": _VELOCITY,
+    "traction_joint_name": _VELOCITY,
+    "steering_joints_names": _POSITION,
+    "steering_joint_name": _POSITION,
+    "front_left_wheel_command_joint_name": _VELOCITY,
+    "front_right_wheel_command_joint_name": _VELOCITY,
+    "rear_left_wheel_command_joint_name": _VELOCITY,
+    "rear_right_wheel_command_joint_name": _VELOCITY,
+}
+
+# The package of a type says what it claims, where no parameter does.
+_PACKAGES = {
+    "velocity_controllers": _VELOCITY,
+    "effort_controllers": interfaces.EFFORT,
+}
+
+
+def hardware_from_controllers(
+    config: ControllerManagerConfig,
+    joints: Sequence[JointInfo],
+    report: LoadReport,
+    file: Path,
+) -> tuple[HardwareInfo, ...]:
+    """Return one block with the command interfaces that the controllers claim.
+
+    A joint that no controller names takes positions, a mimic joint nothing; all report
+    position, velocity and effort.
+
+    Args:
+        config: What the controllers YAML configures.
+        joints: Joints of the robot, with the mimic that holds.
+        report: Where the interfaces are recorded.
+        file: The description, to be named in the report.
+    """
+    movable = [joint for joint in joints if joint.is_movable]
+    if not movable:
+        return ()
+    claims: dict[str, list[str]] = {joint.name: [] for joint in movable}
+    for controller in config.controllers:
+        for name, interface in _claims(controller):
+            if name in claims and interface not in claims[name]:
+                claims[name].append(interface)
+    for joint in movable:
+        if joint.mimic is not None:
+            claims[joint.name] = []
+        elif not claims[joint.name]:
+            claims[joint.name] = [_POSITION]
+    counts = collections.Counter(name for names in claims.values() for name in names)
+    listed = ", ".join(
+        f"{name} ({count} joint{'s' if count > 1 else ''})"
+        for name, count in counts.items()
+    )
+    report.add(
+        "info",
+        "missing",
+        "the description has no <ros2_control>",
+        f"joints take the commands that controllers claim, else positions: {listed}",
+        file=file,
+    )
+    states = tuple(InterfaceInfo(name) for name in interfaces.STATE_INTERFACES)
+    return (
+        HardwareInfo(
+            name="hardware",
+            type="system",
+            plugin="",
+            joints=tuple(
+                ComponentInfo(name, tuple(map(InterfaceInfo, names)), states)
+                for name, names in claims.items()
+            ),
+        ),
+    )
+
+
+def _claims(controller: ControllerConfig) -> Iterator[tuple[str, str]]:
+    """Yield the joints of a controller with an interface that it claims."""
+    package, _, name = controller.type.partition("/")
+    if name.endswith("Broadcaster"):
+        return
+    said = tuple(
+        interface
+        for parameter in _INTERFACES
+        for interface in _texts(controller, parameter)
+    )
+    implied = said or (_PACKAGES.get(package, _POSITION),)
+    parameters = [name for name in _JOINTS if _texts(controller, name)]
+    if "command_joints" in parameters and "joints" in parameters:
+        parameters.remove("joints")
+    for parameter in parameters:
+        fixed = _JOINTS[parameter]
+        for joint in _texts(controller, parameter):
+            for interface in implied if fixed is None else (fixed,):
+                yield joint, interface
+    yield from _steering_claims(controller)
+
+
+def _steering_claims(controller: ControllerConfig) -> Iterator[tuple[str, str]]:
+    """Yield the claims of a steering controller in the form up to Humble."""
+    steers_front = controller.parameters.get("front_steering")
+    is_front = steers_front is None or bool(steers_front.value)
+    for parameter, is_steering in (
+        ("front_wheels_names", is_front),
+        ("rear_wheels_names", not is_front),
+    ):
+        for joint in _texts(controller, parameter):
+            yield joint, _POSITION if is_steering else _VELOCITY
+
+
+def _texts(controller: ControllerConfig, name: str) -> tuple[str, ...]:
+    """Return a parameter's text or texts; what is neither is the controller's error."""
+    parameter = controller.parameters.get(name)
+    value = None if parameter is None else parameter.value
+    values = value if isinstance(value, list | tuple) else [value]
+    return tuple(text for text in values if isinstance(text, str) and text)

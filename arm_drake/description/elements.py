@@ -1,0 +1,137 @@
+"""Attributes, children and texts of XML elements, with a report of what is wrong."""
+
+import math
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Collection
+from pathlib import Path
+
+from arm_drake.description.report import Kind, LoadReport, Severity
+
+# A number as C++ streams read it, which take no underscores.
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?inf(inity)?", re.I)
+
+_BOOLS = {"true": True, "false": False}
+
+
+def parse_number(text: str) -> float | None:
+    """Return the number that a text is, or None."""
+    return float(text) if _NUMBER.fullmatch(text) else None
+
+
+def parse_bool(text: str) -> bool | None:
+    """Return the bool that a text is, in any letter case, or None."""
+    return _BOOLS.get(text.lower())
+
+
+def attribute(element: ET.Element, name: str) -> str:
+    """Return an attribute without white space around it, or ""."""
+    return (element.get(name) or "").strip()
+
+
+def text_of(element: ET.Element | None, tag: str = ".") -> str:
+    """Return the text of an element, or of a child, without white space around it."""
+    return "" if element is None else (element.findtext(tag) or "").strip()
+
+
+class ElementReader:
+    """Reads elements of one part of a description.
+
+    What is malformed becomes a line in the report and counts as not given.
+    """
+
+    def __init__(self, place: str, report: LoadReport, file: Path) -> None:
+        """Create the reader.
+
+        Args:
+            place: Name of the part, such as "ros2_control 'arm'".
+            report: Where lines are added.
+            file: File to name in them.
+        """
+        self._place = place
+        self._report = report
+        self._file = file
+
+    def note(
+        self, severity: Severity, kind: Kind, what: str, done: str, where: str = ""
+    ) -> None:
+        """Add a line about the part, or about a place in it."""
+        place = ", ".join(filter(None, (self._place, where)))
+        self._report.add(severity, kind, what, done, where=place, file=self._file)
+
+    def check(
+        self,
+        element: ET.Element,
+        attributes: Collection[str],
+        children: Collection[str],
+        where: str = "",
+    ) -> None:
+        """Report attributes and children other than these."""
+        unknown = {
+            f"attribute {name!r}" for name in set(element.attrib) - set(attributes)
+        }
+        unknown |= {f"<{name}>" for name in {e.tag for e in element} - set(children)}
+        for name in sorted(unknown):
+            what = f"<{element.tag}> has no {name}"
+            self.note("warning", "ignored", what, "it has no effect", where)
+
+    def boolean(self, element: ET.Element, name: str, where: str = "") -> bool | None:
+        """Return a bool attribute, None where it is not given."""
+        text = attribute(element, name)
+        value = parse_bool(text)
+        if value is None and element.get(name) is not None:
+            self.expected(name, "true or false", text, where)
+        return value
+
+    def integer(
+        self, element: ET.Element, name: str, least: int, where: str = ""
+    ) -> int | None:
+        """Return an integer attribute, None where it is not given."""
+        if element.get(name) is None:
+            return None
+        text = attribute(element, name)
+        if re.fullmatch("[0-9]+", text) and int(text) >= least:
+            return int(text)
+        self.expected(name, f"an integer from {least} on", text, where)
+        return None
+
+    def number(self, text: str | None, name: str, where: str = "") -> float | None:
+        """Return the number that a text is, None where it is not given."""
+        if text is None:
+            return None
+        value = parse_number(text.strip())
+        if value is None:
+            self.expected(name, "a number", text.strip(), where)
+        return value
+
+    def finite(self, text: str | None, name: str, where: str = "") -> float | None:
+        """Return the finite number that a text is, None where it is not given."""
+        value = self.number(text, name, where)
+        if value is not None and math.isinf(value):
+            self.expected(name, "a finite number", str(text).strip(), where)
+            return None
+        return value
+
+    def parameters(self, element: ET.Element, where: str = "") -> dict[str, str]:
+        """Return the texts of the `<param>` children by name."""
+        parameters: dict[str, str] = {}
+        for param in element.iterfind("param"):
+            self.check(param, ["name"], [], where)
+            name, text = attribute(param, "name"), text_of(param)
+            if not name:
+                what = f"a <param> without a name, its text is {text!r}"
+                self.note("warning", "invalid", what, "left out", where)
+                continue
+            if not text:
+                what = f"<param> {name!r} has no text"
+                self.note("info", "missing", what, "taken as empty", where)
+            if name in parameters:
+                what = f"<param> {name!r} is given twice"
+                self.note("warning", "invalid", what, f"{text!r} counts", where)
+            parameters[name] = text
+        return parameters
+
+    def expected(self, name: str, expected: str, text: str, where: str = "") -> None:
+        """Report a text that is not what it should be."""
+        what = f"{name}: expected {expected}, got {text!r}"
+        self.note("warning", "invalid", what, "taken as not given", where)

@@ -1,0 +1,161 @@
+"""`<gazebo>` tags: which plugins there are, and what has no effect."""
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+
+from arm_drake.description.gazebo import (
+    GazeboPlugin,
+    read_gazebo_plugins,
+    report_gazebo,
+)
+from arm_drake.description.report import LoadReport
+
+
+def lines_of(body: str, **options) -> list[str]:
+    report = LoadReport()
+    root = ET.XML(f"<robot>{body}</robot>")
+    report_gazebo(root, report, Path("arm.urdf"), **options)
+    return [str(entry) for entry in report]
+
+
+def test_plugins_are_read_with_repeated_fields():
+    root = ET.XML(
+        "<robot><gazebo/><gazebo reference='a'><plugin name=' p ' filename='f.so'>"
+        "<parameters> a.yaml </parameters><parameters>b.yaml</parameters><!-- c -->"
+        "<empty/></plugin><plugin/></gazebo></robot>"
+    )
+
+    plugins = read_gazebo_plugins(root)
+
+    assert plugins == (
+        GazeboPlugin(
+            "p",
+            "f.so",
+            (("parameters", "a.yaml"), ("parameters", "b.yaml"), ("empty", "")),
+            reference="a",
+        ),
+        GazeboPlugin("", "", reference="a"),
+    )
+    assert plugins[0].texts("parameters") == ("a.yaml", "b.yaml")
+    assert plugins[0].texts("nope") == ()
+
+
+def test_nested_fields_and_attributes_are_flattened():
+    root = ET.XML(
+        "<robot><gazebo><plugin><ros><namespace>/n</namespace>"
+        "<remapping>a:=b</remapping><remapping>c:=d</remapping></ros>"
+        "<gain joint='j'>2</gain><deep><er><est/></er></deep></plugin></gazebo></robot>"
+    )
+
+    (plugin,) = read_gazebo_plugins(root)
+
+    assert plugin.fields == (
+        ("ros/namespace", "/n"),
+        ("ros/remapping", "a:=b"),
+        ("ros/remapping", "c:=d"),
+        ("gain", "2"),
+        ("gain@joint", "j"),
+        ("deep/er/est", ""),
+    )
+
+
+def test_plugins_of_sensors_are_read_with_their_holder():
+    root = ET.XML(
+        "<robot><gazebo reference='tool'><sensor name='s' type='contact'><contact/>"
+        "<plugin filename='bumper.so'><plugin>inner</plugin></plugin></sensor>"
+        "</gazebo></robot>"
+    )
+
+    (plugin,) = read_gazebo_plugins(root)
+
+    assert (plugin.filename, plugin.reference, plugin.holder) == (
+        "bumper.so",
+        "tool",
+        "sensor 's'",
+    )
+
+
+GZ, IGNITION = "gz::sim::systems::", "ignition::gazebo::systems::"
+
+
+@pytest.mark.parametrize(
+    ("filename", "name", "kind"),
+    [
+        ("libgazebo_ros2_control.so", "any", "ros2_control"),
+        ("libign_ros2_control-system.so", "any", "ros2_control"),
+        ("gz_ros2_control-system", "any", "ros2_control"),
+        ("/opt/ros/humble/lib/libgz_ros2_control-system.so", "", "ros2_control"),
+        ("gz-sim-joint-position-controller-system", "", "joint_position_controller"),
+        ("libgz-sim8-joint-controller-system.so", "", "joint_controller"),
+        (
+            "ignition-gazebo-joint-trajectory-controller-system",
+            f"{IGNITION}JointTrajectoryController",
+            "joint_trajectory_controller",
+        ),
+        (
+            "ignition-gazebo6-joint-state-publisher-system",
+            "",
+            "joint_state_publisher",
+        ),
+        ("gz-sim-diff-drive-system", f"{GZ}DiffDrive", "diff_drive"),
+        ("", f"{GZ}JointPositionController", "joint_position_controller"),
+        ("", f"{IGNITION}v6::systems::JointController", "other"),
+        ("", "ignition::gazebo::v6::systems::JointController", "joint_controller"),
+        ("gz-sim-sensors-system", f"{GZ}Sensors", "other"),
+        (
+            "libgazebo_ros_joint_state_publisher.so",
+            "any",
+            "gazebo_ros_joint_state_publisher",
+        ),
+        (
+            "libgazebo_ros_joint_pose_trajectory.so",
+            "any",
+            "gazebo_ros_joint_pose_trajectory",
+        ),
+        ("libgazebo_ros_diff_drive.so", "any", "gazebo_ros_diff_drive"),
+        ("libgazebo_ros_camera.so", "any", "other"),
+        ("libmy_gazebo_ros2_control.so", "any", "other"),
+        ("other", "any", "other"),
+        ("libdiff_drive.so", "diff_drive", "other"),
+        ("", "", "other"),
+    ],
+)
+def test_a_plugin_is_known_by_its_library_or_class(filename, name, kind):
+    assert GazeboPlugin(name, filename).kind == kind
+
+
+def test_what_has_no_effect_is_reported_by_sort_with_its_count():
+    lines = lines_of(
+        "<gazebo reference='a'><material>Red</material><mu1>1</mu1>"
+        "<sensor type='camera'><plugin filename='libcam.so'/></sensor></gazebo>"
+        "<gazebo reference='b'><material>Blue</material>"
+        "<sensor type='camera'><plugin filename='libcam.so'/></sensor>"
+        "<sensor type='imu'/><plugin name='n'/></gazebo>"
+    )
+
+    assert lines == [
+        f"info: arm.urdf: {what}; it has no effect"
+        for what in (
+            "Gazebo plugin 'libcam.so' (2 times)",
+            "Gazebo plugin 'n'",
+            "<gazebo> tag <material> (2 times)",
+            "<gazebo> tag <mu1>",
+            "<gazebo> tag <sensor> of type 'camera' (2 times)",
+            "<gazebo> tag <sensor> of type 'imu'",
+        )
+    ]
+
+
+def test_plugins_that_are_simulated_need_no_line():
+    body = (
+        "<gazebo><plugin filename='gz_ros2_control-system'/>"
+        "<plugin filename='gz-sim-joint-controller-system'/></gazebo>"
+    )
+
+    assert lines_of(body) == [
+        "info: arm.urdf: Gazebo plugin 'gz-sim-joint-controller-system'; "
+        "it has no effect"
+    ]
+    assert lines_of(body, simulated=("ros2_control", "joint_controller")) == []

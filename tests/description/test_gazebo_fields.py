@@ -1,0 +1,370 @@
+"""Gazebo plugins that concern joints, as their dataclasses."""
+
+from pathlib import Path
+
+import pytest
+
+from arm_drake.description.gazebo import GazeboPlugin
+from arm_drake.description.gazebo_fields import JointPlugin, read_joint_plugins
+from arm_drake.description.gazebo_joints import (
+    DiffDrive,
+    GazeboRosDiffDrive,
+    GazeboRosJointPoseTrajectory,
+    GazeboRosJointStatePublisher,
+    JointController,
+    JointPositionController,
+    JointStatePublisher,
+    JointTrajectoryController,
+    Ros2ControlPlugin,
+)
+from arm_drake.description.report import LoadReport
+
+ROS2_CONTROL = "gz_ros2_control-system"
+POSITION = "gz-sim-joint-position-controller-system"
+VELOCITY = "gz-sim-joint-controller-system"
+TRAJECTORY = "gz-sim-joint-trajectory-controller-system"
+STATES = "gz-sim-joint-state-publisher-system"
+DRIVE = "gz-sim-diff-drive-system"
+CLASSIC_STATES = "libgazebo_ros_joint_state_publisher.so"
+CLASSIC_TRAJECTORY = "libgazebo_ros_joint_pose_trajectory.so"
+CLASSIC_DRIVE = "libgazebo_ros_diff_drive.so"
+
+
+def read(
+    filename: str, *fields: tuple[str, str]
+) -> tuple[tuple[JointPlugin, ...], list[str]]:
+    report = LoadReport()
+    plugin = GazeboPlugin("p", filename, fields)
+    found = read_joint_plugins([plugin], ["j", "k"], report, Path("arm.urdf"))
+    return found, [str(entry) for entry in report]
+
+
+J = ("joint_name", "j")
+SIDES = (("left_joint", "j"), ("right_joint", "k"))
+GAINS = (
+    *("p_gain", "i_gain", "d_gain"),
+    *("i_max", "i_min", "cmd_max", "cmd_min", "cmd_offset"),
+)
+
+
+def test_defaults_of_gazebo_sim_are_those_of_its_sources():
+    (position,), (velocity,), (drive,) = (
+        read(filename, *fields)[0]
+        for filename, fields in (
+            (POSITION, [J]),
+            (VELOCITY, [J]),
+            (DRIVE, SIDES),
+        )
+    )
+
+    # JointPositionController.hh and JointController.hh, "System Parameters".
+    assert [getattr(position, name) for name in GAINS] == [
+        *(1.0, 0.1, 0.01),
+        *(1.0, -1.0, 1000.0, -1000.0, 0.0),
+    ]
+    assert [getattr(velocity, name) for name in GAINS] == [
+        *(1.0, 0.0, 0.0),
+        *(1.0, -1.0, 1000.0, -1000.0, 0.0),
+    ]
+    assert (position.joint_index, position.initial_position) == (0, 0.0)
+    assert not position.use_velocity_commands
+    assert not velocity.use_force_commands
+    # DiffDrive.cc.
+    assert (drive.wheel_separation, drive.wheel_radius) == (1.0, 0.2)
+
+
+def test_defaults_of_gazebo_classic_are_those_of_its_sources():
+    (drive,), (states,), (trajectory,) = (
+        read(filename, *fields)[0]
+        for filename, fields in (
+            (CLASSIC_DRIVE, SIDES),
+            (CLASSIC_STATES, [J]),
+            (CLASSIC_TRAJECTORY, []),
+        )
+    )
+
+    # gazebo_ros_diff_drive.cpp.
+    assert drive == GazeboRosDiffDrive(
+        left_joints=("j",),
+        right_joints=("k",),
+        num_wheel_pairs=1,
+        max_wheel_acceleration=0.0,
+        max_wheel_torque=5.0,
+        update_rate=100.0,
+        odometry_source=1,
+        odometry_frame="odom",
+        robot_base_frame="base_footprint",
+        covariance_x=1e-5,
+        covariance_y=1e-5,
+        covariance_yaw=1e-3,
+    )
+    # The other two .cpp files.
+    assert (states.update_rate, trajectory.update_rate) == (100.0, 0.0)
+
+
+def test_the_ros2_control_plugin_has_the_defaults_of_its_sources():
+    (plugin,), lines = read(ROS2_CONTROL, ("parameters", "a.yaml"))
+
+    assert plugin == Ros2ControlPlugin(
+        parameters=("a.yaml",),
+        controller_manager_name="controller_manager",
+        hold_joints=True,
+        position_proportional_gain=0.1,
+        robot_param="robot_description",
+        robot_param_node="robot_state_publisher",
+    )
+    assert plugin.manager == "controller_manager"
+    assert lines == []
+
+
+def test_the_ros2_control_plugin_has_all_its_fields():
+    (plugin,), lines = read(
+        ROS2_CONTROL,
+        ("parameters", "a.yaml"),
+        ("parameters", "b.yaml"),
+        ("controller_manager_name", "boss"),
+        ("hold_joints", "false"),
+        ("position_proportional_gain", "0.5"),
+        ("robot_param", "p"),
+        ("robot_param_node", "n"),
+        ("ros/namespace", "/r1"),
+        ("ros/remapping", "a:=b"),
+        ("ros/remapping", "c:=d"),
+    )
+
+    assert plugin == Ros2ControlPlugin(
+        parameters=("a.yaml", "b.yaml"),
+        controller_manager_name="boss",
+        hold_joints=False,
+        position_proportional_gain=0.5,
+        robot_param="p",
+        robot_param_node="n",
+        namespace="/r1",
+        remappings=("a:=b", "c:=d"),
+    )
+    assert lines == []
+
+
+def test_the_old_prefix_is_the_start_of_the_managers_name():
+    (plugin,), lines = read(
+        ROS2_CONTROL, ("controller_manager_prefix_node_name", "left")
+    )
+
+    assert isinstance(plugin, Ros2ControlPlugin)
+    assert plugin.manager == "left_controller_manager"
+    assert lines == []
+
+
+@pytest.mark.parametrize(
+    ("filename", "fields", "expected"),
+    [
+        (
+            POSITION,
+            [
+                J,
+                ("joint_name", "k"),
+                ("joint_index", "0"),
+                ("p_gain", "30"),
+                ("cmd_max", "5"),
+                ("use_velocity_commands", "1"),
+                ("initial_position", "-0.5"),
+                ("topic", "/t"),
+                ("actuatorNumber", "3"),
+            ],
+            JointPositionController(
+                joint_names=("j", "k"),
+                p_gain=30.0,
+                cmd_max=5.0,
+                use_velocity_commands=True,
+                initial_position=-0.5,
+                topic="/t",
+                actuator_number=3,
+            ),
+        ),
+        (
+            VELOCITY,
+            [J, ("initial_velocity", "2"), ("use_force_commands", "True")],
+            JointController(("j",), initial_velocity=2.0, use_force_commands=True),
+        ),
+        (
+            TRAJECTORY,
+            [
+                ("joint_name", "k"),
+                J,
+                ("initial_position", "1"),
+                ("initial_position", "2"),
+                ("position_p_gain", "10"),
+                ("velocity_cmd_min", "-1"),
+            ],
+            JointTrajectoryController(
+                ("k", "j"),
+                initial_positions=(1.0, 2.0),
+                position_p_gain=(10.0,),
+                velocity_cmd_min=(-1.0,),
+            ),
+        ),
+        (
+            TRAJECTORY,
+            [
+                ("joint_names", "j k"),
+                ("initial_positions", "0 1.5"),
+                ("position_d_gain", " 1  2 "),
+            ],
+            JointTrajectoryController(
+                ("j", "k"), initial_positions=(0.0, 1.5), position_d_gain=(1.0, 2.0)
+            ),
+        ),
+        (TRAJECTORY, [], JointTrajectoryController()),
+        (STATES, [], JointStatePublisher()),
+        (
+            STATES,
+            [("topic", "joint_states"), J],
+            JointStatePublisher(("j",), "joint_states"),
+        ),
+        (
+            DRIVE,
+            [*SIDES, ("wheel_separation", "0.4"), ("max_velocity", "2")],
+            DiffDrive(("j",), ("k",), wheel_separation=0.4, max_velocity=2.0),
+        ),
+        (
+            CLASSIC_STATES,
+            [J, ("update_rate", "20"), ("ros/argument", "joint_states:=s")],
+            GazeboRosJointStatePublisher(
+                ("j",), update_rate=20.0, remappings=("joint_states:=s",)
+            ),
+        ),
+        (
+            CLASSIC_TRAJECTORY,
+            [("update_rate", "20"), ("ros/namespace", "/n")],
+            GazeboRosJointPoseTrajectory(update_rate=20.0, namespace="/n"),
+        ),
+        (
+            CLASSIC_DRIVE,
+            [
+                *SIDES,
+                ("left_joint", "k"),
+                ("right_joint", "j"),
+                ("num_wheel_pairs", "2"),
+                ("wheel_separation", "0.3"),
+                ("wheel_separation", "0.4"),
+                ("publish_odom", "true"),
+            ],
+            GazeboRosDiffDrive(
+                left_joints=("j", "k"),
+                right_joints=("k", "j"),
+                num_wheel_pairs=2,
+                wheel_separation=(0.3, 0.4),
+                publish_odom=True,
+            ),
+        ),
+    ],
+)
+def test_a_plugin_has_the_fields_that_are_given(filename, fields, expected):
+    assert read(filename, *fields) == ((expected,), [])
+
+
+@pytest.mark.parametrize(
+    ("field", "problem"),
+    [
+        (("p_gain", "big"), "p_gain: expected a number, got 'big'"),
+        (("joint_index", "0.5"), "joint_index: expected an integer, got '0.5'"),
+        (("joint_index", "one"), "joint_index: expected an integer, got 'one'"),
+        (
+            ("use_velocity_commands", "yes"),
+            "use_velocity_commands: expected true or false, got 'yes'",
+        ),
+    ],
+)
+def test_a_malformed_field_keeps_its_default(field, problem):
+    found, lines = read(POSITION, J, field)
+
+    assert found == (JointPositionController(("j",)),)
+    assert lines == [
+        f"warning: arm.urdf: Gazebo plugin 'p': {problem}; taken as not given"
+    ]
+
+
+def test_a_malformed_list_is_not_given():
+    found, lines = read(TRAJECTORY, ("position_p_gain", "1 x"))
+
+    assert found == (JointTrajectoryController(),)
+    assert lines == [
+        "warning: arm.urdf: Gazebo plugin 'p': "
+        "position_p_gain: expected a number, got 'x'; taken as not given"
+    ]
+
+
+def test_unknown_tags_are_reported():
+    _, lines = read(ROS2_CONTROL, ("robot_sim_type", "x"), ("gain@joint", "j"))
+
+    assert lines == [
+        "info: arm.urdf: Gazebo plugin 'p': unknown tags: "
+        "gain@joint, robot_sim_type; they have no effect"
+    ]
+
+
+def test_joints_that_the_robot_lacks_are_left_out():
+    found, lines = read(STATES, J, ("joint_name", "x"))
+
+    assert found == (JointStatePublisher(("j",)),)
+    assert lines == [
+        "error: arm.urdf: Gazebo plugin 'p': the robot has no joint 'x'; "
+        "known: j, k; the joint is left out"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("filename", "fields", "problem"),
+    [
+        (POSITION, [], "no joint; expected <joint_name>"),
+        (VELOCITY, [], "no joint; expected <joint_name>"),
+        (CLASSIC_STATES, [], "no joint; expected <joint_name>"),
+        (STATES, [("joint_name", "x")], "no joint; expected <joint_name>"),
+        (DRIVE, [("left_joint", "j")], "no joint; expected <right_joint>"),
+        (
+            CLASSIC_DRIVE,
+            [*SIDES, ("left_joint", "j")],
+            "expected 1 left and 1 right joints",
+        ),
+        (
+            CLASSIC_DRIVE,
+            [*SIDES, ("num_wheel_pairs", "2")],
+            "expected 2 left and 2 right joints",
+        ),
+    ],
+)
+def test_a_plugin_that_gazebo_refuses_is_left_out(filename, fields, problem):
+    found, lines = read(filename, *fields)
+
+    assert found == ()
+    assert lines[-1] == (
+        f"error: arm.urdf: Gazebo plugin 'p': {problem}; the plugin is left out"
+    )
+
+
+def test_a_plugin_without_a_name_is_called_by_its_library():
+    report = LoadReport()
+
+    read_joint_plugins([GazeboPlugin("", POSITION)], ["j"], report, Path("arm.urdf"))
+
+    (entry,) = report
+    assert entry.where == f"Gazebo plugin {POSITION!r}"
+
+
+def test_the_path_of_a_controllers_file_may_hold_a_space():
+    (plugin,), _ = read(ROS2_CONTROL, ("parameters", "my robot/a.yaml"))
+
+    assert isinstance(plugin, Ros2ControlPlugin)
+    assert plugin.parameters == ("my robot/a.yaml",)
+
+
+def test_other_plugins_are_passed_over_and_the_rest_keep_their_order():
+    plugins = [
+        GazeboPlugin("a", "libgazebo_ros_camera.so"),
+        GazeboPlugin("b", STATES),
+        GazeboPlugin("c", POSITION, (J,)),
+    ]
+
+    found = read_joint_plugins(plugins, ["j"], LoadReport(), Path("arm.urdf"))
+
+    assert found == (JointStatePublisher(), JointPositionController(("j",)))

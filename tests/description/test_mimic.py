@@ -1,0 +1,232 @@
+"""Which joints follow others, by the URDF and by `<ros2_control>`."""
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+
+from arm_drake.description.hardware_info import (
+    ComponentInfo,
+    HardwareInfo,
+    InterfaceInfo,
+)
+from arm_drake.description.joints import JointInfo, Mimic
+from arm_drake.description.mimic import find_mimics, write_mimics
+from arm_drake.description.report import LoadReport
+
+POSITION = (InterfaceInfo("position"),)
+PLACE = "arm.urdf: ros2_control 'h', joint 'j'"
+
+
+def joint(name: str, mimic: Mimic | None = None, type: str = "revolute") -> JointInfo:
+    return JointInfo(name, type, "a", "b", mimic=mimic)
+
+
+def follower(
+    is_mimic: bool | None = None, commands=(), name: str = "j", **parameters: str
+) -> ComponentInfo:
+    return ComponentInfo(name, commands, POSITION, parameters, is_mimic)
+
+
+def find(
+    component: ComponentInfo,
+    mimic: Mimic | None = None,
+    others: tuple[JointInfo, ...] = (joint("m"),),
+    *,
+    has_master: bool = True,
+) -> tuple[Mimic | None, ComponentInfo, list[str]]:
+    """Return the relation of joint j, its component, and the report."""
+    masters = (ComponentInfo("m", POSITION, POSITION),) if has_master else ()
+    block = HardwareInfo("h", "system", "", joints=(*masters, component))
+    report = LoadReport()
+    joints, (found,) = find_mimics(
+        (*others, joint("j", mimic)), [block], report, Path("arm.urdf")
+    )
+    lines = [str(entry) for entry in report]
+    assert joints[:-1] == others
+    return joints[-1].mimic, found.joints[-1], lines
+
+
+# The URDF's form
+
+
+@pytest.mark.parametrize("is_mimic", [None, True])
+def test_a_joint_follows_as_the_urdf_says(is_mimic):
+    mimic = Mimic("m", 2.0, 0.5)
+
+    assert find(follower(is_mimic), mimic) == (mimic, follower(is_mimic), [])
+
+
+def test_a_joint_that_the_block_calls_independent_is():
+    component = follower(False, POSITION)
+
+    assert find(component, Mimic("m")) == (None, component, [])
+
+
+def test_a_mimic_joint_takes_no_commands():
+    mimic, component, lines = find(follower(commands=POSITION), Mimic("m"))
+
+    assert mimic == Mimic("m")
+    assert component == follower()
+    assert lines == [
+        f"warning: {PLACE}: command interfaces ['position'] of a mimic joint; "
+        "left out; it follows 'm'"
+    ]
+
+
+def test_a_joint_cant_follow_without_a_master():
+    mimic, component, lines = find(follower(True, POSITION))
+
+    assert mimic is None
+    assert component.command_interfaces == POSITION
+    assert lines == [
+        f'error: {PLACE}: mimic="true", but the URDF\'s joint has no <mimic>; '
+        "it moves on its own"
+    ]
+
+
+def test_a_master_belongs_into_the_same_block():
+    mimic, _, lines = find(follower(), Mimic("m"), has_master=False)
+
+    assert mimic == Mimic("m")
+    assert lines == [
+        f"warning: {PLACE}: the block lacks 'm', which the joint mimics; "
+        "it follows all the same"
+    ]
+
+
+def test_a_joint_without_hardware_follows_as_the_urdf_says():
+    joints = (joint("m"), joint("j", Mimic("m", -1.0)))
+
+    assert find_mimics(joints, [], LoadReport(), Path("x")) == (joints, ())
+
+
+def test_a_joint_in_two_blocks_loses_the_commands_in_both():
+    blocks = [
+        HardwareInfo(name, "system", "", joints=(component, follower(name="m")))
+        for name, component in (
+            ("a", follower(mimic="m")),
+            ("b", follower(commands=POSITION)),
+        )
+    ]
+
+    joints, found = find_mimics(
+        (joint("m"), joint("j")), blocks, LoadReport(), Path("x")
+    )
+
+    assert joints[1].mimic == Mimic("m")
+    assert [block.joints[0].command_interfaces for block in found] == [(), ()]
+
+
+# The form up to Humble
+
+
+def test_the_old_form_counts_where_the_urdf_says_nothing():
+    mimic, component, lines = find(
+        follower(commands=POSITION, mimic="m", multiplier="-0.5")
+    )
+
+    assert mimic == Mimic("m", multiplier=-0.5, offset=0.0)
+    assert component.command_interfaces == ()
+    assert lines == [
+        f"info: {PLACE}: <param> 'mimic', which is the form up to Humble, "
+        "names 'm'; taken as the URDF's <mimic>",
+        f"warning: {PLACE}: command interfaces ['position'] of a mimic joint; "
+        "left out; it follows 'm'",
+    ]
+
+
+def test_a_multiplier_is_1_where_none_is_given():
+    mimic, _, _ = find(follower(mimic="m"))
+
+    assert mimic == Mimic("m", 1.0)
+
+
+def test_a_multiplier_that_is_no_number_is_reported():
+    mimic, _, lines = find(follower(mimic="m", multiplier="twice"))
+
+    assert mimic == Mimic("m", 1.0)
+    assert lines[0] == (
+        f"warning: {PLACE}: multiplier: expected a number, got 'twice'; "
+        "taken as not given"
+    )
+
+
+@pytest.mark.parametrize(
+    ("master", "others", "problem"),
+    [
+        ("n", (joint("m"),), "mimics 'n', which doesn't exist; known: j, m"),
+        ("m", (joint("m", type="fixed"),), "mimics 'm', which doesn't move"),
+        ("j", (joint("m"),), "mimics itself, through 'j'"),
+        ("m", (joint("m", Mimic("j")),), "mimics itself, through 'm'"),
+    ],
+)
+def test_an_impossible_relation_in_the_old_form_is_left_out(master, others, problem):
+    mimic, component, lines = find(
+        follower(commands=POSITION, mimic=master), None, others
+    )
+
+    assert mimic is None
+    assert component.command_interfaces == POSITION
+    assert lines[-1] == f"error: {PLACE}: {problem}; it moves on its own"
+
+
+def test_the_urdf_counts_before_the_old_form():
+    mimic, _, lines = find(follower(mimic="m", multiplier="2"), Mimic("m", -1.0))
+
+    assert mimic == Mimic("m", -1.0)
+    assert lines == [
+        f"warning: {PLACE}: <param> 'mimic' says 2.0 * 'm', "
+        "the URDF's <mimic> -1.0 * 'm'; the URDF counts"
+    ]
+
+
+def test_both_forms_may_say_the_same():
+    mimic = Mimic("m", 2.0)
+
+    assert find(follower(mimic="m", multiplier="2"), mimic)[::2] == (mimic, [])
+
+
+def test_an_independent_joint_has_no_master_in_the_old_form():
+    mimic, _, lines = find(follower(False, mimic="m"))
+
+    assert mimic is None
+    assert lines == [
+        f"warning: {PLACE}: mimic=\"false\", but <param> 'mimic' is 'm'; "
+        "it moves on its own"
+    ]
+
+
+def test_a_master_that_the_block_frees_may_follow_its_former_follower():
+    blocks = [
+        HardwareInfo(
+            "h", "system", "", joints=(follower(mimic="m"), follower(False, name="m"))
+        )
+    ]
+    joints = (joint("j"), joint("m", Mimic("j")))
+    report = LoadReport()
+
+    found, _ = find_mimics(joints, blocks, report, Path("x"))
+
+    assert [j.mimic for j in found] == [Mimic("m"), None]
+    assert not report.errors
+
+
+# Back into the URDF
+
+
+def test_the_urdf_gets_the_relations_that_hold():
+    root = ET.XML(
+        '<robot><joint name="j"><mimic joint="x"/></joint><joint name="m"/>'
+        '<joint name="f"><axis xyz="1 0 0"/><mimic joint="m"/></joint></robot>'
+    )
+
+    write_mimics(root, (joint("j"), joint("m"), joint("f", Mimic("m", -1.0, 0.25))))
+
+    found = {e.get("name"): [m.attrib for m in e.iter("mimic")] for e in root}
+    assert found == {
+        "j": [],
+        "m": [],
+        "f": [{"joint": "m", "multiplier": "-1.0", "offset": "0.25"}],
+    }
+    assert root.find("joint/axis") is not None
