@@ -19,10 +19,9 @@ from arm_drake.description.controllers import ControllerConfig, ControllerManage
 from arm_drake.description.parameters import load_parameters
 from arm_drake.description.report import Kind, LoadReport, Severity
 from arm_drake.description.robot import Robot
-from arm_drake.description.urdf import RobotDescription
-from arm_drake.drives import commanded_joints
 from arm_drake.errors import InputError, ParameterError, suggest
 from arm_drake.options import SimulationOptions
+from arm_drake.surroundings import Surroundings, find_surroundings
 
 # Command interfaces that the simulated hardware acts on.
 SIMULATED_COMMANDS = (interfaces.POSITION,)
@@ -48,51 +47,6 @@ class LoadedController:
     type: str
     state: ControllerStatus
     system: ControllerInterface | None
-
-
-@dc.dataclass(frozen=True)
-class Surroundings:
-    """What a robot offers its controllers."""
-
-    joint_types: Mapping[str, str]
-    command_interfaces: frozenset[str]
-    state_interfaces: frozenset[str]
-
-    # Initial positions by joint [rad] or [m].
-    initial_positions: Mapping[str, float]
-
-
-def find_surroundings(
-    description: RobotDescription, initial_positions: Mapping[str, float]
-) -> Surroundings:
-    """Return the joints and interfaces of a robot.
-
-    Args:
-        description: The robot; without `<ros2_control>`, its hardware is taken to have
-            all that is simulated.
-        initial_positions: Initial positions by joint [rad] or [m].
-    """
-    movable = {joint.name: joint.type for joint in description.movable_joints}
-    joints = [component for block in description.hardware for component in block.joints]
-    commands = {
-        f"{component.name}/{interface.name}"
-        for component in joints
-        for interface in component.command_interfaces
-    }
-    states = {
-        f"{component.name}/{interface.name}"
-        for component in joints
-        for interface in component.state_interfaces
-    }
-    if not description.hardware:
-        commands = {
-            f"{joint.name}/{interfaces.POSITION}"
-            for joint in commanded_joints(description)
-        }
-        states = {f"{n}/{i}" for n in movable for i in interfaces.STATE_INTERFACES}
-    return Surroundings(
-        movable, frozenset(commands), frozenset(states), initial_positions
-    )
 
 
 def load_controllers(

@@ -35,12 +35,9 @@ _NUM_POSES = 200
 def commanded_joints(description: RobotDescription) -> tuple[JointInfo, ...]:
     """Return the joints that have an actuator, in the order of the description.
 
-    They are those with a command interface in `<ros2_control>`; mimic joints follow
-    their master. A description without `<ros2_control>` commands all its joints.
+    They are those with a command interface; mimic joints follow their master.
     """
     movable = [joint for joint in description.movable_joints if joint.mimic is None]
-    if not description.hardware:
-        return tuple(movable)
     commanded = {
         component.name
         for block in description.hardware

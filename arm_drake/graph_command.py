@@ -10,7 +10,6 @@ from pathlib import Path
 from arm_drake import interfaces
 from arm_drake.controller_loading import (
     LoadedController,
-    find_surroundings,
     load_controllers_of,
 )
 from arm_drake.controllers.controller_interface import ControllerInterface
@@ -125,19 +124,8 @@ def _topics(system: ControllerInterface, *, is_input: bool) -> tuple[str, ...]:
 
 
 def _hardware(robot: Robot) -> tuple[HardwareNode, ...]:
-    blocks = robot.description.hardware
-    if not blocks:
-        there = find_surroundings(robot.description, robot.initial_positions)
-        return (
-            HardwareNode(
-                name="hardware",
-                notes=("simulated by Drake; the description has no <ros2_control>",),
-                states=tuple(sorted(there.state_interfaces)),
-                commands=tuple(sorted(there.command_interfaces)),
-            ),
-        )
     nodes = []
-    for block in blocks:
+    for block in robot.description.hardware:
         components = (*block.joints, *block.sensors, *block.gpios)
         plugin = f"{block.plugin}, " if block.plugin else ""
         nodes.append(

@@ -1,12 +1,14 @@
 """load_robot: a robot package on the disk becomes a Robot."""
 
+import dataclasses as dc
 import math
 import os
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from arm_drake.controller_loading import find_surroundings, load_controllers
+from arm_drake.controller_loading import load_controllers
+from arm_drake.description.claimed_hardware import hardware_from_controllers
 from arm_drake.description.control_files import find_control_files
 from arm_drake.description.controllers import ControllerManagerConfig
 from arm_drake.description.controllers import (
@@ -15,6 +17,7 @@ from arm_drake.description.controllers import (
 from arm_drake.description.default_control import default_controllers
 from arm_drake.description.entry import Source, find_entry
 from arm_drake.description.given import DISTROS
+from arm_drake.description.initial_positions import find_initial_positions
 from arm_drake.description.joints import WORLD
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.places import find_place
@@ -25,6 +28,7 @@ from arm_drake.description.xacro import expand_xacro
 from arm_drake.description.xacro_sources import read_sources
 from arm_drake.drives import report_gravity
 from arm_drake.errors import InputError, suggest
+from arm_drake.surroundings import find_surroundings
 
 # What names of distributions without rules of their own are taken as.
 _DISTRO_ALIASES = {
@@ -109,12 +113,15 @@ def load_robot(
         config = load_controllers_config(
             files, dict(variables or {}), report, packages=packages
         )
+    if not description.hardware:
+        hardware = hardware_from_controllers(config, description.joints, report, entry)
+        description = dc.replace(description, hardware=hardware)
     robot = Robot(
         name=name or description.name,
         description=description,
         controllers=config,
         report=report,
-        initial_positions=_initial_positions(
+        initial_positions=find_initial_positions(
             description, dict(initial_positions or {}), report
         ),
         pose=_check_pose(pose),
@@ -185,50 +192,3 @@ def _finite(value: object, where: str) -> float:
     if not math.isfinite(number):
         raise InputError(f"expected a finite number, got {value!r}", where=where)
     return number
-
-
-def _initial_positions(
-    description: RobotDescription, given: dict[str, float], report: LoadReport
-) -> dict[str, float]:
-    """Return where the joints start: given, else `initial_value`, else 0, in limits."""
-    movable = {joint.name: joint for joint in description.movable_joints}
-    for name in given:
-        if name not in movable:
-            raise InputError(
-                f"initial position of joint {name!r}: the robot has no such joint; "
-                f"{suggest(name, movable)}"
-            )
-    values = {
-        component.name: interface.initial_value
-        for block in description.hardware
-        for component in block.joints
-        for interface in component.state_interfaces
-        if interface.name == "position" and interface.initial_value is not None
-    }
-    positions = {}
-    for name, joint in movable.items():
-        position = _finite(given.get(name, values.get(name, 0.0)), f"joint {name!r}")
-        lower, upper = joint.limits.lower, joint.limits.upper
-        if joint.mimic is None and lower is not None and upper is not None:
-            clamped = min(max(position, lower), upper)
-            if clamped != position:
-                report.add(
-                    "warning",
-                    "repair",
-                    f"initial position {position} is outside [{lower}, {upper}]",
-                    f"it starts at {clamped}",
-                    where=f"joint {name!r}",
-                    file=description.file,
-                )
-            position = clamped
-        positions[name] = position
-    for name, joint in movable.items():
-        followed = [joint]
-        while (mimic := followed[-1].mimic) is not None:
-            followed.append(movable[mimic.joint])
-        position = positions[followed.pop().name]
-        for follower in reversed(followed):
-            assert follower.mimic is not None
-            position = follower.mimic.multiplier * position + follower.mimic.offset
-        positions[name] = position
-    return positions

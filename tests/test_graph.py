@@ -109,7 +109,7 @@ def test_without_ros2_control_the_simulated_hardware_is_drawn(run, tmp_path):
 
     assert code == 0
     assert {"swing/position", "swing/velocity", "swing/effort"} <= texts(file)
-    assert "simulated by Drake; the description has no <ros2_control>" in texts(file)
+    assert "system: simulated by Drake" in texts(file)
 
 
 @pytest.mark.parametrize(

@@ -48,6 +48,8 @@ def _report_plugin(block: HardwareInfo, reader: ElementReader) -> None:
         what = "no hardware plugin is named; expected <hardware><plugin>"
         reader.note("warning", "missing", what, done)
         return
+    if block.plugin in SIMULATOR_PLUGINS and not block.parameters:
+        return  # Another simulator's: no hardware is replaced.
     what = f"hardware plugin {block.plugin!r}"
     if block.plugin in SIMULATOR_PLUGINS:
         what += f" ({SIMULATOR_PLUGINS[block.plugin]})"

@@ -1,11 +1,14 @@
 """Where `<ros2_control>` lets joints start."""
 
+import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from arm_drake.description.elements import ElementReader
 from arm_drake.description.hardware_info import ComponentInfo, HardwareInfo
 from arm_drake.description.report import LoadReport
+from arm_drake.description.urdf import RobotDescription
+from arm_drake.errors import InputError, suggest
 
 _POSITION = "position"
 
@@ -73,3 +76,60 @@ def _report_others(joint: ComponentInfo, reader: ElementReader, where: str) -> N
     for place, value in sorted(found.items()):
         what = f"{place} is {value}"
         reader.note("info", "unsupported", what, "the robot starts at rest", where)
+
+
+def find_initial_positions(
+    description: RobotDescription, given: dict[str, float], report: LoadReport
+) -> dict[str, float]:
+    """Return where the joints start [rad] or [m]: within their limits.
+
+    Args:
+        description: The robot, with what its hardware says.
+        given: Positions that win over those of the files.
+        report: Where positions are recorded that had to be changed.
+
+    Raises:
+        InputError: If ``given`` names no joint, or no finite number.
+    """
+    movable = {joint.name: joint for joint in description.movable_joints}
+    for name in given:
+        if name not in movable:
+            raise InputError(
+                f"initial position of joint {name!r}: the robot has no such joint; "
+                f"{suggest(name, movable)}"
+            )
+    values = initial_values(description.hardware, report, description.file)
+    positions = {}
+    for name, joint in movable.items():
+        position = given.get(name, values.get(name, 0.0))
+        if not _is_finite(position):
+            problem = f"expected a finite number, got {position!r}"
+            raise InputError(problem, where=f"joint {name!r}")
+        lower, upper = joint.limits.lower, joint.limits.upper
+        if joint.mimic is None and lower is not None and upper is not None:
+            clamped = min(max(position, lower), upper)
+            if clamped != position:
+                report.add(
+                    "warning",
+                    "repair",
+                    f"initial position {position} is outside [{lower}, {upper}]",
+                    f"it starts at {clamped}",
+                    where=f"joint {name!r}",
+                    file=description.file,
+                )
+            position = clamped
+        positions[name] = position
+    for name, joint in movable.items():
+        followed = [joint]
+        while (mimic := followed[-1].mimic) is not None:
+            followed.append(movable[mimic.joint])
+        position = positions[followed.pop().name]
+        for follower in reversed(followed):
+            assert follower.mimic is not None
+            position = follower.mimic.multiplier * position + follower.mimic.offset
+        positions[name] = position
+    return positions
+
+
+def _is_finite(value: object) -> bool:
+    return isinstance(value, int | float) and math.isfinite(value)

@@ -1,7 +1,6 @@
 """Joints of a robot, and whether they make a robot with its links."""
 
 import dataclasses as dc
-import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from arm_drake.description.report import LoadReport
@@ -159,16 +158,3 @@ def _mimic_problem(joint: JointInfo, joints: dict[str, JointInfo]) -> str | None
         master = joints[name]
         seen.add(name)
     return None
-
-
-def write_mimics(root: ET.Element, joints: tuple[JointInfo, ...]) -> None:
-    """Give the joints of a URDF the `<mimic>` tags that they are known to have."""
-    by_name = {joint.name: joint for joint in joints}
-    for element in root.iterfind("joint"):
-        for tag in element.findall("mimic"):
-            element.remove(tag)
-        mimic = by_name[element.get("name", "")].mimic
-        if mimic is not None:
-            tag = ET.SubElement(element, "mimic", joint=mimic.joint)
-            tag.set("multiplier", repr(mimic.multiplier))
-            tag.set("offset", repr(mimic.offset))

@@ -16,7 +16,6 @@ from arm_drake.description.elements import (
     parse_number,
     text_of,
 )
-from arm_drake.description.gazebo import GazeboPlugin, read_gazebo_plugins
 from arm_drake.description.hardware_info import (
     ComponentInfo,
     HardwareInfo,
@@ -25,15 +24,6 @@ from arm_drake.description.hardware_info import (
 )
 from arm_drake.description.report import Kind, LoadReport
 from arm_drake.description.transmissions import read_transmissions
-
-__all__ = [
-    "ComponentInfo",
-    "GazeboPlugin",
-    "HardwareInfo",
-    "InterfaceInfo",
-    "read_gazebo_plugins",
-    "read_hardware",
-]
 
 _TYPES = ("system", "actuator", "sensor")
 

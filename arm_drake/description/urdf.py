@@ -9,6 +9,13 @@ import math
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
+from arm_drake.description.gazebo import (
+    GazeboPlugin,
+    read_gazebo_plugins,
+    report_gazebo,
+)
+from arm_drake.description.hardware_info import HardwareInfo
+from arm_drake.description.hardware_report import report_hardware
 from arm_drake.description.joints import (
     FREE_TYPES,
     JOINT_TYPES,
@@ -18,17 +25,12 @@ from arm_drake.description.joints import (
     Mimic,
     check_structure,
     drop_bad_mimics,
-    write_mimics,
 )
+from arm_drake.description.mimic import find_mimics, write_mimics
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.repairs import normalise
 from arm_drake.description.report import LoadReport
-from arm_drake.description.ros2_control import (
-    GazeboPlugin,
-    HardwareInfo,
-    read_gazebo_plugins,
-    read_hardware,
-)
+from arm_drake.description.ros2_control import read_hardware
 from arm_drake.errors import DescriptionError
 
 
@@ -112,7 +114,10 @@ def parse_urdf(
     check_structure(links, joints, file)
     joints = drop_bad_mimics(joints, file, report)
     hardware = read_hardware(root, [joint.name for joint in joints], report, file)
+    joints, hardware = find_mimics(joints, hardware, report, file)
     plugins = read_gazebo_plugins(root)
+    report_hardware(hardware, report, file)
+    report_gazebo(root, report, file)
     write_mimics(root, joints)
     normalise(root, file, packages, report)
     robot = RobotDescription(

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 import yaml
 
-from arm_drake.controller_loading import Surroundings, load_controllers
+from arm_drake.controller_loading import load_controllers
 from arm_drake.controllers import CONTROLLER_TYPES
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.joint_trajectory_controller import JointTrajectoryController
@@ -19,6 +19,7 @@ from arm_drake.description.controllers import load_controllers as read_controlle
 from arm_drake.description.parameters import Parameter, load_parameters
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import ParameterError
+from arm_drake.surroundings import Surroundings
 from tests.controllers.parameters import (
     ACKERMANN,
     DIFF_DRIVE,
@@ -197,7 +198,11 @@ def test_a_type_that_is_not_simulated_has_its_parameters_checked():
     )
     assert loaded_by_manager(FORWARD, joints=[]) == (
         ["unconfigured"],
-        [f"error: c.yaml: c: joints must have at least one element; {done}"],
+        [
+            f"error: c.yaml:3: c: controller type {FORWARD!r} is not simulated yet; "
+            f"{done}",
+            f"error: c.yaml: c: joints must have at least one element; {done}",
+        ],
         False,
     )
 

@@ -42,9 +42,13 @@ def remarks_of(**fields) -> list[str]:
     ],
 )
 def test_the_simulator_says_that_it_stands_in_for_the_plugin(plugin, called):
-    assert lines_of(plugin) == [
-        f"info: {PLACE}: hardware plugin {plugin!r}{called}; "
-        "the simulator stands in for it"
+    done = "the simulator stands in for it"
+    line = f"info: {PLACE}: hardware plugin {plugin!r}{called}; {done}"
+
+    # Another simulator's isn't news, unless it has parameters.
+    assert lines_of(plugin) == ([] if called else [line])
+    assert lines_of(plugin, parameters={"a": "1"}) == [
+        f"{line}, without its parameters 'a'"
     ]
 
 

@@ -143,9 +143,16 @@ def test_larger_steps_reach_the_goal_too(time_step):
     assert sim.goals[0].status is ad.GoalStatus.SUCCEEDED
 
 
-def test_the_published_description_loads_without_a_warning():
+def test_of_the_published_description_only_unknown_parameters_are_left_out():
     robot = ad.load_robot(real_robot(REAL))
 
-    assert {entry.severity for entry in robot.report} == {"info"}
+    remarks = [entry for entry in robot.report if entry.severity != "info"]
+    assert {entry.what for entry in remarks} == {"unknown parameter"}
+    assert [entry.where.rpartition(".")[2] for entry in remarks] == [
+        "deduce_states_from_derivatives",
+        "hardware_state_has_offset",
+        "interface_name",
+        "write_op_modes",
+    ]
     assert robot.description.name == "a0912"
     assert [file.name for file in robot.controllers.files] == ["simple_controller.yaml"]
