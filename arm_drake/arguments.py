@@ -108,6 +108,11 @@ def _add_robot_arguments(parser: argparse.ArgumentParser) -> None:
         type=_pair("="),
         help="value of $(var NAME) in the YAML; repeatable",
     )
+    parser.add_argument(
+        "--decompose",
+        action="store_true",
+        help="collide with several convex parts of a mesh, not with its convex hull",
+    )
     parser.add_argument("--distro", default="jazzy", help="ROS distribution (jazzy)")
     parser.add_argument("--name", help="name of the robot")
     parser.add_argument(

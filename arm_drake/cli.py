@@ -65,6 +65,7 @@ def load_robot_of(
         name=options.name,
         pose=getattr(options, "pose", None),
         initial_positions=initial,
+        decompose=options.decompose,
     )
 
 

@@ -15,7 +15,10 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
 )
-from arm_drake.description.controllers import ControllerConfig, ControllerManagerConfig
+from arm_drake.description.controllers import (
+    ControllerConfig,
+    ControllerManagerConfig,
+)
 from arm_drake.description.parameters import load_parameters
 from arm_drake.description.report import Kind, LoadReport, Severity
 from arm_drake.description.robot import Robot

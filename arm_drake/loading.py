@@ -71,6 +71,7 @@ def load_robot(
     pose: Sequence[float] | None = None,
     initial_positions: Mapping[str, float] | None = None,
     strict: bool = False,
+    decompose: bool = False,
 ) -> Robot:
     """Load a robot from its description and its controllers YAML.
 
@@ -90,8 +91,11 @@ def load_robot(
         pose: Pose of the base: x, y, z [m], roll, pitch, yaw [rad].
         initial_positions: Initial positions by joint [rad] or [m].
         strict: Whether every line of the load report is an error.
+        decompose: Whether a collision mesh becomes several convex parts, not one convex
+            hull; it needs the extra `decompose`, and minutes when it is first done.
 
     Raises:
+        MissingExtraError: If an extra is needed that isn't installed.
         InputError: If the files can't be used at all; or with ``strict``, if anything
             was not taken as written.
     """
@@ -105,7 +109,7 @@ def load_robot(
     folders = [_existing_folder(path) for path in package_paths]
     packages = PackageFinder(entry, folders, report)
     text = expand_xacro(entry, dict(xacro_args or {}), packages, report)
-    description = parse_urdf(text, entry, packages, report)
+    description = parse_urdf(text, entry, packages, report, decompose=decompose)
     files = find_control_files(controllers, description, packages, bundled, report)
     if files is None:
         config = default_controllers(description, report)

@@ -111,13 +111,33 @@ def load_controllers(
     names = [name for manager in managers for name in manager.controllers]
     nodes.report_unused((*names, MANAGER), report)
     further = [file for manager in managers for file in manager.files]
-    return ControllerManagerConfig(
+    config = ControllerManagerConfig(
         update_rate=_first_given("update_rate", managers),
         controllers=tuple(controllers),
         files=tuple(dict.fromkeys((*files, *further))),
         enforce_command_limits=_first_given("enforce_command_limits", managers),
         hardware_components_initial_state=_together(m.settings for m in managers),
     )
+    _report_unsimulated(config, report)
+    return config
+
+
+def _report_unsimulated(config: ControllerManagerConfig, report: LoadReport) -> None:
+    """Record what the manager is asked for and doesn't do."""
+    asked = []
+    if config.enforce_command_limits:
+        what = "enforce_command_limits: true"
+        asked.append((what, "the joint servo limits speed and effort, not commands"))
+    states = config.hardware_components_initial_state
+    if off := [*states.unconfigured, *states.inactive]:
+        asked.append((f"hardware components {off} start inactive", "they are active"))
+    for controller in config.controllers:
+        if names := controller.fallback_controllers:
+            what = f"fallback controllers {list(names)} of {controller.name!r}"
+            asked.append((what, "they never start by themselves"))
+    for what, done in asked:
+        file = next(iter(config.files), None)
+        report.add("warning", "unsupported", what, done, where=MANAGER, file=file)
 
 
 def _namespaces(sections: Iterable[Section]) -> list[str]:

@@ -14,6 +14,7 @@ from arm_drake.description.gazebo import (
     read_gazebo_plugins,
     report_gazebo,
 )
+from arm_drake.description.gazebo_fields import JointPlugin, read_joint_plugins
 from arm_drake.description.hardware_info import HardwareInfo
 from arm_drake.description.hardware_report import report_hardware
 from arm_drake.description.joints import (
@@ -54,6 +55,9 @@ class RobotDescription:
 
     gazebo_plugins: tuple[GazeboPlugin, ...]
 
+    # Those of them that move or report joints, with the fields they have.
+    joint_plugins: tuple[JointPlugin, ...]
+
     # The expanded description, as it was written.
     source: str
 
@@ -81,7 +85,12 @@ class RobotDescription:
 
 
 def parse_urdf(
-    text: str, file: Path, packages: PackageFinder, report: LoadReport
+    text: str,
+    file: Path,
+    packages: PackageFinder,
+    report: LoadReport,
+    *,
+    decompose: bool = False,
 ) -> RobotDescription:
     """Return the robot that a URDF text describes.
 
@@ -90,9 +99,11 @@ def parse_urdf(
         file: File it came from; relative mesh paths start in its folder.
         packages: What resolves package URIs.
         report: Where every repair is recorded.
+        decompose: Whether a collision mesh becomes several convex parts, not one hull.
 
     Raises:
         DescriptionError: If the text is no robot.
+        MissingExtraError: If ``decompose`` needs what isn't installed.
     """
     root = _parse_xml(text, file)
     if root.tag != "robot":
@@ -119,7 +130,7 @@ def parse_urdf(
     report_hardware(hardware, report, file)
     report_gazebo(root, report, file)
     write_mimics(root, joints)
-    normalise(root, file, packages, report)
+    normalise(root, file, packages, report, decompose=decompose)
     robot = RobotDescription(
         name=root.get("name") or file.name.partition(".")[0],
         file=file,
@@ -127,6 +138,9 @@ def parse_urdf(
         joints=joints,
         hardware=hardware,
         gazebo_plugins=plugins,
+        joint_plugins=read_joint_plugins(
+            plugins, [joint.name for joint in joints], report, file
+        ),
         source=text,
         urdf=ET.tostring(root, encoding="unicode"),
     )

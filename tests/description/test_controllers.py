@@ -39,7 +39,9 @@ def load(tmp_path):
         report = LoadReport()
         packages = PackageFinder(tmp_path / "a.urdf", [tmp_path])
         config = load_controllers(files, variables, report, packages=packages)
-        return config, [str(e).replace(f"{tmp_path}/", "") for e in report]
+        # What the manager does not do has a test of its own.
+        entries = [e for e in report if e.kind != "unsupported" or e.line is not None]
+        return config, [str(e).replace(f"{tmp_path}/", "") for e in entries]
 
     return load_texts
 
@@ -925,3 +927,29 @@ def test_a_new_name_that_is_taken_gets_a_mark(load):
     types = {c.name: c.type for c in config.controllers}
     assert types["left_hold"] == "l/L"
     assert types["left_hold_"] == "h/H"
+
+
+def test_what_the_manager_does_not_do_is_said(tmp_path):
+    file = tmp_path / "a.yaml"
+    file.write_text(
+        "controller_manager:\n"
+        "  ros__parameters:\n"
+        "    update_rate: 50\n"
+        "    enforce_command_limits: true\n"
+        "    hardware_components_initial_state: {unconfigured: [a], inactive: [b]}\n"
+        "    arm: {type: a/A, fallback_controllers: [other]}\n"
+        "    other: {type: a/A}\n",
+        encoding="utf-8",
+    )
+    report = LoadReport()
+
+    load_controllers([file], {}, report)
+
+    start = f"warning: {file}: controller_manager: "
+    assert str(report).splitlines() == [
+        f"{start}enforce_command_limits: true; the joint servo limits speed and "
+        "effort, not commands",
+        f"{start}hardware components ['a', 'b'] start inactive; they are active",
+        f"{start}fallback controllers ['other'] of 'arm'; they never start by "
+        "themselves",
+    ]

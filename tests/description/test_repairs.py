@@ -7,6 +7,7 @@ from urllib.parse import unquote, urlparse
 
 import numpy as np
 import pytest
+from PIL import Image
 from pydrake.geometry import SceneGraph
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
@@ -177,8 +178,47 @@ def test_a_texture_is_removed_and_reported_once(repair):
     assert root.find(".//texture") is None
     assert root.find(".//material") is None
     assert lines == [
-        "warning: material 'm' has a texture; "
-        "it is drawn without it, unless its mesh has one of its own"
+        "warning: material 'm': the texture 'package://nope/a.png' doesn't exist; "
+        "drawn without it, unless its mesh has one of its own"
+    ]
+
+
+def test_a_texture_becomes_its_mean_colour(repair, tmp_path):
+    image = Image.new("RGB", (4, 2), (255, 0, 0))
+    image.paste((0, 51, 0), (0, 0, 2, 2))
+    image.save(tmp_path / "a.png")
+
+    root, lines = repair(
+        visual(
+            '<sphere radius="1"/>',
+            '<material name="m"><texture filename="a.png"/></material>',
+        )
+    )
+
+    # Half of it is (1, 0, 0), half (0, 0.2, 0); in steps of 1/255.
+    text = root.find(".//material/color").get("rgba")
+    assert [float(x) for x in text.split()] == pytest.approx([0.5, 0.1, 0, 1], abs=3e-3)
+    assert lines == [
+        "warning: material 'm': the texture 'a.png'; its mean colour is used, unless a "
+        "mesh has a texture of its own"
+    ]
+
+
+@pytest.mark.parametrize("content", [b"", b"GIF89a", b"\x89PNG\r\n\x1a\n"])
+def test_a_damaged_texture_is_reported(repair, tmp_path, content):
+    (tmp_path / "a.png").write_bytes(content)
+
+    root, lines = repair(
+        visual(
+            '<sphere radius="1"/>',
+            '<material name="m"><texture filename="a.png"/></material>',
+        )
+    )
+
+    assert root.find(".//material") is None
+    assert lines == [
+        "warning: material 'm': the texture 'a.png' can't be read; drawn without it, "
+        "unless its mesh has one of its own"
     ]
 
 
