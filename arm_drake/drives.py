@@ -11,6 +11,7 @@ from pydrake.systems.primitives import SymbolicVectorSystem
 
 from arm_drake.control.servo import compute_friction_gains, compute_servo_gains
 from arm_drake.description.joints import JointInfo
+from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Pose, Robot
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.options import SimulationOptions
@@ -57,6 +58,7 @@ def make_servo_plant(
     pose: Pose | None,
     options: SimulationOptions,
     time_step: float,
+    report: LoadReport | None = None,
 ) -> MultibodyPlant:
     """Return a plant that a servo computes with: one robot on a fixed base.
 
@@ -65,10 +67,13 @@ def make_servo_plant(
         pose: Pose of its base in the world.
         options: How to simulate.
         time_step: Step of the simulated plant [s].
+        report: Where Drake's warnings about the description are recorded.
     """
     plant = MultibodyPlant(time_step)
     set_gravity(plant, options)
-    model = add_robot_model(plant, description, "robot", pose, is_reduced=True)
+    model = add_robot_model(
+        plant, description, "robot", pose, is_reduced=True, report=report
+    )
     add_step_inertia(plant, model, time_step)
     plant.Finalize()
     return plant
@@ -101,14 +106,20 @@ def make_robot_servo(
     return make_joint_servo(plant, gains, *at, N)
 
 
-def report_gravity(robot: Robot) -> None:
-    """Record joints whose effort limit is less than what gravity asks for.
+def check_model(robot: Robot) -> None:
+    """Build a robot's model on trial, and record what is the matter with it.
 
-    That is judged in the initial pose, and in random ones within the limits.
+    That is what Drake warns about, and joints whose effort limit is less than what
+    gravity asks for: in the initial pose, or in random ones within the limits.
+
+    Raises:
+        DescriptionError: If Drake refuses the description.
     """
     description, options = robot.description, SimulationOptions()
     joints = commanded_joints(description)
-    plant = make_servo_plant(description, robot.pose, options, options.time_step)
+    plant = make_servo_plant(
+        description, robot.pose, options, options.time_step, robot.report
+    )
     model = plant.GetModelInstanceByName("robot")
     set_initial_positions(plant, model, dict(robot.initial_positions))
     N = velocity_map(plant, description, joints)

@@ -26,7 +26,7 @@ from arm_drake.description.robot import Pose, Robot
 from arm_drake.description.urdf import RobotDescription, parse_urdf
 from arm_drake.description.xacro import expand_xacro
 from arm_drake.description.xacro_sources import read_sources
-from arm_drake.drives import report_gravity
+from arm_drake.drives import check_model
 from arm_drake.errors import InputError, suggest
 from arm_drake.surroundings import find_surroundings
 
@@ -134,9 +134,8 @@ def load_robot(
         bundled=bundled,
     )
     surroundings = find_surroundings(description, robot.initial_positions)
-    # Which of them start is decided when a diagram is built.
     load_controllers(config, surroundings, report, judges_claims=False, distro=distro)
-    report_gravity(robot)
+    check_model(robot)
     report.add_lines(find_place(lambda: read_sources(entry, packages).files))
     if strict and len(report):
         raise InputError(f"not everything was taken as written:\n{report}")

@@ -16,8 +16,10 @@ from pydrake.multibody.tree import JointActuator, ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder
 
 from arm_drake.description.joints import FREE_TYPES, WORLD
+from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Pose
 from arm_drake.description.urdf import RobotDescription
+from arm_drake.drake_log import drake_messages
 from arm_drake.errors import DescriptionError
 from arm_drake.options import SimulationOptions
 
@@ -53,6 +55,7 @@ def add_robot_model(
     *,
     has_free_base: bool = False,
     is_reduced: bool = False,
+    report: LoadReport | None = None,
 ) -> ModelInstanceIndex:
     """Add a robot's bodies and joints.
 
@@ -64,6 +67,7 @@ def add_robot_model(
         has_free_base: Whether its base moves freely, instead of being fixed.
         is_reduced: Whether to leave out what is seen and what collides, and to fix
             joints of several degrees of freedom: what a servo computes with.
+        report: Where Drake's warnings are recorded.
 
     Raises:
         DescriptionError: If Drake refuses the description.
@@ -80,15 +84,19 @@ def add_robot_model(
             _move_origin(joint, X_WB)
     parser = Parser(plant)
     parser.SetAutoRenaming(True)
+    text = ET.tostring(root, encoding="unicode")
     try:
-        (model,) = parser.AddModelsFromString(
-            ET.tostring(root, encoding="unicode"), "urdf"
-        )
+        with drake_messages() as messages:
+            (model,) = parser.AddModelsFromString(text, "urdf")
     except (RuntimeError, SystemExit) as error:
         problem = " ".join(str(error).split())
         raise DescriptionError(
             f"Drake refuses the description: {problem}", file=description.file
         ) from None
+    if report is not None:
+        for message in messages:  # Its place is one in our text, not in the file.
+            what, file = message.partition("warning: ")[2] or message, description.file
+            report.add("warning", "ignored", what, "so says Drake", file=file)
     for name_of_root in description.roots[1 if has_free_base else 0 :]:
         frame = plant.GetBodyByName(name_of_root, model).body_frame()
         plant.WeldFrames(plant.world_frame(), frame, X_WB)

@@ -37,7 +37,7 @@ PACKAGE = Path(arm_drake.__file__).parent
 # package its own modules.
 LAYERS = [
     ["errors", "interfaces", "messages", "timing", "yaml_files", "bundled"],
-    ["arguments", "output_files"],
+    ["arguments", "drake_log", "output_files"],
     ["description", "options", "visualization"],
     [
         "contact",

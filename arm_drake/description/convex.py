@@ -3,6 +3,7 @@
 import importlib.metadata
 import importlib.util
 import io
+import itertools
 import subprocess
 import sys
 from typing import Any
@@ -17,8 +18,20 @@ from arm_drake.errors import MissingExtraError
 _FLAT_THICKNESS = 1e-4
 _FLATNESS = 1e-5  # Thickness as a part of the size; less is flat.
 
-# More corners than this make contact slow, and no robot needs them.
+# Drake computes every hull again at every load, and contact takes longer with every
+# corner. Where robots touch, a thousandth of a part's size is less than what its drawing
+# leaves out, half a millimetre less than what a position controller errs.
+_TOLERANCE = 1e-3  # As a part of the size.
+_MAX_ERROR = 5e-4  # m
+
+# What people draw by hand has fewer corners: a cylinder of 64 sides has these.
+_FEW_CORNERS = 128
+
+# More corners than this make contact slow; only a hull of many metres has them.
 _MANY_CORNERS = 20_000
+
+# Distances between points and planes that are in memory at a time.
+_MAX_DISTANCES = 4_000_000
 
 # Meshes of torn triangles can keep the decomposition busy for hours.
 DECOMPOSITION_TIMEOUT = 300.0  # s
@@ -107,17 +120,113 @@ def solid_points(points: Array) -> tuple[Array, bool]:
     return points, False
 
 
+def thin_hull(corners: Array) -> Array:
+    """Return some corners of a convex hull, whose own hull is nearly the same.
+
+    The hull of what is returned lies in the given one, has the same bounding box, and
+    is nowhere farther than `hull_tolerance` from any corner. 128 corners or fewer are
+    returned as they are.
+
+    It begins with the farthest corners in fixed directions. Then each facet takes the
+    corner farthest from it, until all that are left are near enough.
+
+    Args:
+        corners: All corners of the hull [m], shape (n, 3); they span a volume.
+    """
+    if len(corners) <= _FEW_CORNERS:
+        return corners
+    # Not at the top: the import takes longer than all hits of the cache together.
+    from scipy.spatial import ConvexHull
+
+    tolerance = hull_tolerance(corners)
+    taken = _first_corners(corners)
+    left = np.setdiff1d(np.arange(len(corners)), taken)
+    while True:
+        points = corners[taken]
+        hull: Any = ConvexHull(points)
+        nearest, height = _nearest_planes(corners[left], hull.equations)
+        distance = _distances(corners[left], points[hull.simplices[nearest]], height)
+        # The hull only grows: what is near enough remains so.
+        is_far = distance > tolerance
+        if not is_far.any():
+            return corners[np.sort(taken)]
+        left, nearest, distance = left[is_far], nearest[is_far], distance[is_far]
+        farthest = np.full(len(hull.equations), -1)
+        order = np.argsort(distance, kind="stable")
+        farthest[nearest[order]] = left[order]  # Of several, the last one stays.
+        added = farthest[farthest >= 0]
+        taken = np.concatenate([taken, added])
+        left = np.setdiff1d(left, added)
+
+
+def hull_tolerance(points: Array) -> float:
+    """Return how far a thinned hull may be from any of the points [m].
+
+    That is a thousandth of the diagonal of their bounding box, at most 0.5 mm.
+    """
+    return min(_TOLERANCE * float(np.linalg.norm(np.ptp(points, axis=0))), _MAX_ERROR)
+
+
+def _first_corners(corners: Array) -> Array:
+    """Return rows of corners far apart, which span the bounding box and a volume."""
+    directions = np.array([*itertools.product((-1.0, 0.0, 1.0), repeat=3)])
+    rows = [0, *(corners @ directions.T).argmax(axis=0).tolist()]
+    # A simplex as fat as it can be: farthest from a point, then from a line, a plane.
+    rest = corners - corners[0]
+    for _ in range(3):
+        length = np.linalg.norm(rest, axis=1)
+        row = int(length.argmax())
+        rows.append(row)
+        axis = rest[row] / length[row]
+        rest = rest - np.outer(rest @ axis, axis)
+    return np.unique(rows)
+
+
+def _nearest_planes(points: Array, equations: Array) -> tuple[Array, Array]:
+    """Return the plane that each point is farthest outside of, and how far."""
+    nearest = np.empty(len(points), int)
+    height = np.empty(len(points))
+    step = max(1, _MAX_DISTANCES // len(equations))
+    for start in range(0, len(points), step):
+        rows = slice(start, start + step)
+        heights = points[rows] @ equations[:, :3].T + equations[:, 3]
+        nearest[rows] = heights.argmax(axis=1)
+        height[rows] = heights.max(axis=1)
+    return nearest, height
+
+
+def _distances(points: Array, triangles: Array, height: Array) -> Array:
+    """Return the distances of points from triangles, one each, 0 below the plane.
+
+    Args:
+        points: Shape (n, 3).
+        triangles: Their corners, shape (n, 3, 3).
+        height: Over the planes of the triangles, shape (n,).
+    """
+    edges = np.roll(triangles, -1, axis=1) - triangles
+    offsets = points[:, None] - triangles
+    along = (offsets * edges).sum(axis=2) / (edges * edges).sum(axis=2)
+    nearest = along.clip(0.0, 1.0)[..., None] * edges
+    to_edges = np.linalg.norm(offsets - nearest, axis=2).min(axis=1)
+    normals = np.cross(edges[:, :1], edges[:, 1:2])
+    is_above = ((np.cross(edges, offsets) * normals).sum(axis=2) > 0.0).all(axis=1)
+    return np.where(height <= 0.0, 0.0, np.where(is_above, height, to_edges))
+
+
 def encode_hull(points: Array, notes: list[ReportEntry]) -> bytes:
-    """Return an OBJ file of the convex hull, faces outward.
+    """Return an OBJ file of the convex hull, thinned by `thin_hull`, faces outward.
 
     Args:
         points: [m], shape (n, 3); must not lie in one plane.
         notes: Receives that the hull has very many corners.
     """
-    # Not at the top: the import takes longer than all hits of the cache together.
     from scipy.spatial import ConvexHull
 
     hull: Any = ConvexHull(points)
+    corners = points[np.unique(hull.simplices)]
+    thinned = thin_hull(corners)
+    if len(thinned) < len(corners):
+        points, hull = thinned, ConvexHull(thinned)
     faces = hull.simplices
     a, b, c = points[faces.T]
     is_inward = (np.cross(b - a, c - a) * hull.equations[:, :3]).sum(axis=1) < 0.0

@@ -18,7 +18,7 @@ from arm_drake.description.report import Kind, LoadReport, ReportEntry, Severity
 from arm_drake.description.surfaces import Array, Color, Surface
 
 # Part of every cache key: raise it when the same input gives another output.
-CONVERTER_VERSION = 3
+CONVERTER_VERSION = 4
 
 MESH_SUFFIXES = (".dae", ".glb", ".gltf", ".obj", ".ply", ".stl")
 
