@@ -12,6 +12,7 @@ from typing import Any
 import yaml
 from PIL import Image, ImageDraw, ImageFont
 from pydrake.common import use_native_cpp_logging
+from pydrake.geometry import Meshcat
 
 import arm_drake as ad
 from arm_drake.errors import ArmDrakeError
@@ -44,10 +45,13 @@ def main() -> None:
         if not options.names or row["name"] in options.names
     ]
     tiles = []
+    # One for all: a Meshcat must end in the thread that made it.
+    meshcat = ad.start_meshcat()
     with Photographer() as photographer:
         for row in rows:
+            meshcat.Delete()
             try:
-                picture = take_picture(options.robots, row, photographer)
+                picture = take_picture(options.robots, row, meshcat, photographer)
                 label = row["name"]
             except ArmDrakeError as error:
                 picture = None
@@ -58,7 +62,7 @@ def main() -> None:
 
 
 def take_picture(
-    folder: Path, row: dict[str, Any], photographer: Photographer
+    folder: Path, row: dict[str, Any], meshcat: Meshcat, photographer: Photographer
 ) -> bytes:
     """Return a picture of a robot of the index, as PNG."""
     robot = ad.load_robot(
@@ -67,7 +71,6 @@ def take_picture(
         xacro_args={name: str(value) for name, value in row["xacro_args"].items()},
         variables=row["launch_vars"],
     )
-    meshcat = ad.start_meshcat()
     show_robot(meshcat, robot)
     picture, _ = photographer.take_picture(meshcat, size=_TILE)
     return picture

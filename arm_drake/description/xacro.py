@@ -6,6 +6,7 @@ that nothing leaks from one load into the next.
 """
 
 import contextlib
+import io
 import os
 import threading
 import xml.parsers.expat
@@ -50,7 +51,8 @@ def expand_xacro(
     if "xacro" not in text and "$(" not in text:
         _check_unused(values, path, text, packages, report)
         return text
-    with _LOCK, _package_lookup(packages.find):
+    said = io.StringIO()
+    with _LOCK, _package_lookup(packages.find), contextlib.redirect_stderr(said):
         try:
             document = xacro.process_file(str(path), mappings=values, verbosity=0)
         except xacro.XacroException as error:
@@ -72,6 +74,9 @@ def expand_xacro(
             ) from None
         finally:
             xacro.substitution_args_context["arg"] = {}
+    for line in said.getvalue().splitlines() if report is not None else ():
+        what = line.strip().removeprefix("warning: ")
+        report.add("info", "ignored", what, "so says xacro", file=path)
     _check_unused(values, path, text, packages, report)
     return packages.real_paths(str(document.toxml()))
 

@@ -5,6 +5,7 @@ import time
 import pytest
 
 from arm_drake.description.packages import PackageFinder
+from arm_drake.description.report import LoadReport
 from arm_drake.description.xacro import expand_xacro
 from arm_drake.description.xacro_sources import declared_arguments
 from arm_drake.errors import DescriptionError, PackageError
@@ -358,3 +359,18 @@ def test_entities_that_multiply_end_in_an_error_at_once(expand, tmp_path):
         "factor (from DTD and entities) breached"
     )
     assert time.perf_counter() - start < 2.0
+
+
+def test_what_xacro_warns_about_is_in_the_report(tmp_path, capsys):
+    path = tmp_path / "robot.xacro"
+    (tmp_path / "a.yaml").write_text("b: 1", encoding="utf-8")
+    path.write_text(robot("<link name=\"${load_yaml('a.yaml')['b']}\"/>"))
+    report = LoadReport()
+
+    expand_xacro(path, {}, PackageFinder(path), report)
+
+    assert str(report) == (
+        f"info: {path}: Using load_yaml() directly is deprecated. Use "
+        "xacro.load_yaml() instead.; so says xacro"
+    )
+    assert capsys.readouterr() == ("", "")
