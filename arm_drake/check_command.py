@@ -1,10 +1,11 @@
 """`arm-drake check`: what a robot is, and what was not taken as written."""
 
 import json
+from pathlib import Path
 from typing import Any
 
 from arm_drake.controller_loading import load_controllers_of
-from arm_drake.description.report import LoadReport
+from arm_drake.description.report import LoadReport, ReportEntry
 from arm_drake.description.robot import Robot
 from arm_drake.description.summary import reach, total_mass
 
@@ -66,10 +67,36 @@ def _text(content: dict[str, Any], report: LoadReport) -> str:
         lines.append(
             f"controller {row['name']} ({row['type']}): {row['state']}{problem}"
         )
-    counts = ", ".join(
-        f"{count} {severity}{'' if severity == 'info' else 's' * (count != 1)}"
-        for severity in ("error", "warning", "info")
-        if (count := sum(entry.severity == severity for entry in report))
-    )
-    lines.append(f"report: {counts or 'nothing'}")
-    return "\n".join([*lines, str(report)]).rstrip("\n")
+    lines += _report_lines(report) or ["report: nothing"]
+    return "\n".join(lines)
+
+
+def _report_lines(report: LoadReport) -> list[str]:
+    """Return the report by severity and file, each file named once."""
+    lines = []
+    entries = report.grouped()
+    for severity, title in (("error", "errors"), ("warning", "warnings"), ("info", "")):
+        chosen = [entry for entry in entries if entry.severity == severity]
+        if chosen:
+            lines.append(f"\n{title or 'for your information'}:")
+        files = dict.fromkeys(entry.file for entry in chosen)
+        for file in files:
+            if file:
+                lines.append(f"  {_short(file)}")
+            for entry in chosen:
+                if entry.file == file:
+                    lines.append(f"    {_place(entry)}{entry.what}; {entry.done}")
+    return lines
+
+
+def _place(entry: ReportEntry) -> str:
+    line = None if entry.line is None else f"line {entry.line}"
+    place = ", ".join(part for part in (line, entry.where) if part)
+    return f"{place}: " if place else ""
+
+
+def _short(file: str) -> str:
+    """Return a path as seen from here, if it lies below."""
+    path = Path(file)
+    here = Path.cwd()
+    return str(path.relative_to(here) if path.is_relative_to(here) else path)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import arm_drake as ad
 from arm_drake.bundled import bundled_motions, configs_folder
 from arm_drake.cli import main
 
@@ -98,9 +99,60 @@ def test_check_reports_a_joint_that_the_robot_lacks(run, tmp_path):
     code, out, _ = run("check", "doosan_a0912", "--controllers", broken)
 
     assert code == 1
-    assert (
-        f"error: {broken}:13: {JTC}: the robot has no joint 'joint7'; did you mean "
-    ) in out
+    problem = "the robot has no joint 'joint7'; did you mean 'joint6'? known: joint1, "
+    assert f"errors:\n  {broken}\n    line 13, {JTC}: {problem}" in out
+    # Why it doesn't start is said beside it too.
+    kind = "joint_trajectory_controller/JointTrajectoryController"
+    assert f"controller {JTC} ({kind}): inactive: {problem}" in out
+
+
+def test_check_tells_what_the_robot_is(run):
+    _, out, _ = run("check", "doosan_a0912", "--json")
+
+    checked = json.loads(out)
+    diagram = ad.build_diagram(ad.load_robot("doosan_a0912"), world="void")
+    plant = diagram.GetSubsystemByName("plant")
+    mass = plant.CalcTotalMass(plant.CreateDefaultContext())
+    assert checked["mass"] == pytest.approx(mass, rel=1e-12)
+    assert (checked["links"], len(checked["joints"])) == (8, 6)
+    assert checked["base"] == "fixed"
+    assert checked["reach"] == pytest.approx(1.24, abs=0.01)
+    assert [row["problem"] for row in checked["controllers"]] == [None, None]
+
+
+def test_check_reads_as_blocks_by_severity_and_file(run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    urdf = (
+        '<robot name="r"><link name="a"/><link name="b"/><joint name="j" '
+        'type="continuous"><parent link="a"/><child link="b"/><limit effort="0"/>'
+        "</joint></robot>"
+    )
+    (tmp_path / "r.urdf").write_text(urdf)
+
+    code, out, _ = run("check", "r.urdf")
+
+    assert code == 0
+    assert out.splitlines() == [
+        "r: 2 links, 1 movable joints, 0.001 kg, reach at most 0 m, fixed base",
+        "joints: j",
+        "controller joint_state_broadcaster "
+        "(joint_state_broadcaster/JointStateBroadcaster): active",
+        "controller joint_trajectory_controller "
+        "(joint_trajectory_controller/JointTrajectoryController): active",
+        "",
+        "warnings:",
+        "  r.urdf",
+        "    line 1, link 'b': no mass, but a joint moves it; it gets 0.001 kg and the "
+        "moments (1e-06, 1e-06, 1e-06) kg·m^2, it has no geometry to estimate from",
+        "",
+        "for your information:",
+        "  r.urdf",
+        "    line 1, joint 'j': effort limit 0; taken as unset",
+        "    neither <ros2_control> tags nor a controllers YAML; one "
+        "joint_trajectory_controller moves its 1 independent joints",
+        "    the description has no <ros2_control>; joints take the commands that "
+        "controllers claim, else positions: position (1 joint)",
+    ]
 
 
 def test_strict_check_exits_with_1_for_a_mere_remark(run, tmp_path):

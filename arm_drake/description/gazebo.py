@@ -99,7 +99,7 @@ def report_gazebo(
     *,
     simulated: Collection[str] = ("ros2_control",),
 ) -> None:
-    """Report the content of `<gazebo>` tags that has no effect, a line per sort.
+    """Report the content of `<gazebo>` tags that has no effect, in two lines.
 
     Args:
         root: The `<robot>` element.
@@ -108,19 +108,24 @@ def report_gazebo(
         simulated: Kinds of plugins that the simulator stands in for.
     """
     plugins = collections.Counter(
-        f"Gazebo plugin {plugin.filename or plugin.name!r}"
+        repr(plugin.filename or plugin.name)
         for plugin in read_gazebo_plugins(root)
         if plugin.kind not in simulated
     )
     tags = collections.Counter(
-        f"<gazebo> tag <{child.tag}>" + _sensor_type(child)
+        f"<{child.tag.rpartition('}')[2]}>" + _sensor_type(child)
         for gazebo in root.iterfind("gazebo")
         for child in gazebo
         if child.tag != "plugin"
     )
-    for what, count in (plugins | tags).items():
-        times = f" ({count} times)" if count > 1 else ""
-        report.add("info", "ignored", what + times, "it has no effect", file=file)
+    for sort, counts in (("Gazebo plugins", plugins), ("<gazebo> tags", tags)):
+        names = ", ".join(
+            f"{name} ({count} times)" if count > 1 else name
+            for name, count in counts.items()
+        )
+        if names:
+            what = f"{sort} {names}"
+            report.add("info", "ignored", what, "they have no effect", file=file)
 
 
 def _sensor_type(element: ET.Element) -> str:

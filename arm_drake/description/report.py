@@ -38,27 +38,22 @@ class ReportEntry:
 
     def __str__(self) -> str:
         """Return the entry as one line."""
-        return _line(self, self.where)
+        place = self.file or ""
+        if self.file and self.line is not None:
+            place += f":{self.line}"
+        parts = [part for part in (place, self.where, self.what) if part]
+        return f"{self.severity}: {': '.join(parts)}; {self.done}"
 
 
-def _line(entry: ReportEntry, where: str) -> str:
-    place = entry.file or ""
-    if entry.file and entry.line is not None:
-        place += f":{entry.line}"
-    parts = [part for part in (place, where, entry.what) if part]
-    return f"{entry.severity}: {': '.join(parts)}; {entry.done}"
-
-
-def _group_line(entries: list[ReportEntry]) -> str:
-    """Return one line for things that differ only in their place."""
+def _together(entries: list[ReportEntry]) -> ReportEntry:
+    """Return one entry for things that differ only in their place."""
     places = [entry.where for entry in entries if entry.where]
     named = ", ".join(places[:_MAX_PLACES])
     if len(places) > _MAX_PLACES:
         named += f" and {len(places) - _MAX_PLACES} more"
-    first = entries[0]
-    if any(entry.line != first.line for entry in entries):
-        first = dc.replace(first, line=None)
-    return _line(first, named)
+    lines = {entry.line for entry in entries}
+    line = lines.pop() if len(lines) == 1 else None
+    return dc.replace(entries[0], where=named, line=line)
 
 
 class LoadReport:
@@ -133,16 +128,20 @@ class LoadReport:
                 self._entries[index] = dc.replace(entry, file=str(file), line=line)
         self._seen.update(self._entries)
 
-    def __str__(self) -> str:
-        """Return the report as lines of text, errors first.
+    def grouped(self) -> list[ReportEntry]:
+        """Return the entries for people: errors first, and no line twice.
 
-        What was found in several places is one line.
+        What was found in several places is one entry, whose place names the first few.
         """
         groups: dict[tuple[str, ...], list[ReportEntry]] = {}
         for entry in sorted(self._entries, key=lambda e: _ORDER.index(e.severity)):
             key = (entry.severity, entry.kind, entry.what, entry.done, entry.file or "")
             groups.setdefault(key, []).append(entry)
-        return "\n".join(_group_line(entries) for entries in groups.values())
+        return [_together(entries) for entries in groups.values()]
+
+    def __str__(self) -> str:
+        """Return the report as lines of text, errors first, no line twice."""
+        return "\n".join(map(str, self.grouped()))
 
     def __repr__(self) -> str:
         """Return the report as JSON."""

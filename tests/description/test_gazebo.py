@@ -136,15 +136,10 @@ def test_what_has_no_effect_is_reported_by_sort_with_its_count():
     )
 
     assert lines == [
-        f"info: arm.urdf: {what}; it has no effect"
-        for what in (
-            "Gazebo plugin 'libcam.so' (2 times)",
-            "Gazebo plugin 'n'",
-            "<gazebo> tag <material> (2 times)",
-            "<gazebo> tag <mu1>",
-            "<gazebo> tag <sensor> of type 'camera' (2 times)",
-            "<gazebo> tag <sensor> of type 'imu'",
-        )
+        "info: arm.urdf: Gazebo plugins 'libcam.so' (2 times), 'n'; they have no "
+        "effect",
+        "info: arm.urdf: <gazebo> tags <material> (2 times), <mu1>, <sensor> of type "
+        "'camera' (2 times), <sensor> of type 'imu'; they have no effect",
     ]
 
 
@@ -155,7 +150,7 @@ def test_plugins_that_are_simulated_need_no_line():
     )
 
     assert lines_of(body) == [
-        "info: arm.urdf: Gazebo plugin 'gz-sim-joint-controller-system'; "
-        "it has no effect"
+        "info: arm.urdf: Gazebo plugins 'gz-sim-joint-controller-system'; "
+        "they have no effect"
     ]
     assert lines_of(body, simulated=("ros2_control", "joint_controller")) == []
