@@ -2,6 +2,7 @@
 
 import contextlib
 import math
+import os
 import random
 import shutil
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 
 import arm_drake as ad
 from arm_drake.bundled import bundled_robots, configs_folder, models_folder
+from arm_drake.description import entry
 from arm_drake.errors import (
     ArmDrakeError,
 )
@@ -518,6 +520,42 @@ def test_a_malformed_controllers_file_is_an_error(package):
     assert problem(package) == (
         f"{file}:2: malformed YAML: a TAB indents this line; expected spaces"
     )
+
+
+def test_a_binary_file_is_no_text(tmp_path):
+    file = write(tmp_path / "a.urdf", b"\x7fELF\0\1 <robot $(find x)")
+
+    assert problem(file) == f"{file}: is no text; expected a URDF or xacro file"
+
+
+def test_no_robot_is_named():
+    assert problem("") == "no robot is named; expected a name, file or folder"
+
+
+def test_a_search_for_the_description_neither_waits_nor_walks_for_ever(
+    package, monkeypatch
+):
+    os.mkfifo(package / "pipe.urdf")
+    (package / "noise.urdf").write_bytes(b"\xff" * 3_000_000)
+    assert ad.load_robot(package).description.file == package / "urdf" / "arm.urdf"
+
+    monkeypatch.setattr(entry, "_MAX_FOLDERS", 3)
+    for name in "abc":
+        (package / name).mkdir()
+    assert problem(package) == (
+        f"{package}: more than 3 folders; name the robot's file"
+    )
+
+
+def test_of_many_descriptions_the_first_are_listed(package):
+    for number in range(30):
+        write(package / f"{number:02}.urdf", ARM.format(more=""))
+    (package / "urdf" / "arm.urdf").unlink()
+
+    message = problem(package)
+
+    assert "got 30; name the file: 00.urdf, 01.urdf, " in message
+    assert message.endswith(", 19.urdf and 10 more")
 
 
 # Damaged files

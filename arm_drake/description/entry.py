@@ -1,6 +1,7 @@
 """Which file is meant: the description of a robot, in a folder or by its name."""
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 from arm_drake.bundled import bundled_robots
@@ -11,6 +12,11 @@ _SUFFIXES = (".urdf", ".xacro", ".xml")
 
 # How packages of a robot's description are called, after the robot.
 _FOLDER_SUFFIXES = ("_description", "_descriptions", "_support")
+
+# Bounds on a search: a folder may be that of all files there are.
+_MAX_FOLDERS = 5_000
+_MAX_CHARACTERS = 2**20
+_MAX_LISTED = 20
 
 Source = str | os.PathLike[str]
 
@@ -25,6 +31,8 @@ def find_entry(source: Source) -> tuple[Path, str | None]:
         DescriptionError: If no single file is meant.
         MissingExtraError: If an example is asked for and they aren't installed.
     """
+    if not os.fspath(source):
+        raise DescriptionError("no robot is named; expected a name, file or folder")
     robots = bundled_robots()
     if isinstance(source, str) and source in robots:
         return robots[source], source
@@ -51,29 +59,44 @@ def find_entry(source: Source) -> tuple[Path, str | None]:
 
 def _entry_in_folder(folder: Path) -> Path:
     """Return the one file in a package folder that makes a robot."""
-    try:
-        os.listdir(folder)
-    except OSError as error:
-        problem = f"can't be read: {error.strerror}"
-        raise DescriptionError(problem, file=folder) from None
     candidates = sorted(
         path
-        for path in folder.rglob("*")
+        for path in _files_below(folder)
         if path.suffix.lower() in (".urdf", ".xacro") and _makes_robot(path)
     )
     name = folder.absolute().name
     names = {name, *(name.removesuffix(suffix) for suffix in _FOLDER_SUFFIXES)}
-    named = [p for p in candidates if p.name.partition(".")[0] in names]
-    if len(named) == 1:
-        return named[0].absolute()
+    alike = [p for p in candidates if p.name.partition(".")[0] in names]
+    if len(alike) == 1:
+        return alike[0].absolute()
     if len(candidates) != 1:
-        listed = ", ".join(str(path.relative_to(folder)) for path in candidates)
+        named = [str(path.relative_to(folder)) for path in candidates]
+        listed = ", ".join(named[:_MAX_LISTED])
+        if len(named) > _MAX_LISTED:
+            listed += f" and {len(named) - _MAX_LISTED} more"
         raise DescriptionError(
             f"expected one robot description in the folder, got "
             f"{len(candidates)}; name the file: {listed or 'none found'}",
             file=folder,
         )
     return candidates[0].absolute()
+
+
+def _files_below(folder: Path) -> Iterator[Path]:
+    """Yield the files below a folder, hidden ones left out."""
+
+    def fail(error: OSError) -> None:
+        if error.filename == os.fspath(folder):
+            problem = f"can't be read: {error.strerror}"
+            raise DescriptionError(problem, file=folder)
+
+    walk = os.walk(folder, onerror=fail)
+    for count, (root, subfolders, names) in enumerate(walk):
+        if count > _MAX_FOLDERS:
+            problem = f"more than {_MAX_FOLDERS} folders; name the robot's file"
+            raise DescriptionError(problem, file=folder)
+        subfolders[:] = sorted(n for n in subfolders if not n.startswith("."))
+        yield from (Path(root, name) for name in names)
 
 
 def _makes_robot(path: Path) -> bool:
@@ -88,6 +111,9 @@ def _makes_robot(path: Path) -> bool:
 def text_of(path: Path) -> str:
     """Return the text of a file to look for something in; "" if it can't be read."""
     try:
-        return path.read_text(encoding="utf-8", errors="replace")
+        if not path.is_file():  # A pipe waits for ever.
+            return ""
+        with path.open(encoding="utf-8", errors="replace") as file:
+            return file.read(_MAX_CHARACTERS)
     except OSError:
         return ""

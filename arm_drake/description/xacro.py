@@ -74,9 +74,10 @@ def expand_xacro(
             ) from None
         finally:
             xacro.substitution_args_context["arg"] = {}
-    for line in said.getvalue().splitlines() if report is not None else ():
-        what = line.strip().removeprefix("warning: ")
-        report.add("info", "ignored", what, "so says xacro", file=path)
+    if report is not None:
+        for line in said.getvalue().splitlines():
+            what = line.strip().removeprefix("warning: ")
+            report.add("info", "ignored", what, "so says xacro", file=path)
     _check_unused(values, path, text, packages, report)
     return packages.real_paths(str(document.toxml()))
 
@@ -125,12 +126,18 @@ def _read(path: Path) -> str:
         if size > MAX_SIZE:
             problem = f"{size / 2**20:.0f} MB; a description has at most 64 MB"
             raise DescriptionError(problem, file=path)
-        return path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        return path.read_text(encoding="latin-1")
+        content = path.read_bytes()
     except OSError as error:
         reason = error.strerror or str(error)
         raise DescriptionError(f"can't be read: {reason}", file=path) from None
+    # UTF-16 has null bytes, and a mark that says so.
+    is_wide = content.startswith((b"\xff\xfe", b"\xfe\xff"))
+    if b"\0" in content and not is_wide:
+        raise DescriptionError("is no text; expected a URDF or xacro file", file=path)
+    try:
+        return content.decode("utf-16" if is_wide else "utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("latin-1")
 
 
 @contextlib.contextmanager
