@@ -1,54 +1,89 @@
-"""Drake's warnings are kept for the report."""
+"""Drake's warnings are kept for the report.
 
-import logging
+Each test has a process of its own: the commands switch to Drake's own logging.
+"""
 
-import pytest
-from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import MultibodyPlant
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
 
-from arm_drake.description.report import LoadReport
-from arm_drake.drake_log import drake_messages
-from arm_drake.plant import add_robot_model
 from tests import models
 
-ODD = '<robot name="r"><link name="a" type="x"/></robot>'
+# It prints what was collected, and what was logged before and after.
+COLLECT = """
+import json, logging
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+from arm_drake.drake_log import drake_messages
 
+logged = []
+class Handler(logging.Handler):
+    def emit(self, record):
+        logged.append(record.getMessage())
+logging.getLogger().addHandler(Handler())
 
-def parse() -> None:
+def parse():
     plant = MultibodyPlant(0.01)
-    Parser(plant).AddModelsFromString(ODD, "urdf")
+    Parser(plant).AddModelsFromString(
+        '<robot name="r"><link name="a" type="x"/></robot>', "urdf"
+    )
 
-
-def test_warnings_are_collected_and_not_printed(capfd, caplog):
+try:
     with drake_messages() as messages:
         parse()
+        during = len(logged)
+        raise ValueError
+except ValueError:
+    parse()
+print(json.dumps([messages, during, logged]))
+"""
+
+REPORT = """
+import json, sys
+from pydrake.multibody.plant import MultibodyPlant
+import arm_drake as ad
+from arm_drake.description.report import LoadReport
+from arm_drake.plant import add_robot_model
+
+robot = ad.load_robot(sys.argv[1])
+# As if something odd had not been removed.
+urdf = robot.description.urdf.replace("<link ", '<link type="x" ', 1)
+object.__setattr__(robot.description, "urdf", urdf)
+report = LoadReport()
+plant = MultibodyPlant(0.01)
+add_robot_model(plant, robot.description, "robot", None, report=report)
+print(json.dumps(report.to_json()))
+"""
+
+
+def run(script: str, *arguments: str) -> Any:
+    done = subprocess.run(
+        [sys.executable, "-c", script, *arguments],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
+    assert done.stderr == ""
+    return json.loads(done.stdout)
+
+
+def test_warnings_are_collected_and_not_logged_until_the_end() -> None:
+    messages, during, logged = run(COLLECT)
 
     (message,) = messages
     assert "The attribute 'type' found in a 'link' tag" in message
-    assert capfd.readouterr() == ("", "")
-    assert not caplog.records
+    assert during == 0
+    assert len(logged) == 1
 
 
-def test_afterwards_they_go_where_they_went_before(caplog):
-    with pytest.raises(ValueError, match="stop"), drake_messages():
-        raise ValueError("stop")
+def test_a_warning_about_a_robot_is_a_line_of_its_report(tmp_path: Path) -> None:
+    file = tmp_path / "robot.urdf"
+    file.write_text(models.pendulum(), encoding="utf-8")
 
-    with caplog.at_level(logging.WARNING):
-        parse()
-    assert len(caplog.records) == 1
+    (entry,) = run(REPORT, str(file))
 
-
-def test_a_warning_about_a_robot_is_a_line_of_its_report(tmp_path):
-    robot = models.load(tmp_path, models.pendulum())
-    # As if something odd had not been removed.
-    urdf = robot.description.urdf.replace("<link ", '<link type="x" ', 1)
-    object.__setattr__(robot.description, "urdf", urdf)
-    report = LoadReport()
-
-    add_robot_model(
-        MultibodyPlant(0.01), robot.description, "robot", None, report=report
-    )
-
-    (entry,) = report
-    assert entry.what.startswith("The attribute 'type' found in a 'link' tag")
-    assert entry.done == "so says Drake"
+    assert entry["what"].startswith("The attribute 'type' found in a 'link' tag")
+    assert (entry["severity"], entry["done"]) == ("warning", "so says Drake")

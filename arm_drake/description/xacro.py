@@ -165,6 +165,9 @@ def _explain(error: Exception, path: Path, packages: PackageFinder) -> ArmDrakeE
         return _list_missing(cause, path, packages)
     if isinstance(cause, ArmDrakeError):
         return cause
+    if isinstance(cause, RecursionError):
+        problem = _explain_recursion(packages)
+        return DescriptionError(problem, file=_current_file(path, packages))
     problem = " ".join(str(error).split())
     if problem.startswith("<class "):  # xacro says the same twice.
         problem = " ".join(str(cause).split())
