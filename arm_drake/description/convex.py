@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from arm_drake.description.report import ReportEntry
 from arm_drake.description.surfaces import Array, Surface
 from arm_drake.errors import MissingExtraError
 
@@ -18,17 +17,13 @@ from arm_drake.errors import MissingExtraError
 _FLAT_THICKNESS = 1e-4
 _FLATNESS = 1e-5  # Thickness as a part of the size; less is flat.
 
-# Drake computes every hull again at every load, and contact takes longer with every
-# corner. Where robots touch, a thousandth of a part's size is less than what its drawing
-# leaves out, half a millimetre less than what a position controller errs.
-_TOLERANCE = 1e-3  # As a part of the size.
-_MAX_ERROR = 5e-4  # m
+# How far a thinned hull may be from the mesh, as a part of its size: half a millimetre
+# of a link of half a metre, less than its hull adds where it is hollow. Drake computes
+# hulls again at every load, and contact takes longer with every corner.
+TOLERANCE = 1e-3
 
 # What people draw by hand has fewer corners: a cylinder of 64 sides has these.
-_FEW_CORNERS = 128
-
-# More corners than this make contact slow; only a hull of many metres has them.
-_MANY_CORNERS = 20_000
+FEW_CORNERS = 128
 
 # Distances between points and planes that are in memory at a time.
 _MAX_DISTANCES = 4_000_000
@@ -123,9 +118,9 @@ def solid_points(points: Array) -> tuple[Array, bool]:
 def thin_hull(corners: Array) -> Array:
     """Return some corners of a convex hull, whose own hull is nearly the same.
 
-    The hull of what is returned lies in the given one, has the same bounding box, and
-    is nowhere farther than `hull_tolerance` from any corner. 128 corners or fewer are
-    returned as they are.
+    The hull of what is returned lies in the given one and has the same bounding box. No
+    corner is farther from it than `TOLERANCE` times the diagonal of that box. Up to
+    `FEW_CORNERS` corners are returned as they are.
 
     It begins with the farthest corners in fixed directions. Then each facet takes the
     corner farthest from it, until all that are left are near enough.
@@ -133,12 +128,12 @@ def thin_hull(corners: Array) -> Array:
     Args:
         corners: All corners of the hull [m], shape (n, 3); they span a volume.
     """
-    if len(corners) <= _FEW_CORNERS:
+    if len(corners) <= FEW_CORNERS:
         return corners
     # Not at the top: the import takes longer than all hits of the cache together.
     from scipy.spatial import ConvexHull
 
-    tolerance = hull_tolerance(corners)
+    tolerance = TOLERANCE * np.linalg.norm(np.ptp(corners, axis=0))
     taken = _first_corners(corners)
     left = np.setdiff1d(np.arange(len(corners)), taken)
     while True:
@@ -157,14 +152,6 @@ def thin_hull(corners: Array) -> Array:
         added = farthest[farthest >= 0]
         taken = np.concatenate([taken, added])
         left = np.setdiff1d(left, added)
-
-
-def hull_tolerance(points: Array) -> float:
-    """Return how far a thinned hull may be from any of the points [m].
-
-    That is a thousandth of the diagonal of their bounding box, at most 0.5 mm.
-    """
-    return min(_TOLERANCE * float(np.linalg.norm(np.ptp(points, axis=0))), _MAX_ERROR)
 
 
 def _first_corners(corners: Array) -> Array:
@@ -191,7 +178,7 @@ def _nearest_planes(points: Array, equations: Array) -> tuple[Array, Array]:
         rows = slice(start, start + step)
         heights = points[rows] @ equations[:, :3].T + equations[:, 3]
         nearest[rows] = heights.argmax(axis=1)
-        height[rows] = heights.max(axis=1)
+        height[rows] = heights[np.arange(len(heights)), nearest[rows]]
     return nearest, height
 
 
@@ -213,12 +200,11 @@ def _distances(points: Array, triangles: Array, height: Array) -> Array:
     return np.where(height <= 0.0, 0.0, np.where(is_above, height, to_edges))
 
 
-def encode_hull(points: Array, notes: list[ReportEntry]) -> bytes:
+def encode_hull(points: Array) -> bytes:
     """Return an OBJ file of the convex hull, thinned by `thin_hull`, faces outward.
 
     Args:
         points: [m], shape (n, 3); must not lie in one plane.
-        notes: Receives that the hull has very many corners.
     """
     from scipy.spatial import ConvexHull
 
@@ -232,10 +218,6 @@ def encode_hull(points: Array, notes: list[ReportEntry]) -> bytes:
     is_inward = (np.cross(b - a, c - a) * hull.equations[:, :3]).sum(axis=1) < 0.0
     faces = np.where(is_inward[:, None], faces[:, ::-1], faces)
     used, rows = np.unique(faces, return_inverse=True)
-    if len(used) > _MANY_CORNERS:
-        what = f"its convex hull has {len(used)} corners"
-        done = f"used; more than {_MANY_CORNERS} make contact slow"
-        notes.append(ReportEntry("info", "unsupported", what, done))
     lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in points[used].tolist()]
     lines += [f"f {a} {b} {c}" for a, b, c in (rows.reshape(-1, 3) + 1).tolist()]
     return ("\n".join(lines) + "\n").encode()

@@ -8,13 +8,20 @@ from urllib.parse import unquote
 # Reading takes up to 20 times as much memory as a file is large.
 MAX_FILE_BYTES = 128 * 2**20
 
-# How COLLADA, OBJ and MTL, PLY and glTF name the files that belong to them.
-_REFERENCE = re.compile(
-    rb"<image\b[^<>]*>\s*<init_from>\s*(?:<ref>)?([^<]+)<"
-    rb"|^[ \t]*(?:mtllib|map_Kd|comment TextureFile)[ \t]+([^\r\n]+)"
-    rb'|"uri"\s*:\s*"(?!data:)([^"]+)"',
-    re.MULTILINE,
-)
+# How files name those that belong to them. Each pattern begins with a word: anything
+# else takes far longer to search for in millions of numbers.
+_URI = re.compile(rb'"uri"\s*:\s*"(?!data:)([^"]+)"')
+_REFERENCES = {
+    ".dae": re.compile(rb"<image\b[^<>]*>\s*<init_from>\s*(?:<ref>)?([^<]+)<"),
+    ".glb": _URI,
+    ".gltf": _URI,
+    ".mtl": re.compile(rb"map_Kd[ \t]+([^\r\n]+)"),
+    ".obj": re.compile(rb"mtllib[ \t]+([^\r\n]+)"),
+    ".ply": re.compile(rb"comment TextureFile[ \t]+([^\r\n]+)"),
+}
+
+# Types in which a name stands on a line of its own; elsewhere is a comment.
+_OF_LINES = (".mtl", ".obj", ".ply")
 
 
 def read_bytes(path: Path) -> bytes:
@@ -35,22 +42,34 @@ def read_bytes(path: Path) -> bytes:
 def references(source: Path, content: bytes) -> dict[str, Path | None]:
     """Return where the files are that a mesh file names, None if they don't exist."""
     found: dict[str, Path | None] = {}
-    for name in _names(content):
+    for name in _names(source, content):
         found[name] = path = beside(source, name)
         if path is not None and path.suffix.lower() == ".mtl":
             try:
                 material = read_bytes(path)
             except OSError:  # Whoever wants it will hear.
                 continue
-            found |= {texture: beside(path, texture) for texture in _names(material)}
+            found |= {
+                texture: beside(path, texture) for texture in _names(path, material)
+            }
     return found
 
 
-def _names(content: bytes) -> list[str]:
+def _names(path: Path, content: bytes) -> list[str]:
+    suffix = path.suffix.lower()
+    pattern = _REFERENCES.get(suffix)
+    matches = () if pattern is None else pattern.finditer(content)
     return [
-        next(filter(None, match.groups())).decode(errors="replace").strip()
-        for match in _REFERENCE.finditer(content)
+        match[1].decode(errors="replace").strip()
+        for match in matches
+        if suffix not in _OF_LINES or _begins_line(match)
     ]
+
+
+def _begins_line(match: re.Match[bytes]) -> bool:
+    """Return whether nothing but blanks stands before a match in its line."""
+    line = match.string.rfind(b"\n", 0, match.start()) + 1
+    return not match.string[line : match.start()].strip(b" \t")
 
 
 def beside(source: Path, name: str) -> Path | None:

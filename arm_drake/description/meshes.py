@@ -122,7 +122,7 @@ class _Conversion:
             return self._lose("missing", "doesn't exist")
         except OSError as error:
             return self._lose("invalid", f"can't be read ({error.strerror})")
-        files = {} if suffix == ".stl" else references(self.source, content)
+        files = references(self.source, content)
         sums = [hashlib.sha256(content).hexdigest(), *self._checksums(files)]
         scale = tuple(map(float, self.scale))
         key = (CONVERTER_VERSION, self.mode, suffix, scale, settings, [*files], sums)
@@ -185,9 +185,7 @@ class _Conversion:
                 notes.append(ReportEntry("info", "unsupported", what, done))
             color = self.color or _DEFAULT_COLOR
             return [encode_gltf(surfaces, color)] if surfaces else []
-        return [
-            convex.encode_hull(body, notes) for body in self._bodies(surfaces, notes)
-        ]
+        return [convex.encode_hull(body) for body in self._bodies(surfaces, notes)]
 
     def _bodies(self, surfaces: list[Surface], notes: list[ReportEntry]) -> list[Array]:
         """Return the points of each convex body, none if there are no triangles."""

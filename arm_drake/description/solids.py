@@ -51,7 +51,8 @@ def link_solid(link: ET.Element) -> tuple[Inertial, str] | None:
 
     That is its collision geometry, else its visual one; None if it has neither. What
     overlaps counts twice. Of meshes, the files that `meshes` wrote are read: the convex
-    hull of a collision mesh, the box around a visual one.
+    hull of a collision mesh, as thinned as it is for contact, the box around a visual
+    one.
     """
     for tag in ("collision", "visual"):
         solids = [_placed_solid(element) for element in link.iterfind(tag)]

@@ -189,6 +189,31 @@ def test_a_texture_that_the_mtl_file_names_and_nobody_has_is_reported(converter)
     ]
 
 
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("a.obj", obj(head="# mtllib gone.mtl\no the mtllib gone.mtl")),
+        ("a.ply", ply().replace(b"end_h", b"comment no comment TextureFile x\nend_h")),
+    ],
+)
+def test_a_file_is_only_named_at_the_beginning_of_a_line(converter, name, text):
+    source = converter.write(name, text)
+
+    assert gltf_volume(converter.visual(source)) == pytest.approx(6.0)
+    assert converter.lines == []
+
+
+@pytest.mark.parametrize("blanks", ["", " ", "\t "])
+def test_a_named_file_that_is_missing_is_reported(converter, blanks):
+    source = converter.write("a.obj", obj(head=f"# a box\n{blanks}mtllib gone.mtl"))
+
+    assert gltf_volume(converter.visual(source)) == pytest.approx(6.0)
+    assert converter.lines == [
+        f"warning: link 'a', visual 0: mesh file '{source}': its file 'gone.mtl' "
+        "doesn't exist; drawn without it"
+    ]
+
+
 @pytest.mark.parametrize("kind", ["gltf", "glb"])
 def test_gltf_colours_are_linear_already(converter, kind):
     converter.write("a.bin", gltf_buffer())
