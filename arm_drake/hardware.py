@@ -153,9 +153,10 @@ def connect_commands(
     for index, (port, joints) in enumerate(commands):
         D = np.zeros((2 * n, 2 * len(joints)))
         for column, joint in enumerate(joints):
-            row = names.index(joint)
-            D[row, column] = D[n + row, len(joints) + column] = 1.0
-            hold[row] = 0.0
+            if joint in names:  # A mimic joint follows its master, not its command.
+                row = names.index(joint)
+                D[row, column] = D[n + row, len(joints) + column] = 1.0
+                hold[row] = 0.0
         gain = builder.AddNamedSystem(f"{prefix}command:{index}", MatrixGain(D))
         builder.Connect(port, gain.get_input_port())
         builder.Connect(gain.get_output_port(), total.get_input_port(index))

@@ -28,7 +28,12 @@ def find_surroundings(
         initial_positions: Initial positions by joint [rad] or [m].
     """
     movable = {joint.name: joint.type for joint in description.movable_joints}
-    joints = [component for block in description.hardware for component in block.joints]
+    joints = [
+        component
+        for block in description.hardware
+        for component in block.joints
+        if component.name in movable
+    ]
     commands = {
         f"{component.name}/{interface.name}"
         for component in joints

@@ -153,7 +153,8 @@ def _published(
                 raise ParameterError(
                     f"no state interface {name}; it has {sorted(there)}"
                 )
-        return names, published
+        # Others are for dynamic_joint_states.
+        return names, tuple(name for name in published if name in params.measured)
     names = tuple(sorted(params.joint_types))
     published = tuple(
         name

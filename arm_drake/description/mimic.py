@@ -22,8 +22,8 @@ def find_mimics(
     hardware: Sequence[HardwareInfo],
     report: LoadReport,
     file: Path,
-) -> tuple[tuple[JointInfo, ...], tuple[HardwareInfo, ...]]:
-    """Return joints with the mimic that holds, and hardware without their commands.
+) -> tuple[JointInfo, ...]:
+    """Return the joints with the mimic that holds.
 
     Args:
         joints: Joints of the URDF, whose `<mimic>` relations make no circle.
@@ -31,37 +31,22 @@ def find_mimics(
         report: Where relations are recorded that differ from what is written.
         file: File to name in the report.
     """
-    independent = {
-        component.name
+    found = {joint.name: joint for joint in joints}
+    components = [
+        (component, block)
         for block in hardware
         for component in block.joints
-        if component.is_mimic is False
-    }
-    mimics = {
-        joint.name: dc.replace(joint, mimic=None)
-        if joint.name in independent
-        else joint
-        for joint in joints
-    }
-    for block in hardware:
-        for component in block.joints:
-            finder = _Finder(f"ros2_control {block.name!r}", report, file)
-            joint = mimics[component.name]
-            mimic = finder.find(joint, component, block, mimics)
-            mimics[component.name] = dc.replace(joint, mimic=mimic)
-    followers = {name for name, joint in mimics.items() if joint.mimic is not None}
-    return tuple(mimics.values()), tuple(
-        dc.replace(
-            block,
-            joints=tuple(
-                dc.replace(component, command_interfaces=())
-                if component.name in followers
-                else component
-                for component in block.joints
-            ),
-        )
-        for block in hardware
-    )
+        if component.name in found
+    ]
+    for component, _ in components:
+        if component.is_mimic is False:
+            found[component.name] = dc.replace(found[component.name], mimic=None)
+    for component, block in components:
+        finder = _Finder(f"ros2_control {block.name!r}", report, file)
+        joint = found[component.name]
+        mimic = finder.find(joint, component, block, found)
+        found[component.name] = dc.replace(joint, mimic=mimic)
+    return tuple(found.values())
 
 
 def write_mimics(root: ET.Element, joints: Sequence[JointInfo]) -> None:
@@ -116,7 +101,7 @@ class _Finder(ElementReader):
         if component.command_interfaces:
             names = [interface.name for interface in component.command_interfaces]
             what = f"command interfaces {names} of a mimic joint"
-            done = f"left out; it follows {mimic.joint!r}"
+            done = f"what they get has no effect; it follows {mimic.joint!r}"
             self.note("warning", "invalid", what, done, where)
         if all(other.name != mimic.joint for other in block.joints):
             what = f"the block lacks {mimic.joint!r}, which the joint mimics"

@@ -22,7 +22,7 @@ from arm_drake.description.hardware_info import (
     InterfaceInfo,
     PidGains,
 )
-from arm_drake.description.report import Kind, LoadReport
+from arm_drake.description.report import LoadReport
 from arm_drake.description.transmissions import read_transmissions
 
 _TYPES = ("system", "actuator", "sensor")
@@ -144,17 +144,19 @@ class _BlockReader(ElementReader):
     def _components(self, tag: str) -> Iterator[ComponentInfo]:
         for element in self._block.iterfind(tag):
             name = attribute(element, "name")
-            kind: Kind = "invalid"
             if not name:
-                problem = f"a <{tag}> has no name"
-            elif tag == "joint" and name not in self._joint_types:
-                kind, problem = "missing", f"the robot has no joint {name!r}"
+                problem, done = f"a <{tag}> has no name", "its interfaces are left out"
+                self.note("error", "invalid", problem, done)
+                continue
+            # Drivers of arms keep such values of their own as joints.
+            done = "its interfaces are kept as plain values"
+            if tag == "joint" and name not in self._joint_types:
+                problem = f"the robot has no joint {name!r}"
+                self.note("warning", "missing", problem, done)
             elif tag == "joint" and self._joint_types[name] == "fixed":
                 problem = f"joint {name!r} is fixed; expected one that moves"
-            else:
-                yield self._component(element, name)
-                continue
-            self.note("error", kind, problem, f"the {tag}'s interfaces are left out")
+                self.note("warning", "invalid", problem, done)
+            yield self._component(element, name)
 
     def _component(self, element: ET.Element, name: str) -> ComponentInfo:
         where = f"{element.tag} {name!r}"

@@ -125,7 +125,7 @@ def parse_urdf(
     check_structure(links, joints, file)
     joints = drop_bad_mimics(joints, file, report)
     hardware = read_hardware(root, [joint.name for joint in joints], report, file)
-    joints, hardware = find_mimics(joints, hardware, report, file)
+    joints = find_mimics(joints, hardware, report, file)
     plugins = read_gazebo_plugins(root)
     report_hardware(hardware, report, file)
     report_gazebo(root, report, file)

@@ -34,17 +34,17 @@ def find(
     others: tuple[JointInfo, ...] = (joint("m"),),
     *,
     has_master: bool = True,
-) -> tuple[Mimic | None, ComponentInfo, list[str]]:
-    """Return the relation of joint j, its component, and the report."""
+) -> tuple[Mimic | None, list[str]]:
+    """Return the relation of joint j, and the report."""
     masters = (ComponentInfo("m", POSITION, POSITION),) if has_master else ()
     block = HardwareInfo("h", "system", "", joints=(*masters, component))
     report = LoadReport()
-    joints, (found,) = find_mimics(
+    joints = find_mimics(
         (*others, joint("j", mimic)), [block], report, Path("arm.urdf")
     )
     lines = [str(entry) for entry in report]
     assert joints[:-1] == others
-    return joints[-1].mimic, found.joints[-1], lines
+    return joints[-1].mimic, lines
 
 
 # The URDF's form
@@ -54,31 +54,27 @@ def find(
 def test_a_joint_follows_as_the_urdf_says(is_mimic):
     mimic = Mimic("m", 2.0, 0.5)
 
-    assert find(follower(is_mimic), mimic) == (mimic, follower(is_mimic), [])
+    assert find(follower(is_mimic), mimic) == (mimic, [])
 
 
 def test_a_joint_that_the_block_calls_independent_is():
-    component = follower(False, POSITION)
-
-    assert find(component, Mimic("m")) == (None, component, [])
+    assert find(follower(False, POSITION), Mimic("m")) == (None, [])
 
 
-def test_a_mimic_joint_takes_no_commands():
-    mimic, component, lines = find(follower(commands=POSITION), Mimic("m"))
+def test_commands_of_a_mimic_joint_are_reported():
+    mimic, lines = find(follower(commands=POSITION), Mimic("m"))
 
     assert mimic == Mimic("m")
-    assert component == follower()
     assert lines == [
         f"warning: {PLACE}: command interfaces ['position'] of a mimic joint; "
-        "left out; it follows 'm'"
+        "what they get has no effect; it follows 'm'"
     ]
 
 
 def test_a_joint_cant_follow_without_a_master():
-    mimic, component, lines = find(follower(True, POSITION))
+    mimic, lines = find(follower(True, POSITION))
 
     assert mimic is None
-    assert component.command_interfaces == POSITION
     assert lines == [
         f'error: {PLACE}: mimic="true", but the URDF\'s joint has no <mimic>; '
         "it moves on its own"
@@ -86,7 +82,7 @@ def test_a_joint_cant_follow_without_a_master():
 
 
 def test_a_master_belongs_into_the_same_block():
-    mimic, _, lines = find(follower(), Mimic("m"), has_master=False)
+    mimic, lines = find(follower(), Mimic("m"), has_master=False)
 
     assert mimic == Mimic("m")
     assert lines == [
@@ -98,10 +94,10 @@ def test_a_master_belongs_into_the_same_block():
 def test_a_joint_without_hardware_follows_as_the_urdf_says():
     joints = (joint("m"), joint("j", Mimic("m", -1.0)))
 
-    assert find_mimics(joints, [], LoadReport(), Path("x")) == (joints, ())
+    assert find_mimics(joints, [], LoadReport(), Path("x")) == joints
 
 
-def test_a_joint_in_two_blocks_loses_the_commands_in_both():
+def test_a_joint_of_two_blocks_follows_if_one_says_so():
     blocks = [
         HardwareInfo(name, "system", "", joints=(component, follower(name="m")))
         for name, component in (
@@ -110,40 +106,41 @@ def test_a_joint_in_two_blocks_loses_the_commands_in_both():
         )
     ]
 
-    joints, found = find_mimics(
-        (joint("m"), joint("j")), blocks, LoadReport(), Path("x")
-    )
+    joints = find_mimics((joint("m"), joint("j")), blocks, LoadReport(), Path("x"))
 
     assert joints[1].mimic == Mimic("m")
-    assert [block.joints[0].command_interfaces for block in found] == [(), ()]
+
+
+def test_a_joint_that_the_robot_lacks_is_no_matter():
+    block = HardwareInfo("h", "system", "", joints=(follower(name="speed_scaling"),))
+    joints = (joint("m"),)
+
+    assert find_mimics(joints, [block], LoadReport(), Path("x")) == joints
 
 
 # The form up to Humble
 
 
 def test_the_old_form_counts_where_the_urdf_says_nothing():
-    mimic, component, lines = find(
-        follower(commands=POSITION, mimic="m", multiplier="-0.5")
-    )
+    mimic, lines = find(follower(commands=POSITION, mimic="m", multiplier="-0.5"))
 
     assert mimic == Mimic("m", multiplier=-0.5, offset=0.0)
-    assert component.command_interfaces == ()
     assert lines == [
         f"info: {PLACE}: <param> 'mimic', which is the form up to Humble, "
         "names 'm'; taken as the URDF's <mimic>",
         f"warning: {PLACE}: command interfaces ['position'] of a mimic joint; "
-        "left out; it follows 'm'",
+        "what they get has no effect; it follows 'm'",
     ]
 
 
 def test_a_multiplier_is_1_where_none_is_given():
-    mimic, _, _ = find(follower(mimic="m"))
+    mimic, _ = find(follower(mimic="m"))
 
     assert mimic == Mimic("m", 1.0)
 
 
 def test_a_multiplier_that_is_no_number_is_reported():
-    mimic, _, lines = find(follower(mimic="m", multiplier="twice"))
+    mimic, lines = find(follower(mimic="m", multiplier="twice"))
 
     assert mimic == Mimic("m", 1.0)
     assert lines[0] == (
@@ -162,17 +159,14 @@ def test_a_multiplier_that_is_no_number_is_reported():
     ],
 )
 def test_an_impossible_relation_in_the_old_form_is_left_out(master, others, problem):
-    mimic, component, lines = find(
-        follower(commands=POSITION, mimic=master), None, others
-    )
+    mimic, lines = find(follower(commands=POSITION, mimic=master), None, others)
 
     assert mimic is None
-    assert component.command_interfaces == POSITION
     assert lines[-1] == f"error: {PLACE}: {problem}; it moves on its own"
 
 
 def test_the_urdf_counts_before_the_old_form():
-    mimic, _, lines = find(follower(mimic="m", multiplier="2"), Mimic("m", -1.0))
+    mimic, lines = find(follower(mimic="m", multiplier="2"), Mimic("m", -1.0))
 
     assert mimic == Mimic("m", -1.0)
     assert lines == [
@@ -184,11 +178,11 @@ def test_the_urdf_counts_before_the_old_form():
 def test_both_forms_may_say_the_same():
     mimic = Mimic("m", 2.0)
 
-    assert find(follower(mimic="m", multiplier="2"), mimic)[::2] == (mimic, [])
+    assert find(follower(mimic="m", multiplier="2"), mimic) == (mimic, [])
 
 
 def test_an_independent_joint_has_no_master_in_the_old_form():
-    mimic, _, lines = find(follower(False, mimic="m"))
+    mimic, lines = find(follower(False, mimic="m"))
 
     assert mimic is None
     assert lines == [
@@ -206,7 +200,7 @@ def test_a_master_that_the_block_frees_may_follow_its_former_follower():
     joints = (joint("j"), joint("m", Mimic("j")))
     report = LoadReport()
 
-    found, _ = find_mimics(joints, blocks, report, Path("x"))
+    found = find_mimics(joints, blocks, report, Path("x"))
 
     assert [j.mimic for j in found] == [Mimic("m"), None]
     assert not report.errors

@@ -461,7 +461,7 @@ def test_a_component_without_a_name_is_left_out(tag):
     assert (*block.joints, *block.sensors, *block.gpios) == ()
     assert lines == [
         f"error: arm.urdf: ros2_control 'h': a <{tag}> has no name; "
-        f"the {tag}'s interfaces are left out"
+        "its interfaces are left out"
     ]
 
 
@@ -476,26 +476,26 @@ def test_an_interface_without_a_name_is_left_out():
     ]
 
 
-def test_a_joint_that_the_robot_lacks_is_left_out_and_reported():
+def test_a_joint_that_the_robot_lacks_is_kept_as_values_and_reported():
     block, lines = read_block('<joint name="x"/><joint name="k"/>')
 
-    assert [joint.name for joint in block.joints] == ["k"]
+    assert [joint.name for joint in block.joints] == ["x", "k"]
     assert lines == [
-        "error: arm.urdf: ros2_control 'h': the robot has no joint 'x'; "
-        "the joint's interfaces are left out"
+        "warning: arm.urdf: ros2_control 'h': the robot has no joint 'x'; "
+        "its interfaces are kept as plain values"
     ]
 
 
-def test_a_fixed_joint_is_left_out_and_reported():
+def test_a_fixed_joint_is_kept_as_values_and_reported():
     block, lines = read_block(
         '<joint name="j"/><joint name="k"/>',
         rest='<joint name="j" type="fixed"/><joint name="k" type="revolute"/>',
     )
 
-    assert [joint.name for joint in block.joints] == ["k"]
+    assert [joint.name for joint in block.joints] == ["j", "k"]
     assert lines == [
-        "error: arm.urdf: ros2_control 'h': joint 'j' is fixed; "
-        "expected one that moves; the joint's interfaces are left out"
+        "warning: arm.urdf: ros2_control 'h': joint 'j' is fixed; "
+        "expected one that moves; its interfaces are kept as plain values"
     ]
 
 
