@@ -26,7 +26,7 @@ TOLERANCE = 1e-3
 FEW_CORNERS = 128
 
 # Distances between points and planes that are in memory at a time.
-_MAX_DISTANCES = 4_000_000
+_MAX_DISTANCES = 100_000
 
 # Meshes of torn triangles can keep the decomposition busy for hours.
 DECOMPOSITION_TIMEOUT = 300.0  # s
@@ -156,10 +156,12 @@ def thin_hull(corners: Array) -> Array:
 
 def _first_corners(corners: Array) -> Array:
     """Return rows of corners far apart, which span the bounding box and a volume."""
-    directions = np.array([*itertools.product((-1.0, 0.0, 1.0), repeat=3)])
-    rows = [0, *(corners @ directions.T).argmax(axis=0).tolist()]
+    directions = np.array(
+        [d for d in itertools.product((-1, 0, 1), repeat=3) if any(d)]
+    )
+    rows = (corners @ directions.T).argmax(axis=0).tolist()
     # A simplex as fat as it can be: farthest from a point, then from a line, a plane.
-    rest = corners - corners[0]
+    rest = corners - corners[rows[0]]
     for _ in range(3):
         length = np.linalg.norm(rest, axis=1)
         row = int(length.argmax())

@@ -16,6 +16,7 @@ import coal
 import numpy as np
 import pytest
 from PIL import Image
+from scipy.spatial import ConvexHull
 
 from arm_drake.description.meshes import (
     MESH_SUFFIXES,
@@ -30,6 +31,9 @@ SCALE = (0.5, -2.0, 3.0)
 
 # Parts of the size: glTF holds 32-bit floats, with 24 bits; the OBJ file has 9 digits.
 TOLERANCE = 2.0**-23
+
+# A part of the diagonal of the box: what hulls lack for the sake of speed.
+HULL_ERROR = 1e-3
 
 PACKAGES = [
     "ar4",
@@ -160,12 +164,10 @@ def box(points: np.ndarray) -> np.ndarray:
     return np.array([points.min(axis=0), points.max(axis=0)])
 
 
-def independent_box(path: Path) -> np.ndarray:
+def independent_points(path: Path) -> np.ndarray:
     if path.suffix.lower() == ".dae":
-        return box(np.concatenate([t.points for t in Collada(path).triangles()]))
-    model = coal.MeshLoader().load(str(path), np.ones(3))
-    model.computeLocalAABB()
-    return np.array([model.aabb_local.min_, model.aabb_local.max_])
+        return np.concatenate([t.points for t in Collada(path).triangles()])
+    return coal.MeshLoader().load(str(path), np.ones(3)).vertices()
 
 
 def gltf_parts(path: Path) -> list[tuple[tuple[float, ...], np.ndarray]]:
@@ -189,13 +191,20 @@ def gltf_box(path: Path) -> np.ndarray:
     return box(np.concatenate([points for _, points in gltf_parts(path)]))
 
 
-def obj_box(path: Path) -> np.ndarray:
+def obj_points(path: Path) -> np.ndarray:
     rows = [line.split() for line in path.read_text().splitlines()]
-    return box(np.array([row[1:] for row in rows if row[0] == "v"], float))
+    return np.array([row[1:] for row in rows if row[0] == "v"], float)
+
+
+def lack(points: np.ndarray, corners: np.ndarray) -> float:
+    """Return how far points stand out of the planes of a convex hull at most."""
+    planes = ConvexHull(corners).equations
+    outer = points[ConvexHull(points).vertices]
+    return max((outer @ plane[:3]).max() + plane[3] for plane in planes)
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_meshes_keep_their_bounding_boxes(package, tmp_path):
+def test_meshes_keep_their_bounding_boxes_and_hulls(package, tmp_path):
     files = mesh_files(robots_folder() / package)
     assert files
     for path in files:
@@ -205,12 +214,17 @@ def test_meshes_keep_their_bounding_boxes(package, tmp_path):
         visual = convert_visual(path, SCALE, report, **place)
         (collision,) = convert_collision(path, SCALE, report, **place)
 
-        expected = np.sort(independent_box(path) * SCALE, axis=0)
+        points = independent_points(path) * SCALE
+        expected = box(points)
         size = np.abs(expected).max()
-        for found in (gltf_box(visual), obj_box(collision)):
+        hull = obj_points(collision)
+        for found in (gltf_box(visual), box(hull)):
             np.testing.assert_allclose(
                 found, expected, rtol=0, atol=TOLERANCE * size, err_msg=path.name
             )
+        # Inside the exact hull, and short of it by no more than is allowed.
+        assert lack(hull, points) < TOLERANCE * size
+        assert lack(points, hull) < HULL_ERROR * np.linalg.norm(np.ptp(points, axis=0))
         assert list(report) == []
         for used in tmp_path.iterdir():
             used.unlink()
