@@ -10,12 +10,13 @@ from pathlib import Path
 from arm_drake.controller_loading import load_controllers
 from arm_drake.description.claimed_hardware import hardware_from_controllers
 from arm_drake.description.control_files import find_control_files
-from arm_drake.description.controllers import ControllerManagerConfig
+from arm_drake.description.controllers import MANAGER, ControllerManagerConfig
 from arm_drake.description.controllers import (
     load_controllers as load_controllers_config,
 )
 from arm_drake.description.default_control import default_controllers
 from arm_drake.description.entry import Source, find_entry
+from arm_drake.description.gazebo_joints import Ros2ControlPlugin
 from arm_drake.description.given import DISTROS
 from arm_drake.description.initial_positions import find_initial_positions
 from arm_drake.description.joints import WORLD
@@ -115,7 +116,11 @@ def load_robot(
         config = default_controllers(description, report)
     else:
         config = load_controllers_config(
-            files, dict(variables or {}), report, packages=packages
+            files,
+            dict(variables or {}),
+            report,
+            packages=packages,
+            manager=_manager_name(description),
         )
     if not description.hardware:
         hardware = hardware_from_controllers(config, description.joints, report, entry)
@@ -140,6 +145,13 @@ def load_robot(
     if strict and len(report):
         raise InputError(f"not everything was taken as written:\n{report}")
     return robot
+
+
+def _manager_name(description: RobotDescription) -> str:
+    """Return what the Gazebo plugin tag calls the controller manager."""
+    plugins = description.joint_plugins
+    names = [p.manager for p in plugins if isinstance(p, Ros2ControlPlugin)]
+    return names[0] if names else MANAGER
 
 
 def _has_free_base(

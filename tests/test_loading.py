@@ -437,7 +437,8 @@ def test_of_two_files_in_the_config_folder_none_is_taken_and_both_are_named(pack
     assert robot.controllers.files == ()
     assert lines(robot) == [
         f"warning: {package / 'urdf' / 'arm.urdf'}: the description names no "
-        f"controllers YAML; candidates: {file}, {other}; no controller runs"
+        f"controllers YAML; candidates: {file}, {other}; no controller runs; "
+        "--controllers FILE gives one"
     ]
 
 
@@ -452,6 +453,71 @@ def test_a_missing_parameters_file_is_reported(package, uri):
         f"error: {file}: <parameters>: {uri!r} does not exist; "
         "its controllers are left out"
     ]
+
+
+@pytest.mark.parametrize(
+    "uri",
+    [
+        "/home/nobody/ws/src/arm/config/controllers.yaml",
+        "file:///home/nobody/arm/config/controllers.yaml",
+        "config/controllers.yaml",
+    ],
+)
+def test_a_file_that_lies_elsewhere_in_the_package_is_found(package, uri):
+    entry_file = arm_with(package, plugin(uri))
+    file = controllers_with(package)
+
+    robot = ad.load_robot(package)
+
+    assert robot.controllers.files == (file,)
+    assert lines(robot)[0] == (
+        f"warning: {entry_file}: <parameters>: {uri!r} does not exist; taken from "
+        f"{str(file)!r}"
+    )
+
+
+def test_files_of_other_managers_are_no_candidates(package):
+    file = controllers_with(package)
+    moveit = "moveit_controller_manager: a/B\n# see ros__parameters\n"
+    write(package / "config" / "moveit_controllers.yaml", moveit)
+
+    assert ad.load_robot(package).controllers.files == (file,)
+
+
+def test_files_of_other_packages_are_named_as_candidates(package):
+    hardware = '<ros2_control name="h" type="system"><joint name="j"/></ros2_control>'
+    arm_with(package, hardware)
+    bringup = package.parent / "bringup"
+    write(bringup / "package.xml", "<package><name>bringup</name></package>")
+    file = controllers_with(bringup)
+    other = controllers_with(package.parent / "other", joints="[k]")
+    write(other.parents[1] / "package.xml", "<package><name>other</name></package>")
+
+    (line,) = [line for line in lines(ad.load_robot(package)) if "candidates" in line]
+
+    assert f"candidates: {file}; no controller runs; --controllers FILE " in line
+
+
+def test_the_controller_manager_is_called_as_the_plugin_says(package):
+    tag = "<controller_manager_name>my_manager</controller_manager_name>"
+    text = plugin("../config/controllers.yaml").replace("</plugin>", f"{tag}</plugin>")
+    arm_with(package, text)
+    file = controllers_with(package)
+    file.write_text(file.read_text().replace("controller_manager:", "my_manager:"))
+
+    assert [c.name for c in ad.load_robot(package).controllers.controllers] == ["arm"]
+
+
+def test_a_base_drives_wheels_alone(package):
+    base = (
+        '<gazebo><plugin name="d" filename="libgazebo_ros_diff_drive.so">'
+        "<left_joint>j</left_joint><right_joint>j</right_joint></plugin></gazebo>"
+    )
+    arm_with(package, base)
+
+    robot = ad.load_robot(package)
+
+    assert robot.controllers.controllers == ()
 
 
 def test_a_parameters_file_of_a_missing_package_is_reported(package):
@@ -515,10 +581,13 @@ def test_an_unknown_controller_type_is_reported_with_the_nearest(package):
 
 
 def test_a_malformed_controllers_file_is_an_error(package):
-    file = write(package / "config" / "controllers.yaml", "controller_manager:\n\tx: 1")
+    file = write(
+        package / "config" / "controllers.yaml",
+        "controller_manager:\n  ros__parameters:\n\tx: 1",
+    )
 
     assert problem(package) == (
-        f"{file}:2: malformed YAML: a TAB indents this line; expected spaces"
+        f"{file}:3: malformed YAML: a TAB indents this line; expected spaces"
     )
 
 

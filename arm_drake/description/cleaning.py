@@ -89,6 +89,8 @@ def _clean(
         if path not in _OTHERS:
             ignored[path] = ignored.get(path, 0) + 1
         return
+    if element.get("name") == "" and above == "link":
+        del element.attrib["name"]  # Drake takes no empty one.
     for name in list(element.attrib):
         if path in _READ and name not in _READ[path]:
             del element.attrib[name]

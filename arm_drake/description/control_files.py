@@ -1,6 +1,8 @@
 """Which controllers YAML belongs to a description."""
 
+import itertools
 import os
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -9,8 +11,19 @@ from arm_drake.description.controllers import MANAGER
 from arm_drake.description.entry import Source, text_of
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
+from arm_drake.description.ros_parameters import PARAMETERS
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.errors import PackageError
+
+# What a file of a controller manager's parameters has.
+_MANAGER = re.compile(rf"^[ \t]*['\"]?/?([\w*]+/)*{MANAGER}['\"]?[ \t]*:", re.MULTILINE)
+_FOR_ALL = re.compile(r"^['\"]?/\*\*['\"]?[ \t]*:", re.MULTILINE)
+_TYPE = re.compile(r"\btype[ \t]*:[ \t]*['\"]?\w+/\w+")
+
+# Bounds on a search for candidates.
+_MAX_PACKAGES = 100
+_MAX_FILES = 100
+_MAX_CANDIDATES = 5
 
 
 def find_control_files(
@@ -42,7 +55,14 @@ def find_control_files(
     for text in dict.fromkeys(named):
         try:
             path = packages.resolve(text, description.file.parent)
-            problem = None if os.path.isfile(path) else f"{text!r} does not exist"
+            problem = None
+            if not os.path.isfile(path):
+                problem = f"{text!r} does not exist"
+                if (moved := packages.moved(path)) is not None:
+                    what, path, problem = f"<parameters>: {problem}", moved, None
+                    done = f"taken from {str(moved)!r}"
+                    file = description.file
+                    report.add("warning", "repair", what, done, file=file)
         except PackageError as error:
             problem = error.problem
         if problem is None:
@@ -60,11 +80,11 @@ def find_control_files(
     if bundled is not None:
         own = configs_folder() / bundled / "controllers.yaml"
         return [own] if own.is_file() else []
-    return _controllers_in_package(description, report)
+    return _controllers_in_package(description, packages, report)
 
 
 def _controllers_in_package(
-    description: RobotDescription, report: LoadReport
+    description: RobotDescription, packages: PackageFinder, report: LoadReport
 ) -> list[Path] | None:
     """Return the controllers YAML in the package's config folder, if there is one."""
     folders = [f for f in description.file.parents if (f / "package.xml").is_file()]
@@ -72,18 +92,40 @@ def _controllers_in_package(
         path
         for folder in folders[:1]
         for path in sorted((folder / "config").glob("**/*.y*ml"))
-        if f"{MANAGER}:" in text_of(path)
+        if _has_controllers(path)
     ]
     if len(candidates) == 1:
         return candidates
     if not candidates and not description.hardware:
         return None
-    listed = ", ".join(str(path) for path in candidates)
+    listed = ", ".join(map(str, candidates or _candidates(description, packages)))
     report.add(
         "warning",
         "missing",
         f"the description names no controllers YAML; candidates: {listed or 'none'}",
-        "no controller runs",
+        "no controller runs; --controllers FILE gives one",
         file=description.file,
     )
     return []
+
+
+def _has_controllers(path: Path) -> bool:
+    text = text_of(path)
+    is_for_all = _FOR_ALL.search(text) is not None and _TYPE.search(text) is not None
+    return PARAMETERS in text and (_MANAGER.search(text) is not None or is_for_all)
+
+
+def _candidates(description: RobotDescription, packages: PackageFinder) -> list[Path]:
+    """Return files around the description that control joints of its names."""
+    names = [re.escape(joint.name) for joint in description.movable_joints]
+    mentions = re.compile(rf"\b({'|'.join(names)})\b" if names else r"(?!)")
+    found = []
+    folders = dict.fromkeys(folder for _, folder in packages.known())
+    for folder in itertools.islice(folders, _MAX_PACKAGES):
+        files = itertools.islice(folder.glob("**/*.y*ml"), _MAX_FILES)
+        found += [
+            path
+            for path in sorted(files)
+            if _has_controllers(path) and mentions.search(text_of(path))
+        ]
+    return found[:_MAX_CANDIDATES]

@@ -106,6 +106,13 @@ def load_manager_parameters(
         ParameterError: If one is of the wrong type or out of range.
     """
     rate = parameters.get("update_rate")
+    if rate is not None and isinstance(rate.value, float) and rate.value.is_integer():
+        what = f"{rate.value} is a double; ros2_control refuses it for an integer"
+        rate = dc.replace(rate, value=int(rate.value))
+        _report(
+            report, "repair", what, "taken as an integer", f"{node}.update_rate", rate
+        )
+        parameters = {**parameters, "update_rate": rate}
     if rate is not None and (
         type(rate.value) is not int or not 0 < rate.value <= MAX_UPDATE_RATE
     ):

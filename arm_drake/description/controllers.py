@@ -64,6 +64,7 @@ def load_controllers(
     report: LoadReport,
     *,
     packages: PackageFinder | None = None,
+    manager: str = MANAGER,
 ) -> ControllerManagerConfig:
     """Return what controllers YAML files configure.
 
@@ -72,12 +73,15 @@ def load_controllers(
         variables: Values of `$(var NAME)`.
         report: Where what is not taken as written is recorded.
         packages: What resolves `$(find-pkg-share PACKAGE)` and `package://`.
+        manager: Name of the controller manager's node, where it has one of its own.
 
     Raises:
         ParameterError: If a file can't be used.
     """
     reader = ParameterReader(variables, report, packages)
     sections = [section for file in files for section in reader.read(file)]
+    if not any(section.name == MANAGER for section in sections):
+        sections = [_renamed(section, manager) for section in sections]
     namespaces = _namespaces(sections)
     nodes = Nodes(sections, namespaces)
     managers = [
@@ -120,6 +124,13 @@ def load_controllers(
     )
     _report_unsimulated(config, report)
     return config
+
+
+def _renamed(section: Section, manager: str) -> Section:
+    """Return a section of the manager under the manager's usual name."""
+    if section.name != manager:
+        return section
+    return dc.replace(section, node=f"{section.namespace}/{MANAGER}")
 
 
 def _report_unsimulated(config: ControllerManagerConfig, report: LoadReport) -> None:

@@ -4,6 +4,7 @@ from arm_drake.description.controllers import (
     ControllerConfig,
     ControllerManagerConfig,
 )
+from arm_drake.description.gazebo_joints import DiffDrive, GazeboRosDiffDrive
 from arm_drake.description.parameters import Parameter
 from arm_drake.description.report import LoadReport
 from arm_drake.description.urdf import RobotDescription
@@ -26,7 +27,17 @@ def default_controllers(
         report: Where it is said.
     """
     file = description.file
-    joints = [j.name for j in description.movable_joints if j.mimic is None]
+    wheels = {
+        name
+        for plugin in description.joint_plugins
+        if isinstance(plugin, DiffDrive | GazeboRosDiffDrive)
+        for name in (*plugin.left_joints, *plugin.right_joints)
+    }
+    joints = [
+        joint.name
+        for joint in description.movable_joints
+        if joint.mimic is None and joint.name not in wheels
+    ]
     if not joints:
         return ControllerManagerConfig()
     parameters = {

@@ -36,6 +36,9 @@ class Ros2ControlPlugin:
 
     controller_manager_name: str = "controller_manager"
 
+    # Older name of controller_manager_name, which it wins over.
+    controller_manager_node_name: str = ""
+
     # Start of the manager's name in Ignition Gazebo, followed by "_".
     controller_manager_prefix_node_name: str = ""
 
@@ -56,7 +59,8 @@ class Ros2ControlPlugin:
     def manager(self) -> str:
         """Name of the controller manager's node."""
         prefix = self.controller_manager_prefix_node_name
-        return "_".join(filter(None, (prefix, self.controller_manager_name)))
+        name = self.controller_manager_node_name or self.controller_manager_name
+        return "_".join(filter(None, (prefix, name)))
 
 
 @dc.dataclass(frozen=True)

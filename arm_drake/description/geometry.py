@@ -2,12 +2,13 @@
 
 import copy
 import math
+import os
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from arm_drake.description.meshes import Scale, convert_collision, convert_visual
 from arm_drake.description.packages import PackageFinder
-from arm_drake.description.report import LoadReport
+from arm_drake.description.report import Kind, LoadReport, Severity
 from arm_drake.description.values import numbers
 from arm_drake.errors import PackageError
 
@@ -91,30 +92,35 @@ class _Shape:
         return [self._element]
 
     def _drop(self, problem: str) -> list[ET.Element]:
-        self._report.add(
-            "warning",
-            "invalid",
-            problem,
-            "left out",
-            where=self._where,
-            file=self._file,
-        )
+        self._add("warning", "invalid", problem, "left out")
         return []
+
+    def _add(self, severity: Severity, kind: Kind, what: str, done: str) -> None:
+        where, file = self._where, self._file
+        self._report.add(severity, kind, what, done, where=where, file=file)
+
+    def _find(self, uri: str) -> Path:
+        """Return the path of a mesh, also if it lies elsewhere in the package."""
+        path = self._packages.resolve(uri, self._file.parent)
+        # Unlike that of Path, it takes names that no file can have.
+        moved = None if os.path.isfile(path) else self._packages.moved(path)
+        if moved is None:
+            return path
+        self._add("warning", "repair", f"no file {uri!r}", f"taken from {str(moved)!r}")
+        return moved
 
     def _convert_mesh(self, shape: ET.Element) -> list[ET.Element]:
         if not shape.get("filename"):
             return self._drop("<mesh> without a filename")
         is_visual = self._element.tag == "visual"
         try:
-            path = self._packages.resolve(shape.attrib["filename"], self._file.parent)
+            path = self._find(shape.attrib["filename"])
         except PackageError as error:
-            self._report.add(
+            self._add(
                 "warning" if is_visual else "error",
                 "missing",
                 error.problem,
                 "the mesh is left out",
-                where=self._where,
-                file=self._file,
             )
             return []
         scale = numbers(shape.get("scale", "1 1 1"), self._file, self._where)

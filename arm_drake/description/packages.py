@@ -23,8 +23,8 @@ from arm_drake.description.install_layout import (
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import PackageError, suggest
 
-# How far below a searched folder a package may lie, and how far above the entry file
-# its workspace may begin.
+# How far below a searched folder a package may lie, and how far above the entry file's
+# package its workspace may begin.
 _SEARCH_DEPTH = 5
 _WORKSPACE_HEIGHT = 4
 
@@ -52,7 +52,10 @@ class PackageFinder:
             report: Where a package that only seems to be the right one is recorded.
         """
         self._entry = entry
-        parents = list(entry.resolve().parents)[: _WORKSPACE_HEIGHT + 1]
+        parents = list(entry.resolve().parents)
+        owners = [i for i, p in enumerate(parents) if (p / "package.xml").is_file()]
+        self._own = parents[owners[0]] if owners else None
+        del parents[(owners[0] if owners else 1) + _WORKSPACE_HEIGHT :]
         # An entry file in the home folder must not start a walk through all of it.
         self._ancestors = list(
             itertools.takewhile(
@@ -63,6 +66,7 @@ class PackageFinder:
         self._report = LoadReport() if report is None else report
         self._scanned: dict[Path, dict[str, Path]] = {}
         self._found: dict[str, Path] = {}
+        self._sources: dict[str, Path] = {}
         # Packages that look different when installed, shown as that.
         self._installed: Path | None = None
 
@@ -110,11 +114,35 @@ class PackageFinder:
         """Return all packages that can be found, by name, the preferred first."""
         return [item for packages in self._candidates() for item in packages.items()]
 
+    def moved(self, path: Path) -> Path | None:
+        """Return a file of the entry's package for one that is not where it was.
+
+        Authors write down where a file lay on their own machine, or relative to their
+        package instead of to their file.
+
+        Args:
+            path: A path at which there is no file.
+        """
+        if self._own is None:
+            return None
+        names = {self._own.name, _package_name(self._own / "package.xml")}
+        parts = path.parts
+        tails = [parts[i + 1 :] for i, part in enumerate(parts) if part in names]
+        if path.is_relative_to(self._entry.parent):
+            tails.append(path.relative_to(self._entry.parent).parts)
+        candidates = [self._own.joinpath(*tail) for tail in tails if tail]
+        # Unlike that of Path, it takes names that no file can have.
+        return next((path for path in candidates if os.path.isfile(path)), None)
+
     def real(self, path: Path) -> Path:
         """Return where a file lies that `find` shows as installed."""
         shown = self._installed
-        is_shown = shown is not None and path.is_relative_to(shown)
-        return path.resolve() if is_shown else path
+        if shown is None or not path.is_relative_to(shown):
+            return path
+        if path.exists():
+            return path.resolve()
+        name, *rest = path.relative_to(shown).parts
+        return self._sources[name].joinpath(*rest)
 
     def real_paths(self, text: str) -> str:
         """Return a text in which every path that `find` made up is the real one."""
@@ -160,6 +188,7 @@ class PackageFinder:
         if self._installed is None:
             self._installed = Path(tempfile.mkdtemp(prefix="arm_drake_"))
             weakref.finalize(self, shutil.rmtree, self._installed, ignore_errors=True)
+        self._sources[name] = package
         shown = self._installed / name
         show_as_installed(package, rules, shown)
         return shown
@@ -168,10 +197,8 @@ class PackageFinder:
         """Yield packages by name, the preferred ones first."""
         for root in self._package_paths:
             yield self._scan(root)
-        for folder in self._ancestors:
-            if (folder / "package.xml").is_file():  # The entry's own.
-                yield {_package_name(folder / "package.xml"): folder}
-                break
+        if self._own in self._ancestors:
+            yield {_package_name(self._own / "package.xml"): self._own}
         for variable in ("AMENT_PREFIX_PATH", "COLCON_PREFIX_PATH"):
             for prefix in filter(None, os.environ.get(variable, "").split(os.pathsep)):
                 yield self._scan(Path(prefix) / "share")

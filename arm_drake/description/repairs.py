@@ -7,6 +7,7 @@ primitive of size 0. What robots' authors got away with under ROS is mended here
 
 import math
 import xml.etree.ElementTree as ET
+from collections.abc import Callable
 from pathlib import Path
 
 from arm_drake.description.cleaning import clean
@@ -24,6 +25,10 @@ _COUNTS = {
     ("origin", "rpy"): 3,
     ("axis", "xyz"): 3,
     ("mass", "value"): 1,
+    ("dynamics", "damping"): 1,
+    ("dynamics", "friction"): 1,
+    ("mimic", "multiplier"): 1,
+    ("mimic", "offset"): 1,
     **{("inertia", name): 1 for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")},
 }
 
@@ -83,22 +88,44 @@ def _repair_joint(joint: ET.Element, file: Path, report: LoadReport) -> None:
     def add(what: str, done: str) -> None:
         report.add("info", "repair", what, done, where=where, file=file)
 
-    # Drake takes an effort limit of 0 literally, and no inf; both mean "unset".
     if limit is not None:
-        for attribute in ("effort", "velocity"):
-            text = limit.get(attribute)
-            found = numbers(text or "", file, where)
-            if text is not None and not any(map(_is_limit, found)):
-                del limit.attrib[attribute]
-                add(f"{attribute} limit {text}", "taken as unset")
-        ends = {"lower", "upper"} & limit.attrib.keys()
-        if ends and joint.get("type") == "continuous":
-            for end in ends:
-                del limit.attrib[end]
-            add("limits of a continuous joint", "it turns without end")
+        _repair_limit(limit, joint.get("type") == "continuous", file, where, add)
+    axis = joint.find("axis")
+    xyz = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
+    turns = joint.get("type") not in ("fixed", "floating")
+    if turns and not any(numbers(xyz, file, where)):
+        problem = "<axis xyz>: expected a direction, got zeros"
+        raise DescriptionError(problem, file=file, where=where)
     # Friction is modelled beside the plant; Drake would warn about it.
     if dynamics is not None:
         dynamics.attrib.pop("friction", None)
+
+
+def _repair_limit(
+    limit: ET.Element,
+    is_continuous: bool,
+    file: Path,
+    where: str,
+    add: Callable[[str, str], None],
+) -> None:
+    """Remove what means "unset": Drake takes 0 literally, and no inf."""
+    for attribute in ("effort", "velocity"):
+        text = limit.get(attribute)
+        found = numbers(text or "", file, where)
+        if text is not None and not any(map(_is_limit, found)):
+            del limit.attrib[attribute]
+            add(f"{attribute} limit {text}", "taken as unset")
+        elif text is not None and found[0] < 0.0:
+            limit.set(attribute, repr(-found[0]))
+            add(f"{attribute} limit {text}", "taken without its sign")
+    ends = {"lower", "upper"} & limit.attrib.keys()
+    if ends and is_continuous:
+        add("limits of a continuous joint", "it turns without end")
+    for end in ends:
+        if is_continuous or not any(
+            map(math.isfinite, numbers(limit.attrib[end], file, where))
+        ):
+            del limit.attrib[end]
 
 
 def _is_limit(number: float) -> bool:

@@ -97,6 +97,15 @@ class Substitutions:
                 file=file,
                 line=line,
             )
+        for text, (name, line) in task.missing.items():
+            self._report.add(
+                "error",
+                "missing",
+                f"package {name!r} not found",
+                f"{text} stays as it is; --package-path names the package's folder",
+                file=file,
+                line=line,
+            )
         if task.unresolved:
             raise _unresolved(task.unresolved, file)
         return result
@@ -106,8 +115,8 @@ def _name(match: re.Match[str]) -> str:
     return match.group(1) or match.group(2)
 
 
-# Texts of substitutions: kind, name of the value, line.
-_Unresolved = dict[str, tuple[str, str, int]]
+# Texts of substitutions: name of the value or package, line.
+_Unresolved = dict[str, tuple[str, int]]
 
 
 class _Task:
@@ -126,6 +135,7 @@ class _Task:
         self._visited: dict[int, tuple[yaml.Node, yaml.Node]] = {}
         self.used: set[str] = set()
         self.unresolved: _Unresolved = {}
+        self.missing: _Unresolved = {}
         self.templates: dict[str, int] = {}
         self.aliases: list[int] = []
 
@@ -185,13 +195,17 @@ class _Task:
             return os.environ[name]
         if default is not None:
             return default
-        if kind in _OF_PACKAGES and self._packages is not None:
+        text = f"$({inner})"
+        if kind not in _OF_PACKAGES:
+            self.unresolved.setdefault(text, (name, line))
+            return ""
+        if self._packages is not None:
             try:
                 return str(self._packages.find(name))
             except PackageError:
                 pass
-        self.unresolved.setdefault(f"$({inner})", (kind, name, line))
-        return ""
+        self.missing.setdefault(text, (name, line))
+        return text
 
 
 def _unquote(text: str) -> str:
@@ -203,27 +217,16 @@ def _unquote(text: str) -> str:
 
 def _unresolved(unresolved: _Unresolved, file: Path) -> ParameterError:
     """Return one error that names all substitutions without a value."""
-    first = next(iter(unresolved.values()))[2]
+    first = next(iter(unresolved.values()))[1]
     texts = [
         text if line == first else f"{text} (line {line})"
-        for text, (_, _, line) in unresolved.items()
+        for text, (_, line) in unresolved.items()
     ]
-    names = dict.fromkeys(
-        name for kind, name, _ in unresolved.values() if kind not in _OF_PACKAGES
-    )
-    hints = []
-    if names:
-        given = ", ".join(f"{name!r}: ..." for name in names)
-        options = " ".join(f"--var {name}=VALUE" for name in names)
-        noun = "one" if len(names) == 1 else "them"
-        hints.append(f"give {noun} with variables={{{given}}} ({options})")
-    if len(names) < len(unresolved) and any(
-        kind in _OF_PACKAGES for kind, _, _ in unresolved.values()
-    ):
-        hints.append(
-            "name the folder that holds the package with package_paths (--package-path)"
-        )
+    names = dict.fromkeys(name for name, _ in unresolved.values())
+    given = ", ".join(f"{name!r}: ..." for name in names)
+    options = " ".join(f"--var {name}=VALUE" for name in names)
+    noun = "one" if len(names) == 1 else "them"
     verb = "has" if len(texts) == 1 else "have"
-    return ParameterError(
-        f"{', '.join(texts)} {verb} no value; {'; '.join(hints)}", file=file, line=first
-    )
+    problem = f"{', '.join(texts)} {verb} no value"
+    hint = f"give {noun} with variables={{{given}}} ({options})"
+    return ParameterError(f"{problem}; {hint}", file=file, line=first)

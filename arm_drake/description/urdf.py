@@ -252,8 +252,8 @@ def _limits(element: ET.Element | None, joint_type: str) -> JointLimits:
     lower, upper = (_number(element, end, 0.0) for end in ("lower", "upper"))
     has_range = joint_type in ("revolute", "prismatic")
     return JointLimits(
-        lower=lower if has_range else None,
-        upper=upper if has_range else None,
+        lower=lower if has_range and math.isfinite(lower) else None,
+        upper=upper if has_range and math.isfinite(upper) else None,
         effort=effort if 0.0 < effort < math.inf else None,
         velocity=velocity if 0.0 < velocity < math.inf else None,
     )

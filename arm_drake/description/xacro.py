@@ -135,9 +135,11 @@ def _read(path: Path) -> str:
     if b"\0" in content and not is_wide:
         raise DescriptionError("is no text; expected a URDF or xacro file", file=path)
     try:
-        return content.decode("utf-16" if is_wide else "utf-8-sig")
+        text = content.decode("utf-16" if is_wide else "utf-8-sig")
     except UnicodeDecodeError:
-        return content.decode("latin-1")
+        text = content.decode("latin-1")
+    # Nothing may stand before an XML declaration, and something often does.
+    return text.lstrip() if text.lstrip().startswith("<?xml") else text
 
 
 @contextlib.contextmanager

@@ -486,7 +486,7 @@ def test_a_malformed_file_is_one_located_message(problem, text, message):
     assert problem(text) == message
 
 
-@pytest.mark.parametrize("rate", ["0", "-1", "100.0", "'100'", "true", "[100]", "fast"])
+@pytest.mark.parametrize("rate", ["0", "-1", "100.5", "'100'", "true", "[100]", "fast"])
 def test_a_bad_update_rate_is_an_error(problem, rate):
     shown = {"'100'": "'100'", "true": "True", "fast": "'fast'"}.get(rate, rate)
 
@@ -927,6 +927,33 @@ def test_a_new_name_that_is_taken_gets_a_mark(load):
     types = {c.name: c.type for c in config.controllers}
     assert types["left_hold"] == "l/L"
     assert types["left_hold_"] == "h/H"
+
+
+def test_a_rate_written_as_a_double_is_taken(load):
+    config, lines = load(
+        "controller_manager:\n  ros__parameters:\n    update_rate: 50.0\n"
+        "    arm: {type: a/A}\n"
+    )
+
+    assert config.update_rate == 50
+    assert lines == [
+        "info: 0.yaml:3: controller_manager.update_rate: 50.0 is a double; "
+        "ros2_control refuses it for an integer; taken as an integer"
+    ]
+
+
+def test_a_manager_may_have_another_name(tmp_path):
+    file = tmp_path / "a.yaml"
+    file.write_text(
+        "/ns/simulation_manager:\n  ros__parameters:\n    update_rate: 50\n"
+        "    arm: {type: a/A}\n",
+        encoding="utf-8",
+    )
+
+    config = load_controllers([file], {}, LoadReport(), manager="simulation_manager")
+
+    assert config.update_rate == 50
+    assert [controller.name for controller in config.controllers] == ["arm"]
 
 
 def test_what_the_manager_does_not_do_is_said(tmp_path):

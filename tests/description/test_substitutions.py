@@ -164,17 +164,14 @@ def test_all_that_has_no_value_is_named_at_once(problem, monkeypatch):
         "a: $(var b)$(var given)\n"
         "c: [$(arg d), $(var b)]\n"
         "e: {$(env SIDE): 1}\n"
-        "f: $(find-pkg-share nope)/x\n"
         "g: $(find my_arm)",
         given="1",
     )
 
     assert message == (
-        "a.yaml:3: $(var b), $(arg d) (line 4), $(env SIDE) (line 5), "
-        "$(find-pkg-share nope) (line 6) have no value; "
+        "a.yaml:3: $(var b), $(arg d) (line 4), $(env SIDE) (line 5) have no value; "
         "give them with variables={'b': ..., 'd': ..., 'SIDE': ...} "
-        "(--var b=VALUE --var d=VALUE --var SIDE=VALUE); "
-        "name the folder that holds the package with package_paths (--package-path)"
+        "(--var b=VALUE --var d=VALUE --var SIDE=VALUE)"
     )
 
 
@@ -195,11 +192,14 @@ def test_other_substitutions_need_a_value(problem, values, text, name):
     assert values(f"x: {text}", **{name: "given"})[0] == {"x": "given"}
 
 
-def test_a_missing_package_is_named_with_what_would_help(problem):
-    assert problem("x: $(find-pkg-share nope)") == (
-        "a.yaml:3: $(find-pkg-share nope) has no value; name the folder that holds "
-        "the package with package_paths (--package-path)"
-    )
+def test_a_missing_package_is_an_error_of_the_one_who_needs_it(values):
+    read, lines = values("x: $(find-pkg-share nope)/y\nz: 1")
+
+    assert read == {"x": "$(find-pkg-share nope)/y", "z": 1}
+    assert lines == [
+        "error: a.yaml:3: package 'nope' not found; $(find-pkg-share nope) stays as it "
+        "is; --package-path names the package's folder"
+    ]
 
 
 def test_a_variable_may_stand_for_a_package(values):
