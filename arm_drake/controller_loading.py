@@ -6,6 +6,7 @@ active controller.
 """
 
 import dataclasses as dc
+import difflib
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Literal, NamedTuple
 
@@ -130,6 +131,14 @@ def load_controllers_of(
     return controllers, report
 
 
+def _similar_type(name: str) -> str:
+    """Return the end of a message about an unknown type; most are vendors' own."""
+    known = [other for other, row in CONTROLLER_TYPES.items() if not row.runs_as]
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.8)
+    close += [other for other in known if other.rpartition("/")[2] == name]
+    return f"; did you mean {close[0]!r}?" if close else ""
+
+
 class _Loader:
     """Loads controllers of one robot and reports what doesn't work."""
 
@@ -151,9 +160,8 @@ class _Loader:
         """Return the system of a controller, or None and a line in the report."""
         row = CONTROLLER_TYPES.get(controller.type)
         if row is None:
-            own_types = [name for name, r in CONTROLLER_TYPES.items() if not r.runs_as]
-            hint = suggest(controller.type, own_types)
-            problem = f"unknown controller type {controller.type!r}; {hint}"
+            hint = _similar_type(controller.type)
+            problem = f"unknown controller type {controller.type!r}{hint}"
             self._reject(controller, problem, kind="unsupported")
             return None
         if row.runs_as:

@@ -85,7 +85,7 @@ def test_check_exits_with_1_for_a_controller_that_does_not_load(run, tmp_path):
     assert entry["line"] == 10
     assert entry["what"].startswith(
         "unknown controller type 'joint_state_broadcaster/JointStateBrodcaster'; did "
-        "you mean 'joint_state_broadcaster/JointStateBroadcaster'? known: "
+        "you mean 'joint_state_broadcaster/JointStateBroadcaster'?"
     )
     states = {row["name"]: row["state"] for row in checked["controllers"]}
     assert states == {"joint_state_broadcaster": "unconfigured", JTC: "active"}

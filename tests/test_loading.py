@@ -476,6 +476,19 @@ def test_a_file_that_lies_elsewhere_in_the_package_is_found(package, uri):
     )
 
 
+def test_a_file_of_ros_1_is_left_out_and_reported(package):
+    file = arm_with(package, plugin("../config/arm.yaml"))
+    write(package / "config" / "arm.yaml", "arm: {type: position_controllers/X}")
+
+    robot = ad.load_robot(package)
+
+    assert robot.controllers.files == ()
+    assert lines(robot)[0] == (
+        f"error: {file}: <parameters>: '../config/arm.yaml' is no ROS 2 parameter "
+        "file, it has no ros__parameters; its controllers are left out"
+    )
+
+
 def test_files_of_other_managers_are_no_candidates(package):
     file = controllers_with(package)
     moveit = "moveit_controller_manager: a/B\n# see ros__parameters\n"
@@ -576,7 +589,7 @@ def test_an_unknown_controller_type_is_reported_with_the_nearest(package):
 
     assert line.startswith(
         f"error: {file}:5: arm: unknown controller type 'JointTrajectoryController'; "
-        f"did you mean '{JTC}'? known: "
+        f"did you mean '{JTC}'?; the controller"
     )
 
 

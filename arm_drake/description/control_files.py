@@ -20,6 +20,9 @@ _MANAGER = re.compile(rf"^[ \t]*['\"]?/?([\w*]+/)*{MANAGER}['\"]?[ \t]*:", re.MU
 _FOR_ALL = re.compile(r"^['\"]?/\*\*['\"]?[ \t]*:", re.MULTILINE)
 _TYPE = re.compile(r"\btype[ \t]*:[ \t]*['\"]?\w+/\w+")
 
+# Misspelt ones are taken, and reported.
+_ANY_PARAMETERS = re.compile(r"ros_*param")
+
 # Bounds on a search for candidates.
 _MAX_PACKAGES = 100
 _MAX_FILES = 100
@@ -63,6 +66,8 @@ def find_control_files(
                     done = f"taken from {str(moved)!r}"
                     file = description.file
                     report.add("warning", "repair", what, done, file=file)
+            if problem is None and not _ANY_PARAMETERS.search(text_of(path)):
+                problem = f"{text!r} is no ROS 2 parameter file, it has no {PARAMETERS}"
         except PackageError as error:
             problem = error.problem
         if problem is None:

@@ -213,7 +213,7 @@ def test_a_type_that_is_unknown_is_unsupported():
     assert state == ["unconfigured"]
     assert line.startswith(
         "error: c.yaml:3: c: unknown controller type 'pid_controller/PidControler'; "
-        "did you mean 'pid_controller/PidController'? known: ackermann_steering_"
+        "did you mean 'pid_controller/PidController'?; the controller does not run"
     )
 
 
