@@ -4,10 +4,11 @@ import json
 from pathlib import Path
 from typing import Any
 
-from arm_drake.controller_loading import load_controllers_of
 from arm_drake.description.report import LoadReport, ReportEntry
 from arm_drake.description.robot import Robot
 from arm_drake.description.summary import reach, total_mass
+from arm_drake.diagram import build_diagram
+from arm_drake.simulation import Simulation
 
 # Exit codes.
 _CLEAN, _BAD = 0, 1
@@ -21,7 +22,8 @@ def check(robot: Robot, *, strict: bool, as_json: bool) -> int:
         strict: Whether anything reported makes the exit code 1.
         as_json: Whether to print one JSON object.
     """
-    controllers, report = load_controllers_of(robot)
+    simulation = Simulation(build_diagram(robot))
+    controllers, report = simulation.list_controllers(), simulation.report
     rows: list[dict[str, Any]] = [
         {"name": c.name, "type": c.type, "state": c.state, "problem": None}
         for c in controllers

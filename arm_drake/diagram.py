@@ -31,14 +31,13 @@ from arm_drake.hardware import (
 )
 from arm_drake.manager import ControllerManager
 from arm_drake.options import SimulationOptions
+from arm_drake.placement import place_free_links
 from arm_drake.plant import (
     add_actuators,
     add_plant,
     add_robot_model,
     filter_pairs,
     filter_self_collision,
-    place_floating_links,
-    place_free_base,
     set_initial_positions,
 )
 from arm_drake.timing import choose_time_step
@@ -89,24 +88,25 @@ def build_diagram(
         add_visualizer(builder, scene_graph, meshcat)
     diagram = builder.Build()
     diagram.set_name("arm_drake")
-    are_free = [robot.has_free_base for robot in robots]
-    free = dict(zip(models, are_free, strict=True))
-    overlaps = separate(diagram, plant, scene_graph, free)
+    free = [robot.free_links for robot in robots]
+    overlaps = separate(
+        diagram, plant, scene_graph, dict(zip(models, free, strict=True))
+    )
     for robot, model in zip(robots, models, strict=True):
         _report_overlaps(diagram, robot, overlaps[model])
     return diagram
 
 
-def _report_overlaps(diagram: Diagram, robot: Robot, links: list[str]) -> None:
-    if not links:
+def _report_overlaps(diagram: Diagram, robot: Robot, overlaps: list[str]) -> None:
+    if not overlaps:
         return
     for system in diagram.GetSystems():
         if isinstance(system, ControllerManager) and system.robot is robot:
             system.report.add(
                 "warning",
                 "repair",
-                f"links {links} overlap something in the initial pose",
-                "they pass through what they overlap",
+                f"links overlap in the initial pose: {', '.join(overlaps)}",
+                "they pass through each other",
                 file=robot.description.file,
             )
 
@@ -154,13 +154,10 @@ class _RobotInDiagram:
     ) -> Hardware:
         """Add hardware and controllers, connect them, export their ports."""
         robot, prefix = self.robot, self.prefix
-        place_floating_links(plant, self.model, robot.description)
-        if robot.has_free_base:
-            base = robot.description.roots[0]
-            place_free_base(plant, scene_graph, self.model, base, robot.pose)
+        place_free_links(plant, scene_graph, self.model, robot)
         controllers, report = load_controllers_of(robot, self.period, self.options)
         if self.options.self_collision:
-            pairs = find_disabled_collisions(robot.description, report)
+            pairs = find_disabled_collisions(robot, report)
             filter_pairs(plant, scene_graph, self.model, pairs)
         else:
             filter_self_collision(plant, scene_graph, self.model)

@@ -4,6 +4,8 @@ import contextlib
 import logging
 from collections.abc import Iterator
 
+from pydrake.common import use_native_cpp_logging
+
 # The logger that Drake's messages go through, unless its own logging is used.
 _DRAKE = "drake"
 
@@ -30,3 +32,13 @@ def drake_messages() -> Iterator[list[str]]:
         yield messages
     finally:
         logger.handlers, logger.propagate = handlers, propagate
+
+
+def use_native_logging() -> None:
+    """Let Drake log without Python, and only errors.
+
+    Its Meshcat may wait for ever at the end if its threads log through Python. What
+    Drake warns about a robot is in the robot's report already.
+    """
+    logging.getLogger(_DRAKE).setLevel(logging.ERROR)
+    use_native_cpp_logging()

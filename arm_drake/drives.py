@@ -22,6 +22,7 @@ from arm_drake.plant import (
     state_indices,
 )
 from arm_drake.servo import (
+    Followers,
     add_step_inertia,
     make_dry_friction,
     make_joint_servo,
@@ -97,7 +98,7 @@ def make_robot_servo(
     """
     N = velocity_map(plant, description, joints)
     gains = compute_servo_gains(
-        sample_dynamics(plant, N),
+        sample_dynamics(plant, N, find_followers(plant, description)),
         np.array(effort_limits(joints)),
         np.array([math.inf if (v := j.limits.velocity) is None else v for j in joints]),
         bandwidth=options.servo_bandwidth,
@@ -123,7 +124,8 @@ def check_model(robot: Robot) -> None:
     model = plant.GetModelInstanceByName("robot")
     set_initial_positions(plant, model, dict(robot.initial_positions))
     N = velocity_map(plant, description, joints)
-    efforts = np.abs(sample_gravity(plant, N, _NUM_POSES))
+    at = find_followers(plant, description)
+    efforts = np.abs(sample_gravity(plant, N, _NUM_POSES, at))
     limits = effort_limits(joints)
     for joint, at_start, anywhere, limit in zip(
         joints, efforts[0], efforts.max(axis=0), limits, strict=True
@@ -143,6 +145,32 @@ def check_model(robot: Robot) -> None:
             where=f"joint {joint.name!r}",
             file=description.file,
         )
+
+
+def find_followers(plant: MultibodyPlant, description: RobotDescription) -> Followers:
+    """Return the mimic joints, each after the one that it follows.
+
+    Args:
+        plant: A finalized plant of the robot alone.
+        description: The robot.
+    """
+
+    def at(name: str) -> int:
+        return int(plant.GetJointByName(name).position_start())
+
+    followers: list[tuple[int, int, float, float]] = []
+    done = {j.name for j in description.movable_joints if j.mimic is None}
+    waiting = [joint for joint in description.movable_joints if joint.mimic is not None]
+    while waiting:
+        joint = next(j for j in waiting if j.mimic and j.mimic.joint in done)
+        waiting.remove(joint)
+        done.add(joint.name)
+        assert joint.mimic is not None
+        mimic = joint.mimic
+        followers.append(
+            (at(joint.name), at(mimic.joint), mimic.multiplier, mimic.offset)
+        )
+    return followers
 
 
 def velocity_map(
@@ -187,15 +215,21 @@ def make_robot_friction(
         description: The robot.
         initial: Initial positions [rad] by joint.
     """
-    joints = [
-        j for j in description.movable_joints if j.friction > 0.0 and j.mimic is None
-    ]
+    free = [joint for joint in description.movable_joints if joint.mimic is None]
+    # A follower's friction brakes its master, by virtual work.
+    N = velocity_map(alone, description, free)
+    own = np.zeros(alone.num_velocities())
+    for joint in description.movable_joints:
+        own[alone.GetJointByName(joint.name).velocity_start()] = joint.friction
+    total = np.abs(N.T) @ own
+    joints = [joint for joint, f in zip(free, total, strict=True) if f > 0.0]
     if not joints:
         return None
     names = [joint.name for joint in joints]
-    samples = sample_dynamics(alone, velocity_map(alone, description, joints))
+    N = velocity_map(alone, description, joints)
+    samples = sample_dynamics(alone, N, find_followers(alone, description))
     return make_dry_friction(
-        np.array([joint.friction for joint in joints]),
+        total[total > 0.0],
         compute_friction_gains(samples, plant.time_step()),
         np.array([initial[name] for name in names]),
         plant.num_multibody_states(model),

@@ -201,6 +201,9 @@ def _gain(
     builder: DiagramBuilder, name: str, D: np.ndarray, port: OutputPort
 ) -> OutputPort:
     """Return D times a port; the port itself if D changes nothing."""
+    if not len(D):
+        nothing = builder.AddNamedSystem(name, ConstantVectorSource(np.zeros(0)))
+        return nothing.get_output_port()
     if D.shape[0] == D.shape[1] and np.array_equal(D, np.eye(len(D))):
         return port
     gain = builder.AddNamedSystem(name, MatrixGain(D))

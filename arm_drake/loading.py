@@ -135,6 +135,7 @@ def load_robot(
         ),
         pose=_check_pose(pose),
         has_free_base=_has_free_base(description, config),
+        package_paths=tuple(folders),
         distro=distro,
         bundled=bundled,
     )

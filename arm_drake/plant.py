@@ -72,7 +72,7 @@ def add_robot_model(
     Raises:
         DescriptionError: If Drake refuses the description.
     """
-    X_WB = _transform(pose)
+    X_WB = transform_of(pose)
     root = ET.fromstring(description.urdf)  # noqa: S314  our own text.
     root.set("name", name)
     if is_reduced:
@@ -88,7 +88,11 @@ def add_robot_model(
     try:
         with drake_messages() as messages:
             (model,) = parser.AddModelsFromString(text, "urdf")
-    except (RuntimeError, SystemExit) as error:
+        for name_of_root in description.roots:
+            if name_of_root != description.base or not has_free_base:
+                frame = plant.GetBodyByName(name_of_root, model).body_frame()
+                plant.WeldFrames(plant.world_frame(), frame, X_WB)
+    except (RuntimeError, ValueError, SystemExit) as error:
         problem = " ".join(str(error).split())
         raise DescriptionError(
             f"Drake refuses the description: {problem}", file=description.file
@@ -97,9 +101,6 @@ def add_robot_model(
         for message in messages:  # Its place is one in our text, not in the file.
             what, file = message.partition("warning: ")[2] or message, description.file
             report.add("warning", "ignored", what, "so says Drake", file=file)
-    for name_of_root in description.roots[1 if has_free_base else 0 :]:
-        frame = plant.GetBodyByName(name_of_root, model).body_frame()
-        plant.WeldFrames(plant.world_frame(), frame, X_WB)
     return model
 
 
@@ -111,69 +112,6 @@ def _reduce(root: ET.Element) -> None:
     for joint in root.iterfind("joint"):
         if joint.get("type") in FREE_TYPES:
             joint.set("type", "fixed")
-
-
-def place_floating_links(
-    plant: MultibodyPlant, model: ModelInstanceIndex, description: RobotDescription
-) -> None:
-    """Let links on floating joints start where the joints' origins are.
-
-    Drake makes them free bodies, at the world's origin.
-    """
-    root = ET.fromstring(description.urdf)  # noqa: S314  our own text.
-    for joint in root.iterfind("joint[@type='floating']"):
-        context = plant.CreateDefaultContext()
-        info = description.joint(joint.get("name", ""))
-        parent = plant.world_body()
-        if info.parent != WORLD:
-            parent = plant.GetBodyByName(info.parent, model)
-        X_WC = plant.EvalBodyPoseInWorld(context, parent) @ _origin(joint)
-        child = plant.GetBodyByName(info.child, model)
-        plant.SetDefaultFloatingBaseBodyPose(child, X_WC)
-
-
-def place_free_base(
-    plant: MultibodyPlant,
-    scene_graph: SceneGraph,
-    model: ModelInstanceIndex,
-    base: str,
-    pose: Pose | None,
-) -> None:
-    """Set where a robot with a free base starts.
-
-    Args:
-        plant: The finalized plant.
-        scene_graph: Its scene graph.
-        model: The robot's model instance.
-        base: The link that moves freely.
-        pose: Pose of the base; None puts the robot's lowest collision point on the
-            ground, z = 0.
-    """
-    body = plant.GetBodyByName(base, model)
-    X_WB = _transform(pose)
-    plant.SetDefaultFloatingBaseBodyPose(body, X_WB)
-    if pose is None:
-        lowest = _lowest_point(plant, scene_graph, model)
-        plant.SetDefaultFloatingBaseBodyPose(body, RigidTransform([0.0, 0.0, -lowest]))
-
-
-def _lowest_point(
-    plant: MultibodyPlant, scene_graph: SceneGraph, model: ModelInstanceIndex
-) -> float:
-    """Return the height of a robot's lowest collision point [m]; 0 if it has none."""
-    context = plant.CreateDefaultContext()
-    inspector = scene_graph.model_inspector()
-    heights = []
-    for index in plant.GetBodyIndices(model):
-        body = plant.get_body(index)
-        X_WB = plant.EvalBodyPoseInWorld(context, body)
-        for geometry in plant.GetCollisionGeometriesForBody(body):
-            box = inspector.GetObbInGeometryFrame(geometry)
-            if box is not None:
-                X_WO = X_WB @ inspector.GetPoseInFrame(geometry) @ box.pose()
-                reach = np.abs(X_WO.rotation().matrix()[2]) @ box.half_width()
-                heights.append(X_WO.translation()[2] - reach)
-    return float(min(heights, default=0.0))
 
 
 def add_actuators(
@@ -262,13 +200,15 @@ def state_indices(
     return positions_at, velocities_at
 
 
-def _transform(pose: Pose | None) -> RigidTransform:
+def transform_of(pose: Pose | None) -> RigidTransform:
+    """Return a pose as a transform; None is the identity."""
     if pose is None:
         return RigidTransform()
     return RigidTransform(RollPitchYaw(np.array(pose[3:])), np.array(pose[:3]))
 
 
-def _origin(joint: ET.Element) -> RigidTransform:
+def origin_of(joint: ET.Element) -> RigidTransform:
+    """Return the pose of a `<joint>` of our URDF text in its parent link."""
     origin = joint.find("origin")
     xyz, rpy = (
         [float(x) for x in ("" if origin is None else origin.get(name, "")).split()]
@@ -279,7 +219,7 @@ def _origin(joint: ET.Element) -> RigidTransform:
 
 
 def _move_origin(joint: ET.Element, X_WB: RigidTransform) -> None:
-    X_WP = X_WB @ _origin(joint)
+    X_WP = X_WB @ origin_of(joint)
     origin = joint.find("origin")
     if origin is None:
         origin = ET.SubElement(joint, "origin")

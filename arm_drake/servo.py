@@ -11,7 +11,7 @@ the velocities of the commanded joints to those of all joints, so mimic joints f
 their master. Everything here is evaluated at every step of the plant, hence no Python.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -44,13 +44,21 @@ _SEED = 20_260_101
 _TURN = np.pi
 
 
-def sample_gravity(plant: MultibodyPlant, N: Array, num_samples: int) -> Array:
+# Mimic joints, masters before those that follow them: index of the position, of its
+# master's, multiplier, offset.
+Followers = Sequence[tuple[int, int, float, float]]
+
+
+def sample_gravity(
+    plant: MultibodyPlant, N: Array, num_samples: int, followers: Followers = ()
+) -> Array:
     """Return the efforts that hold the commanded joints against gravity.
 
     Args:
         plant: A finalized plant that holds this robot alone.
         N: As for `sample_dynamics`.
         num_samples: How many poses; the first one is the default configuration.
+        followers: The mimic joints.
 
     Returns:
         Efforts [N·m] or [N], shape (num_samples, n).
@@ -58,32 +66,49 @@ def sample_gravity(plant: MultibodyPlant, N: Array, num_samples: int) -> Array:
     return np.array(
         [
             -N.T @ plant.CalcGravityGeneralizedForces(context)
-            for context in _poses(plant, num_samples)
+            for context in _poses(plant, num_samples, followers)
         ]
     )
 
 
-def _poses(plant: MultibodyPlant, num_samples: int) -> Iterator[Context]:
+def _poses(
+    plant: MultibodyPlant, num_samples: int, followers: Followers
+) -> Iterator[Context]:
     """Yield a context in the default configuration, then in random ones."""
-    context = plant.CreateDefaultContext()
-    random = np.random.default_rng(_SEED)
-    lower = np.clip(plant.GetPositionLowerLimits(), -_TURN, _TURN)
-    upper = np.clip(plant.GetPositionUpperLimits(), -_TURN, _TURN)
+    context, random = plant.CreateDefaultContext(), np.random.default_rng(_SEED)
+    limits = plant.GetPositionLowerLimits(), plant.GetPositionUpperLimits()
+    lower, upper = _sampled_ranges(*limits)
     for sample in range(num_samples):
         if sample:
-            plant.SetPositions(context, random.uniform(lower, np.maximum(lower, upper)))
+            q = random.uniform(lower, upper)
+            for follower, master, multiplier, offset in followers:
+                q[follower] = multiplier * q[master] + offset
+            plant.SetPositions(context, q)
         yield context
 
 
-def sample_dynamics(plant: MultibodyPlant, N: Array) -> DynamicsSamples:
+def _sampled_ranges(lower: Array, upper: Array) -> tuple[Array, Array]:
+    """Return the limits, but for ranges of more than a turn: the turn in the middle."""
+    low = np.where(np.isfinite(lower), lower, np.minimum(-_TURN, upper - 2.0 * _TURN))
+    high = np.where(np.isfinite(upper), upper, np.maximum(_TURN, lower + 2.0 * _TURN))
+    low = np.where(np.isfinite(low), low, -_TURN)
+    high = np.where(np.isfinite(high), high, _TURN)
+    middle, half = (low + high) / 2.0, np.minimum((high - low) / 2.0, _TURN)
+    return middle - half, middle + half
+
+
+def sample_dynamics(
+    plant: MultibodyPlant, N: Array, followers: Followers = ()
+) -> DynamicsSamples:
     """Return the dynamics of the commanded joints at random configurations.
 
     Args:
         plant: A finalized plant that holds this robot alone.
         N: Velocities of all joints per velocity of a commanded joint, shape (m, n).
+        followers: The mimic joints.
     """
     masses, gravities = [], []
-    for context in _poses(plant, _NUM_SAMPLES):
+    for context in _poses(plant, _NUM_SAMPLES, followers):
         masses.append(N.T @ plant.CalcMassMatrixViaInverseDynamics(context) @ N)
         gravities.append(-N.T @ plant.CalcGravityGeneralizedForces(context))
     damping = np.zeros(plant.num_velocities())

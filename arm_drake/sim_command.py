@@ -2,19 +2,18 @@
 
 import argparse
 import json
-import logging
 import sys
 import time
 from pathlib import Path
 from typing import Any
 
-from pydrake.common import use_native_cpp_logging
 from pydrake.geometry import Meshcat
 
 from arm_drake.bundled import bundled_motions
 from arm_drake.clients import GoalHandle
 from arm_drake.description.robot import Robot
 from arm_drake.diagram import build_diagram
+from arm_drake.drake_log import use_native_logging
 from arm_drake.errors import InputError, MotionError, OutputError, suggest
 from arm_drake.messages import GoalStatus, TopicRejected
 from arm_drake.motion import Motion, load_motion
@@ -43,9 +42,7 @@ def simulate(options: argparse.Namespace, robot: Robot) -> int:
         options: Arguments of `arm-drake sim`.
         robot: The robot.
     """
-    # Drake's Meshcat may wait for ever at the end if its threads log through Python.
-    logging.getLogger("drake").setLevel(logging.WARNING)
-    use_native_cpp_logging()
+    use_native_logging()
     say = _Speaker(is_quiet=options.json)
     if options.hold and options.headless:
         raise InputError("--hold keeps the page, and with --headless there is none")

@@ -3,22 +3,26 @@
 import argparse
 import contextlib
 import json
-import logging
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from pydrake.common import use_native_cpp_logging
 from pydrake.geometry import Meshcat
 from pydrake.systems.framework import DiagramBuilder
 
 from arm_drake.description.robot import Robot
 from arm_drake.description.urdf import RobotDescription
+from arm_drake.drake_log import use_native_logging
 from arm_drake.errors import InputError, suggest
 from arm_drake.options import SimulationOptions
 from arm_drake.output_files import check_suffix, check_writable
-from arm_drake.plant import add_plant, add_robot_model, set_initial_positions
+from arm_drake.placement import place_free_links
+from arm_drake.plant import (
+    add_plant,
+    add_robot_model,
+    set_initial_positions,
+)
 from arm_drake.visualization.meshcat import add_visualizer, frame_shapes, start_meshcat
 from arm_drake.visualization.screenshot import SCREENSHOT_SUFFIXES, save_screenshot
 
@@ -35,9 +39,6 @@ def view(options: argparse.Namespace, load: LoadRobot) -> int:
         options: Arguments of `arm-drake view`.
         load: Loads the robot with initial positions by joint [rad] or [m].
     """
-    # Drake's Meshcat may wait for ever at the end if its threads log through Python.
-    logging.getLogger("drake").setLevel(logging.WARNING)
-    use_native_cpp_logging()
     if options.screenshot is not None:
         check_suffix(options.screenshot, "a screenshot", SCREENSHOT_SUFFIXES)
         check_writable(options.screenshot)
@@ -46,9 +47,10 @@ def view(options: argparse.Namespace, load: LoadRobot) -> int:
         robot = load(read_positions(options.position, robot.description))
     if options.strict and len(robot.report):
         raise InputError(f"not everything was taken as written:\n{robot.report}")
-    for entry in robot.report:
+    for entry in robot.report.grouped():
         if entry.severity != "info":
             print(entry, file=sys.stderr)
+    use_native_logging()
     meshcat = start_meshcat()
     show_robot(meshcat, robot)
     if options.screenshot is not None:
@@ -77,9 +79,16 @@ def show_robot(meshcat: Meshcat, robot: Robot) -> None:
     """
     builder = DiagramBuilder()
     plant, scene_graph = add_plant(builder, _TIME_STEP, SimulationOptions())
-    model = add_robot_model(plant, robot.description, robot.name, robot.pose)
+    model = add_robot_model(
+        plant,
+        robot.description,
+        robot.name,
+        robot.pose,
+        has_free_base=robot.has_free_base,
+    )
     set_initial_positions(plant, model, dict(robot.initial_positions))
     plant.Finalize()
+    place_free_links(plant, scene_graph, model, robot)
     add_visualizer(builder, scene_graph, meshcat)
     diagram = builder.Build()
     context = diagram.CreateDefaultContext()

@@ -5,16 +5,15 @@ For developers who want to see what a change does to real robots.
 
 import argparse
 import io
-import logging
 from pathlib import Path
 from typing import Any
 
 import yaml
 from PIL import Image, ImageDraw, ImageFont
-from pydrake.common import use_native_cpp_logging
 from pydrake.geometry import Meshcat
 
 import arm_drake as ad
+from arm_drake.drake_log import use_native_logging
 from arm_drake.errors import ArmDrakeError
 from arm_drake.view_command import show_robot
 from arm_drake.visualization.screenshot import Photographer
@@ -35,9 +34,7 @@ def main() -> None:
         help="folder with an INDEX.yaml",
     )
     options = parser.parse_args()
-    # Drake's Meshcat may wait for ever at the end if its threads log through Python.
-    logging.getLogger("drake").setLevel(logging.WARNING)
-    use_native_cpp_logging()
+    use_native_logging()
     index = yaml.safe_load((options.robots / "INDEX.yaml").read_text(encoding="utf-8"))
     rows = [
         row

@@ -106,6 +106,33 @@ def test_check_reports_a_joint_that_the_robot_lacks(run, tmp_path):
     assert f"controller {JTC} ({kind}): inactive: {problem}" in out
 
 
+@pytest.mark.parametrize("command", ["check", "sim"])
+def test_what_drake_warns_about_is_read_in_the_report_only(tmp_path, command):
+    # Drake takes no mass of a link called "world".
+    urdf = (
+        '<robot name="r"><link name="world"><inertial><mass value="1"/><inertia '
+        'ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>'
+        '<link name="b"/>'
+        '<joint name="j" type="continuous"><parent link="world"/><child link="b"/>'
+        "</joint></robot>"
+    )
+    (tmp_path / "r.urdf").write_text(urdf)
+    options = ["--headless", "--duration", "0.1"] if command == "sim" else []
+
+    done = subprocess.run(
+        [sys.executable, "-m", "arm_drake", command, tmp_path / "r.urdf", *options],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
+
+    printed = done.stdout + done.stderr
+    assert "so says Drake" in printed
+    assert "literal-string" not in printed
+    assert "[console]" not in printed
+
+
 def test_check_tells_what_the_robot_is(run):
     _, out, _ = run("check", "doosan_a0912", "--json")
 

@@ -379,8 +379,8 @@ def test_a_robot_that_starts_in_the_ground_is_reported() -> None:
     report = ad.Simulation(ad.build_diagram(robot)).report
 
     assert str(report) == (
-        f"warning: {robot.description.file}: links ['link2', 'link4', 'link5', "
-        "'link6'] overlap something in the initial pose; they pass through what they "
-        "overlap"
+        f"warning: {robot.description.file}: links overlap in the initial pose: "
+        "link2 and the world, link4 and the world, link5 and the world, link6 and the "
+        "world; they pass through each other"
     )
     assert len(ad.Simulation(ad.build_diagram(robot, world="void")).report) == 0

@@ -214,8 +214,14 @@ TOUCHING = models.OVERLAPPING.replace("0.05 0 0", "0.0999 0 0")
     [(TOUCHING, False, 0), (TOUCHING, True, 1), (models.OVERLAPPING, True, 0)],
 )
 def test_links_of_a_robot_collide_by_option_unless_they_overlap_from_the_start(
-    tmp_path: Path, urdf: str, self_collision: bool, contacts: int
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    urdf: str,
+    self_collision: bool,
+    contacts: int,
 ) -> None:
+    # No SRDF file of another test is to be found.
+    monkeypatch.setattr(Path, "home", lambda: tmp_path.parent)
     robot = models.load(tmp_path, urdf)
     options = ad.SimulationOptions(self_collision=self_collision)
     diagram = ad.build_diagram(robot, world="void", options=options)
@@ -405,3 +411,129 @@ def test_a_joint_of_several_degrees_of_freedom_moves_freely(
     assert x == pytest.approx(0.1, abs=1e-9)
     # The plane of a planar joint is normal to its axis, here y.
     assert z - 2.0 == pytest.approx(-9.81 * 0.5**2 / 2, rel=5e-3)
+
+
+def floating(name: str, parent: str, child: str, xyz: str) -> str:
+    return (
+        f'<joint name="{name}" type="floating"><parent link="{parent}"/>'
+        f'<child link="{child}"/><origin xyz="{xyz}"/></joint>'
+    )
+
+
+def body(name: str) -> str:
+    return (
+        f'<link name="{name}"><inertial><mass value="1"/><inertia ixx="0.1" ixy="0" '
+        'ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>'
+    )
+
+
+def start_of(robot: ad.Robot, link: str) -> list[float]:
+    poses = ad.Simulation(ad.build_diagram(robot, world="void")).link_poses()
+    return list(poses[link].translation())
+
+
+def test_floating_links_start_at_their_joints_whatever_the_order(
+    tmp_path: Path,
+) -> None:
+    # The joint further out stands first.
+    urdf = (
+        '<robot name="loose">'
+        + "".join(map(body, "abc"))
+        + floating("far", "b", "c", "0 0 1")
+        + floating("near", "a", "b", "1 0 0")
+        + floating("world_joint", "world", "a", "0 0 2")
+        + "</robot>"
+    )
+
+    robot = models.load(tmp_path, urdf, pose=(5, 6, 7, 0, 0, 0))
+
+    assert robot.free_links == {"a", "b", "c"}
+    assert start_of(robot, "a") == pytest.approx([5, 6, 9])
+    assert start_of(robot, "b") == pytest.approx([6, 6, 9])
+    assert start_of(robot, "c") == pytest.approx([6, 6, 10])
+
+
+def test_a_floating_link_starts_on_the_free_base(tmp_path: Path) -> None:
+    wheels = {
+        name: WHEEL.format(name=name, y=y)
+        for name, y in (("left", 0.15), ("right", -0.15))
+    }
+    urdf = MOBILE.format(**wheels).replace(
+        "</robot>",
+        body("ball") + floating("toss", "base", "ball", "0 0 1") + "</robot>",
+    )
+
+    robot = models.load(tmp_path, urdf, DIFF_DRIVE)
+
+    # Wheels and caster have a radius of 0.1 m.
+    assert start_of(robot, "base") == pytest.approx([0.0, 0.0, 0.1])
+    assert start_of(robot, "ball") == pytest.approx([0.0, 0.0, 1.1])
+
+
+@pytest.mark.parametrize(
+    ("shape", "rpy", "lowest"),
+    [
+        ('<sphere radius="0.1"/>', "0 0.785 0", 0.1),
+        ('<cylinder radius="0.1" length="0.4"/>', "0 0 0", 0.2),
+        ('<cylinder radius="0.1" length="0.4"/>', "1.5707963267948966 0 0", 0.1),
+        (
+            '<cylinder radius="0.1" length="0.4"/>',
+            "0.7853981633974483 0 0",
+            (0.2 + 0.1) * math.sqrt(0.5),
+        ),
+        (
+            '<capsule radius="0.1" length="0.4"/>',
+            "0.7853981633974483 0 0",
+            0.2 * math.sqrt(0.5) + 0.1,
+        ),
+        ('<box size="0.2 0.4 0.6"/>', "1.5707963267948966 0 0", 0.2),
+    ],
+)
+def test_a_free_base_stands_on_its_lowest_point(
+    tmp_path: Path, shape: str, rpy: str, lowest: float
+) -> None:
+    wheels = dict.fromkeys(("left", "right"), "")
+    urdf = MOBILE.format(**wheels).replace(
+        '<origin xyz="-0.15 0 0"/><geometry><sphere radius="0.1"/></geometry>',
+        f'<origin rpy="{rpy}"/><geometry>{shape}</geometry>',
+    )
+    arm = body("arm") + (
+        '<joint name="j" type="continuous"><parent link="base"/><child link="arm"/>'
+        "</joint></robot>"
+    )
+
+    robot = models.load(tmp_path, urdf.replace("</robot>", arm), DIFF_DRIVE)
+
+    assert start_of(robot, "base") == pytest.approx([0.0, 0.0, lowest], abs=1e-9)
+
+
+def test_the_base_of_the_largest_tree_is_the_free_one(tmp_path: Path) -> None:
+    wheels = {
+        name: WHEEL.format(name=name, y=y)
+        for name, y in (("left", 0.15), ("right", -0.15))
+    }
+    urdf = MOBILE.format(**wheels).replace("<link", '<link name="cam"/><link', 1)
+
+    robot = models.load(tmp_path, urdf, DIFF_DRIVE)
+
+    assert robot.description.base == "base"
+    assert robot.free_links == {"base", "left_wheel", "right_wheel"}
+    assert start_of(robot, "cam") == pytest.approx([0.0, 0.0, 0.0])
+
+
+def test_a_loose_link_that_dips_into_the_ground_stays_on_it(tmp_path: Path) -> None:
+    link = body("a").replace(
+        "</link>",
+        '<collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision></link>',
+    )
+    urdf = (
+        f'<robot name="loose">{link}'
+        + floating("f", "world", "a", "0 0 0.098")
+        + "</robot>"
+    )
+    simulation = ad.Simulation(ad.build_diagram(models.load(tmp_path, urdf)))
+
+    simulation.advance_to(1.0)
+
+    height = simulation.link_poses()["a"].translation()[2]
+    assert height == pytest.approx(0.1, abs=3e-3)

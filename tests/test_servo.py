@@ -28,7 +28,7 @@ from arm_drake.plant import (
     add_robot_model,
     set_initial_positions,
 )
-from arm_drake.servo import sample_dynamics
+from arm_drake.servo import sample_dynamics, sample_gravity
 from tests import models
 
 W0 = ad.SimulationOptions().servo_bandwidth
@@ -391,12 +391,19 @@ def test_a_master_carries_those_that_mimic_the_ones_that_mimic_it(
     assert motion.effort[0, 1] == pytest.approx(carried, rel=1e-9)
 
 
-def test_dry_friction_of_a_mimic_joint_is_left_out(tmp_path: Path) -> None:
+def test_dry_friction_of_a_mimic_joint_brakes_its_master(tmp_path: Path) -> None:
     urdf = models.GRIPPER.replace("<mimic", '<dynamics friction="1"/><mimic')
+    (mimic,) = (
+        joint.mimic
+        for joint in models.load(tmp_path, urdf).description.movable_joints
+        if joint.mimic is not None
+    )
 
     motion = run(tmp_path, urdf, 0.5, target=[0.6])
 
-    assert motion.friction is None
+    # By virtual work: the power of its friction of 1 N·m is that of the master's.
+    assert mimic.multiplier not in (0.0, 1.0)
+    assert np.abs(motion.friction).max() == pytest.approx(abs(mimic.multiplier))
     assert motion.position[-1, 0] == pytest.approx(0.6, abs=1e-3)
 
 
@@ -539,3 +546,54 @@ def test_friction_can_be_turned_off(tmp_path: Path) -> None:
 
     assert motion.friction is None
     assert motion.position.min() < 0.0
+
+
+def test_poses_are_sampled_within_limits_and_followers_follow(tmp_path: Path) -> None:
+    # Beyond a half turn, and so narrow that a clipped range would miss it.
+    limit = 'lower="4.6" upper="4.8" effort="0" velocity="0"'
+    plant = alone(tmp_path, models.pendulum(limit=limit), swing=4.7)
+
+    efforts = sample_gravity(plant, np.eye(1), 50)
+
+    weight = models.MASS * models.GRAVITY * models.LENGTH
+    low = weight * min(abs(math.sin(4.6)), abs(math.sin(4.8)))
+    assert np.abs(efforts).min() >= low
+    assert np.abs(efforts).max() <= weight * (1.0 + 1e-9)
+
+
+def test_gravity_is_judged_in_poses_that_mimic_joints_allow(tmp_path: Path) -> None:
+    # The master turns by 0.1 rad at most, and lifts 1 kg at 1 m through its follower.
+    def link(name: str, x: float, mass: float) -> str:
+        inertia = '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
+        origin = f'<origin xyz="{x} 0 0"/>'
+        inertial = f'{origin}<mass value="{mass}"/>{inertia}'
+        return f'<link name="{name}"><inertial>{inertial}</inertial></link>'
+
+    def joint(name: str, child: str, limits: str, more: str = "") -> str:
+        return (
+            f'<joint name="{name}" type="revolute"><parent link="base"/>'
+            f'<child link="{child}"/><axis xyz="0 1 0"/><limit {limits} effort="12" '
+            f'velocity="1"/>{more}</joint>'
+        )
+
+    urdf = (
+        '<robot name="r"><link name="base"/>'
+        + link("a", 0.0, 0.1)
+        + link("b", 1.0, 1.0)
+        + joint("m", "a", 'lower="-0.1" upper="0.1"')
+        + joint(
+            "s",
+            "b",
+            'lower="-3" upper="3"',
+            '<mimic joint="m" multiplier="1" offset="-1.3"/>',
+        )
+        + "</robot>"
+    )
+
+    robot = models.load(tmp_path, urdf)
+
+    # 9.81 N·m * cos(1.2) = 3.6 at most; all around it would be 9.81.
+    assert not [entry for entry in robot.report if "gravity" in entry.what]
+    weak = models.load(tmp_path, urdf.replace('effort="12"', 'effort="3"'))
+    (line,) = [entry.what for entry in weak.report if "gravity" in entry.what]
+    assert line.startswith("gravity asks for 3.")

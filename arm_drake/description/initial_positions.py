@@ -1,16 +1,20 @@
 """Where `<ros2_control>` lets joints start."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from arm_drake.description.elements import ElementReader
 from arm_drake.description.hardware_info import ComponentInfo, HardwareInfo
+from arm_drake.description.joints import JointInfo
 from arm_drake.description.report import LoadReport
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.errors import InputError, suggest
 
 _POSITION = "position"
+
+# Positions nearer to each other are the same [rad] or [m].
+_TOLERANCE = 1e-6
 
 
 def initial_values(
@@ -89,7 +93,8 @@ def find_initial_positions(
         report: Where positions are recorded that had to be changed.
 
     Raises:
-        InputError: If ``given`` names no joint, or no finite number.
+        InputError: If ``given`` names no joint or no finite number, or a joint that
+            follows another to a different place.
     """
     movable = {joint.name: joint for joint in description.movable_joints}
     for name in given:
@@ -99,36 +104,78 @@ def find_initial_positions(
                 f"{suggest(name, movable)}"
             )
     values = initial_values(description.hardware, report, description.file)
-    positions = {}
+    ranges = _ranges(description)
+    positions: dict[str, float] = {}
     for name, joint in movable.items():
         position = given.get(name, values.get(name, 0.0))
         if not _is_finite(position):
             problem = f"expected a finite number, got {position!r}"
             raise InputError(problem, where=f"joint {name!r}")
-        lower, upper = joint.limits.lower, joint.limits.upper
-        if joint.mimic is None and lower is not None and upper is not None:
-            clamped = min(max(position, lower), upper)
-            if clamped != position:
+        if joint.mimic is None:
+            lower, upper = ranges[name]
+            positions[name] = min(max(position, lower), upper)
+            if positions[name] != position:
                 report.add(
                     "warning",
                     "repair",
                     f"initial position {position} is outside [{lower}, {upper}]",
-                    f"it starts at {clamped}",
+                    f"it starts at {positions[name]}",
                     where=f"joint {name!r}",
                     file=description.file,
                 )
-            position = clamped
-        positions[name] = position
     for name, joint in movable.items():
-        followed = [joint]
-        while (mimic := followed[-1].mimic) is not None:
-            followed.append(movable[mimic.joint])
-        position = positions[followed.pop().name]
-        for follower in reversed(followed):
-            assert follower.mimic is not None
-            position = follower.mimic.multiplier * position + follower.mimic.offset
-        positions[name] = position
-    return positions
+        if joint.mimic is None:
+            continue
+        master, factor, offset = _relation(joint, movable)
+        position = positions[name] = factor * positions[master] + offset
+        what = f"the joint follows {joint.mimic.joint!r}, which puts it at {position}"
+        if abs(given.get(name, position) - position) > _TOLERANCE:
+            problem = f"{what}, not at {given[name]}; give {master!r} a position"
+            raise InputError(problem, where=f"joint {name!r}")
+        if abs(values.get(name, position) - position) > _TOLERANCE:
+            done = f"its initial value {values[name]} is left out"
+            where, file = f"joint {name!r}", description.file
+            report.add("warning", "invalid", what, done, where=where, file=file)
+    return {name: positions[name] for name in movable}
+
+
+def _relation(
+    joint: JointInfo, joints: Mapping[str, JointInfo]
+) -> tuple[str, float, float]:
+    """Return the last master of a joint, and factor and offset of its position."""
+    factor, offset = 1.0, 0.0
+    while joint.mimic is not None:
+        offset += factor * joint.mimic.offset
+        factor *= joint.mimic.multiplier
+        joint = joints[joint.mimic.joint]
+    return joint.name, factor, offset
+
+
+def _ranges(description: RobotDescription) -> dict[str, tuple[float, float]]:
+    """Return where joints may be, so that those that follow them are within limits.
+
+    A follower whose limits its master can't meet is left out of account.
+    """
+    movable = {joint.name: joint for joint in description.movable_joints}
+    ranges = {name: _limits(joint) for name, joint in movable.items()}
+    for joint in movable.values():
+        master, factor, offset = _relation(joint, movable)
+        if joint.mimic is None or factor == 0.0:
+            continue
+        ends = sorted((end - offset) / factor + 0.0 for end in _limits(joint))
+        lower, upper = ranges[master]
+        both = max(lower, ends[0]), min(upper, ends[1])
+        if both[0] <= both[1]:
+            ranges[master] = both
+    return ranges
+
+
+def _limits(joint: JointInfo) -> tuple[float, float]:
+    lower, upper = joint.limits.lower, joint.limits.upper
+    return (
+        -math.inf if lower is None else lower,
+        math.inf if upper is None else upper,
+    )
 
 
 def _is_finite(value: object) -> bool:

@@ -2,9 +2,12 @@
 
 import dataclasses as dc
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 from arm_drake.description.controllers import ControllerManagerConfig
+from arm_drake.description.joints import FREE_TYPES
 from arm_drake.description.report import LoadReport
+from arm_drake.description.tree import links_on
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.errors import InputError
 
@@ -32,11 +35,23 @@ class Robot:
     # Whether its base moves freely, as that of a mobile robot; else it is fixed.
     has_free_base: bool = False
 
+    # Folders that were searched for packages.
+    package_paths: tuple[Path, ...] = ()
+
     # Distribution whose controllers it runs.
     distro: str = "jazzy"
 
     # Name of the bundled robot, if it is one.
     bundled: str | None = None
+
+    @property
+    def free_links(self) -> set[str]:
+        """The links that nothing holds: those on a free base or a loose joint."""
+        description = self.description
+        roots = [j.child for j in description.joints if j.type in FREE_TYPES]
+        if self.has_free_base:
+            roots.append(description.base)
+        return {link for root in roots for link in links_on(description.joints, root)}
 
 
 def list_robots(robots: Robot | Sequence[Robot]) -> list[Robot]:

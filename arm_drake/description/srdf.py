@@ -1,12 +1,12 @@
 """Pairs of links that MoveIt's semantic description says never collide."""
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
-from arm_drake.description.urdf import RobotDescription
+from arm_drake.description.robot import Robot
 
 # How packages with an SRDF are called.
 _MOVEIT = "moveit_config"
@@ -14,20 +14,18 @@ _MOVEIT = "moveit_config"
 Pairs = frozenset[tuple[str, str]]
 
 
-def find_disabled_collisions(
-    description: RobotDescription, report: LoadReport
-) -> Pairs:
+def find_disabled_collisions(robot: Robot, report: LoadReport) -> Pairs:
     """Return the pairs of links, in order of name, whose collisions are disabled.
 
     The SRDF files of the description's own package and of the MoveIt packages around
     it are read; those for another robot are left out.
 
     Args:
-        description: The robot.
+        robot: The robot.
         report: Where a file that can't be read is recorded.
     """
-    pairs = set()
-    for path in _files(description.file):
+    pairs, description = set(), robot.description
+    for path in _files(description.file, robot.package_paths):
         try:
             root = ET.parse(path).getroot()  # noqa: S314  no external entities.
         except (OSError, ET.ParseError, ValueError) as error:
@@ -43,8 +41,8 @@ def find_disabled_collisions(
     return frozenset(pairs)
 
 
-def _files(file: Path) -> Iterator[Path]:
-    packages = PackageFinder(file)
+def _files(file: Path, package_paths: Sequence[Path]) -> Iterator[Path]:
+    packages = PackageFinder(file, package_paths)
     folders = [f for f in file.parents if (f / "package.xml").is_file()][:1]
     folders += [folder for name, folder in packages.known() if _MOVEIT in name]
     seen = set()

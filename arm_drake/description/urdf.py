@@ -9,6 +9,7 @@ import math
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
+from arm_drake.description.elements import parse_xml
 from arm_drake.description.gazebo import (
     GazeboPlugin,
     read_gazebo_plugins,
@@ -32,6 +33,8 @@ from arm_drake.description.packages import PackageFinder
 from arm_drake.description.repairs import normalise
 from arm_drake.description.report import LoadReport
 from arm_drake.description.ros2_control import read_hardware
+from arm_drake.description.values import parse_number
+from arm_drake.description.tree import links_on
 from arm_drake.errors import DescriptionError
 
 
@@ -75,6 +78,11 @@ class RobotDescription:
         children = {joint.child for joint in self.joints}
         return tuple(n for n in self.links if n not in children and n != WORLD)
 
+    @property
+    def base(self) -> str:
+        """The root that carries most links: what moves if the robot's base does."""
+        return max(self.roots, key=lambda root: len(links_on(self.joints, root)))
+
     def joint(self, name: str) -> JointInfo:
         """Return the joint of this name.
 
@@ -105,7 +113,7 @@ def parse_urdf(
         DescriptionError: If the text is no robot.
         MissingExtraError: If ``decompose`` needs what isn't installed.
     """
-    root = _parse_xml(text, file)
+    root = parse_xml(text, file)
     if root.tag != "robot":
         raise DescriptionError(
             f"the root element is <{root.tag}>; expected <robot>", file=file
@@ -154,17 +162,6 @@ def parse_urdf(
             file=file,
         )
     return robot
-
-
-def _parse_xml(text: str, file: Path) -> ET.Element:
-    try:
-        return ET.fromstring(text)  # noqa: S314  expat fetches no external entities.
-    except ET.ParseError as error:
-        line, _ = error.position
-        reason = str(error).partition(":")[0]
-        raise DescriptionError(
-            f"malformed XML: {reason}", file=file, line=line
-        ) from None
 
 
 def _joint(element: ET.Element, file: Path, report: LoadReport) -> JointInfo:
@@ -263,10 +260,7 @@ def _number(element: ET.Element | None, attribute: str, default: float) -> float
     text = None if element is None else element.get(attribute)
     if text is None:
         return default
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if math.isnan(number):
+    number = parse_number(text)
+    if number is None or math.isnan(number):
         raise ValueError(f"{attribute}: expected a number, got {text!r}")
     return number

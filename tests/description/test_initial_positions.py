@@ -9,8 +9,14 @@ from arm_drake.description.hardware_info import (
     HardwareInfo,
     InterfaceInfo,
 )
-from arm_drake.description.initial_positions import initial_values
+from arm_drake.description.initial_positions import (
+    find_initial_positions,
+    initial_values,
+)
+from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
+from arm_drake.description.urdf import parse_urdf
+from arm_drake.errors import InputError
 
 PLACE = "arm.urdf: ros2_control 'h', joint 'j'"
 
@@ -92,3 +98,65 @@ def test_a_start_in_motion_is_reported():
 
 def test_a_start_at_rest_needs_no_line():
     assert read(joint(name="effort", state=0.0, initial_effort="0")) == ({}, [])
+
+
+# Where a robot starts
+
+
+def start_robot(limits: str, mimic: str, hardware: str = "", **given: float):
+    """Return the positions of m and of s, which follows it, and the report."""
+    text = (
+        '<robot name="r"><link name="a"/><link name="b"/><link name="c"/>'
+        '<joint name="m" type="revolute"><parent link="a"/><child link="b"/>'
+        '<limit lower="-2" upper="2"/></joint>'
+        '<joint name="s" type="revolute"><parent link="a"/><child link="c"/>'
+        f"<limit {limits}/>{mimic}</joint>{hardware}</robot>"
+    )
+    report, file = LoadReport(), Path("arm.urdf")
+    description = parse_urdf(text, file, PackageFinder(file), LoadReport())
+    positions = find_initial_positions(description, given, report)
+    return positions, [f"{entry.what}; {entry.done}" for entry in report]
+
+
+FOLLOWS = '<mimic joint="m" multiplier="-2" offset="0.5"/>'
+
+
+def test_a_master_starts_where_its_follower_is_within_its_limits():
+    # s = 0.5 - 2 m is in [0, 0.5] for m in [0, 0.25].
+    positions, lines = start_robot('lower="0" upper="0.5"', FOLLOWS, m=1.0)
+
+    assert positions == {"m": 0.25, "s": 0.0}
+    assert lines == ["initial position 1.0 is outside [0.0, 0.25]; it starts at 0.25"]
+
+
+def test_a_follower_whose_limits_cant_be_met_is_left_out_of_account():
+    positions, lines = start_robot('lower="50" upper="60"', FOLLOWS, m=1.0)
+
+    assert positions == {"m": 1.0, "s": -1.5}
+    assert lines == []
+
+
+def test_a_follower_cant_be_put_elsewhere():
+    with pytest.raises(InputError) as caught:
+        start_robot('lower="-9" upper="9"', FOLLOWS, m=1.0, s=0.3)
+
+    assert str(caught.value) == (
+        "joint 's': the joint follows 'm', which puts it at -1.5, not at 0.3; give 'm' "
+        "a position"
+    )
+    assert start_robot('lower="-9" upper="9"', FOLLOWS, m=1.0, s=-1.5)[1] == []
+
+
+def test_an_initial_value_that_contradicts_the_master_is_reported():
+    hardware = (
+        '<ros2_control name="h" type="system"><joint name="s"><state_interface '
+        'name="position"><param name="initial_value">0.9</param></state_interface>'
+        "</joint></ros2_control>"
+    )
+
+    positions, lines = start_robot('lower="-9" upper="9"', FOLLOWS, hardware)
+
+    assert positions == {"m": 0.0, "s": 0.5}
+    assert lines == [
+        "the joint follows 'm', which puts it at 0.5; its initial value 0.9 is left out"
+    ]

@@ -40,23 +40,34 @@ def test_the_files_of_the_package_and_of_moveit_are_read(robot, tmp_path, place)
     write(tmp_path / place, SRDF.format(name="overlapping"))
     report = LoadReport()
 
-    pairs = find_disabled_collisions(robot.description, report)
+    pairs = find_disabled_collisions(robot, report)
 
     assert pairs == {("first", "last")}
     assert len(report) == 0
 
 
+def test_moveit_packages_elsewhere_are_found_by_package_paths(robot, tmp_path):
+    elsewhere = tmp_path.parent / f"{tmp_path.name}_elsewhere"
+    write(elsewhere / "m/package.xml", "<name>my_moveit_config</name>")
+    write(elsewhere / "m/config/arm.srdf", SRDF.format(name="overlapping"))
+
+    other = ad.load_robot(tmp_path / "arm", package_paths=elsewhere)
+
+    assert find_disabled_collisions(robot, LoadReport()) == frozenset()
+    assert find_disabled_collisions(other, LoadReport()) == {("first", "last")}
+
+
 def test_the_file_of_another_robot_says_nothing(robot, tmp_path):
     write(tmp_path / "arm/srdf/arm.srdf", SRDF.format(name="other"))
 
-    assert find_disabled_collisions(robot.description, LoadReport()) == frozenset()
+    assert find_disabled_collisions(robot, LoadReport()) == frozenset()
 
 
 def test_a_broken_file_is_reported(robot, tmp_path):
     write(tmp_path / "arm/srdf/arm.srdf", "<robot")
     report = LoadReport()
 
-    assert find_disabled_collisions(robot.description, report) == frozenset()
+    assert find_disabled_collisions(robot, report) == frozenset()
     assert str(report).startswith(f"warning: {tmp_path / 'arm/srdf/arm.srdf'}: the SRD")
 
 
