@@ -18,6 +18,7 @@ from arm_drake.description.default_control import default_controllers
 from arm_drake.description.entry import Source, find_entry
 from arm_drake.description.gazebo_joints import Ros2ControlPlugin
 from arm_drake.description.given import DISTROS
+from arm_drake.description.inertia import repair_free_base
 from arm_drake.description.initial_positions import find_initial_positions
 from arm_drake.description.joints import WORLD
 from arm_drake.description.packages import PackageFinder
@@ -125,6 +126,10 @@ def load_robot(
     if not description.hardware:
         hardware = hardware_from_controllers(config, description.joints, report, entry)
         description = dc.replace(description, hardware=hardware)
+    has_free_base = _has_free_base(description, config)
+    if has_free_base:
+        urdf = repair_free_base(description.urdf, description.base, report, entry)
+        description = dc.replace(description, urdf=urdf)
     robot = Robot(
         name=name or description.name,
         description=description,
@@ -134,7 +139,7 @@ def load_robot(
             description, dict(initial_positions or {}), report
         ),
         pose=_check_pose(pose),
-        has_free_base=_has_free_base(description, config),
+        has_free_base=has_free_base,
         package_paths=tuple(folders),
         distro=distro,
         bundled=bundled,

@@ -507,6 +507,28 @@ def test_a_free_base_stands_on_its_lowest_point(
     assert start_of(robot, "base") == pytest.approx([0.0, 0.0, lowest], abs=1e-9)
 
 
+def test_a_free_base_without_mass_gets_one(tmp_path: Path) -> None:
+    wheels = {
+        name: WHEEL.format(name=name, y=y)
+        for name, y in (("left", 0.15), ("right", -0.15))
+    }
+    urdf = MOBILE.format(**wheels)
+    start, end = urdf.index("<inertial>"), urdf.index("</inertial>")
+    urdf = urdf[:start] + urdf[end + len("</inertial>") :]
+
+    robot = models.load(tmp_path, urdf, DIFF_DRIVE)
+    simulation = ad.Simulation(ad.build_diagram(robot))
+    simulation.advance_to(0.5)
+
+    (line,) = [e for e in robot.report if e.where == "link 'base'" and "mass" in e.what]
+    # Its shape is the caster, a ball of 0.1 m: 4.19 dm^3.
+    assert "4.19 kg" in line.done
+    assert simulation.link_poses()["base"].translation()[2] > 0.05
+    # On a base that is fixed it changes nothing.
+    fixed = models.load(tmp_path, urdf)
+    assert not [e for e in fixed.report if e.where == "link 'base'"]
+
+
 def test_the_base_of_the_largest_tree_is_the_free_one(tmp_path: Path) -> None:
     wheels = {
         name: WHEEL.format(name=name, y=y)

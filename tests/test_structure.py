@@ -49,7 +49,7 @@ LAYERS = [
         "motion",
         "rollout",
     ],
-    ["servo", "controllers"],
+    ["servo", "controllers", "placement"],
     ["drives"],
     ["hardware", "controller_loading"],
     ["manager", "loading"],

@@ -6,17 +6,47 @@ import xml.etree.ElementTree as ET
 from collections.abc import Collection
 from pathlib import Path
 
+from arm_drake.description import values
 from arm_drake.description.report import Kind, LoadReport, Severity
+from arm_drake.errors import DescriptionError
 
-# A number as C++ streams read it, which take no underscores.
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?inf(inity)?", re.I)
+# Elements are nested so deep at most; the functions that read them are recursive.
+_MAX_DEPTH = 200
 
 _BOOLS = {"true": True, "false": False}
 
 
+def parse_xml(text: str, file: Path) -> ET.Element:
+    """Return the root element of a text.
+
+    Args:
+        text: XML.
+        file: File to name.
+
+    Raises:
+        DescriptionError: If it is malformed, or nested too deep.
+    """
+    try:
+        root = ET.fromstring(text)  # noqa: S314  expat fetches no external entities.
+    except ET.ParseError as error:
+        line, _ = error.position
+        reason = str(error).partition(":")[0]
+        raise DescriptionError(
+            f"malformed XML: {reason}", file=file, line=line
+        ) from None
+    depth, level = 0, [root]
+    while level:
+        depth, level = depth + 1, [child for element in level for child in element]
+        if depth > _MAX_DEPTH:
+            problem = f"elements are nested more than {_MAX_DEPTH} deep"
+            raise DescriptionError(f"{problem}; no URDF needs that", file=file)
+    return root
+
+
 def parse_number(text: str) -> float | None:
     """Return the number that a text is, or None."""
-    return float(text) if _NUMBER.fullmatch(text) else None
+    number = values.parse_number(text)
+    return None if number is None or math.isnan(number) else number
 
 
 def parse_bool(text: str) -> bool | None:
@@ -90,7 +120,7 @@ class ElementReader:
         if element.get(name) is None:
             return None
         text = attribute(element, name)
-        if re.fullmatch("[0-9]+", text) and int(text) >= least:
+        if re.fullmatch("[0-9]{1,18}", text) and int(text) >= least:
             return int(text)
         self.expected(name, f"an integer from {least} on", text, where)
         return None

@@ -12,13 +12,16 @@ from arm_drake.description.report import Kind, LoadReport, Severity
 from arm_drake.description.values import numbers
 from arm_drake.errors import PackageError
 
-# Attributes of primitives, and how many numbers they hold together.
+# Attributes of primitives, and how many numbers each holds.
 _SIZES = {
-    "box": (("size",), 3),
-    "sphere": (("radius",), 1),
-    "cylinder": (("radius", "length"), 2),
-    "capsule": (("radius", "length"), 2),
+    "box": {"size": 3},
+    "sphere": {"radius": 1},
+    "cylinder": {"radius": 1, "length": 1},
+    "capsule": {"radius": 1, "length": 1},
 }
+
+# No size is beyond these [m]; moments of inertia take its fifth power.
+_SMALLEST, _LARGEST = 1e-9, 1e6
 
 _Color = tuple[float, float, float, float]
 
@@ -84,11 +87,13 @@ class _Shape:
             return self._convert_mesh(shape)
         if shape.tag not in _SIZES:
             return self._drop(f"<{shape.tag}>, which is no geometry of a URDF")
-        names, count = _SIZES[shape.tag]
-        text = " ".join(shape.get(name, "") for name in names).strip()
-        sizes = numbers(text, self._file, self._where)
-        if len(sizes) != count or not all(0.0 < size < math.inf for size in sizes):
-            return self._drop(f"<{shape.tag}> without a positive size")
+        for name, count in _SIZES[shape.tag].items():
+            sizes = numbers(shape.get(name, ""), self._file, self._where)
+            if len(sizes) != count or not all(0.0 < size < math.inf for size in sizes):
+                return self._drop(f"<{shape.tag}> without a positive size")
+            if not all(_SMALLEST <= size <= _LARGEST for size in sizes):
+                bounds = f"{_SMALLEST:g} m to {_LARGEST:g} m"
+                return self._drop(f"<{shape.tag}> with a size that isn't {bounds}")
         return [self._element]
 
     def _drop(self, problem: str) -> list[ET.Element]:

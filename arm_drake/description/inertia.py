@@ -1,26 +1,27 @@
 """Inertias that Drake can simulate with, in place of those that no body can have.
 
-Links fixed to each other are one body, as in Drake. A joint works if the body that it
-moves has inertia about its axis; if every joint's body has, the robot's mass matrix
-is positive definite.
+If every body that moves can move on its own, the robot's mass matrix is positive
+definite; `bodies` says what that takes.
 """
 
 import dataclasses as dc
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_drake.description.bodies import Body, free_body, moving_bodies
 from arm_drake.description.report import LoadReport
 from arm_drake.description.solids import (
     Inertial,
     ball,
     link_solid,
     read_origin,
+    union,
 )
 
 Array = NDArray[Any]
@@ -33,6 +34,9 @@ DENSITY = 1000.0
 SMALL_PART = 1e-3
 SMALL_MASS = 1e-3
 SMALL_RADIUS = 0.05
+
+# A link that weighs less [kg] is massless: moments of inertia may be no numbers.
+LEAST_MASS = 1e-60
 
 # A repaired tensor is that of no thinner body: its second moments are at least this
 # part of its largest moment. A rod that is 50 times as long as thick has 1e-3.
@@ -111,61 +115,47 @@ def _project(inertia: Array) -> Array:
 
 
 def repair_inertials(root: ET.Element, report: LoadReport, file: Path) -> None:
-    """Give every moving body of a robot a mass and inertia that it can move with.
+    """Give what joints move a mass and inertia that it can move with.
 
     Args:
         root: The `<robot>` element, its numbers checked, its meshes converted.
-        report: Where each repair is recorded, one line per link.
+        report: Where each repair is recorded.
         file: The file that the robot came from.
     """
+    _repair(root, moving_bodies(root), report, file)
+
+
+def repair_free_base(urdf: str, base: str, report: LoadReport, file: Path) -> str:
+    """Return a robot's URDF with a base that can move freely.
+
+    Args:
+        urdf: The description as `repair_inertials` left it.
+        base: The link that moves freely.
+        report: Where each repair is recorded.
+        file: The file that the robot came from.
+    """
+    root = ET.fromstring(urdf)  # noqa: S314  our own text.
+    _repair(root, [free_body(root, base)], report, file)
+    return ET.tostring(root, encoding="unicode")
+
+
+def _repair(
+    root: ET.Element, bodies: Iterable[Body], report: LoadReport, file: Path
+) -> None:
     links = {link.get("name", ""): link for link in root.iterfind("link")}
     repair = _Repair(report, file)
     inertials = {name: repair.read(name, link) for name, link in links.items()}
     total = sum(inertial.mass for inertial in inertials.values())
-    for joint, body in _moving_bodies(root, links):
-        placed = [inertials[name].moved(R, p) for name, R, p in body]
-        mass = sum(inertial.mass for inertial in placed)
-        if mass == 0.0:
-            repair.add_mass([(name, links[name]) for name, _, _ in body], total)
-        elif joint.get("type") != "prismatic":
-            whole = sum(inertial.about(np.zeros(3)) for inertial in placed)
-            axis = _axis(joint)
-            if axis @ whole @ axis <= _NOTHING * np.trace(whole):
-                for name, _, _ in body:
-                    repair.thicken(name, links[name], inertials[name])
-
-
-def _moving_bodies(
-    root: ET.Element, links: dict[str, ET.Element]
-) -> Iterator[tuple[ET.Element, list[tuple[str, Array, Array]]]]:
-    """Yield each movable joint, and the links that move with it as one body.
-
-    With each link go rotation and position in the frame of the joint.
-    """
-    children: dict[str, list[tuple[ET.Element, str]]] = {}
-    for joint in root.iterfind("joint"):
-        parent, child = joint.find("parent"), joint.find("child")
-        if parent is not None and child is not None:
-            pair = joint, child.get("link", "")
-            children.setdefault(parent.get("link", ""), []).append(pair)
-    for pairs in children.values():
-        for joint, first in pairs:
-            if joint.get("type") == "fixed" or first not in links:
-                continue
-            body = [(first, np.eye(3), np.zeros(3))]
-            for name, R, p in body:
-                for weld, child_name in children.get(name, []):
-                    if weld.get("type") == "fixed" and child_name in links:
-                        R_weld, p_weld = read_origin(weld)
-                        body.append((child_name, R @ R_weld, R @ p_weld + p))
-            yield joint, body
-
-
-def _axis(joint: ET.Element) -> Array:
-    element = joint.find("axis")
-    text = "1 0 0" if element is None else element.get("xyz", "1 0 0")
-    axis = np.array([float(number) for number in text.split()])
-    return np.asarray(axis / (np.linalg.norm(axis) or 1.0))
+    for body in bodies:
+        parts = [(name, links[name]) for name, _, _ in body.links]
+        if all(inertials[name].mass == 0.0 for name, _ in parts):
+            repair.add_mass(parts, total, f"no mass, but {body.mover} it")
+            inertials |= {name: repair.read(name, link) for name, link in parts}
+        placed = [inertials[name].moved(R, p) for name, R, p in body.links]
+        if not body.can_turn(union(placed), _NOTHING):
+            for name, _, _ in body.links:
+                what = f"no inertia about {body.about}"
+                repair.thicken(name, links[name], inertials[name], what)
 
 
 @dc.dataclass(frozen=True)
@@ -185,7 +175,7 @@ class _Repair:
         text = "0" if mass_element is None else mass_element.get("value", "0")
         mass = float(text)
         inertia = _read_tensor(element)
-        if not 0.0 < mass < math.inf:
+        if not LEAST_MASS <= mass < math.inf:
             link.remove(element)
             if mass != 0.0:
                 self._add(name, f"a mass of {text} kg", "it is taken as massless")
@@ -202,15 +192,16 @@ class _Repair:
         R, p = read_origin(element)
         return Inertial(mass, np.zeros(3), inertia).moved(R, p)
 
-    def add_mass(self, body: list[tuple[str, ET.Element]], total: float) -> None:
+    def add_mass(
+        self, body: list[tuple[str, ET.Element]], total: float, what: str
+    ) -> None:
         """Give a mass to a moving body that has none: links, the first at the joint."""
-        what = "no mass, but a joint moves it"
         solids = [(name, link, link_solid(link)) for name, link in body]
         for name, link, found in solids:
             if found is not None:
                 solid, source = found
                 inertial = solid.scaled(DENSITY * solid.mass)
-                done = f"{DENSITY:g} kg/m^3 times the volume of its {source}"
+                done = f"{DENSITY:g} kg/m^3 times the volume of {source}"
                 self._set(name, link, inertial, what, done)
         if all(found is None for _, _, found in solids):
             name, link = body[0]
@@ -218,14 +209,15 @@ class _Repair:
             done = "it has no geometry to estimate from"
             self._set(name, link, inertial, what, done)
 
-    def thicken(self, name: str, link: ET.Element, inertial: Inertial) -> None:
+    def thicken(
+        self, name: str, link: ET.Element, inertial: Inertial, what: str
+    ) -> None:
         """Give inertia about all axes to a link that is a point or a line of mass."""
         element = link.find("inertial")
         if element is None:
             return
         inertia = _read_tensor(element)
-        what = "no inertia about the joint's axis, "
-        what += f"principal moments {_moments(inertia)}"
+        what += f", principal moments {_moments(inertia)}"
         if inertia.any():
             done = "the nearest ones of a body that is no line"
             self._replace(name, element, _project(inertia), what, done)
@@ -242,7 +234,7 @@ class _Repair:
             solid, done = ball(radius), f"those of a ball of {DENSITY:g} kg/m^3"
         else:
             solid, source = found
-            done = f"those of its {source}"
+            done = f"those of {source}"
         R, _ = read_origin(element)
         inertia = R.T @ solid.scaled(mass).inertia @ R
         inertia = np.asarray((inertia + inertia.T) / 2.0)

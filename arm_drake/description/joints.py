@@ -91,6 +91,12 @@ def check_structure(
                     file=file,
                     where=f"joint {joint.name!r}",
                 )
+        if joint.child == WORLD:
+            raise DescriptionError(
+                f"the child is {WORLD!r}, which nothing moves; it can only be a parent",
+                file=file,
+                where=f"joint {joint.name!r}",
+            )
     _check_tree(joints, file)
 
 
@@ -135,7 +141,8 @@ def drop_bad_mimics(
         problem = _mimic_problem(joint, by_name)
         if problem:
             by_name[name] = dc.replace(joint, mimic=None)
-            done = "the joint moves on its own" if joint.is_movable else "it is fixed"
+            is_fixed = joint.type == "fixed"
+            done = "it is fixed" if is_fixed else "the joint moves on its own"
             where = f"joint {name!r}"
             report.add("warning", "invalid", problem, done, where=where, file=file)
     return tuple(by_name.values())
@@ -143,18 +150,22 @@ def drop_bad_mimics(
 
 def _mimic_problem(joint: JointInfo, joints: dict[str, JointInfo]) -> str | None:
     """Return why a joint can't follow its master, None if it can or has none."""
-    master, seen = joint, {joint.name}
-    if joint.mimic is not None and not joint.is_movable:
-        return f"mimics {joint.mimic.joint!r}, but is {joint.type}"
-    while master.mimic is not None:
-        name = master.mimic.joint
-        if name not in joints:
-            return f"mimics {name!r}, which doesn't exist; {suggest(name, joints)}"
-        if name in seen:
+    if joint.mimic is None:
+        return None
+    name = joint.mimic.joint
+    if not joint.is_movable:
+        return f"mimics {name!r}, but is {joint.type}"
+    if name not in joints:
+        return f"mimics {name!r}, which doesn't exist; {suggest(name, joints)}"
+    if not joints[name].is_movable:
+        kind, expected = joints[name].type, ", ".join(MOVABLE_TYPES)
+        return f"mimics {name!r}, which is {kind}; expected one of {expected}"
+    # What is wrong with the masters of its master is their problem.
+    mimic: Mimic | None = joint.mimic
+    seen: set[str] = set()
+    while mimic is not None and mimic.joint in joints and mimic.joint not in seen:
+        if mimic.joint == joint.name:
             return f"mimics itself, through {name!r}"
-        if not joints[name].is_movable:
-            kind, expected = joints[name].type, ", ".join(MOVABLE_TYPES)
-            return f"mimics {name!r}, which is {kind}; expected one of {expected}"
-        master = joints[name]
-        seen.add(name)
+        seen.add(mimic.joint)
+        mimic = joints[mimic.joint].mimic
     return None

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from arm_drake.description.elements import ElementReader, attribute
 from arm_drake.description.hardware_info import ComponentInfo, HardwareInfo
-from arm_drake.description.joints import JointInfo, Mimic
+from arm_drake.description.joints import MOVABLE_TYPES, JointInfo, Mimic
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import suggest
 
@@ -90,7 +90,7 @@ class _Finder(ElementReader):
                 self.note("warning", "invalid", what, "it moves on its own", where)
             return None
         if mimic is None and old:
-            mimic = self._from_parameters(component, joints, where)
+            mimic = self._from_parameters(joint, component, joints, where)
         elif mimic is not None and old:
             self._compare(mimic, component, where)
         elif mimic is None and component.is_mimic:
@@ -109,20 +109,28 @@ class _Finder(ElementReader):
         return mimic
 
     def _from_parameters(
-        self, component: ComponentInfo, joints: Mapping[str, JointInfo], where: str
+        self,
+        joint: JointInfo,
+        component: ComponentInfo,
+        joints: Mapping[str, JointInfo],
+        where: str,
     ) -> Mimic | None:
         """Return the relation in the old form, or None if it is impossible."""
         master, multiplier = self._parameters(component, where)
-        problem = None
-        if master not in joints:
+        problem, is_fixed = None, joint.type == "fixed"
+        if not joint.is_movable:
+            problem = f"mimics {master!r}, but is {joint.type}"
+        elif master not in joints:
             problem = f"mimics {master!r}, which doesn't exist; "
             problem += suggest(master, joints)
         elif not joints[master].is_movable:
-            problem = f"mimics {master!r}, which doesn't move"
+            kind, expected = joints[master].type, ", ".join(MOVABLE_TYPES)
+            problem = f"mimics {master!r}, which is {kind}; expected one of {expected}"
         elif component.name in _masters(master, joints):
             problem = f"mimics itself, through {master!r}"
         if problem is not None:
-            self.note("error", "invalid", problem, "it moves on its own", where)
+            done = "it is fixed" if is_fixed else "it moves on its own"
+            self.note("error", "invalid", problem, done, where)
             return None
         what = f"<param> 'mimic', which is the form up to Humble, names {master!r}"
         self.note("info", "repair", what, "taken as the URDF's <mimic>", where)

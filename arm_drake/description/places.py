@@ -11,6 +11,14 @@ _TAG = re.compile(
     r"<(link|joint|material|ros2_control)\b[^>]*?\bname\s*=\s*(?:\"([^\"]+)\"|'([^']+)')"
 )
 
+# Joints in such blocks aren't those of the URDF.
+_BLOCK = re.compile(
+    r"(<(ros2_control|transmission|gazebo)(?=[\s>])(?:\"[^\"]*\"|'[^']*'|[^>\"'])*(?<!/)>)"
+    r"(.*?)</\2\s*>",
+    re.DOTALL,
+)
+_COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
+
 # Parts of a name that xacro computes.
 _COMPUTED = re.compile(r"\$\{[^}]*\}|\$\([^)]*\)")
 
@@ -56,6 +64,8 @@ def _tags(path: Path) -> Iterable[tuple[str, str, Path, int]]:
         text = path.read_text(encoding="utf-8", errors="replace")
     except OSError:
         return
+    text = _COMMENT.sub(lambda comment: "\n" * comment[0].count("\n"), text)
+    text = _BLOCK.sub(lambda block: block[1] + "\n" * block[3].count("\n"), text)
     for match in _TAG.finditer(text):
         line = text.count("\n", 0, match.start()) + 1
         yield match[1], match[2] or match[3], path, line

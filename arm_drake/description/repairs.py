@@ -32,6 +32,9 @@ _COUNTS = {
     **{("inertia", name): 1 for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")},
 }
 
+# Squares and products of larger numbers are more than numbers can hold.
+_LARGEST = 1e15
+
 
 def normalise(
     root: ET.Element,
@@ -72,8 +75,11 @@ def _check_numbers(parent: ET.Element, file: Path, where: str) -> None:
             if element.tag != tag or text is None:
                 continue
             found = numbers(text, file, where)
-            if len(found) != count or not all(map(math.isfinite, found)):
-                numeral = f"{count} finite numbers" if count > 1 else "a finite number"
+            numeral = f"{count} finite numbers" if count > 1 else "a finite number"
+            is_right = len(found) == count and all(map(math.isfinite, found))
+            if is_right and max(map(abs, found)) > _LARGEST:
+                is_right, numeral = False, f"{numeral} of at most {_LARGEST:g}"
+            if not is_right:
                 raise DescriptionError(
                     f"<{tag} {attribute}>: expected {numeral}, got {text!r}",
                     file=file,

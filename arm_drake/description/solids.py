@@ -14,6 +14,15 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]
 
+# Other volumes [m^3] are those of no body.
+_VOLUMES = (1e-50, 1e50)
+
+# What stands for one mesh, and for several; `decompose` makes parts of one.
+_STAND_INS = {
+    "collision": ("the convex hull of", "the convex hulls or parts of"),
+    "visual": ("the box around", "the boxes around"),
+}
+
 
 @dc.dataclass(frozen=True, eq=False)
 class Inertial:
@@ -47,7 +56,7 @@ class Inertial:
 
 
 def link_solid(link: ET.Element) -> tuple[Inertial, str] | None:
-    """Return a link as a solid of density 1, and the name of what it is estimated from.
+    """Return a link as a solid of density 1, and what that is.
 
     That is its collision geometry, else its visual one; None if it has neither. What
     overlaps counts twice. Of meshes, the files that `meshes` wrote are read: the convex
@@ -55,11 +64,26 @@ def link_solid(link: ET.Element) -> tuple[Inertial, str] | None:
     one.
     """
     for tag in ("collision", "visual"):
-        solids = [_placed_solid(element) for element in link.iterfind(tag)]
-        known = [solid for solid in solids if solid is not None]
+        known = [
+            (solid, element.find("geometry/mesh") is not None)
+            for element in link.iterfind(tag)
+            if (solid := _placed_solid(element)) is not None
+        ]
         if known:
-            return union(known), f"{tag} geometry"
+            solids, are_meshes = zip(*known, strict=True)
+            return union(solids), _name(tag, are_meshes)
     return None
+
+
+def _name(tag: str, are_meshes: Sequence[bool]) -> str:
+    """Return what a link is estimated from, and what stands for its meshes."""
+    of_one, of_all = _STAND_INS[tag]
+    if len(are_meshes) == 1 and are_meshes[0]:
+        return f"{of_one} its {tag} mesh"
+    if all(are_meshes):
+        return f"{of_all} its {tag} meshes"
+    meshes = f", with {of_all} its meshes" if any(are_meshes) else ""
+    return f"its {tag} geometry{meshes}"
 
 
 def union(solids: Sequence[Inertial]) -> Inertial:
@@ -149,7 +173,7 @@ def _placed_solid(element: ET.Element) -> Inertial | None:
     if shape is None:
         return None
     solid = _mesh_solid(shape) if shape.tag == "mesh" else _primitive_solid(shape)
-    if solid is None or not solid.mass > 0.0:
+    if solid is None or not _VOLUMES[0] < solid.mass < _VOLUMES[1]:
         return None
     return solid.moved(*read_origin(element))
 

@@ -33,8 +33,8 @@ from arm_drake.description.packages import PackageFinder
 from arm_drake.description.repairs import normalise
 from arm_drake.description.report import LoadReport
 from arm_drake.description.ros2_control import read_hardware
-from arm_drake.description.values import parse_number
 from arm_drake.description.tree import links_on
+from arm_drake.description.values import parse_number
 from arm_drake.errors import DescriptionError
 
 

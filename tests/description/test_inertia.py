@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from arm_drake.description.inertia import (
     is_physical,
     nearest_physical,
+    repair_free_base,
     repair_inertials,
 )
 from arm_drake.description.report import LoadReport
@@ -287,7 +288,7 @@ def test_a_base_with_an_unphysical_inertia_is_repaired_too(repair, simulate):
     simulate(root)
 
 
-@pytest.mark.parametrize("mass", ["-1", "nan", "inf", "-inf"])
+@pytest.mark.parametrize("mass", ["-1", "nan", "inf", "-inf", "1e-320", "1e-61"])
 def test_an_impossible_mass_counts_as_none(repair, simulate, mass):
     root, lines = repair(arm(inertial(mass)))
 
@@ -477,6 +478,19 @@ def test_without_geometry_it_gets_a_thousandth_of_the_robot(
     simulate(root)
 
 
+def test_a_body_with_the_mass_of_a_needle_can_turn(repair, simulate):
+    root, lines = repair(arm(geometry('<box size="1e-6 1e-6 1"/>')))
+
+    mass, _, inertia = read_inertial(root)
+    assert mass == pytest.approx(1e-9)
+    np.testing.assert_allclose(np.diag(inertia)[:2], 1e-9 / 12.0, rtol=3 * MARGIN)
+    assert [line.partition(", principal")[0].partition(";")[0] for line in lines] == [
+        "warning: link 'a': no mass, but a joint moves it",
+        "warning: link 'a': no inertia about the joint's axis",
+    ]
+    simulate(root)
+
+
 def test_links_fixed_to_a_heavy_one_need_no_mass_of_their_own(repair, simulate):
     text = arm("") + f'<link name="b">{inertial(1)}</link>' + joint("a", "b")
 
@@ -536,3 +550,113 @@ def test_drake_takes_whatever_was_repaired(repair, simulate, scale):
 
     assert len(lines) > 30
     simulate(root)
+
+
+@pytest.fixture
+def run_free(tmp_path, caplog):
+    """Return a function: URDF body -> what moves freely in Drake, and the report."""
+    file = tmp_path / "arm.urdf"
+
+    def run(body: str, base: str | None = None) -> tuple[ET.Element, list[str]]:
+        root = ET.XML(f'<robot name="r">{body}</robot>')
+        report = LoadReport()
+        repair_inertials(root, report, file)
+        text = ET.tostring(root, encoding="unicode")
+        if base is not None:
+            text = repair_free_base(text, base, report, file)
+        plant = MultibodyPlant(0.001)
+        with caplog.at_level(logging.WARNING, logger="drake"):
+            Parser(plant).AddModelsFromString(text, "urdf")
+            plant.Finalize()
+            Simulator(plant).AdvanceTo(0.01)
+        said = [r.getMessage() for r in caplog.records if r.name == "drake"]
+        assert all("as a free body" in message for message in said)
+        lines = [str(entry).replace(f"{file}: ", "") for entry in report]
+        return ET.XML(text), lines
+
+    return run
+
+
+def test_a_free_base_without_mass_gets_some(run_free):
+    root, lines = run_free(arm(""), "base")
+
+    # A ball of 1 g and radius 5 cm: 2/5 m r^2.
+    mass, _, inertia = read_inertial(root, "base")
+    assert mass == pytest.approx(1e-3)
+    np.testing.assert_allclose(inertia, 1e-6 * np.eye(3), rtol=1e-12)
+    assert [line.partition(";")[0] for line in lines] == [
+        "warning: link 'a': no mass, but a joint moves it",
+        "warning: link 'base': no mass, but no joint holds it",
+    ]
+
+
+def test_a_free_base_gets_the_mass_of_the_links_fixed_to_it(run_free):
+    cube = geometry('<box size="0.1 0.1 0.1"/>')
+    text = f'<link name="base"/><link name="shell">{cube}</link>'
+
+    root, lines = run_free(text + joint("base", "shell"), "base")
+
+    assert root.find("link[@name='base']/inertial") is None
+    assert read_inertial(root, "shell")[0] == pytest.approx(1.0)
+    assert len(lines) == 1
+
+
+def test_a_free_base_that_can_move_stays_to_the_letter(run_free):
+    base = f'<link name="base"/><link name="shell">{inertial(1)}</link>'
+    text = base + joint("base", "shell") + f'<link name="a">{inertial(1)}</link>'
+    text += joint("shell", "a", type="continuous")
+
+    root, lines = run_free(text, "base")
+
+    assert ET.tostring(root) == ET.tostring(ET.XML(f'<robot name="r">{text}</robot>'))
+    assert lines == []
+
+
+@pytest.mark.parametrize(
+    "moments", [(1e-3, 1e-3, 0), (0, 1e-3, 1e-3), (0, 0, 0), (1e-3, 1e-3, 1e-14)]
+)
+@pytest.mark.parametrize("is_base", [True, False])
+@pytest.mark.parametrize("origin", ["", '<origin xyz="1 2 3" rpy="1 2 3"/>'])
+def test_what_floats_has_inertia_about_every_axis(run_free, moments, is_base, origin):
+    body = f'<link name="a">{inertial(1, moments, origin=origin)}</link>'
+    rest = f'<link name="base">{inertial(1)}</link>'
+    rest += joint("base", "a", type="floating", axis="1 0 0")
+
+    root, lines = run_free(body if is_base else body + rest, "a" if is_base else None)
+
+    assert np.linalg.eigvalsh(read_inertial(root)[2])[0] > 1e-7
+    assert len(lines) == 1
+    assert lines[0].startswith(
+        "warning: link 'a': no inertia about every axis, principal moments"
+    )
+
+
+def test_two_rods_at_an_angle_float(run_free):
+    rod = inertial(1, (1e-3, 1e-3, 0))
+    text = f'<link name="a">{rod}</link><link name="b">{rod}</link>'
+
+    _, lines = run_free(text + joint("a", "b", origin='<origin rpy="1 0 0"/>'), "a")
+
+    assert lines == []
+
+
+def test_what_moves_in_a_plane_turns_about_its_own_centre(run_free):
+    # About the joint's axis, 1 m away, a point has inertia, yet it can't turn.
+    origin = '<origin xyz="1 0 0"/>'
+    base = f'<link name="base">{inertial(1)}</link>'
+    text = f'<link name="a">{inertial(1, (0, 0, 0), origin=origin)}</link>'
+
+    root, lines = run_free(base + text + joint("base", "a", type="planar"))
+
+    assert read_inertial(root)[2][2, 2] > 0.0
+    assert len(lines) == 1
+    assert lines[0].startswith("warning: link 'a': no inertia about the joint's axis")
+
+
+def test_what_moves_in_a_plane_needs_no_inertia_across(run_free):
+    base = f'<link name="base">{inertial(1)}</link>'
+    text = f'<link name="a">{inertial(1, (1e-3, 0, 1e-3))}</link>'
+
+    _, lines = run_free(base + text + joint("base", "a", type="planar"))
+
+    assert lines == []

@@ -153,7 +153,12 @@ def test_a_multiplier_that_is_no_number_is_reported():
     ("master", "others", "problem"),
     [
         ("n", (joint("m"),), "mimics 'n', which doesn't exist; known: j, m"),
-        ("m", (joint("m", type="fixed"),), "mimics 'm', which doesn't move"),
+        (
+            "m",
+            (joint("m", type="floating"),),
+            "mimics 'm', which is floating; "
+            "expected one of revolute, continuous, prismatic",
+        ),
         ("j", (joint("m"),), "mimics itself, through 'j'"),
         ("m", (joint("m", Mimic("j")),), "mimics itself, through 'm'"),
     ],
@@ -163,6 +168,25 @@ def test_an_impossible_relation_in_the_old_form_is_left_out(master, others, prob
 
     assert mimic is None
     assert lines[-1] == f"error: {PLACE}: {problem}; it moves on its own"
+
+
+@pytest.mark.parametrize(
+    ("type", "done"),
+    [
+        ("floating", "it moves on its own"),
+        ("planar", "it moves on its own"),
+        ("fixed", "it is fixed"),
+    ],
+)
+def test_only_a_joint_of_one_degree_of_freedom_follows_in_the_old_form(type, done):
+    block = HardwareInfo("h", "system", "", joints=(follower(mimic="m"),))
+    joints = (joint("m"), joint("j", type=type))
+    report = LoadReport()
+
+    assert find_mimics(joints, [block], report, Path("arm.urdf")) == joints
+    assert [str(entry) for entry in report] == [
+        f"error: {PLACE}: mimics 'm', but is {type}; {done}"
+    ]
 
 
 def test_the_urdf_counts_before_the_old_form():

@@ -23,6 +23,39 @@ PART = """<robot>
 """
 
 
+BLOCKS = """<robot name="r">
+  <!-- <joint name="weld" type="fixed"/>
+       <link name="tip"/> -->
+  <ros2_control name="arm" type="system">
+    <joint name="weld">
+      <command_interface name="position"/>
+    </joint>
+  </ros2_control>
+  <transmission name="t"><joint name="weld"/></transmission>
+  <gazebo reference="a > b"><plugin name="p"><joint name="weld"/></plugin></gazebo>
+  <gazebo reference="tip"/>
+  <joint name="weld" type="fixed"/>
+  <gazebo/>
+  <link name="tip"/>
+</robot>
+"""
+
+
+@pytest.mark.parametrize(
+    ("where", "line"),
+    [
+        ("joint 'weld'", 12),
+        ("link 'tip'", 14),
+        ("ros2_control 'arm', joint 'weld'", 4),
+    ],
+)
+def test_comments_and_joints_of_other_blocks_are_not_meant(tmp_path, where, line):
+    file = tmp_path / "entry"
+    file.write_text(BLOCKS, encoding="utf-8")
+
+    assert find_place(lambda: [file])(where) == (file, line)
+
+
 @pytest.mark.parametrize(
     ("where", "expected"),
     [

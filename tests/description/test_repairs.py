@@ -1,5 +1,6 @@
 """What Drake refuses is mended, and every repair is one line of the report."""
 
+import os
 import struct
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -16,6 +17,7 @@ from arm_drake.description.packages import PackageFinder
 from arm_drake.description.repairs import normalise
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import DescriptionError
+from tests.description.patience import within
 
 
 @pytest.fixture(autouse=True)
@@ -222,6 +224,23 @@ def test_a_damaged_texture_is_reported(repair, tmp_path, content):
     ]
 
 
+def test_a_texture_that_is_a_pipe_is_reported(repair, tmp_path):
+    os.mkfifo(tmp_path / "a.png")
+
+    with within(10.0):
+        _, lines = repair(
+            visual(
+                '<sphere radius="1"/>',
+                '<material name="m"><texture filename="a.png"/></material>',
+            )
+        )
+
+    assert lines == [
+        "warning: material 'm': the texture 'a.png' can't be read; drawn without it, "
+        "unless its mesh has one of its own"
+    ]
+
+
 def test_a_colour_stays_when_its_texture_goes(repair):
     both = '<color rgba="1 0 0 1"/><texture filename="a.png"/>'
 
@@ -246,6 +265,20 @@ def test_a_colour_stays_when_its_texture_goes(repair):
         ('<cylinder radius="1"/>', "<cylinder> without a positive size"),
         ('<cylinder length="1"/>', "<cylinder> without a positive size"),
         ('<cone radius="1"/>', "<cone>, which is no geometry of a URDF"),
+        ('<cylinder radius="1 1"/>', "<cylinder> without a positive size"),
+        ('<capsule length="1 1"/>', "<capsule> without a positive size"),
+        (
+            '<box size="1 1 1e308"/>',
+            "<box> with a size that isn't 1e-09 m to 1e+06 m",
+        ),
+        (
+            '<sphere radius="1e200"/>',
+            "<sphere> with a size that isn't 1e-09 m to 1e+06 m",
+        ),
+        (
+            '<cylinder radius="1e-200" length="1"/>',
+            "<cylinder> with a size that isn't 1e-09 m to 1e+06 m",
+        ),
         ("<mesh/>", "<mesh> without a filename"),
         ('<mesh filename=""/>', "<mesh> without a filename"),
         ('<mesh filename="a.stl" scale="1 2"/>', "mesh scale '1 2'"),
@@ -337,6 +370,20 @@ def test_a_mesh_of_a_missing_package_is_left_out(repair, tag, severity):
         (
             visual('<box size="1 2 x"/>'),
             "link 'a', visual 0: expected numbers, got '1 2 x'",
+        ),
+        (
+            visual('<box size="1_0 1 1"/>'),
+            "link 'a', visual 0: expected numbers, got '1_0 1 1'",
+        ),
+        (
+            '<link name="a"><inertial><inertia ixx="-1e308"/></inertial></link>',
+            "link 'a': <inertia ixx>: expected a finite number of at most 1e+15, "
+            "got '-1e308'",
+        ),
+        (
+            hinge('<origin xyz="0 0 1e16"/>'),
+            "joint 'b_joint': <origin xyz>: expected 3 finite numbers of at most "
+            "1e+15, got '0 0 1e16'",
         ),
         (
             visual('<mesh filename="a.stl" scale="x"/>'),

@@ -154,12 +154,48 @@ def test_collision_geometry_comes_before_visual():
     found = link_solid(both)
 
     assert found is not None
-    assert found[1] == "collision geometry"
+    assert found[1] == "its collision geometry"
     assert found[0].mass == pytest.approx(4 / 3 * math.pi)
 
 
+BOX = shape('<box size="1 1 1"/>')
+
+
 @pytest.mark.parametrize(
-    "text", ["", "<geometry/>", shape('<mesh filename="package://a/b.stl"/>')]
+    ("tag", "others", "name"),
+    [
+        ("collision", (), "the convex hull of its collision mesh"),
+        ("visual", (), "the box around its visual mesh"),
+        ("collision", (None,), "the convex hulls or parts of its collision meshes"),
+        ("visual", (None,), "the boxes around its visual meshes"),
+        (
+            "collision",
+            (BOX,),
+            "its collision geometry, with the convex hulls or parts of its meshes",
+        ),
+        ("visual", (BOX,), "its visual geometry, with the boxes around its meshes"),
+        # What has no volume isn't estimated from.
+        ("collision", ("",), "the convex hull of its collision mesh"),
+    ],
+)
+def test_what_stands_for_a_mesh_is_named(tmp_path, tag, others, name):
+    mesh = shape(f'<mesh filename="{write_obj(tmp_path).as_uri()}"/>')
+    texts = [mesh if other is None else other for other in others]
+
+    found = link_solid(link(mesh, *texts, tag=tag))
+
+    assert found is not None
+    assert found[1] == name
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "<geometry/>",
+        shape('<box size="1e-20 1e-20 1e-20"/>'),
+        shape('<mesh filename="package://a/b.stl"/>'),
+    ],
 )
 def test_what_has_no_volume_is_no_solid(text):
     assert link_solid(link(text)) is None

@@ -215,6 +215,22 @@ def test_a_text_that_is_no_robot_is_an_error(text, message):
             "joint 'j': velocity: expected a number, got ''",
         ),
         (
+            LINKS + joint(limit='effort="1_0"'),
+            "joint 'j': effort: expected a number, got '1_0'",
+        ),
+        (
+            LINKS + joint(parent="a", child="world"),
+            "joint 'j': the child is 'world', which nothing moves; "
+            "it can only be a parent",
+        ),
+        (
+            LINKS
+            + joint(name="k", parent="world", child="a")
+            + joint(parent="a", child="world", type="fixed"),
+            "joint 'j': the child is 'world', which nothing moves; "
+            "it can only be a parent",
+        ),
+        (
             LINKS + joint('<dynamics damping="x"/>'),
             "joint 'j': damping: expected a number, got 'x'",
         ),
@@ -322,7 +338,7 @@ MOVES = "the joint moves on its own"
         (
             joint('<mimic joint="k"/>')
             + joint('<mimic joint="j"/>', name="k", parent="b", child="c"),
-            [f"mimics itself, through 'j'; {MOVES}"],
+            [f"mimics itself, through 'k'; {MOVES}"],
         ),
         (
             joint('<mimic joint="i"/>'),
@@ -350,6 +366,68 @@ def test_a_mimic_joint_that_can_follow_nothing_is_mended(body, lines):
     assert 'name="j"' in robot.urdf
     assert "<mimic" not in robot.urdf.partition('name="k"')[0]
     assert [line for line in reported if "mimics" in line] == lines
+
+
+@pytest.mark.parametrize("is_reversed", [False, True])
+def test_only_the_mimic_that_is_wrong_is_cut_whatever_the_order(is_reversed):
+    parts = [
+        joint('<mimic joint="nope"/>', name="s", parent="a", child="b"),
+        joint('<mimic joint="s"/>', name="s2", parent="b", child="c"),
+    ]
+
+    robot, reported = report_of(LINKS + "".join(parts[:: -1 if is_reversed else 1]))
+
+    assert robot.joint("s").mimic is None
+    assert robot.joint("s2").mimic == Mimic("s")
+    assert [line.partition("; ")[0] for line in reported if "mimics" in line] == [
+        "mimics 'nope', which doesn't exist"
+    ]
+
+
+def test_a_joint_that_follows_a_circle_still_follows_where_that_is_cut():
+    links = LINKS + '<link name="d"/>'
+    robot, reported = report_of(
+        links
+        + joint('<mimic joint="k"/>', name="j", parent="a", child="b")
+        + joint('<mimic joint="i"/>', name="k", parent="b", child="c")
+        + joint('<mimic joint="k"/>', name="i", parent="c", child="d")
+    )
+
+    masters = [j.mimic and j.mimic.joint for j in robot.joints]
+    assert masters == ["k", None, "k"]
+    assert [line for line in reported if "mimics" in line] == [
+        f"mimics itself, through 'i'; {MOVES}"
+    ]
+
+
+def test_a_floating_joint_that_mimics_moves_on_its_own():
+    body = joint('<mimic joint="k"/>', type="floating")
+
+    _, reported = report_of(LINKS + body + joint(name="k", parent="b", child="c"))
+
+    assert f"mimics 'k', but is floating; {MOVES}" in reported
+
+
+@pytest.mark.parametrize("tag", ["gazebo", "gazebo><plugin", "x", "link"])
+def test_elements_nested_without_end_are_one_message(tag):
+    inner = "<a>" * 3000 + "</a>" * 3000
+    name, _, child = tag.partition("><")
+    if child:
+        inner = f"<{child}>{inner}</{child}>"
+
+    with pytest.raises(DescriptionError) as caught:
+        parse(f'<link name="a"/><{name}>{inner}</{name}>')
+
+    assert str(caught.value) == (
+        "arm.urdf: elements are nested more than 200 deep; no URDF needs that"
+    )
+
+
+def test_elements_may_be_nested_as_deep_as_is_said():
+    # <robot> and <gazebo> are two of the 200.
+    inner = "<a>" * 198 + "</a>" * 198
+
+    assert parse(f'<link name="a"/><gazebo>{inner}</gazebo>').links == ("a",)
 
 
 def test_limits_the_wrong_way_round_are_swapped():
