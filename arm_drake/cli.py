@@ -3,6 +3,7 @@
 import argparse
 import contextlib
 import functools
+import io
 import json
 import os
 import sys
@@ -21,6 +22,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Args:
         arguments: Words of the command line; by default those of the process.
     """
+    for stream in (sys.stdout, sys.stderr):
+        # Units such as "N·m" must not end in an error where only ASCII is understood.
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     options = make_parser().parse_args(arguments)
     try:
         return _COMMANDS[options.command](options)

@@ -461,3 +461,30 @@ def test_the_module_runs_like_the_command():
         env={**os.environ, "PYTHONWARNINGS": "error"},
     )
     assert "doosan_a0912" in done.stdout
+
+
+def test_texts_are_printed_where_only_ascii_is_understood(tmp_path):
+    robot = tmp_path / "größe.urdf"
+    robot.write_text(
+        '<robot name="größe"><link name="a"/><link name="b"/><joint name="j" '
+        'type="fixed"><parent link="a"/><child link="b"/></joint></robot>',
+        encoding="utf-8",
+    )
+
+    done = [
+        subprocess.run(
+            [sys.executable, "-m", "arm_drake", "check", str(file)],
+            env=os.environ | {"PYTHONIOENCODING": "ascii"},
+            capture_output=True,
+            text=True,
+            encoding="ascii",
+            timeout=120,
+            check=False,
+        )
+        for file in (robot, tmp_path / "flöte.urdf")
+    ]
+
+    assert [one.returncode for one in done] == [0, 2], done
+    assert done[0].stdout.startswith("gr\\xf6\\xdfe: ")
+    assert "fl\\xf6te.urdf" in done[1].stderr
+    assert "Traceback" not in done[0].stderr + done[1].stderr

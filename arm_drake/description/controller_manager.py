@@ -1,6 +1,7 @@
 """One controller manager of a YAML file, and the controllers that it loads."""
 
 import dataclasses as dc
+import os
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -227,7 +228,9 @@ class ManagedControllers:
             assert given is not None
             try:
                 path = self._resolve(text, given.file.parent)
-                problem = "" if path.is_file() else f"no such file: {text!r}"
+                # Unlike that of Path, it takes names that no file can have.
+                is_file = os.path.isfile(path)
+                problem = "" if is_file else f"no such file: {text!r}"
             except PackageError as error:
                 problem = error.problem
             if problem:

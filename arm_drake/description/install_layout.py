@@ -2,23 +2,26 @@
 
 Descriptions name files by their place below `share/<package>`. In a source tree some
 of them lie elsewhere: `install(DIRECTORY ...)` in CMakeLists.txt, or `data_files` in
-setup.py, says where they go. Such a package is shown as installed, with links.
+setup.py, says where they go.
 """
 
-import ast
-import glob
+import functools
 import itertools
+import os
 import re
 import shlex
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 
-# An installed file or folder: its place below `share/<package>`, and where it lies.
-Installed = tuple[PurePosixPath, Path]
+from arm_drake.description.install_links import Installed
+from arm_drake.description.setup_rules import setup_rules
 
-_COMMENT = re.compile(r"#\[\[.*?\]\]|#[^\n]*", re.DOTALL)
+# The first alternative holds a comment that never ends, too.
+_COMMENT = re.compile(r"#\[\[.*?(?:\]\]|\Z)|#[^\n]*", re.DOTALL)
 _COMMAND = re.compile(
-    r"\b(project|set|install|add_subdirectory|ament_auto_package)\s*\(([^)]*)\)", re.I
+    r"\b(project|set|install|add_subdirectory|ament_auto_package|foreach|endforeach)"
+    r"\s*\(([^)]{0,20000})\)",
+    re.I,
 )
 _VARIABLE = re.compile(r"\$\{(\w+)\}")
 
@@ -39,6 +42,12 @@ _OPTIONS = {
     "USE_SOURCE_PERMISSIONS",
 }
 
+# More than any package has: characters of a file, those of all commands with their
+# variables filled in, and rules.
+_MAX_TEXT = 256 * 2**10
+_MAX_EXPANDED = 2**20
+_MAX_RULES = 20_000
+
 
 def installed_elsewhere(package: Path, name: str) -> list[Installed]:
     """Return what a source package installs to a place other than its own.
@@ -46,94 +55,123 @@ def installed_elsewhere(package: Path, name: str) -> list[Installed]:
     Args:
         package: Folder of the package.
         name: Name of the package.
+
+    Raises:
+        OSError: If something can't be read.
+        ValueError: If there is more to read than in any package.
     """
-    rules = [*_cmake_rules(package, name), *_setup_rules(package, name)]
+    below_share = functools.partial(_below_share, name=name)
+    setup = _read(package / "setup.py")
+    rules = itertools.chain(
+        _CMakeReader(package, name).rules(), setup_rules(package, setup, below_share)
+    )
     found = []
-    for place, source in rules:
+    for index, (place, source) in enumerate(rules):
+        if index >= _MAX_RULES:
+            raise ValueError(f"more than {_MAX_RULES} files and folders are installed")
+        if place.is_absolute() or ".." in place.parts:
+            continue  # It isn't below `share/<package>`.
         there = package / place
         if source.exists() and not (there.exists() and there.samefile(source)):
             found.append((place, source))
     return found
 
 
-def show_as_installed(package: Path, rules: list[Installed], shown: Path) -> None:
-    """Fill a folder with links to a package's files, in their installed places.
+class _CMakeReader:
+    """Follows the commands of a CMakeLists.txt that say where files are installed."""
 
-    Args:
-        package: Folder of the package; what it doesn't install is shown in place.
-        rules: What `installed_elsewhere` returned.
-        shown: The folder to fill; it must not exist.
-    """
-    shown.mkdir(parents=True)
-    for child in sorted(package.iterdir()):
-        _link(child, shown / child.name)
-    for place, source in rules:
-        _place(source, shown, place)
+    def __init__(self, package: Path, name: str) -> None:
+        self._package = package
+        self._name = name
+        self._num_characters = 0
+        self._variables = {
+            "PROJECT_NAME": name,
+            "CMAKE_PROJECT_NAME": name,
+            "CMAKE_SOURCE_DIR": str(package),
+            "PROJECT_SOURCE_DIR": str(package),
+            "CMAKE_INSTALL_PREFIX": "",
+            "CMAKE_INSTALL_DATADIR": "share",
+            "CMAKE_INSTALL_DATAROOTDIR": "share",
+        }
+
+    def rules(self) -> Iterator[Installed]:
+        """Yield what is installed below `share/<package>`."""
+        yield from self._file(self._package, self._variables, depth=0)
+
+    def _file(
+        self, folder: Path, variables: dict[str, str], depth: int
+    ) -> Iterator[Installed]:
+        text = _read(folder / "CMakeLists.txt")
+        self._count(len(text))
+        variables = variables | {"CMAKE_CURRENT_SOURCE_DIR": str(folder)}
+        commands = [
+            (command.lower(), text)
+            for command, text in _COMMAND.findall(_COMMENT.sub("", text))
+        ]
+        yield from self._run(commands, folder, variables, depth)
+
+    def _run(
+        self,
+        commands: list[tuple[str, str]],
+        folder: Path,
+        variables: dict[str, str],
+        depth: int,
+    ) -> Iterator[Installed]:
+        waiting = iter(commands)
+        for command, text in waiting:
+            words = _words(self._expand(text, variables))
+            match command:
+                case "project" if words:
+                    variables["PROJECT_NAME"] = words[0]
+                case "set" if words:
+                    variables[words[0]] = " ".join(words[1:])
+                case "add_subdirectory" if words and depth < 3:
+                    yield from self._file(folder / words[0], variables, depth + 1)
+                case "install":
+                    yield from _install_command(words, folder, self._name)
+                case "ament_auto_package" if "INSTALL_TO_SHARE" in words:
+                    shared = words[words.index("INSTALL_TO_SHARE") + 1 :]
+                    shared += ["DESTINATION", f"share/{self._name}"]
+                    shared.insert(0, "DIRECTORY")
+                    yield from _install_command(shared, folder, self._name)
+                case "foreach":
+                    body = _loop_body(waiting)
+                    for item in _loop_items(words, variables):
+                        variables[words[0]] = item
+                        yield from self._run(body, folder, variables, depth)
+
+    def _expand(self, text: str, variables: dict[str, str]) -> str:
+        """Return a text with the values of variables, which may not become endless."""
+        values = (variables.get(name, "") for name in _VARIABLE.findall(text))
+        self._count(len(text) + sum(map(len, values)))
+        return _VARIABLE.sub(lambda match: variables.get(match[1], match[0]), text)
+
+    def _count(self, num_characters: int) -> None:
+        self._num_characters += num_characters
+        if self._num_characters > _MAX_EXPANDED:
+            raise ValueError("the commands of its CMakeLists.txt are too long")
 
 
-def _place(source: Path, shown: Path, place: PurePosixPath) -> None:
-    folder = shown
-    for part in place.parts[:-1]:
-        folder = folder / part
-        _open_folder(folder)
-    _link(source, shown / place)
+def _loop_body(commands: Iterator[tuple[str, str]]) -> list[tuple[str, str]]:
+    """Take the commands up to the end of a loop, whose start has been taken."""
+    body, num_open = [], 1
+    for command, text in commands:
+        num_open += {"foreach": 1, "endforeach": -1}.get(command, 0)
+        if num_open == 0:
+            break
+        body.append((command, text))
+    return body
 
 
-def _link(source: Path, shown: Path) -> None:
-    """Show a file or a folder; a folder that is shown already gets more content."""
-    if source.is_dir() and shown.is_dir():
-        _open_folder(shown)
-        for child in sorted(source.iterdir()):
-            _link(child, shown / child.name)
-        return
-    shown.unlink(missing_ok=True)
-    shown.symlink_to(source.resolve())
-
-
-def _open_folder(shown: Path) -> None:
-    """Make a folder of its own of a link to a folder, with links to what is in it."""
-    if not shown.is_symlink():
-        shown.mkdir(exist_ok=True)
-        return
-    target = shown.resolve()
-    shown.unlink()
-    shown.mkdir()
-    for child in sorted(target.iterdir()):
-        _link(child, shown / child.name)
-
-
-def _cmake_rules(package: Path, name: str) -> Iterator[Installed]:
-    variables = {
-        "PROJECT_NAME": name,
-        "CMAKE_PROJECT_NAME": name,
-        "CMAKE_SOURCE_DIR": str(package),
-        "PROJECT_SOURCE_DIR": str(package),
-        "CMAKE_INSTALL_PREFIX": "",
-        "CMAKE_INSTALL_DATADIR": "share",
-        "CMAKE_INSTALL_DATAROOTDIR": "share",
-    }
-    yield from _cmake_file(package, name, variables, depth=0)
-
-
-def _cmake_file(
-    folder: Path, name: str, variables: dict[str, str], depth: int
-) -> Iterator[Installed]:
-    variables = variables | {"CMAKE_CURRENT_SOURCE_DIR": str(folder)}
-    for command, text in _COMMAND.findall(_read(folder / "CMakeLists.txt")):
-        words = _words(_VARIABLE.sub(lambda m: variables.get(m[1], m[0]), text))
-        match command.lower():
-            case "project" if words:
-                variables["PROJECT_NAME"] = words[0]
-            case "set" if words:
-                variables[words[0]] = " ".join(words[1:])
-            case "add_subdirectory" if words and depth < 3:
-                yield from _cmake_file(folder / words[0], name, variables, depth + 1)
-            case "install":
-                yield from _install_command(words, folder, name)
-            case "ament_auto_package" if "INSTALL_TO_SHARE" in words:
-                start = words.index("INSTALL_TO_SHARE") + 1
-                shared = ["DIRECTORY", *words[start:], "DESTINATION", f"share/{name}"]
-                yield from _install_command(shared, folder, name)
+def _loop_items(words: list[str], variables: dict[str, str]) -> list[str]:
+    match words:
+        case [_, "IN", "LISTS", *lists]:
+            return [item for name in lists for item in _words(variables.get(name, ""))]
+        case [_, "IN", "ITEMS", *items]:
+            return items
+        case [_, "RANGE" | "IN", *_] | []:
+            return []
+    return words[1:]
 
 
 def _install_command(words: list[str], folder: Path, name: str) -> Iterator[Installed]:
@@ -154,9 +192,15 @@ def _install_command(words: list[str], folder: Path, name: str) -> Iterator[Inst
             children = sorted(path.iterdir()) if path.is_dir() else []
             yield from ((place / child.name, child) for child in children)
         elif words[0] == "FILES" and "RENAME" in after:
-            yield place / after["RENAME"], path
+            if is_plain_name(after["RENAME"]):
+                yield place / after["RENAME"], path
         else:
             yield place / path.name, path
+
+
+def is_plain_name(name: str) -> bool:
+    """Return whether a text names something in a folder, and nothing outside of it."""
+    return name not in ("", ".", "..") and "/" not in name and "\0" not in name
 
 
 def _below_share(destination: str, name: str) -> PurePosixPath | None:
@@ -175,84 +219,10 @@ def _words(text: str) -> list[str]:
 
 
 def _read(path: Path) -> str:
-    try:
-        return _COMMENT.sub("", path.read_text(encoding="utf-8", errors="replace"))
-    except OSError:
+    if not os.path.isfile(path):  # A pipe would be read for ever.
         return ""
-
-
-def _setup_rules(package: Path, name: str) -> Iterator[Installed]:
-    """Yield what `data_files` of a setup.py says; nothing of the file is executed."""
-    try:
-        text = (package / "setup.py").read_text(encoding="utf-8", errors="replace")
-        tree = ast.parse(text)
-    except (OSError, SyntaxError, ValueError, RecursionError, MemoryError):
-        return
-    reader = _SetupReader(package)
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
-            reader.names[node.targets[0].id] = node.value
-    for node in ast.walk(tree):
-        if not isinstance(node, ast.Tuple) or len(node.elts) != 2:
-            continue
-        destination, sources = map(reader.value, node.elts)
-        if isinstance(destination, str) and isinstance(sources, list):
-            place = _below_share(destination, name)
-            if place is not None:
-                for source in sources:
-                    yield place / PurePosixPath(source).name, package / source
-
-
-class _SetupReader:
-    """Understands how setup.py files spell texts and lists of texts."""
-
-    def __init__(self, package: Path) -> None:
-        self._package = package
-        self.names: dict[str, ast.expr] = {}
-
-    def value(self, node: ast.expr, depth: int = 0) -> str | list[str] | None:
-        """Return the text or texts that an expression stands for; None if unknown."""
-        if depth > 10:
-            return None
-        match node:
-            case ast.Constant(value=str(text)):
-                return text
-            case ast.Name(id=name) if name in self.names:
-                return self.value(self.names[name], depth + 1)
-        values = [self.value(child, depth + 1) for child in _operands(node)]
-        texts = [value for value in values if isinstance(value, str)]
-        are_texts = len(texts) == len(values)
-        match node:
-            case ast.List() if are_texts:
-                return texts
-            case ast.JoinedStr() if are_texts:
-                return "".join(texts)
-            case ast.BinOp(op=ast.Add()) if are_texts:
-                return "".join(texts)
-            case ast.BinOp(op=ast.Add()):
-                left, right = values
-                if isinstance(left, list) and isinstance(right, list):
-                    return left + right
-            case ast.Call() if are_texts and texts:
-                name = ast.unparse(node.func).rpartition(".")[2]
-                if name == "join":
-                    return "/".join(texts)
-                if name in ("glob", "iglob"):
-                    return sorted(glob.glob(texts[0], root_dir=self._package))
-        return None
-
-
-def _operands(node: ast.expr) -> list[ast.expr]:
-    match node:
-        case ast.List():
-            return node.elts
-        case ast.JoinedStr():
-            return [
-                part.value if isinstance(part, ast.FormattedValue) else part
-                for part in node.values
-            ]
-        case ast.BinOp():
-            return [node.left, node.right]
-        case ast.Call():
-            return node.args
-    return []
+    with path.open(encoding="utf-8", errors="replace") as file:
+        text = file.read(_MAX_TEXT + 1)
+    if len(text) > _MAX_TEXT:
+        raise ValueError(f"its {path.name} is larger than {_MAX_TEXT // 2**10} kB")
+    return text

@@ -1,5 +1,6 @@
 """Colours of a URDF's visuals, spelled out one by one."""
 
+import os
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -82,6 +83,8 @@ def _mean_color(
     place = f"material {material!r}"
     try:
         path = packages.resolve(uri, file.parent)
+        if os.path.exists(path) and not os.path.isfile(path):
+            raise OSError("not a regular file")  # A pipe would be read for ever.
         with Image.open(path) as image:
             pixel = image.convert("RGB").resize((1, 1), Image.Resampling.BOX)
             mean = [channel / 255.0 for channel in pixel.tobytes()]

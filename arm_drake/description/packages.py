@@ -16,10 +16,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from urllib.parse import unquote
 
-from arm_drake.description.install_layout import (
-    installed_elsewhere,
-    show_as_installed,
-)
+from arm_drake.description.install_layout import installed_elsewhere, is_plain_name
+from arm_drake.description.install_links import show_as_installed
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import PackageError, suggest
 
@@ -53,13 +51,14 @@ class PackageFinder:
         """
         self._entry = entry
         parents = list(entry.resolve().parents)
-        owners = [i for i, p in enumerate(parents) if (p / "package.xml").is_file()]
+        owners = [i for i, p in enumerate(parents) if os.path.isfile(p / "package.xml")]
         self._own = parents[owners[0]] if owners else None
         del parents[(owners[0] if owners else 1) + _WORKSPACE_HEIGHT :]
         # An entry file in the home folder must not start a walk through all of it.
+        home = _home()
         self._ancestors = list(
             itertools.takewhile(
-                lambda folder: folder not in (folder.parent, Path.home()), parents
+                lambda folder: folder not in (folder.parent, home), parents
             )
         )
         self._package_paths = tuple(package_paths)
@@ -139,7 +138,7 @@ class PackageFinder:
         shown = self._installed
         if shown is None or not path.is_relative_to(shown):
             return path
-        if path.exists():
+        if os.path.exists(path):
             return path.resolve()
         name, *rest = path.relative_to(shown).parts
         return self._sources[name].joinpath(*rest)
@@ -174,23 +173,39 @@ class PackageFinder:
 
     def _folder_called(self, name: str) -> Path | None:
         """Return a folder of this name beside or above the entry file, if any."""
-        if name in ("", ".", "..") or "/" in name:
+        if not is_plain_name(name):
             return None
         beside = [folder / name for folder in self._ancestors]
         above = [folder for folder in self._ancestors if folder.name == name]
         given = [root / name for root in self._package_paths]
-        return next((path for path in [*given, *above, *beside] if path.is_dir()), None)
+        candidates = [*given, *above, *beside]
+        # Unlike that of Path, it takes names that no folder can have.
+        return next((path for path in candidates if os.path.isdir(path)), None)
 
     def _as_installed(self, name: str, package: Path) -> Path:
+        try:
+            return self._show(name, package)
+        except (OSError, ValueError, RecursionError) as error:
+            reason = getattr(error, "strerror", None) or str(error)
+            what = f"what package {name!r} installs can't be followed: {reason}"
+            done = f"its source folder {str(package)!r} is taken as it is"
+            self._report.add("warning", "unsupported", what, done, file=self._entry)
+            return package
+
+    def _show(self, name: str, package: Path) -> Path:
         rules = installed_elsewhere(package, name)
         if not rules:
             return package
         if self._installed is None:
             self._installed = Path(tempfile.mkdtemp(prefix="arm_drake_"))
             weakref.finalize(self, shutil.rmtree, self._installed, ignore_errors=True)
-        self._sources[name] = package
         shown = self._installed / name
-        show_as_installed(package, rules, shown)
+        try:
+            show_as_installed(package, rules, shown)
+        except BaseException:
+            shutil.rmtree(shown, ignore_errors=True)
+            raise
+        self._sources[name] = package
         return shown
 
     def _candidates(self) -> Iterator[dict[str, Path]]:
@@ -214,6 +229,13 @@ class PackageFinder:
         return self._scanned[root]
 
 
+def _home() -> Path | None:
+    try:
+        return Path.home()
+    except RuntimeError:  # A user without one, as in many a container.
+        return None
+
+
 def _packages_below(root: Path) -> Iterable[tuple[str, Path]]:
     """Return (name, folder) of the packages below a folder, the nearest one last."""
     found: list[tuple[str, Path]] = []
@@ -225,7 +247,8 @@ def _packages_below(root: Path) -> Iterable[tuple[str, Path]]:
             if num_folders > _MAX_FOLDERS:
                 return reversed(found)
             manifest = folder / "package.xml"
-            if manifest.is_file():
+            # Unlike that of Path, it takes folders that can't be read.
+            if os.path.isfile(manifest):
                 found.append((_package_name(manifest), folder))
             below += _subfolders(folder)
         level = below

@@ -2,7 +2,8 @@
 
 xacro keeps its arguments and its stacks of files in module globals and asks
 `ament_index_python` for packages. Both are replaced for the time of one expansion, so
-that nothing leaks from one load into the next.
+that nothing leaks from one load into the next. So is the evaluation of expressions, for
+a description must not run programs.
 """
 
 import contextlib
@@ -18,6 +19,13 @@ from xacro import substitution_args
 
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
+from arm_drake.description.xacro_evaluation import (
+    eval_argument,
+    eval_expression,
+    make_symbols,
+    open_regular,
+    replaced,
+)
 from arm_drake.description.xacro_sources import read_sources
 from arm_drake.errors import ArmDrakeError, DescriptionError, PackageError, suggest
 
@@ -52,7 +60,7 @@ def expand_xacro(
         _check_unused(values, path, text, packages, report)
         return text
     said = io.StringIO()
-    with _LOCK, _package_lookup(packages.find), contextlib.redirect_stderr(said):
+    with _LOCK, _our_own(packages.find), contextlib.redirect_stderr(said):
         try:
             document = xacro.process_file(str(path), mappings=values, verbosity=0)
         except xacro.XacroException as error:
@@ -126,7 +134,8 @@ def _read(path: Path) -> str:
         if size > MAX_SIZE:
             problem = f"{size / 2**20:.0f} MB; a description has at most 64 MB"
             raise DescriptionError(problem, file=path)
-        content = path.read_bytes()
+        with open_regular(path, "rb") as file:
+            content: bytes = file.read()
     except OSError as error:
         reason = error.strerror or str(error)
         raise DescriptionError(f"can't be read: {reason}", file=path) from None
@@ -143,19 +152,19 @@ def _read(path: Path) -> str:
 
 
 @contextlib.contextmanager
-def _package_lookup(find: Callable[[str], Path]) -> Iterator[None]:
-    """Let `$(find ...)` ask ``find``, in both places where xacro keeps the lookup."""
+def _our_own(find: Callable[[str], Path]) -> Iterator[None]:
+    """Let xacro use what is ours: the lookup of packages, `eval` and `open`."""
 
     def eval_find(name: str) -> str:
         return str(find(name))
 
-    saved = substitution_args._eval_find, substitution_args._eval_dict["find"]
-    substitution_args._eval_find = eval_find
-    substitution_args._eval_dict["find"] = eval_find
-    try:
+    with (
+        replaced(vars(substitution_args), _eval_find=eval_find, eval=eval_argument),
+        replaced(substitution_args._eval_dict, find=eval_find),
+        replaced(vars(xacro), safe_eval=eval_expression, open=open_regular),
+        replaced(vars(xacro), _global_symbols=make_symbols()),
+    ):
         yield
-    finally:
-        substitution_args._eval_find, substitution_args._eval_dict["find"] = saved
 
 
 def _explain(error: Exception, path: Path, packages: PackageFinder) -> ArmDrakeError:

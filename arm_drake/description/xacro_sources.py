@@ -5,6 +5,7 @@ read, so that one message lists everything.
 """
 
 import dataclasses as dc
+import os
 import re
 from pathlib import Path
 
@@ -50,6 +51,8 @@ def read_sources(entry: Path, packages: PackageFinder) -> XacroSources:
     waiting, seen = [entry], {entry.resolve()}
     while waiting and len(seen) < _MAX_FILES:
         path = waiting.pop(0)
+        if not os.path.isfile(path):  # A pipe would be read for ever.
+            continue
         try:
             text = path.read_text(encoding="utf-8", errors="replace")
         except OSError:
@@ -92,7 +95,7 @@ def _read(
         if "$" in name or "*" in name or not name:
             continue
         included = path.parent / name
-        if included.is_file():
+        if os.path.isfile(included):
             found.append(included)
         elif attributes.get("optional", "").lower() not in ("true", "1"):
             real = str(packages.real(included))

@@ -1,20 +1,27 @@
 """Packages whose files lie elsewhere once they are installed."""
 
+import itertools
+import os
 from pathlib import Path
 
 import pytest
 
+from arm_drake.description import install_links
 from arm_drake.description.packages import PackageFinder
+from arm_drake.description.report import LoadReport
+from tests.description.patience import within
 
 
-def make_package(folder: Path, files: dict[str, str]) -> PackageFinder:
+def make_package(
+    folder: Path, files: dict[str, str], report: LoadReport | None = None
+) -> PackageFinder:
     """Write a source package called "arm" and return a finder that starts in it."""
     package = folder / "ws" / "arm"
     for name, text in {"package.xml": "<name>arm</name>", **files}.items():
         path = package / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
-    return PackageFinder(package / "urdf" / "robot.urdf")
+    return PackageFinder(package / "urdf" / "robot.urdf", report=report)
 
 
 def test_a_package_that_installs_all_in_place_is_its_own_folder(tmp_path):
@@ -58,6 +65,28 @@ def test_a_package_that_installs_all_in_place_is_its_own_folder(tmp_path):
         ),
         ("ament_auto_package(INSTALL_TO_SHARE src/urdf)", "urdf/a.xacro"),
         ("add_subdirectory(src)", "y/a.xacro"),
+        # Loops.
+        (
+            "foreach(dir nowhere urdf)\n  install(DIRECTORY src/${dir}\n"
+            "    DESTINATION share/${PROJECT_NAME})\nendforeach()",
+            "urdf/a.xacro",
+        ),
+        (
+            "set(ALL nowhere urdf)\nforeach(dir IN LISTS ALL)\n"
+            "install(DIRECTORY src/${dir} DESTINATION share/arm)\nendforeach(dir)",
+            "urdf/a.xacro",
+        ),
+        (
+            "foreach(a IN ITEMS x src)\nforeach(b IN ITEMS urdf y)\n"
+            "install(DIRECTORY ${a}/${b} DESTINATION share/arm/${b})\nendforeach()\n"
+            "endforeach()",
+            "urdf/urdf/a.xacro",
+        ),
+        (
+            "foreach(a RANGE 3)\nproject(other)\nendforeach()\n"
+            "install(DIRECTORY src/urdf DESTINATION share/${PROJECT_NAME})",
+            "urdf/a.xacro",
+        ),
     ],
 )
 def test_cmake_says_where_files_are_installed(tmp_path, cmake, place):
@@ -202,3 +231,158 @@ def test_made_up_paths_in_a_text_become_real_ones(tmp_path):
 
     real = tmp_path / "ws" / "arm" / "src" / "urdf" / "a.xacro"
     assert text == f'<mesh filename="file://{real}"/> {real}'
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["{victim}", "../../../../../../../../../../../..{victim}", "..", "x/../../y"],
+)
+def test_a_package_replaces_no_file_outside_of_itself(tmp_path, name):
+    victim = tmp_path / "victim.txt"
+    victim.write_text("mine", encoding="utf-8")
+    name = name.format(victim=victim)
+    cmake = f"install(FILES src/evil RENAME {name} DESTINATION share/arm)"
+    files = {"CMakeLists.txt": cmake, "src/evil": "evil"}
+
+    assert make_package(tmp_path, files).find("arm") == tmp_path / "ws" / "arm"
+
+    assert victim.read_text(encoding="utf-8") == "mine"
+    assert not victim.is_symlink()
+
+
+@pytest.mark.parametrize("depth", range(1, 4))
+def test_a_place_outside_is_refused_before_anything_is_made_there(tmp_path, depth):
+    source = tmp_path / "evil"
+    source.write_text("evil", encoding="utf-8")
+    victim = tmp_path / "victim"
+    package = tmp_path / "arm"
+    package.mkdir()
+    places = (Path("../" * depth, "victim"), Path("a", "../" * depth, "victim"), victim)
+
+    for number, place in enumerate(places):
+        shown = tmp_path / "1" / "2" / str(number)
+        with pytest.raises(ValueError, match="lies outside of the package"):
+            install_links.show_as_installed(package, [(place, source)], shown)
+
+    assert not victim.exists()
+    assert {path.name for path in tmp_path.iterdir()} == {"1", "arm", "evil"}
+
+
+@pytest.mark.parametrize(
+    ("file", "text"),
+    [
+        ("CMakeLists.txt", "install(DIRECTORY src/.. DESTINATION share/arm)"),
+        ("CMakeLists.txt", "install(FILES .. DESTINATION share/arm)"),
+        ("setup.py", "data_files=[('share/arm', ['src/..'])]"),
+        ("setup.py", "data_files=[('share/arm', ['..'])]"),
+    ],
+)
+def test_what_is_called_like_the_folder_above_is_not_installed(tmp_path, file, text):
+    finder = make_package(tmp_path, {file: text, "src/a": "a"})
+
+    assert finder.find("arm") == tmp_path / "ws" / "arm"
+
+
+def test_a_link_to_a_folder_above_is_not_followed_for_ever(tmp_path):
+    cmake = "install(DIRECTORY a/ b/ DESTINATION share/arm/c)"
+    report = LoadReport()
+    files = {"CMakeLists.txt": cmake, "a/1": "1", "b/2": "2"}
+    finder = make_package(tmp_path, files, report)
+    for name in "ab":
+        (tmp_path / "ws" / "arm" / name / "up").symlink_to("..")
+
+    with within(20.0):
+        root = finder.find("arm")
+
+    assert {path.name for path in (root / "c").iterdir()} == {"1", "2", "up"}
+    assert str(report) == ""
+
+
+FALLS_BACK = {
+    "file as folder": {
+        "CMakeLists.txt": "install(DIRECTORY src DESTINATION share/arm/config/sub)",
+        "config": "",
+    },
+    "folder as file": {
+        "CMakeLists.txt": "install(FILES src/a DESTINATION share/arm RENAME b)\n"
+        "install(DIRECTORY src DESTINATION share/arm/b)\n"
+        "install(FILES src/a DESTINATION share/arm RENAME b)",
+    },
+    "long name": {
+        "CMakeLists.txt": f"install(DIRECTORY src DESTINATION share/arm/{'n' * 300})",
+    },
+    "long source": {
+        "CMakeLists.txt": f"install(DIRECTORY {'n' * 300} DESTINATION share/arm)",
+    },
+    "endless variable": {
+        "CMakeLists.txt": "set(A aaaaaaaa)\n"
+        + "set(A ${A}${A})\n" * 60
+        + "install(DIRECTORY src DESTINATION share/arm/${A})",
+    },
+    "endless loops": {
+        "CMakeLists.txt": f"foreach(a {'a ' * 100})\n" * 9
+        + "install(DIRECTORY src DESTINATION share/arm/x)\n"
+        + "endforeach()\n" * 9,
+    },
+    "itself": {"CMakeLists.txt": "add_subdirectory(.)\n" * 1000},
+    "large file": {"CMakeLists.txt": "# " * 1_000_000},
+    "nested texts": {
+        "setup.py": "a = 'x'\n"
+        + "".join(
+            f"{new} = f'" + f"{{{old}}}" * 20 + "'\n"
+            for old, new in itertools.pairwise("abcdefg")
+        )
+        + "data_files=[('share/arm/' + g, ['src/a'])]",
+    },
+}
+
+
+@pytest.mark.parametrize("case", FALLS_BACK)
+def test_install_rules_that_cant_be_followed_are_reported(tmp_path, case):
+    report = LoadReport()
+    files = {"src/a": "a", **FALLS_BACK[case]}
+    finder = make_package(tmp_path, files, report)
+    package = tmp_path / "ws" / "arm"
+
+    with within(20.0):
+        found = finder.find("arm")
+
+    assert found == package
+    assert str(report).startswith(
+        f"warning: {package / 'urdf' / 'robot.urdf'}: what package 'arm' installs "
+        "can't be followed: "
+    )
+    assert str(report).endswith(
+        f"; its source folder {str(package)!r} is taken as it is"
+    )
+    assert len(report) == 1
+
+
+def test_a_file_over_a_folder_of_the_package_is_shown_in_its_place(tmp_path):
+    cmake = "install(FILES src/a DESTINATION share/arm RENAME urdf)"
+    files = {"CMakeLists.txt": cmake, "src/a": "a", "urdf/b": "b"}
+    finder = make_package(tmp_path, files)
+
+    assert (finder.find("arm") / "urdf").read_text(encoding="utf-8") == "a"
+
+
+def test_a_setup_py_with_a_deep_expression_is_read(tmp_path):
+    # A chain this long is read, and taken apart it would be too deep.
+    deep = ".".join(["a"] * 1500)
+    text = f"b = {deep}('x')\ndata_files=[(b, []), ('share/arm/u', ['src/a'])]"
+    report = LoadReport()
+    finder = make_package(tmp_path, {"setup.py": text, "src/a": "a"}, report)
+
+    finder.find("arm")
+
+    assert str(report) == ""
+
+
+@pytest.mark.parametrize("name", ["CMakeLists.txt", "setup.py"])
+def test_a_pipe_is_not_read(tmp_path, name):
+    finder = make_package(tmp_path, {"src/a": "a"})
+    package = tmp_path / "ws" / "arm"
+    os.mkfifo(package / name)
+
+    with within(10.0):
+        assert finder.find("arm") == package

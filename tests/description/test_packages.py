@@ -1,12 +1,19 @@
 """Packages and file names, as ROS tools resolve them."""
 
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
 from pathlib import Path
 
 import pytest
 
+from arm_drake.description.controllers import load_controllers
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import PackageError
+from tests.description.patience import within
 
 
 @pytest.fixture(autouse=True)
@@ -275,3 +282,109 @@ def test_another_uri_is_refused(tmp_path, uri, message):
         PackageFinder(tmp_path / "robot.urdf").resolve(uri, tmp_path)
 
     assert str(caught.value) == message
+
+
+# Runs as a user to whom the folder "closed" is closed, even where the tests are root's.
+AS_NOBODY = """
+import os, sys
+from pathlib import Path
+from arm_drake.description.packages import PackageFinder
+from arm_drake.description.report import LoadReport
+if os.geteuid() == 0:
+    os.seteuid(65534)
+report = LoadReport()
+finder = PackageFinder(Path(sys.argv[1]), report=report)
+try:
+    print(finder.find(sys.argv[2]))
+except Exception as error:
+    print(type(error).__name__)
+print(report)
+"""
+
+
+@pytest.fixture
+def as_nobody():
+    """Return a function: entry, package -> what a user without rights is told."""
+    # The folder of pytest is for its own user.
+    folder = Path(tempfile.mkdtemp())
+    folder.chmod(0o755)
+
+    def run(entry: Path, name: str) -> list[str]:
+        done = subprocess.run(
+            [sys.executable, "-c", AS_NOBODY, str(entry), name],
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+        assert done.stderr == ""
+        return done.stdout.splitlines()
+
+    run.folder = folder
+    yield run
+    for path in folder.rglob("closed"):
+        path.chmod(0o755)
+    shutil.rmtree(folder)
+
+
+def test_a_folder_that_cant_be_read_is_passed_by(as_nobody):
+    package = add_package(as_nobody.folder / "ws" / "arm")
+    closed = add_package(as_nobody.folder / "ws" / "closed")
+    closed.chmod(0o000)
+
+    assert as_nobody(entry_of(package), "arm")[0] == str(package)
+    assert as_nobody(entry_of(package), "meshes")[0] == "PackageError"
+
+
+def test_a_folder_that_cant_be_installed_is_reported(as_nobody):
+    package = add_package(as_nobody.folder / "ws" / "arm")
+    (package / "closed").mkdir()
+    cmake = "install(DIRECTORY closed/ DESTINATION share/arm/x)"
+    (package / "CMakeLists.txt").write_text(cmake, encoding="utf-8")
+    (package / "closed").chmod(0o000)
+
+    found, line = as_nobody(entry_of(package), "arm")
+
+    assert found == str(package)
+    assert "what package 'arm' installs can't be followed: Permission denied" in line
+
+
+def test_a_package_whose_name_no_folder_can_have_is_missing(tmp_path):
+    finder = PackageFinder(tmp_path / "robot.urdf")
+
+    with pytest.raises(PackageError, match="not found"):
+        finder.resolve(f"package://{'n' * 300}/a.stl", tmp_path)
+
+
+def test_a_controllers_file_whose_name_no_file_can_have_is_missing(tmp_path):
+    name = "n" * 300
+    path = tmp_path / "0.yaml"
+    path.write_text(
+        "controller_manager:\n  ros__parameters:\n    arm: {type: a/A}\n"
+        f"    arm.params_file: {name}\n",
+        encoding="utf-8",
+    )
+    report = LoadReport()
+
+    load_controllers([path], {}, report)
+
+    assert f"no such file: {name!r}; it is left out" in str(report)
+
+
+def test_a_user_without_a_home_folder_finds_packages_too(tmp_path, monkeypatch):
+    def no_home() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(Path, "home", no_home)
+    package = add_package(tmp_path / "ws" / "arm")
+
+    assert PackageFinder(entry_of(package)).find("arm") == package
+
+
+def test_a_manifest_that_is_a_pipe_is_not_read(tmp_path):
+    package = tmp_path / "ws" / "arm"
+    package.mkdir(parents=True)
+    os.mkfifo(package / "package.xml")
+
+    with within(10.0):
+        assert PackageFinder(entry_of(package)).find("arm") == package

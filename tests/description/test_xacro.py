@@ -1,14 +1,18 @@
 """xacro without ROS: packages, arguments, and errors with their place."""
 
+import os
 import time
 
 import pytest
+import xacro
+from xacro import substitution_args
 
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
 from arm_drake.description.xacro import expand_xacro
 from arm_drake.description.xacro_sources import declared_arguments
 from arm_drake.errors import DescriptionError, PackageError
+from tests.description.patience import within
 
 NAMESPACE = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
 
@@ -374,3 +378,150 @@ def test_what_xacro_warns_about_is_in_the_report(tmp_path, capsys):
         "xacro.load_yaml() instead.; so says xacro"
     )
     assert capsys.readouterr() == ("", "")
+
+
+# Ways from an expression to a function that makes the file TARGET.
+SYSTEM = (
+    "[c for c in ().__class__.__base__.__subclasses__() if c.__name__=='_wrap_close']"
+    "[0].__init__.__globals__['system']('touch TARGET')"
+)
+GETTER = "python.vars(python.type(xacro.load_yaml))['__globals__']"
+ESCAPES = [
+    f"(lambda: {SYSTEM})()",
+    f"[{SYSTEM} for x in [1]]",
+    # Letters that Python takes for underscores.
+    f"(lambda: {SYSTEM})()".replace("__class__", "_\uff3fclass\uff3f_"),
+    # Neither with underscores: the frame of a generator, and a name in a text.
+    "(lambda g: [g.append((g[0].gi_frame.f_back.f_back.f_back.f_globals['os']"
+    ".system('touch TARGET') for _ in [1])), list(g[0])])([])",
+    f"python.vars(python.type({GETTER}))['__get__']({GETTER}, xacro.load_yaml)['os']"
+    ".system('touch TARGET')",
+]
+
+
+@pytest.mark.parametrize("index", range(len(ESCAPES)))
+def test_an_expression_runs_no_program(expand, tmp_path, index):
+    target = tmp_path / "made"
+    expression = ESCAPES[index].replace("TARGET", str(target))
+
+    with pytest.raises(DescriptionError, match=r"invalid name|'vars' is not defined"):
+        expand(f'<link name="${{{expression}}}"/>')
+
+    assert not target.exists()
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        "open('TARGET', 'w')",
+        "exec('open(\\'TARGET\\', \\'w\\')')",
+        "getattr(str, 'join')",
+        f"(lambda: {SYSTEM})()",
+    ],
+)
+def test_an_argument_expression_runs_no_program(expand, tmp_path, call):
+    target = tmp_path / "made"
+    call = call.replace("TARGET", str(target))
+
+    # xacro reads $(eval) up to the first bracket; a property may hold more of them.
+    with pytest.raises(DescriptionError, match=r"not defined|double underscore"):
+        expand(f'<xacro:property name="e" value="{call}"/><a b="$(eval ${{e}})"/>')
+
+    assert not target.exists()
+
+
+@pytest.mark.parametrize(
+    "expression",
+    [
+        r"'{0.__globals__[os]\x7d'.format(xacro.load_yaml)",
+        r"'{a.__globals__[os]\x7d'.format_map(dict(a=xacro.load_yaml))",
+        r"list(map(str.format, ['{0.__globals__[os]\x7d'], [xacro.load_yaml]))",
+        r"'{0:{1.__globals__[os]\x7d\x7d'.format(1, xacro.load_yaml)",
+        "python.type('A', (), dict(a=1))",
+        "[0 for xacro.dotify.wrap in [1]]",
+        "__mul(2, 3)",
+    ],
+)
+def test_an_expression_reaches_nothing_outside(expand, expression):
+    with pytest.raises(DescriptionError):
+        expand(f'<link name="${{{expression}}}"/>')
+
+
+@pytest.mark.parametrize(
+    ("expression", "value"),
+    [
+        ("2**3 + 2*3", "14"),
+        ("-2**2", "-4"),
+        ("2.0**-1", "0.5"),
+        ("[0]*2 + ['a'*2]", "[0, 0, 'aa']"),
+        ("(lambda f_x: f_x*2)(4)", "8"),
+        ("[x*y for x in [1, 2] for y in [3]]", "[3, 6]"),
+        (r"'{\x7d_{a[0]:.2f\x7d'.format('x', a=[1.5])", "x_1.50"),
+        (r"list(map(str.format, ['{\x7d!'], [1]))", "['1!']"),
+        ("xacro.dotify(dict(format=3)).format", "3"),
+        ("python.type(1) == int", "True"),
+        ("python.sum(python.range(4))", "6"),
+        ("radians(180) == math.pi", "True"),
+    ],
+)
+def test_an_expression_has_the_value_that_python_gives_it(expand, expression, value):
+    assert f'<link name="{value}"/>' in expand(f'<link name="${{{expression}}}"/>')
+
+
+def test_an_argument_expression_knows_numbers_texts_and_mathematics(expand):
+    text = expand('<xacro:arg name="n" default="3"/><a b="$(eval n * 2 + pi > 9)"/>')
+    assert '<a b="True"/>' in text
+
+    call = "max(len('ab'), int('7'))"
+    text = expand(f'<xacro:property name="e" value="{call}"/><a b="$(eval ${{e}})"/>')
+    assert '<a b="7"/>' in text
+
+
+@pytest.mark.parametrize(
+    "expression",
+    ["9**9**9", "'a'*10**12", "[0]*10**12", "1 &lt;&lt; 10**12", "10**12*'a'"],
+)
+def test_an_expression_of_endless_size_is_an_error(expand, expression):
+    with within(10.0), pytest.raises(DescriptionError, match=r"more than 10+ "):
+        expand(f'<link name="${{{expression}}}"/>')
+
+
+def test_what_an_expression_changes_doesnt_leak_into_the_next_expansion(expand):
+    expand('<a b="${math.update(pi=3)}"/><a b="${python.update(len=str)}"/>')
+
+    assert '<a b="3.14"/>' in expand('<a b="${round(math.pi, 2)}"/>')
+    assert "eval" not in vars(substitution_args)
+    assert "open" not in vars(xacro)
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        '<xacro:include filename="pipe"/>',
+        "${xacro.load_yaml('pipe')}",
+        "${load_yaml('pipe')}",
+    ],
+)
+def test_a_pipe_is_not_read(expand, tmp_path, body):
+    os.mkfifo(tmp_path / "pipe")
+
+    with within(10.0), pytest.raises(DescriptionError) as caught:
+        expand(body)
+
+    file, pipe = tmp_path / "robot.xacro", tmp_path / "pipe"
+    assert str(caught.value) == f"{file}: '{pipe}' can't be read: Not a regular file"
+
+
+def test_a_description_that_is_a_pipe_is_not_read(tmp_path):
+    path = tmp_path / "robot.xacro"
+    os.mkfifo(path)
+
+    with within(10.0), pytest.raises(DescriptionError) as caught:
+        expand_xacro(path, {}, PackageFinder(path))
+
+    assert str(caught.value) == f"{path}: can't be read: Not a regular file"
+
+
+def test_an_included_file_of_a_name_that_none_can_have_is_missing(expand):
+    with pytest.raises(DescriptionError, match="File name too long"):
+        expand(f'<xacro:include filename="{"n" * 300}"/>')
