@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from arm_drake.clients import ControllerHandle as ControllerHandle
     from arm_drake.clients import GoalHandle as GoalHandle
+    from arm_drake.controllers import register_controller as register_controller
     from arm_drake.description.report import LoadReport as LoadReport
     from arm_drake.description.robot import Robot as Robot
     from arm_drake.diagram import build_diagram as build_diagram
@@ -48,6 +49,7 @@ _MODULES = {
     "build_diagram": "diagram",
     "load_motion": "motion",
     "load_robot": "loading",
+    "register_controller": "controllers",
     "start_meshcat": "visualization.meshcat",
 }
 

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Literal, NamedTuple
 
 from arm_drake import interfaces
-from arm_drake.controllers import CONTROLLER_TYPES
+from arm_drake.controllers import CONTROLLER_TYPES, find_controller_type
 from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
@@ -158,7 +158,7 @@ class _Loader:
 
     def load(self, controller: ControllerConfig) -> ControllerInterface | None:
         """Return the system of a controller, or None and a line in the report."""
-        row = CONTROLLER_TYPES.get(controller.type)
+        row = find_controller_type(controller.type)
         if row is None:
             hint = _similar_type(controller.type)
             problem = f"unknown controller type {controller.type!r}{hint}"

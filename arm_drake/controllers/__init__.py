@@ -4,7 +4,8 @@ To add one, write its module (parameters dataclass and system) and its test, the
 its row to `CONTROLLER_TYPES`.
 """
 
-from collections.abc import Callable, Mapping
+import importlib.metadata
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from arm_drake.controllers.admittance_controller import AdmittanceControllerParameters
@@ -86,7 +87,7 @@ class ControllerType(NamedTuple):
 _JSB = "joint_state_broadcaster/JointStateBroadcaster"
 _JTC = "joint_trajectory_controller/JointTrajectoryController"
 
-CONTROLLER_TYPES: Mapping[str, ControllerType] = {
+CONTROLLER_TYPES: dict[str, ControllerType] = {
     _JSB: ControllerType(JointStateBroadcasterParameters, JointStateBroadcaster),
     _JTC: ControllerType(
         JointTrajectoryControllerParameters, JointTrajectoryController
@@ -174,3 +175,43 @@ CONTROLLER_TYPES: Mapping[str, ControllerType] = {
         JointStateBroadcasterParameters, JointStateBroadcaster, _JSB
     ),
 }
+
+# Group of the entry points through which other packages add types: a name is a
+# ros2_control type, its object a ControllerType.
+ENTRY_POINTS = "arm_drake.controllers"
+
+
+def find_controller_type(name: str) -> ControllerType | None:
+    """Return the row of a controller type, ours or another package's, or None.
+
+    Args:
+        name: A ros2_control type.
+    """
+    if name not in CONTROLLER_TYPES:
+        for entry_point in importlib.metadata.entry_points(group=ENTRY_POINTS):
+            if entry_point.name == name:
+                CONTROLLER_TYPES[name] = entry_point.load()
+    return CONTROLLER_TYPES.get(name)
+
+
+def register_controller(
+    name: str,
+    parameters: type,
+    system: Callable[[Any, ControllerInterfaceParams], ControllerInterface],
+) -> None:
+    """Add a controller type of one's own, before a robot that has it is loaded.
+
+    A package that is installed does it with an entry point of the group
+    `arm_drake.controllers`.
+
+    Args:
+        name: Its ros2_control type, such as "my_controllers/MyController".
+        parameters: Frozen dataclass of its parameters.
+        system: Makes the system from parameters and surroundings.
+
+    Raises:
+        ValueError: If there is a type of this name.
+    """
+    if find_controller_type(name) is not None:
+        raise ValueError(f"controller type {name!r} is registered already")
+    CONTROLLER_TYPES[name] = ControllerType(parameters, system)

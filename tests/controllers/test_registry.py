@@ -1,0 +1,114 @@
+"""Controller types of other packages."""
+
+import dataclasses as dc
+import importlib.metadata
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pydrake.systems.framework import Context
+
+import arm_drake as ad
+from arm_drake import controllers
+from arm_drake.controllers import ControllerType
+from arm_drake.controllers.controller_interface import (
+    ControllerInterfaceParams,
+    TickingController,
+)
+from arm_drake.messages import NANOSECONDS
+from tests import models
+
+TYPE = "my_controllers/Wave"
+
+YAML = f"""
+controller_manager:
+  ros__parameters:
+    update_rate: 100
+    wave: {{type: {TYPE}}}
+wave:
+  ros__parameters:
+    joints: [swing]
+    amplitude: 0.2
+"""
+
+
+@dc.dataclass(frozen=True)
+class WaveParameters:
+    """Parameters of a Wave."""
+
+    joints: tuple[str, ...]
+    amplitude: float = 0.1
+
+
+class Wave(TickingController[float]):
+    """Moves joints to and fro, once a second; its state is the time [s]."""
+
+    def __init__(
+        self, parameters: WaveParameters, params: ControllerInterfaceParams
+    ) -> None:
+        self._size = len(parameters.joints)
+        self._amplitude = parameters.amplitude
+        claims = tuple(f"{joint}/position" for joint in parameters.joints)
+        super().__init__(params, 0.0, state_interfaces=(), command_interfaces=claims)
+
+    def _tick(
+        self, context: Context, state: float, time_ns: int, period_ns: int
+    ) -> float:
+        return time_ns / NANOSECONDS
+
+    def _command(self, state: float) -> Any:
+        return np.full(self._size, self._amplitude * math.sin(2.0 * math.pi * state))
+
+
+@pytest.fixture(autouse=True)
+def own_types(monkeypatch):
+    """Leave the registry as it is after each test."""
+    types = dict(controllers.CONTROLLER_TYPES)
+    monkeypatch.setattr(controllers, "CONTROLLER_TYPES", types)
+
+
+def simulate(folder: Path) -> ad.Rollout:
+    robot = models.load(folder, models.pendulum(), YAML)
+    simulation = ad.Simulation(ad.build_diagram(robot))
+    simulation.advance_to(2.0)
+    return simulation.rollout()
+
+
+def test_a_type_of_ones_own_moves_the_robot(tmp_path):
+    ad.register_controller(TYPE, WaveParameters, Wave)
+
+    rollout = simulate(tmp_path)
+
+    late = rollout.position[100:, 0]
+    assert late.max() == pytest.approx(0.2, abs=0.01)
+    assert late.min() == pytest.approx(-0.2, abs=0.01)
+
+
+def test_without_it_the_type_is_unknown(tmp_path):
+    robot = models.load(tmp_path, models.pendulum(), YAML)
+
+    assert f"unknown controller type {TYPE!r}" in str(robot.report)
+
+
+def test_an_installed_package_adds_types_by_entry_points(tmp_path, monkeypatch):
+    class EntryPoint:
+        name = TYPE
+
+        def load(self) -> ControllerType:
+            return ControllerType(WaveParameters, Wave)
+
+    def entry_points(group: str) -> list[EntryPoint]:
+        return [EntryPoint()] if group == controllers.ENTRY_POINTS else []
+
+    monkeypatch.setattr(importlib.metadata, "entry_points", entry_points)
+
+    assert simulate(tmp_path).position.max() == pytest.approx(0.2, abs=0.01)
+
+
+def test_a_type_is_registered_once():
+    name = "joint_trajectory_controller/JointTrajectoryController"
+
+    with pytest.raises(ValueError, match="is registered already"):
+        ad.register_controller(name, WaveParameters, Wave)
