@@ -69,10 +69,6 @@ class ComponentInfo:
     position_pid: PidGains | None = None
     velocity_pid: PidGains | None = None
 
-    def has_command_interface(self, name: str) -> bool:
-        """Return whether the component accepts this quantity."""
-        return any(interface.name == name for interface in self.command_interfaces)
-
 
 @dc.dataclass(frozen=True)
 class TransmissionJointInfo:

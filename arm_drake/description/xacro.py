@@ -234,7 +234,8 @@ def _explain_recursion(packages: PackageFinder) -> str:
             circle = files[files.index(file) : index + 1]
             return f"includes itself: {' -> '.join(circle)}"
     macros = {macro.body.getAttribute("name") for macro in xacro.macrostack or []}
-    return f"nested too deeply; macros that call each other: {sorted(macros)}"
+    calls = f"; macros that call each other: {sorted(macros)}" if macros else ""
+    return f"nested too deeply{calls}"
 
 
 def _with_places(missing: Mapping[str, list[str]]) -> str:

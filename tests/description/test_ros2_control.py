@@ -258,8 +258,6 @@ def test_a_joint_has_its_interfaces_with_limits_and_initial_values():
         ),
         parameters={"offset": "3"},
     )
-    assert joint.has_command_interface("position")
-    assert not joint.has_command_interface("velocity")
     assert lines == []
 
 
