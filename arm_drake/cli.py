@@ -118,7 +118,7 @@ def _graph(options: argparse.Namespace) -> int:
 
 
 def _cache(options: argparse.Namespace) -> int:
-    from arm_drake.description.meshes import cache_directory, clear_cache
+    from arm_drake.description.meshes.conversion import cache_directory, clear_cache
 
     folder = cache_directory()
     if options.clear:

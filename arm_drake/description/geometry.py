@@ -6,7 +6,11 @@ import os
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-from arm_drake.description.meshes import Scale, convert_collision, convert_visual
+from arm_drake.description.meshes.conversion import (
+    Scale,
+    convert_collision,
+    convert_visual,
+)
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import Kind, LoadReport, Severity
 from arm_drake.description.values import numbers

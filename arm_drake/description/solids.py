@@ -209,6 +209,6 @@ def _mesh_solid(shape: ET.Element) -> Inertial | None:
     places = [document["accessors"][p["attributes"]["POSITION"]] for p in primitives]
     lower = np.min([place["min"] for place in places], axis=0)
     upper = np.max([place["max"] for place in places], axis=0)
-    # glTF is y-up; `mesh_cache` turned it.
+    # glTF is y-up; `gltf` turned it.
     turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
     return box(upper - lower).moved(turn, turn @ (lower + upper) / 2.0)

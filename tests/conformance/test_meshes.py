@@ -18,7 +18,7 @@ import pytest
 from PIL import Image
 from scipy.spatial import ConvexHull
 
-from arm_drake.description.meshes import (
+from arm_drake.description.meshes.conversion import (
     MESH_SUFFIXES,
     convert_collision,
     convert_visual,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from arm_drake.description import solids
-from arm_drake.description.meshes import convert_visual
+from arm_drake.description.meshes.conversion import convert_visual
 from arm_drake.description.report import LoadReport
 from arm_drake.description.solids import Inertial, link_solid
 

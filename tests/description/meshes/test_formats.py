@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests.description.mesh_samples import (
+from tests.description.meshes.samples import (
     BOX,
     BOX_FACES,
     Converter,

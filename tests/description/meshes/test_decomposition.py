@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from arm_drake.description import convex
-from arm_drake.description import meshes as mut
+from arm_drake.description.meshes import conversion as mut
+from arm_drake.description.meshes import convex
 from arm_drake.errors import MissingExtraError
-from tests.description.mesh_samples import (
+from tests.description.meshes.samples import (
     ONE,
     Converter,
     binary_stl,

@@ -6,9 +6,9 @@ import trimesh
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from arm_drake.description import convex as mut
-from arm_drake.description.meshes import convert_collision
-from tests.description.mesh_samples import (
+from arm_drake.description.meshes import convex as mut
+from arm_drake.description.meshes.conversion import convert_collision
+from tests.description.meshes.samples import (
     BOX,
     ONE,
     Converter,

@@ -8,14 +8,14 @@ from typing import Literal
 
 import numpy as np
 
-from arm_drake.description import convex, mesh_cache
-from arm_drake.description.gltf import encode_gltf
-from arm_drake.description.mesh_cache import cache_directory as cache_directory
-from arm_drake.description.mesh_cache import clear_cache as clear_cache
-from arm_drake.description.mesh_files import read_bytes, references
-from arm_drake.description.mesh_reading import read_surfaces
+from arm_drake.description.meshes import cache, convex
+from arm_drake.description.meshes.cache import cache_directory as cache_directory
+from arm_drake.description.meshes.cache import clear_cache as clear_cache
+from arm_drake.description.meshes.files import read_bytes, references
+from arm_drake.description.meshes.gltf import encode_gltf
+from arm_drake.description.meshes.reading import read_surfaces
+from arm_drake.description.meshes.surfaces import Array, Color, Surface
 from arm_drake.description.report import Kind, LoadReport, ReportEntry, Severity
-from arm_drake.description.surfaces import Array, Color, Surface
 
 # Part of every cache key: raise it when the same input gives another output.
 CONVERTER_VERSION = 4
@@ -129,7 +129,7 @@ class _Conversion:
         digest = hashlib.sha256(repr(key).encode()).hexdigest()
         folder = (cache_directory() if cache_dir is None else cache_dir).absolute()
         kind = ".gltf" if self.mode == "visual" else ".obj"
-        converted = mesh_cache.find(folder, digest, kind)
+        converted = cache.find(folder, digest, kind)
         if converted is None:
             notes: list[ReportEntry] = []
             try:
@@ -143,7 +143,7 @@ class _Conversion:
             if not outputs:
                 self._add_notes(notes)
                 return self._lose("invalid", "holds no triangles", "warning")
-            converted = mesh_cache.keep(
+            converted = cache.keep(
                 folder, digest, kind, outputs, notes=notes, report=self.report
             )
         self._add_notes(converted.notes)

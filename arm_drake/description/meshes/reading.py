@@ -13,16 +13,16 @@ from typing import Any
 
 import numpy as np
 
-from arm_drake.description.mesh_collada import read_collada
-from arm_drake.description.mesh_files import beside, read_bytes
-from arm_drake.description.report import ReportEntry
-from arm_drake.description.surfaces import (
+from arm_drake.description.meshes.collada import read_collada
+from arm_drake.description.meshes.files import beside, read_bytes
+from arm_drake.description.meshes.surfaces import (
     Array,
     Surface,
     linear,
     to_linear,
     transformed,
 )
+from arm_drake.description.report import ReportEntry
 
 # What reading takes stays below 3 GB of memory and half a minute.
 MAX_TRIANGLES = 4_000_000

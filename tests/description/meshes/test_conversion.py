@@ -9,11 +9,11 @@ import pytest
 from PIL import Image
 from pydrake.geometry import Convex
 
-import arm_drake.description.meshes as mut
-from arm_drake.description import mesh_cache
+import arm_drake.description.meshes.conversion as mut
+from arm_drake.description.meshes import cache as mesh_cache
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import OutputError
-from tests.description.mesh_samples import (
+from tests.description.meshes.samples import (
     BOX,
     BOX_FACES,
     ONE,
@@ -427,7 +427,7 @@ def test_a_second_call_needs_no_parser(converter):
     code = f"""
 import sys
 from pathlib import Path
-from arm_drake.description.meshes import convert_visual
+from arm_drake.description.meshes.conversion import convert_visual
 from arm_drake.description.report import LoadReport
 from tests.robots import real_robot
 

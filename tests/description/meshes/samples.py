@@ -9,7 +9,7 @@ import numpy as np
 from PIL import Image
 from pydrake.geometry import Mesh
 
-from arm_drake.description import meshes
+from arm_drake.description.meshes import conversion as meshes
 from arm_drake.description.report import LoadReport
 
 ONE = (1.0, 1.0, 1.0)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from arm_drake.description.surfaces import Array, Color, Surface, to_linear
+from arm_drake.description.meshes.surfaces import Array, Color, Surface, to_linear
 
 _MATTE = {"metallicFactor": 0.0, "roughnessFactor": 0.8}
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from arm_drake.description.surfaces import Array, Surface
+from arm_drake.description.meshes.surfaces import Array, Surface
 from arm_drake.errors import MissingExtraError
 
 # Drake's convex hull needs a volume: a flat mesh gets this thickness [m].

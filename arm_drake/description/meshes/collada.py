@@ -12,8 +12,14 @@ from xml.parsers import expat
 
 import numpy as np
 
+from arm_drake.description.meshes.surfaces import (
+    Array,
+    Color,
+    Surface,
+    linear,
+    to_linear,
+)
 from arm_drake.description.report import ReportEntry
-from arm_drake.description.surfaces import Array, Color, Surface, linear, to_linear
 
 # Nodes can be used in nodes that are used in nodes.
 _MAX_NODES = 20_000

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from arm_drake.description import mesh_cache
-from arm_drake.description import meshes as mut
+from arm_drake.description.meshes import cache as mesh_cache
+from arm_drake.description.meshes import conversion as mut
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import OutputError
-from tests.description.mesh_samples import (
+from tests.description.meshes.samples import (
     BOX,
     ONE,
     Converter,
@@ -96,7 +96,7 @@ def test_a_home_that_cannot_be_written_does_no_harm(tmp_path):
     source.write_bytes(binary_stl())
     code = f"""
 from pathlib import Path
-from arm_drake.description.meshes import convert_collision
+from arm_drake.description.meshes.conversion import convert_collision
 from arm_drake.description.report import LoadReport
 
 report = LoadReport()
@@ -124,7 +124,7 @@ WORKER = """
 import sys, time
 from pathlib import Path
 import trimesh, collada, scipy.spatial
-from arm_drake.description.meshes import convert_collision, convert_visual
+from arm_drake.description.meshes.conversion import convert_collision, convert_visual
 from arm_drake.description.report import LoadReport
 
 folder, number = Path(sys.argv[1]), int(sys.argv[2])

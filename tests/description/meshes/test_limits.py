@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm_drake.description.mesh_files import MAX_FILE_BYTES, references
-from tests.description.mesh_samples import (
+from arm_drake.description.meshes.files import MAX_FILE_BYTES, references
+from tests.description.meshes.samples import (
     BOX,
     Converter,
     binary_stl,
@@ -346,7 +346,7 @@ def test_very_small_and_very_large_meshes_are_survived(converter, size):
 MILLION = """
 import resource, sys, time
 from pathlib import Path
-from arm_drake.description.meshes import convert_collision, convert_visual
+from arm_drake.description.meshes.conversion import convert_collision, convert_visual
 from arm_drake.description.report import LoadReport
 
 report, source, cache = LoadReport(), Path(sys.argv[1]), Path(sys.argv[2])

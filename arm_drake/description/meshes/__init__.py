@@ -1,0 +1,1 @@
+"""Meshes of robot descriptions, converted once to what Drake draws and collides."""
