@@ -7,6 +7,7 @@ import io
 import json
 import os
 import sys
+import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -88,7 +89,8 @@ def _list(options: argparse.Namespace) -> int:
     for name, motions in robots.items():
         print(f"{name}\n  motions: {', '.join(motions) or 'none'}")
     print(f"worlds: {', '.join(worlds)}")
-    print("examples:", *(examples or ["none (pip install 'arm-drake[robots]')"]))
+    names = ", ".join(examples or ["none (pip install 'arm-drake[robots]')"])
+    print(textwrap.fill(f"examples: {names}", width=88, subsequent_indent="  "))
     return 0
 
 

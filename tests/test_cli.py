@@ -106,6 +106,32 @@ def test_check_reports_a_joint_that_the_robot_lacks(run, tmp_path):
     assert f"controller {JTC} ({kind}): inactive: {problem}" in out
 
 
+def test_check_tells_what_overlaps_where_the_robot_stands(run, tmp_path):
+    box = '<collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision>'
+    urdf = (
+        f'<robot name="r"><link name="a"/><link name="b">{box}</link><joint name="j" '
+        'type="continuous"><parent link="a"/><child link="b"/></joint></robot>'
+    )
+    (tmp_path / "r.urdf").write_text(urdf)
+
+    _, out, _ = run("check", tmp_path / "r.urdf")
+
+    assert (
+        "    links overlap in the initial pose: b and the world; "
+        "they pass through each other\n"
+    ) in out
+
+
+def test_list_names_the_examples(run):
+    _, out, _ = run("list")
+    _, listed, _ = run("list", "--json")
+
+    examples = json.loads(listed)["examples"]
+    assert "example:ur5_robot" in examples
+    assert all(name in out for name in examples)
+    assert max(map(len, out.splitlines())) <= 88
+
+
 @pytest.mark.parametrize("command", ["check", "sim"])
 def test_what_drake_warns_about_is_read_in_the_report_only(tmp_path, command):
     # Drake takes no mass of a link called "world".

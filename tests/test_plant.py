@@ -391,7 +391,8 @@ def test_a_joint_of_several_degrees_of_freedom_moves_freely(
         '<link name="free"><inertial><mass value="2"/><inertia ixx="1" ixy="0" ixz="0" '
         'iyy="1" iyz="0" izz="1"/></inertial></link>'
         f'<joint name="loose" type="{joint_type}"><parent link="base"/>'
-        '<child link="free"/><origin xyz="0.1 0 2"/><axis xyz="0 1 0"/></joint>'
+        '<child link="free"/><origin xyz="0.1 0 2"/><axis xyz="0 1 0"/>'
+        '<dynamics damping="0"/></joint>'
         "</robot>",
     )
     robot = models.load(tmp_path, urdf)

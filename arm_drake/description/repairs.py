@@ -105,6 +105,9 @@ def _repair_joint(joint: ET.Element, file: Path, report: LoadReport) -> None:
     # Friction is modelled beside the plant; Drake would warn about it.
     if dynamics is not None:
         dynamics.attrib.pop("friction", None)
+        if joint.get("type") == "planar" and "damping" in dynamics.attrib:
+            # Drake wants one for each degree of freedom.
+            dynamics.set("damping", " ".join([dynamics.attrib["damping"]] * 3))
 
 
 def _repair_limit(
