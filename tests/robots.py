@@ -5,10 +5,13 @@ checkout. Without it the tests that need it are skipped; `ARM_DRAKE_NO_SKIP=1` m
 them fail instead, for a machine where every test must run.
 """
 
+import contextlib
 import os
 from pathlib import Path
+from typing import Any
 
 import pytest
+import yaml
 
 _BESIDE_THE_CHECKOUT = Path(__file__).parents[2] / "shared" / "robots"
 
@@ -27,6 +30,19 @@ def real_robot(relative: str) -> Path:
     if not path.is_file():
         skip_or_fail(f"no file {path}")
     return path
+
+
+def read_index() -> dict[str, dict[str, Any]]:
+    """Return the rows of the folder's INDEX.yaml by the robots' names, or skip."""
+    text = real_robot("INDEX.yaml").read_text(encoding="utf-8")
+    return {row["name"]: row for row in yaml.safe_load(text)["robots"]}
+
+
+def robot_names() -> list[str]:
+    """Return the names in the index, or "none" without one: for parametrization."""
+    with contextlib.suppress(pytest.skip.Exception, pytest.fail.Exception):
+        return list(read_index())
+    return ["none"]
 
 
 def skip_or_fail(reason: str) -> None:

@@ -19,7 +19,6 @@ from pathlib import Path
 import numpy as np
 import pinocchio
 import pytest
-import yaml
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
@@ -29,36 +28,7 @@ from pydrake.systems.framework import Context, Diagram
 import arm_drake as ad
 from arm_drake.description.inertia import repair_inertials
 from arm_drake.description.report import LoadReport
-from tests.robots import real_robot, robots_folder
-
-ROBOTS = (
-    "demo01_rrbot",
-    "demo03_rrbot_system_m",
-    "demo04_rrbot_system_w",
-    "demo08_rrbot_transmis",
-    "demo10_rrbot",
-    "demo11_carlikebot",
-    "gz_ackermann_drive",
-    "gz_gripper_mimic_joint_position",
-    "gzc_vertical_cart_position_pids_in_yaml",
-    "gzc_diff_drive_namespaced",
-    "denso_cobotta",
-    "robotiq_2f85",
-    "interbotix_wx250s",
-    "kuka_kr6_agilus",
-    "ar4",
-    "open_manipulator_x",
-    "create3",
-    "xarm6",
-    "pmb2",
-    "dobot_cr5",
-    "so100_brukg",
-    "ifra_irb120",
-    "epick",
-    "doosan_a0912",
-    "mycobot_280",
-    "mycobot_280_ros2_control",
-)
+from tests.robots import read_index, real_robot, robot_names, robots_folder
 
 # What INDEX.yaml says of a robot whose inertias can't be simulated as written.
 UNPHYSICAL = {
@@ -84,12 +54,6 @@ def get_package_share_directory(name):
             return line
     raise LookupError(name)
 """
-
-
-@functools.cache
-def index() -> dict[str, dict]:
-    text = real_robot("INDEX.yaml").read_text(encoding="utf-8")
-    return {entry["name"]: entry for entry in yaml.safe_load(text)["robots"]}
 
 
 def expand(entry: dict, folder: Path) -> str:
@@ -142,7 +106,7 @@ class Case:
 
     @property
     def is_unphysical(self) -> bool:
-        return bool(UNPHYSICAL & set(index()[self.name]["traits"]))
+        return bool(UNPHYSICAL & set(read_index()[self.name]["traits"]))
 
     @functools.cached_property
     def joints(self) -> list[str]:
@@ -230,11 +194,11 @@ def check_dynamics(
         assert error.max() <= DYNAMICS_TOLERANCE
 
 
-@pytest.fixture(scope="module", params=ROBOTS)
+@pytest.fixture(scope="module", params=robot_names())
 def case(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> Case:
-    entry = index()[request.param]
+    entry = read_index()[request.param]
     text = expand(entry, tmp_path_factory.mktemp(request.param))
     robot = ad.load_robot(
         real_robot(entry["entry"]),
@@ -252,10 +216,6 @@ def case(
         robot=robot,
         diagram=ad.build_diagram(robot, world="void"),
     )
-
-
-def test_every_robot_of_the_index_is_compared() -> None:
-    assert set(index()) == set(ROBOTS)
 
 
 def test_both_have_the_same_joints_and_links(case: Case) -> None:

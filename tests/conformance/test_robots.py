@@ -3,17 +3,15 @@
 The index may be another one: `ARM_DRAKE_ROBOTS` names its folder.
 """
 
-import contextlib
 import dataclasses as dc
 from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 
 import arm_drake as ad
 from arm_drake.controller_loading import load_controllers_of
-from tests.robots import real_robot, robots_folder
+from tests.robots import read_index, robot_names, robots_folder
 
 # The types that are simulated, and names of other packages for the same. To be extended
 # with every new one.
@@ -29,18 +27,6 @@ DURATION = 2.0
 HOLD_TOLERANCE = 5e-3
 
 
-def read_index() -> dict[str, dict[str, Any]]:
-    text = real_robot("INDEX.yaml").read_text(encoding="utf-8")
-    return {row["name"]: row for row in yaml.safe_load(text)["robots"]}
-
-
-def names() -> list[str]:
-    """Return the names in the index, or "none" without one."""
-    with contextlib.suppress(pytest.skip.Exception, pytest.fail.Exception):
-        return list(read_index())
-    return ["none"]
-
-
 @dc.dataclass(frozen=True)
 class Case:
     """A robot as loaded, and what the index expects of it."""
@@ -49,7 +35,7 @@ class Case:
     expected: dict[str, Any]
 
 
-@pytest.fixture(scope="module", params=names())
+@pytest.fixture(scope="module", params=robot_names())
 def case(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> Case:

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 
 from arm_drake.description.gazebo import read_gazebo_plugins
 from arm_drake.description.gazebo_fields import read_joint_plugins
@@ -22,22 +21,10 @@ from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
 from arm_drake.description.ros2_control import read_hardware
 from arm_drake.description.xacro import expand_xacro
-from tests.robots import real_robot, robots_folder
+from tests.robots import read_index, real_robot, robot_names, robots_folder
 
 # Parts of a block that the index lists where there are any.
 OPTIONAL = ("sensors", "gpios", "transmissions")
-
-
-def read_index() -> dict[str, dict[str, Any]]:
-    text = real_robot("INDEX.yaml").read_text(encoding="utf-8")
-    return {row["name"]: row for row in yaml.safe_load(text)["robots"]}
-
-
-def robots() -> list[str]:
-    """Return the robots of the index, or "none" without it."""
-    with contextlib.suppress(pytest.skip.Exception, pytest.fail.Exception):
-        return list(read_index())
-    return ["none"]
 
 
 def listed_robots() -> list[str]:
@@ -112,7 +99,7 @@ def test_the_blocks_of_a_real_robot_are_as_the_index_says(name: str) -> None:
     assert [as_listed(block) for block in hardware] == row["expected"]["ros2_control"]
 
 
-@pytest.mark.parametrize("name", robots())
+@pytest.mark.parametrize("name", robot_names())
 def test_mimic_joints_of_a_real_robot_are_as_the_index_says(name: str) -> None:
     row = read_index()[name]
     root, report = expand(row), LoadReport()
@@ -135,7 +122,7 @@ def test_mimic_joints_of_a_real_robot_are_as_the_index_says(name: str) -> None:
 
 
 def test_the_mycobot_of_ignition_has_a_position_controller_per_joint() -> None:
-    real_robot("INDEX.yaml")
+    real_robot("mycobot_280/mycobot_gazebo/urdf/mycobot_280_gazebo.urdf.xacro")
     row = read_index()["mycobot_280"]
     root, report = expand(row), LoadReport()
     plugins = read_gazebo_plugins(root)
