@@ -3,14 +3,14 @@
 Drake answers every unknown attribute and tag with a warning of its own, per element.
 """
 
+import collections
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
 
 from arm_drake.description.report import LoadReport
 
-# Elements by their path below <robot>, with the attributes that are read. Those of a
-# plain name may stand anywhere below a geometry.
+# Elements by their path below <robot>, with the attributes that are read.
 _READ: Mapping[str, tuple[str, ...]] = {
     "material": ("name",),
     "material/color": ("rgba",),
@@ -58,6 +58,11 @@ _MEANINGS = {
     "link/collision_checking": "collisions come from <collision>",
 }
 
+_NOTHING = "it has no effect"
+
+# Paths of tags, and an attribute or "", with how often they were found.
+_Ignored = collections.Counter[tuple[str, str]]
+
 
 def clean(root: ET.Element, file: Path, report: LoadReport) -> None:
     """Remove from a URDF what isn't read, and record each kind of thing once.
@@ -67,18 +72,18 @@ def clean(root: ET.Element, file: Path, report: LoadReport) -> None:
         file: File it came from.
         report: Where it is recorded.
     """
-    ignored: dict[str, int] = {}
+    ignored: _Ignored = collections.Counter()
     for child in list(root):
         _clean(root, child, "", ignored)
-    for what, count in ignored.items():
+    for (path, attribute), count in ignored.items():
+        what = f"<{path} {attribute}=...>" if attribute else f"<{path}>"
         times = "" if count == 1 else f", {count} times"
-        done = _MEANINGS.get(what.strip("<>"), "it has no effect")
-        text = what if what.startswith("<") else f"<{what}>"
-        report.add("info", "ignored", f"{text}{times}", done, file=file)
+        done = _MEANINGS.get(path) if not attribute else None
+        report.add("info", "ignored", f"{what}{times}", done or _NOTHING, file=file)
 
 
 def _clean(
-    parent: ET.Element, element: ET.Element, above: str, ignored: dict[str, int]
+    parent: ET.Element, element: ET.Element, above: str, ignored: _Ignored
 ) -> None:
     if not isinstance(element.tag, str):  # A comment.
         return
@@ -87,7 +92,7 @@ def _clean(
     if path not in _READ and not is_shape:
         parent.remove(element)
         if path not in _OTHERS:
-            ignored[path] = ignored.get(path, 0) + 1
+            ignored[path, ""] += 1
         return
     if element.get("name") == "" and above == "link":
         del element.attrib["name"]  # Drake takes no empty one.
@@ -95,7 +100,6 @@ def _clean(
         if path in _READ and name not in _READ[path]:
             del element.attrib[name]
             if not name.startswith("{"):  # Of another name space.
-                key = f"<{path} {name}=...>"
-                ignored[key] = ignored.get(key, 0) + 1
+                ignored[path, name] += 1
     for child in list(element):
         _clean(element, child, path, ignored)

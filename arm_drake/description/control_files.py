@@ -54,38 +54,42 @@ def find_control_files(
         for text in plugin.texts("parameters")
         if text
     ]
-    found = []
-    for text in dict.fromkeys(named):
-        try:
-            path = packages.resolve(text, description.file.parent)
-            problem = None
-            if not os.path.isfile(path):
-                problem = f"{text!r} does not exist"
-                if (moved := packages.moved(path)) is not None:
-                    what, path, problem = f"<parameters>: {problem}", moved, None
-                    done = f"taken from {str(moved)!r}"
-                    file = description.file
-                    report.add("warning", "repair", what, done, file=file)
-            if problem is None and not _ANY_PARAMETERS.search(text_of(path)):
-                problem = f"{text!r} is no ROS 2 parameter file, it has no {PARAMETERS}"
-        except PackageError as error:
-            problem = error.problem
-        if problem is None:
-            found.append(path.resolve())
-            continue
-        report.add(
-            "error",
-            "missing",
-            f"<parameters>: {problem}",
-            "its controllers are left out",
-            file=description.file,
-        )
     if named:
-        return found
+        found = (
+            _find_named(text, description.file, packages, report)
+            for text in dict.fromkeys(named)
+        )
+        return [path for path in found if path is not None]
     if bundled is not None:
         own = configs_folder() / bundled / "controllers.yaml"
         return [own] if own.is_file() else []
     return _controllers_in_package(description, packages, report)
+
+
+def _find_named(
+    text: str, file: Path, packages: PackageFinder, report: LoadReport
+) -> Path | None:
+    """Return the file of a `<parameters>` tag, or None and a line in the report."""
+    try:
+        path, is_elsewhere = packages.locate(text, file.parent)
+        problem = ""
+        if not os.path.isfile(path):
+            problem = f"{text!r} does not exist"
+        elif not _ANY_PARAMETERS.search(text_of(path)):
+            problem = f"{text!r} is no ROS 2 parameter file, it has no {PARAMETERS}"
+    except PackageError as error:
+        problem = error.problem
+    if problem:
+        what, done = f"<parameters>: {problem}", "its controllers are left out"
+        report.add("error", "missing", what, done, file=file)
+        return None
+    if is_elsewhere:
+        what, done = (
+            f"<parameters>: {text!r} does not exist",
+            f"taken from {str(path)!r}",
+        )
+        report.add("warning", "repair", what, done, file=file)
+    return path.resolve()
 
 
 def _controllers_in_package(

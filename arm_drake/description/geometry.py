@@ -2,7 +2,6 @@
 
 import copy
 import math
-import os
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -110,13 +109,11 @@ class _Shape:
 
     def _find(self, uri: str) -> Path:
         """Return the path of a mesh, also if it lies elsewhere in the package."""
-        path = self._packages.resolve(uri, self._file.parent)
-        # Unlike that of Path, it takes names that no file can have.
-        moved = None if os.path.isfile(path) else self._packages.moved(path)
-        if moved is None:
-            return path
-        self._add("warning", "repair", f"no file {uri!r}", f"taken from {str(moved)!r}")
-        return moved
+        path, is_elsewhere = self._packages.locate(uri, self._file.parent)
+        if is_elsewhere:
+            done = f"taken from {str(path)!r}"
+            self._add("warning", "repair", f"no file {uri!r}", done)
+        return path
 
     def _convert_mesh(self, shape: ET.Element) -> list[ET.Element]:
         if not shape.get("filename"):

@@ -113,25 +113,31 @@ class PackageFinder:
         """Return all packages that can be found, by name, the preferred first."""
         return [item for packages in self._candidates() for item in packages.items()]
 
-    def moved(self, path: Path) -> Path | None:
-        """Return a file of the entry's package for one that is not where it was.
+    def locate(self, uri: str, relative_to: Path) -> tuple[Path, bool]:
+        """Return where a file is, and whether that is elsewhere than its URI says.
 
         Authors write down where a file lay on their own machine, or relative to their
-        package instead of to their file.
+        package instead of to their file: it is looked for in the entry's package too.
 
         Args:
-            path: A path at which there is no file.
+            uri: As for `resolve`.
+            relative_to: As for `resolve`.
+
+        Raises:
+            PackageError: If the package isn't found. A file need not be.
         """
-        if self._own is None:
-            return None
+        path = self.resolve(uri, relative_to)
+        # Unlike that of Path, it takes names that no file can have.
+        if os.path.isfile(path) or self._own is None:
+            return path, False
         names = {self._own.name, _package_name(self._own / "package.xml")}
         parts = path.parts
         tails = [parts[i + 1 :] for i, part in enumerate(parts) if part in names]
         if path.is_relative_to(self._entry.parent):
             tails.append(path.relative_to(self._entry.parent).parts)
         candidates = [self._own.joinpath(*tail) for tail in tails if tail]
-        # Unlike that of Path, it takes names that no file can have.
-        return next((path for path in candidates if os.path.isfile(path)), None)
+        found = next((other for other in candidates if os.path.isfile(other)), None)
+        return (path, False) if found is None else (found, True)
 
     def real(self, path: Path) -> Path:
         """Return where a file lies that `find` shows as installed."""

@@ -26,7 +26,7 @@ from arm_drake.description.xacro_evaluation import (
     open_regular,
     replaced,
 )
-from arm_drake.description.xacro_sources import read_sources
+from arm_drake.description.xacro_sources import missing_packages, read_sources
 from arm_drake.errors import ArmDrakeError, DescriptionError, PackageError, suggest
 
 # xacro's globals serve one expansion at a time.
@@ -213,7 +213,7 @@ def _list_missing(
     error: PackageError, path: Path, packages: PackageFinder
 ) -> PackageError:
     """Return an error that names every package that is missing, and who asked."""
-    missing = read_sources(path, packages).missing_packages
+    missing = missing_packages(path, packages)
     if not missing:
         return error
     if len(missing) == 1:

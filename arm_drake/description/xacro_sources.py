@@ -33,9 +33,6 @@ class XacroSources:
     # Arguments that are declared, with their defaults.
     arguments: dict[str, str | None] = dc.field(default_factory=dict)
 
-    # Places that ask for a package that isn't found, by its name.
-    missing_packages: dict[str, list[str]] = dc.field(default_factory=dict)
-
     # Places that include a file that doesn't exist, by its path.
     missing_files: dict[str, list[str]] = dc.field(default_factory=dict)
 
@@ -53,44 +50,42 @@ def read_sources(entry: Path, packages: PackageFinder) -> XacroSources:
         path = waiting.pop(0)
         if not os.path.isfile(path):  # A pipe would be read for ever.
             continue
-        try:
-            text = path.read_text(encoding="utf-8", errors="replace")
-        except OSError:
-            continue
         sources.files.append(packages.real(path))
-        for included in _read(text, path, packages, sources):
+        for included in _read(path, packages, sources):
             if included.resolve() not in seen:
                 seen.add(included.resolve())
                 waiting.append(included)
     return sources
 
 
-def _read(
-    text: str, path: Path, packages: PackageFinder, sources: XacroSources
-) -> list[Path]:
+def missing_packages(entry: Path, packages: PackageFinder) -> dict[str, list[str]]:
+    """Return the places that ask for a package that isn't found, by its name.
+
+    Args:
+        entry: The description's entry file.
+        packages: What resolves `$(find <package>)`.
+    """
+    missing: dict[str, list[str]] = {}
+    for path in read_sources(entry, packages).files:
+        text = _text(path)
+        for match in (*_FIND.finditer(text), *_PACKAGE_URI.finditer(text)):
+            if _folder(match[1], packages) is None:
+                places, place = missing.setdefault(match[1], []), _place(path, match)
+                places += [place] * (place not in places)
+    return missing
+
+
+def _read(path: Path, packages: PackageFinder, sources: XacroSources) -> list[Path]:
     """Add what one file declares and lacks; return the files that it includes."""
-    text = _COMMENT.sub(lambda match: "\n" * match[0].count("\n"), text)
+    text = _text(path)
     for name, default in declared_arguments(text).items():
         sources.arguments.setdefault(name, default)
-
-    def place(match: re.Match[str]) -> str:
-        return f"{packages.real(path)}:{text.count(chr(10), 0, match.start()) + 1}"
-
-    def folder(name: str) -> Path | None:
-        try:
-            return packages.find(name)
-        except PackageError:
-            return None
-
-    for match in (*_FIND.finditer(text), *_PACKAGE_URI.finditer(text)):
-        if folder(match[1]) is None:
-            places = sources.missing_packages.setdefault(match[1], [])
-            places += [place(match)] * (place(match) not in places)
     found = []
     for match in _INCLUDE.finditer(text):
         attributes = _attributes(match[1])
         name = _FIND.sub(
-            lambda m: str(folder(m[1]) or m[0]), attributes.get("filename", "")
+            lambda m: str(_folder(m[1], packages) or m[0]),
+            attributes.get("filename", ""),
         )
         if "$" in name or "*" in name or not name:
             continue
@@ -98,9 +93,32 @@ def _read(
         if os.path.isfile(included):
             found.append(included)
         elif attributes.get("optional", "").lower() not in ("true", "1"):
-            real = str(packages.real(included))
-            sources.missing_files.setdefault(real, []).append(place(match))
+            real, place = (
+                str(packages.real(included)),
+                _place(packages.real(path), match),
+            )
+            sources.missing_files.setdefault(real, []).append(place)
     return found
+
+
+def _text(path: Path) -> str:
+    """Return a file's text without comments, line by line as it was."""
+    try:
+        text = path.read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return ""
+    return _COMMENT.sub(lambda match: "\n" * match[0].count("\n"), text)
+
+
+def _place(path: Path, match: re.Match[str]) -> str:
+    return f"{path}:{match.string.count(chr(10), 0, match.start()) + 1}"
+
+
+def _folder(name: str, packages: PackageFinder) -> Path | None:
+    try:
+        return packages.find(name)
+    except PackageError:
+        return None
 
 
 def declared_arguments(text: str) -> dict[str, str | None]:

@@ -519,13 +519,12 @@ def test_a_large_file_is_refused_without_reading_it(tmp_path):
         stream.write(os.urandom(MAX_SIZE))
         stream.truncate(100_000_000)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    start = time.perf_counter()
 
     with pytest.raises(ParameterError) as caught:
         ParameterReader({}, LoadReport()).read(file)
 
     assert str(caught.value) == f"{file}: can't be read: it is larger than 1 MB"
-    assert time.perf_counter() - start < 1.0
+    # It was not read.
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 50_000  # kB
 
 

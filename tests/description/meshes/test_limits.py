@@ -5,7 +5,6 @@ import socket
 import struct
 import subprocess
 import sys
-import timeit
 import zipfile
 import zlib
 from pathlib import Path
@@ -13,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm_drake.description.meshes.files import MAX_FILE_BYTES, references
+from arm_drake.description.meshes.files import MAX_FILE_BYTES
 from tests.description.meshes.samples import (
     BOX,
     Converter,
@@ -224,25 +223,6 @@ def test_an_image_with_too_many_pixels_is_left_out(converter, width, height, rea
         f"warning: link 'a', visual 0: mesh file '{source}': its texture 'skin.png' "
         f"can't be read{reason}; drawn without it"
     ]
-
-
-@pytest.mark.parametrize(
-    ("name", "numbers"),
-    [("a.dae", b"-0.123456 7.5e-05 1 "), ("a.obj", b"v -0.123456 7.5e-05 1\n")],
-)
-def test_files_named_among_many_numbers_are_found_fast(name, numbers):
-    text = numbers * 200_000
-
-    def search():
-        assert references(Path(name), text) == {}
-
-    # Against a plain search for a word; in turns, for a machine that does other things.
-    ratios = [
-        timeit.timeit(search, number=1)
-        / timeit.timeit(lambda: b"no such word" in text, number=1)
-        for _ in range(7)
-    ]
-    assert min(ratios) < 10.0
 
 
 def with_entities(declarations, use):
