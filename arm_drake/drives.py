@@ -13,6 +13,7 @@ from arm_drake.control.servo import compute_friction_gains, compute_servo_gains
 from arm_drake.description.joints import JointInfo
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Pose, Robot
+from arm_drake.description.tree import last_master
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.options import SimulationOptions
 from arm_drake.plant import (
@@ -148,7 +149,7 @@ def check_model(robot: Robot) -> None:
 
 
 def find_followers(plant: MultibodyPlant, description: RobotDescription) -> Followers:
-    """Return the mimic joints, each after the one that it follows.
+    """Return the mimic joints, and what moves them in the end.
 
     Args:
         plant: A finalized plant of the robot alone.
@@ -158,18 +159,12 @@ def find_followers(plant: MultibodyPlant, description: RobotDescription) -> Foll
     def at(name: str) -> int:
         return int(plant.GetJointByName(name).position_start())
 
-    followers: list[tuple[int, int, float, float]] = []
-    done = {j.name for j in description.movable_joints if j.mimic is None}
-    waiting = [joint for joint in description.movable_joints if joint.mimic is not None]
-    while waiting:
-        joint = next(j for j in waiting if j.mimic and j.mimic.joint in done)
-        waiting.remove(joint)
-        done.add(joint.name)
-        assert joint.mimic is not None
-        mimic = joint.mimic
-        followers.append(
-            (at(joint.name), at(mimic.joint), mimic.multiplier, mimic.offset)
-        )
+    joints = {joint.name: joint for joint in description.movable_joints}
+    followers = []
+    for name, joint in joints.items():
+        if joint.mimic is not None:
+            master, factor, offset = last_master(joint, joints)
+            followers.append((at(name), at(master), factor, offset))
     return followers
 
 
@@ -188,14 +183,12 @@ def velocity_map(
     """
     N = np.zeros((plant.num_velocities(), len(joints)))
     columns = {joint.name: column for column, joint in enumerate(joints)}
-    for joint in description.movable_joints:
-        factor, master = 1.0, joint
-        while master.mimic is not None:
-            factor *= master.mimic.multiplier
-            master = description.joint(master.mimic.joint)
-        if master.name in columns:
-            row = plant.GetJointByName(joint.name).velocity_start()
-            N[row, columns[master.name]] = factor
+    movable = {joint.name: joint for joint in description.movable_joints}
+    for name, joint in movable.items():
+        master, factor, _ = last_master(joint, movable)
+        if master in columns:
+            row = plant.GetJointByName(name).velocity_start()
+            N[row, columns[master]] = factor
     return N
 
 

@@ -44,8 +44,7 @@ _SEED = 20_260_101
 _TURN = np.pi
 
 
-# Mimic joints, masters before those that follow them: index of the position, of its
-# master's, multiplier, offset.
+# Mimic joints: index of the position, of its last master's, factor, offset.
 Followers = Sequence[tuple[int, int, float, float]]
 
 
@@ -81,8 +80,8 @@ def _poses(
     for sample in range(num_samples):
         if sample:
             q = random.uniform(lower, upper)
-            for follower, master, multiplier, offset in followers:
-                q[follower] = multiplier * q[master] + offset
+            for follower, master, factor, offset in followers:
+                q[follower] = factor * q[master] + offset
             plant.SetPositions(context, q)
         yield context
 

@@ -1,13 +1,14 @@
 """Where `<ros2_control>` lets joints start."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from arm_drake.description.elements import ElementReader
 from arm_drake.description.hardware_info import ComponentInfo, HardwareInfo
 from arm_drake.description.joints import JointInfo
 from arm_drake.description.report import LoadReport
+from arm_drake.description.tree import last_master
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.errors import InputError, suggest
 
@@ -126,7 +127,7 @@ def find_initial_positions(
     for name, joint in movable.items():
         if joint.mimic is None:
             continue
-        master, factor, offset = _relation(joint, movable)
+        master, factor, offset = last_master(joint, movable)
         position = positions[name] = factor * positions[master] + offset
         what = f"the joint follows {joint.mimic.joint!r}, which puts it at {position}"
         if abs(given.get(name, position) - position) > _TOLERANCE:
@@ -139,18 +140,6 @@ def find_initial_positions(
     return {name: positions[name] for name in movable}
 
 
-def _relation(
-    joint: JointInfo, joints: Mapping[str, JointInfo]
-) -> tuple[str, float, float]:
-    """Return the last master of a joint, and factor and offset of its position."""
-    factor, offset = 1.0, 0.0
-    while joint.mimic is not None:
-        offset += factor * joint.mimic.offset
-        factor *= joint.mimic.multiplier
-        joint = joints[joint.mimic.joint]
-    return joint.name, factor, offset
-
-
 def _ranges(description: RobotDescription) -> dict[str, tuple[float, float]]:
     """Return where joints may be, so that those that follow them are within limits.
 
@@ -159,7 +148,7 @@ def _ranges(description: RobotDescription) -> dict[str, tuple[float, float]]:
     movable = {joint.name: joint for joint in description.movable_joints}
     ranges = {name: _limits(joint) for name, joint in movable.items()}
     for joint in movable.values():
-        master, factor, offset = _relation(joint, movable)
+        master, factor, offset = last_master(joint, movable)
         if joint.mimic is None or factor == 0.0:
             continue
         ends = sorted((end - offset) / factor + 0.0 for end in _limits(joint))

@@ -1,6 +1,6 @@
-"""The tree that links and joints make."""
+"""The tree that links and joints make, and who follows whom."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from arm_drake.description.joints import JointInfo
 
@@ -28,3 +28,23 @@ def from_the_root(joints: Sequence[JointInfo]) -> list[JointInfo]:
         return count
 
     return sorted(joints, key=depth)
+
+
+def last_master(
+    joint: JointInfo, joints: Mapping[str, JointInfo]
+) -> tuple[str, float, float]:
+    """Return the joint that moves a mimic joint in the end, and their relation.
+
+    Args:
+        joint: A joint; one that follows none is its own master.
+        joints: The joints by name; mimic relations make no circle.
+
+    Returns:
+        Name of the master, factor and offset: position = factor * master's + offset.
+    """
+    factor, offset = 1.0, 0.0
+    while joint.mimic is not None:
+        offset += factor * joint.mimic.offset
+        factor *= joint.mimic.multiplier
+        joint = joints[joint.mimic.joint]
+    return joint.name, factor, offset
