@@ -1,0 +1,76 @@
+"""What clients ask of actions and topics, and what becomes of it."""
+
+import dataclasses as dc
+import enum
+from collections.abc import Callable
+
+from arm_drake.messages.base import Message
+from arm_drake.messages.trajectories import (
+    FollowJointTrajectoryFeedback,
+    FollowJointTrajectoryGoal,
+    FollowJointTrajectoryResult,
+)
+
+
+class GoalStatus(enum.Enum):
+    """Status of an action goal (`action_msgs/GoalStatus`, and REJECTED)."""
+
+    PENDING = "PENDING"  # sent, not yet seen by the controller
+    REJECTED = "REJECTED"
+    EXECUTING = "EXECUTING"
+    SUCCEEDED = "SUCCEEDED"
+    CANCELED = "CANCELED"
+    ABORTED = "ABORTED"
+
+    @property
+    def is_terminal(self) -> bool:
+        """Whether the goal is done, one way or another."""
+        return self not in (GoalStatus.PENDING, GoalStatus.EXECUTING)
+
+
+class ActionRequest(Message):
+    """What a client asks on an action port. Each request is one of its own."""
+
+
+@dc.dataclass(frozen=True, eq=False)
+class SendGoal(ActionRequest):
+    """Execute a goal."""
+
+    goal: FollowJointTrajectoryGoal
+
+
+@dc.dataclass(frozen=True, eq=False)
+class CancelGoal(ActionRequest):
+    """Cancel a goal that was sent before."""
+
+    request: SendGoal
+
+
+@dc.dataclass(frozen=True)
+class GoalEvent(Message):
+    """News of an action goal: its status, its result once there is one, feedback."""
+
+    request: SendGoal
+    status: GoalStatus
+    result: FollowJointTrajectoryResult | None = None
+
+    # What of the goal is not taken as written, in words.
+    note: str = ""
+
+    # What makes the feedback, if there is any: most of it is never looked at.
+    feedback_source: Callable[[], FollowJointTrajectoryFeedback] | None = dc.field(
+        default=None, compare=False, repr=False
+    )
+
+    @property
+    def feedback(self) -> FollowJointTrajectoryFeedback | None:
+        """The feedback, if that is the news."""
+        return None if self.feedback_source is None else self.feedback_source()
+
+
+@dc.dataclass(frozen=True)
+class TopicRejected(Message):
+    """News of a topic message that a controller didn't accept."""
+
+    message: Message
+    reason: str

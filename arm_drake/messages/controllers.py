@@ -1,0 +1,89 @@
+"""Commands and states of controllers other than trajectories, and of their manager."""
+
+import dataclasses as dc
+from typing import Literal
+
+from arm_drake.messages.base import Header, Message, to_floats
+
+Strictness = Literal["strict", "best_effort"]
+
+
+@dc.dataclass(frozen=True, eq=False)
+class Float64MultiArray(Message):
+    """Numbers in an agreed order (`std_msgs`); each message is one of its own."""
+
+    data: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Take sequences as they come."""
+        object.__setattr__(self, "data", to_floats(self.data, "data"))
+
+
+@dc.dataclass(frozen=True, eq=False)
+class MultiDOFCommand(Message):
+    """References of degrees of freedom, n of them (`control_msgs`)."""
+
+    # Names; () stands for all, in the order of the controller.
+    dof_names: tuple[str, ...] = ()
+
+    # References, shape (n,), and their rates of change, shape (n,) or ().
+    values: tuple[float, ...] = ()
+    values_dot: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Take sequences as they come."""
+        object.__setattr__(self, "dof_names", tuple(self.dof_names))
+        for field in ("values", "values_dot"):
+            object.__setattr__(self, field, to_floats(getattr(self, field), field))
+
+
+@dc.dataclass(frozen=True)
+class MultiDOFState(Message):
+    """State of one degree of freedom (`control_msgs/SingleDOFState`)."""
+
+    name: str = ""
+    reference: float = 0.0
+    feedback: float = 0.0
+    feedback_dot: float = 0.0
+    error: float = 0.0
+    error_dot: float = 0.0
+
+    # Period of the controller [s].
+    time_step: float = 0.0
+    output: float = 0.0
+
+
+@dc.dataclass(frozen=True)
+class MultiDOFStateStamped(Message):
+    """States of degrees of freedom (`control_msgs`)."""
+
+    header: Header = Header()
+    dof_states: tuple[MultiDOFState, ...] = ()
+
+
+@dc.dataclass(frozen=True, eq=False)
+class SwitchController(Message):
+    """Request of the service `controller_manager_msgs/SwitchController`."""
+
+    activate_controllers: tuple[str, ...] = ()
+    deactivate_controllers: tuple[str, ...] = ()
+
+    # "strict": all or nothing; "best_effort": what is possible; "": as the manager's
+    # parameter defaults.switch_controller.strictness says.
+    strictness: Strictness | Literal[""] = ""
+
+    def __post_init__(self) -> None:
+        """Take sequences as they come."""
+        for field in ("activate_controllers", "deactivate_controllers"):
+            object.__setattr__(self, field, tuple(getattr(self, field)))
+
+
+@dc.dataclass(frozen=True)
+class SwitchControllerResult(Message):
+    """What became of a SwitchController request."""
+
+    request: SwitchController
+    ok: bool
+
+    # Why not, or what was left out; empty if there is nothing to say.
+    message: str = ""

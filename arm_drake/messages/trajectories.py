@@ -1,0 +1,166 @@
+"""Trajectories of joints, and the action that executes them."""
+
+import dataclasses as dc
+import enum
+
+from arm_drake.messages.base import Duration, Header, Message, to_floats
+
+
+@dc.dataclass(frozen=True)
+class JointTrajectoryPoint(Message):
+    """A point of a trajectory; vectors have one element per joint, or none."""
+
+    # [rad] or [m].
+    positions: tuple[float, ...] = ()
+
+    # [rad/s] or [m/s].
+    velocities: tuple[float, ...] = ()
+
+    # [rad/s^2] or [m/s^2].
+    accelerations: tuple[float, ...] = ()
+
+    # [N·m] or [N].
+    effort: tuple[float, ...] = ()
+
+    # From the start of the trajectory; seconds are accepted.
+    time_from_start: Duration = Duration()
+
+    def __post_init__(self) -> None:
+        """Take sequences and seconds as they come."""
+        for field in ("positions", "velocities", "accelerations", "effort"):
+            object.__setattr__(self, field, to_floats(getattr(self, field), field))
+        object.__setattr__(self, "time_from_start", Duration.of(self.time_from_start))
+
+
+@dc.dataclass(frozen=True)
+class JointTrajectory(Message):
+    """A motion of a set of joints (`trajectory_msgs/JointTrajectory`)."""
+
+    # A stamp of 0 starts at once.
+    header: Header = Header()
+
+    # Order of the vectors of every point.
+    joint_names: tuple[str, ...] = ()
+
+    points: tuple[JointTrajectoryPoint, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Take sequences as they come."""
+        object.__setattr__(self, "joint_names", tuple(self.joint_names))
+        object.__setattr__(self, "points", tuple(self.points))
+
+
+@dc.dataclass(frozen=True)
+class JointTolerance(Message):
+    """How far a joint may be off: 0 takes the controller's default, -1 means any."""
+
+    name: str = ""
+
+    # [rad] or [m].
+    position: float = 0.0
+
+    # [rad/s] or [m/s].
+    velocity: float = 0.0
+
+    # [rad/s^2] or [m/s^2].
+    acceleration: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Take numbers as they come."""
+        for field in ("position", "velocity", "acceleration"):
+            (number,) = to_floats([getattr(self, field)], field)
+            object.__setattr__(self, field, number)
+
+
+@dc.dataclass(frozen=True)
+class FollowJointTrajectoryGoal(Message):
+    """Goal of the action `control_msgs/FollowJointTrajectory`."""
+
+    trajectory: JointTrajectory = JointTrajectory()
+
+    # Tolerances along the way and at the end.
+    path_tolerance: tuple[JointTolerance, ...] = ()
+    goal_tolerance: tuple[JointTolerance, ...] = ()
+
+    # How late the goal may be reached; seconds are accepted.
+    goal_time_tolerance: Duration = Duration()
+
+    def __post_init__(self) -> None:
+        """Take sequences and seconds as they come."""
+        object.__setattr__(self, "path_tolerance", tuple(self.path_tolerance))
+        object.__setattr__(self, "goal_tolerance", tuple(self.goal_tolerance))
+        tolerance = Duration.of(self.goal_time_tolerance)
+        object.__setattr__(self, "goal_time_tolerance", tolerance)
+
+
+class FollowJointTrajectoryErrorCode(enum.IntEnum):
+    """`error_code` of a FollowJointTrajectory result."""
+
+    SUCCESSFUL = 0
+    INVALID_GOAL = -1
+    INVALID_JOINTS = -2
+    OLD_HEADER_TIMESTAMP = -3
+    PATH_TOLERANCE_VIOLATED = -4
+    GOAL_TOLERANCE_VIOLATED = -5
+
+
+@dc.dataclass(frozen=True)
+class FollowJointTrajectoryResult(Message):
+    """Result of the action `control_msgs/FollowJointTrajectory`."""
+
+    # One of FollowJointTrajectoryErrorCode.
+    error_code: int = 0
+
+    # Why, in words; empty when there is nothing to say.
+    error_string: str = ""
+
+
+@dc.dataclass(frozen=True)
+class FollowJointTrajectoryFeedback(Message):
+    """Feedback of the action `control_msgs/FollowJointTrajectory`."""
+
+    header: Header = Header()
+    joint_names: tuple[str, ...] = ()
+    desired: JointTrajectoryPoint = JointTrajectoryPoint()
+    actual: JointTrajectoryPoint = JointTrajectoryPoint()
+    error: JointTrajectoryPoint = JointTrajectoryPoint()
+
+    # Index of the point that the motion is heading for.
+    index: int = 0
+
+
+@dc.dataclass(frozen=True)
+class JointTrajectoryControllerState(Message):
+    """What a trajectory controller is doing (`control_msgs`, same name)."""
+
+    header: Header = Header()
+    joint_names: tuple[str, ...] = ()
+    reference: JointTrajectoryPoint = JointTrajectoryPoint()
+    feedback: JointTrajectoryPoint = JointTrajectoryPoint()
+    error: JointTrajectoryPoint = JointTrajectoryPoint()
+    output: JointTrajectoryPoint = JointTrajectoryPoint()
+    speed_scaling_factor: float = 1.0
+
+
+@dc.dataclass(frozen=True, eq=False)
+class SpeedScalingFactor(Message):
+    """How fast time is to pass along trajectories; 0 pauses (`control_msgs`)."""
+
+    factor: float = 1.0
+
+
+@dc.dataclass(frozen=True)
+class QueryTrajectoryState(Message):
+    """Response of the service `control_msgs/QueryTrajectoryState`, n joints.
+
+    Without success, the vectors are the last point or what was measured last.
+    """
+
+    success: bool = False
+    message: str = ""
+    name: tuple[str, ...] = ()
+
+    # [rad] or [m], then per second and per second squared; shape (n,) or ().
+    position: tuple[float, ...] = ()
+    velocity: tuple[float, ...] = ()
+    acceleration: tuple[float, ...] = ()
