@@ -1,0 +1,286 @@
+"""PIDs as ros2_control's controllers have them, n of them at a time.
+
+The rules are those of control_toolbox's class ``Pid`` (version 6.3.0). The strategy
+"legacy" is of its branch jazzy, and `is_humble` is all of its branch humble, which has
+no strategies, limits of the command and deadband. There is no filter on derivatives. An
+integral acts from the next step on; with "legacy" and of humble it acts at once.
+
+Errors are in the unit of what is controlled, such as [rad] or [m]; a command is in the
+unit that the gains make of it.
+"""
+
+import dataclasses as dc
+import math
+from collections.abc import Sequence
+from typing import Any, Final, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_drake.control.pid_rules import STRATEGIES, find_fault, time_constant
+from arm_drake.messages import Message
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_ARRAYS: Final = (
+    *("p", "i", "d", "u_clamp_max", "u_clamp_min", "i_clamp_max", "i_clamp_min"),
+    "error_deadband",
+)
+_EPSILON: Final = float(np.finfo(float).eps)
+
+
+class PidState(NamedTuple):
+    """What n PIDs remember; arrays of shape (n,) that nobody changes."""
+
+    # Integral term, gain included; of humble the integral of the error, gain excluded.
+    i_term: Array
+
+    # Error that the next numeric derivative starts from.
+    error_last: Array
+
+    # What the last step commands.
+    command: Array
+
+    # Error of the last step and its rate [1/s], to be reported.
+    error: Array
+    error_rate: Array
+
+
+@dc.dataclass(frozen=True, eq=False)
+class Pid(Message):
+    """Gains and limits of n PIDs, made by `from_gains`; arrays of shape (n,).
+
+    When gains change, a new Pid goes on with the state of the old one.
+    """
+
+    # Proportional, integral and derivative gains.
+    p: Array
+    i: Array
+    d: Array
+
+    # Limits of the command.
+    u_clamp_max: Array
+    u_clamp_min: Array
+
+    # Limits of the integral term.
+    i_clamp_max: Array
+    i_clamp_min: Array
+
+    # Time constant of "back_calculation" [s]. Where 0 is given, it is made from the
+    # gains: sqrt(d / i), or p / i without d, or 0 without i.
+    tracking_time_constant: Array
+
+    # Errors up to this are not integrated.
+    error_deadband: Array
+
+    # What the integrals do while the command is at a limit.
+    antiwindup_strategy: tuple[str, ...]
+
+    # Of humble: whether the stored integral is clamped, or only its contribution. With
+    # "legacy" both give the same numbers.
+    antiwindup: Mask
+    is_humble: bool
+
+    # Whether any PID has it.
+    _has_u_clamp: bool
+    _has_i_clamp: bool
+    _has_deadband: bool
+    _has_integral: bool
+
+    # Which PIDs have the strategy; None if none has.
+    _conditional: Mask | None
+    _back: Mask | None
+    _legacy: Mask | None
+    _is_all_legacy: bool
+
+    @classmethod
+    def from_gains(cls, gains: Sequence[Any], *, is_humble: bool = False) -> Self:
+        """Return PIDs with these gains.
+
+        Args:
+            gains: One object for each of the n PIDs, with the attributes p, i, d,
+                u_clamp_max, u_clamp_min, i_clamp_max, i_clamp_min, error_deadband,
+                tracking_time_constant, antiwindup_strategy and antiwindup.
+            is_humble: Whether they behave as those of ROS 2 Humble.
+
+        Raises:
+            ValueError: If a PID can't have its gains.
+        """
+        for k, one in enumerate(gains):
+            fault = find_fault(one, is_humble=is_humble)
+            if fault is not None:
+                raise ValueError(f"gains[{k}]: {fault}")
+
+        arrays = {name: _array(gains, name) for name in _ARRAYS}
+        constants = [time_constant(one) for one in gains]
+        arrays["tracking_time_constant"] = np.array(constants, dtype=float)
+        u_limits = arrays["u_clamp_max"], arrays["u_clamp_min"]
+        i_limits = arrays["i_clamp_max"], arrays["i_clamp_min"]
+        strategies = tuple(one.antiwindup_strategy for one in gains)
+        is_conditional, is_back, is_legacy = (
+            np.array([name == strategy for name in strategies], dtype=bool)
+            for strategy in STRATEGIES[1:]
+        )
+        return cls(
+            **arrays,
+            antiwindup_strategy=strategies,
+            antiwindup=_array(gains, "antiwindup") != 0.0,
+            is_humble=is_humble,
+            _has_u_clamp=bool(np.isfinite(u_limits).any()),
+            _has_i_clamp=bool(np.isfinite(i_limits).any()),
+            _has_deadband=bool((arrays["error_deadband"] > 0.0).any()),
+            _has_integral=bool((arrays["i"] != 0.0).any()),
+            _conditional=is_conditional if is_conditional.any() else None,
+            _back=is_back & (arrays["i"] != 0.0) if is_back.any() else None,
+            _legacy=is_legacy if is_legacy.any() else None,
+            _is_all_legacy=bool(is_legacy.all()),
+        )
+
+    def initial(self) -> PidState:
+        """Return the state before the first step."""
+        return PidState(*[np.zeros(len(self.p))] * 5)
+
+    def reset(self, state: PidState, save_i_term: bool | Mask = False) -> PidState:
+        """Return the initial state.
+
+        Args:
+            state: Where the PIDs are.
+            save_i_term: Whether the integral terms stay, or which do, shape (n,).
+        """
+        i_term = np.where(save_i_term, state.i_term, 0.0)
+        return self.initial()._replace(i_term=i_term)
+
+    def step(
+        self,
+        state: PidState,
+        error: Array,
+        dt: float,
+        error_rate: Array | None = None,
+        *,
+        where: Mask | None = None,
+    ) -> PidState:
+        """Return the state after one step; it holds the command.
+
+        Where the error or its rate isn't finite, the command is NaN, of humble 0, and
+        the integral stays. With a `dt` of 0 nothing changes; of humble the command is
+        0.
+
+        As upstream, "back_calculation" with an integral gain, but neither another gain
+        nor a time constant, makes integral and command NaN.
+
+        Args:
+            state: Where the PIDs are.
+            error: Reference minus measurement, shape (n,).
+            dt: Time since the last step [s].
+            error_rate: Rate of the error [1/s], shape (n,). None takes the difference
+                to the error of the last step without a rate, over `dt`.
+            where: Which PIDs step, shape (n,), the others stay; None is all.
+
+        Raises:
+            ValueError: If `dt` is negative or NaN.
+        """
+        if not dt > _EPSILON:
+            return self._hold(state, dt, where)
+        # Copies, for the state keeps them and the caller may reuse its arrays.
+        error, last = np.array(error, dtype=float), state.error_last
+        if error_rate is None:
+            rate, next_last = (error - last) / dt, error
+        else:
+            rate, next_last = np.array(error_rate, dtype=float), last
+        # The quickest way to see that all are finite, without a warning if not.
+        is_finite = math.isfinite(sum(error.tolist()) + sum(rate.tolist()))
+        if is_finite and where is None:
+            command, i_term = self._advance(state.i_term, error, rate, dt)
+            return PidState(i_term, next_last, command, error, rate)
+
+        steps = True if where is None else where
+        # A numeric derivative skips errors that aren't finite.
+        is_seen = steps & (np.isfinite(error) | (error_rate is not None))
+        is_usable = is_seen & np.isfinite(error) & np.isfinite(rate)
+        usable_error, usable_rate = np.where(is_usable, [error, rate], 0.0)
+        command, i_term = self._advance(state.i_term, usable_error, usable_rate, dt)
+        failed = np.where(steps, 0.0 if self.is_humble else math.nan, state.command)
+        return PidState(
+            i_term=np.where(is_usable, i_term, state.i_term),
+            error_last=np.where(is_seen, next_last, last),
+            command=np.where(is_usable, command, failed),
+            error=np.where(is_seen, error, state.error),
+            error_rate=np.where(is_seen, rate, state.error_rate),
+        )
+
+    def _hold(self, state: PidState, dt: float, where: Mask | None) -> PidState:
+        """Return the state after a step that takes no time."""
+        if not dt >= -_EPSILON:
+            raise ValueError(f"dt must be at least 0, got {dt}")
+        if not self.is_humble:
+            return state
+        steps = True if where is None else where
+        return state._replace(command=np.where(steps, 0.0, state.command))
+
+    def _advance(
+        self, i_term: Array, error: Array, error_rate: Array, dt: float
+    ) -> tuple[Array, Array]:
+        """Return the commands and the new integral terms; all is finite."""
+        if self.is_humble:
+            return self._advance_humble(i_term, error, error_rate, dt)
+        gained = None
+        if self._has_integral:
+            gained = dt * self.i * error
+            if self._has_deadband:
+                gained *= np.abs(error) > self.error_deadband
+        grown = self._grow(i_term, gained)
+        used = i_term
+        if self._legacy is not None:
+            all_grown = self._is_all_legacy
+            used = grown if all_grown else np.where(self._legacy, grown, i_term)
+        command = self.p * error + used + self.d * error_rate
+        if not self._has_u_clamp and self._back is None:
+            return command, grown
+        limited = _clamp(command, self.u_clamp_min, self.u_clamp_max)
+        if gained is not None and (
+            self._conditional is not None or self._back is not None
+        ):
+            gained = self._unwind(gained, error, command, limited - command, dt)
+            grown = self._grow(i_term, gained)
+        return limited, grown
+
+    def _grow(self, i_term: Array, gained: Array | None) -> Array:
+        grown = i_term if gained is None else i_term + gained
+        if not self._has_i_clamp:
+            return grown
+        return _clamp(grown, self.i_clamp_min, self.i_clamp_max)
+
+    def _unwind(
+        self, gained: Array, error: Array, command: Array, excess: Array, dt: float
+    ) -> Array:
+        """Return what integral terms gain, given how far commands are limited."""
+        if self._conditional is not None:
+            winds_up = (np.abs(excess) > _EPSILON) & (error * command > 0.0)
+            gained = np.where(self._conditional & winds_up, 0.0, gained)
+        if self._back is not None:
+            is_on = self._back & (np.abs(error) > self.error_deadband)
+            # The time constant is 0 where there is none to be made from the gains.
+            with np.errstate(divide="ignore", invalid="ignore"):
+                tracked = excess / self.tracking_time_constant
+            gained = np.where(is_on, gained + dt * tracked, gained)
+        return gained
+
+    def _advance_humble(
+        self, integral: Array, error: Array, error_rate: Array, dt: float
+    ) -> tuple[Array, Array]:
+        """Return the commands and the new integrals of the error; all is finite."""
+        grown = integral + dt * error
+        i_term = _clamp(self.i * grown, self.i_clamp_min, self.i_clamp_max)
+        is_clamped = self.antiwindup & (self.i != 0.0)
+        np.divide(i_term, self.i, out=grown, where=is_clamped)
+        return self.p * error + i_term + self.d * error_rate, grown
+
+
+def _array(gains: Sequence[Any], name: str) -> Array:
+    return np.array([getattr(one, name) for one in gains], dtype=float)
+
+
+def _clamp(values: Array, low: Array, high: Array) -> Array:
+    # np.clip does the same, slower.
+    return np.minimum(np.maximum(values, low), high)

@@ -1,0 +1,95 @@
+"""Replays the PIDs of upstream."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from arm_drake.control.pid import Pid
+from arm_drake.control.pid_rules import find_fault
+from tests.oracle import number, oracle_cases, oracle_folder
+
+NAMES = ("pid", "pid_jazzy_legacy_antiwindup")
+
+
+def load_cases() -> list[Any]:
+    files = {path.name.split(".")[0] for path in oracle_folder().glob("pid*.json*")}
+    # Without any file, this skips or fails as it is to.
+    names = [name for name in NAMES if name in files] or NAMES[:1]
+    return [
+        pytest.param(case, id=f"{name}-{case['input']['antiwindup']}-{i}")
+        for name in names
+        for i, case in enumerate(oracle_cases(name))
+    ]
+
+
+def make_gains(given: dict[str, Any]) -> SimpleNamespace:
+    return SimpleNamespace(
+        p=number(given["p"]),
+        i=number(given["i"]),
+        d=number(given["d"]),
+        u_clamp_max=number(given["u_max"]),
+        u_clamp_min=number(given["u_min"]),
+        i_clamp_max=number(given["i_max"]),
+        i_clamp_min=number(given["i_min"]),
+        antiwindup_strategy=given["antiwindup"],
+        antiwindup=False,
+        tracking_time_constant=number(given["tracking_time_constant"]),
+        error_deadband=number(given["error_deadband"]),
+    )
+
+
+def make_zero_gains() -> SimpleNamespace:
+    """Return the gains of upstream's PID that refused its gains."""
+    zeros = dict.fromkeys(["p", "i", "d", "tracking_time_constant"], 0.0)
+    limits = {"u_max": "inf", "u_min": "-inf", "i_max": "inf", "i_min": "-inf"}
+    rest = {"antiwindup": "none", "error_deadband": 0.0}
+    return make_gains(zeros | limits | rest)
+
+
+def assert_close(actual: Any, expected: Any) -> None:
+    expected = [number(x) for x in expected]
+    np.testing.assert_allclose(actual, expected, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("case", load_cases())
+def test_commands_are_upstream_s(case: dict[str, Any]) -> None:
+    given, expected = case["input"], case["output"]
+    gains = make_gains(given)
+    assert (find_fault(gains) is None) == expected["init_ok"]
+    if not expected["init_ok"]:
+        gains = make_zero_gains()
+    pid = Pid.from_gains([gains])
+    rates = given.get("error_dot") or [None] * len(given["error"])
+    resets: dict[int, list[bool]] = {}
+    for k, save_i_term in given.get("reset_at") or []:
+        resets.setdefault(k, []).append(save_i_term)
+
+    state = pid.initial()
+    commands: list[float] = []
+    i_terms: list[float] = []
+    error_rates: list[float] = []
+    steps = zip(given["dt"], given["error"], rates, expected["command"], strict=True)
+    for k, (dt, error, rate, command) in enumerate(steps):
+        for save_i_term in resets.get(k, []):
+            state = pid.reset(state, save_i_term)
+        arguments = (
+            np.array([number(error)]),
+            number(dt),
+            None if rate is None else np.array([number(rate)]),
+        )
+        if command == "exception":
+            with pytest.raises(ValueError, match="dt"):
+                pid.step(state, *arguments)
+        else:
+            state = pid.step(state, *arguments)
+            commands.append(state.command.item())
+        i_terms.append(state.i_term.item())
+        error_rates.append(state.error_rate.item())
+
+    used = expected["tracking_time_constant_used"]
+    assert_close(pid.tracking_time_constant, [used])
+    assert_close(commands, [x for x in expected["command"] if x != "exception"])
+    assert_close(i_terms, expected["i_term"])
+    assert_close(error_rates, expected["d_error"])

@@ -1,0 +1,36 @@
+"""Replays the rate limiter of upstream."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from arm_drake.control.rate_limiter import RateLimiter
+from tests.oracle import number, oracle_cases
+
+CASES = oracle_cases("rate_limiter")
+
+
+def assert_close(actual: list[float], expected: list[Any]) -> None:
+    numbers = [number(x) for x in expected]
+    np.testing.assert_allclose(actual, numbers, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_limited_values_are_upstream_s(case: dict[str, Any]) -> None:
+    given, expected = case["input"], case["output"]
+    limits = [number(limit) for limit in given["limits"]]
+    if "exception" in expected:
+        with pytest.raises(ValueError, match="must not exceed"):
+            RateLimiter(*limits)
+        return
+    limiter = RateLimiter(*limits)
+
+    v0, v1 = number(given["v0"]), number(given["v1"])
+    results = []
+    for v, dt in zip(given["input"], given["dt"], strict=True):
+        results.append(limiter.limit(number(v), v0, v1, number(dt)))
+        v0, v1 = results[-1].value, v0
+
+    assert_close([result.value for result in results], expected["output"])
+    assert_close([result.factor for result in results], expected["factor"])
