@@ -48,12 +48,11 @@ _READ: Mapping[str, tuple[str, ...]] = {
 }
 
 # Read elsewhere, and reported there.
-_OTHERS = ("ros2_control", "gazebo")
+_OTHERS = ("ros2_control", "gazebo", "joint/safety_controller")
 
 # What is done about tags that mean something to others.
 _MEANINGS = {
     "transmission": "actuators come from <ros2_control>",
-    "joint/safety_controller": "soft limits aren't enforced",
     "joint/calibration": "joints are calibrated",
     "link/collision_checking": "collisions come from <collision>",
 }

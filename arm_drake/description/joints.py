@@ -40,6 +40,24 @@ class Mimic:
 
 
 @dc.dataclass(frozen=True)
+class SafetyController:
+    """`<safety_controller>` of a joint; the lower and upper limit as urdfdom has them.
+
+    Limits that are both 0 are none.
+    """
+
+    # [rad] or [m].
+    soft_lower_limit: float = 0.0
+    soft_upper_limit: float = 0.0
+
+    # Speed per distance from a limit [1/s].
+    k_position: float = 0.0
+
+    # Effort per speed [N·m·s/rad] or [N·s/m]; None where it is not given.
+    k_velocity: float | None = None
+
+
+@dc.dataclass(frozen=True)
 class JointInfo:
     """A joint of a robot."""
 
@@ -59,6 +77,8 @@ class JointInfo:
     friction: float = 0.0
 
     mimic: Mimic | None = None
+
+    safety_controller: SafetyController | None = None
 
     @property
     def is_movable(self) -> bool:

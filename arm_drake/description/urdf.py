@@ -9,7 +9,7 @@ import math
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-from arm_drake.description.elements import parse_xml
+from arm_drake.description.elements import ElementReader, parse_xml
 from arm_drake.description.gazebo import (
     GazeboPlugin,
     read_gazebo_plugins,
@@ -25,6 +25,7 @@ from arm_drake.description.joints import (
     JointInfo,
     JointLimits,
     Mimic,
+    SafetyController,
     check_structure,
     drop_bad_mimics,
 )
@@ -201,9 +202,23 @@ def _joint(element: ET.Element, file: Path, report: LoadReport) -> JointInfo:
                 multiplier=_number(mimic, "multiplier", 1.0),
                 offset=_number(mimic, "offset", 0.0),
             ),
+            safety_controller=_safety_controller(element, where, file, report),
         )
     except ValueError as error:
         raise DescriptionError(str(error), file=file, where=where) from None
+
+
+def _safety_controller(
+    joint: ET.Element, where: str, file: Path, report: LoadReport
+) -> SafetyController | None:
+    """Return the soft limits of a joint; a malformed one is left out, not the robot."""
+    element = joint.find("safety_controller")
+    if element is None:
+        return None
+    reader = ElementReader(where, report, file)
+    names = [field.name for field in dc.fields(SafetyController)]
+    values = {name: reader.finite(element.get(name), name) for name in names}
+    return SafetyController(**{n: v for n, v in values.items() if v is not None})
 
 
 def _child_attribute(element: ET.Element, tag: str, attribute: str) -> str:

@@ -43,9 +43,11 @@ def test_what_drake_reads_stays():
 
 
 def test_tags_of_hardware_and_gazebo_are_reported_by_those_who_read_them():
-    text, lines = cleaned("<gazebo/><ros2_control/><link/>")
+    text, lines = cleaned(
+        "<gazebo/><ros2_control/><joint><safety_controller/></joint>"
+    )
 
-    assert text == "<link />"
+    assert text == "<joint />"
     assert lines == []
 
 
@@ -54,9 +56,9 @@ def test_tags_of_hardware_and_gazebo_are_reported_by_those_who_read_them():
     [
         ('<link type="x"/>' * 2, "<link />" * 2, "<link type=...>, 2 times; "),
         (
-            "<joint><safety_controller/></joint>" * 3,
+            "<joint><calibration/></joint>" * 3,
             "<joint />" * 3,
-            "<joint/safety_controller>, 3 times; soft limits aren't enforced",
+            "<joint/calibration>, 3 times; joints are calibrated",
         ),
         ("<transmission/>", "", "<transmission>; actuators come from <ros2_control>"),
         ("<sensor><a/></sensor>", "", "<sensor>; it has no effect"),
