@@ -149,5 +149,5 @@ class ControllerHandle:
         return self._simulation.eval_output(f"{self.name}.controller_state")
 
     def _send(self, port: str, message: JointTrajectory | ActionRequest) -> None:
-        period = self._system.params.period
-        self._simulation.enqueue(f"{self.name}.{port}", message, period)
+        period = 1.0 / self._system.params.update_rate
+        self._simulation.publish(f"{self.name}.{port}", message, period)

@@ -6,51 +6,21 @@ active controller.
 """
 
 import dataclasses as dc
-import difflib
-from collections.abc import Iterable, Iterator, Mapping
-from typing import Any, Literal, NamedTuple
+from collections.abc import Iterable, Mapping, Sequence
 
-from arm_drake import interfaces
-from arm_drake.controllers import CONTROLLER_TYPES, find_controller_type
-from arm_drake.controllers.controller_interface import (
-    ControllerInterface,
-    ControllerInterfaceParams,
-)
+from arm_drake.controller_loader import ControllerLoader
+from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.description.controllers import (
-    ControllerConfig,
+    MANAGER,
     ControllerManagerConfig,
 )
-from arm_drake.description.parameters import load_parameters
-from arm_drake.description.report import Kind, LoadReport, Severity
+from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
-from arm_drake.errors import InputError, ParameterError, suggest
+from arm_drake.errors import InputError, suggest
+from arm_drake.loaded_controllers import LoadedController, controller_infos
 from arm_drake.options import SimulationOptions
 from arm_drake.surroundings import Surroundings, find_surroundings
-
-# Command interfaces that the simulated hardware acts on.
-SIMULATED_COMMANDS = (interfaces.POSITION,)
-
-ControllerStatus = Literal["active", "inactive", "unconfigured"]
-
-
-class ControllerState(NamedTuple):
-    """A row of `ros2 control list_controllers`."""
-
-    name: str
-    type: str
-
-    # "unconfigured" is a controller that could not be loaded.
-    state: ControllerStatus
-
-
-@dc.dataclass(frozen=True, eq=False)
-class LoadedController:
-    """A controller of a robot, with its system if it could be loaded."""
-
-    name: str
-    type: str
-    state: ControllerStatus
-    system: ControllerInterface | None
+from arm_drake.switching import ControllerInfo, plan_switch
 
 
 def load_controllers(
@@ -83,32 +53,46 @@ def load_controllers(
     for name in (*active, *inactive):
         if name not in names:
             raise InputError(f"no controller {name!r}; {suggest(name, names)}")
-    loader = _Loader(config, surroundings, report, period, distro)
-    systems = {c.name: loader.load(c) for c in config.controllers}
-    claims: dict[str, str] = {}
-    states: dict[str, ControllerStatus] = {}
-    first = [c for c in config.controllers if c.name in set(active)]
-    for controller in (*first, *config.controllers):
-        if controller.name in states:
-            continue
-        system = systems[controller.name]
-        if system is None:
-            states[controller.name] = "unconfigured"
-        elif controller.name in inactive or not loader.can_claim(
-            controller, system, claims if judges_claims else {}
-        ):
-            states[controller.name] = "inactive"
-        else:
-            claims |= dict.fromkeys(system.command_interfaces, controller.name)
-            states[controller.name] = "active"
-    return tuple(
-        LoadedController(c.name, c.type, states[c.name], systems[c.name])
+    loader = ControllerLoader(config, surroundings, report, period, distro)
+    systems = loader.load_all()
+    loaded = {n: s for n, s in systems.items() if s is not None}
+    missing = {n: loader.find_missing(s, loaded) for n, s in loaded.items()}
+    controllers = [
+        LoadedController(
+            c.name,
+            c.type,
+            "unconfigured" if systems[c.name] is None else "inactive",
+            systems[c.name],
+            missing.get(c.name, ()),
+            _driven(systems[c.name], surroundings),
+        )
         for c in config.controllers
+    ]
+    infos = controller_infos(controllers)
+    started: list[str] = []
+    first = [c for c in config.controllers if c.name in set(active)]
+    waiting = list(dict.fromkeys(c.name for c in (*first, *config.controllers)))
+    configs = {c.name: c for c in config.controllers}
+    for name in [n for n in _followers_first(infos, waiting) if n in loaded]:
+        if name in inactive:
+            continue
+        problems: Sequence[str] = missing[name]
+        if judges_claims:
+            problems = plan_switch(infos, started, [name], [], strict=True).problems
+        if problems:
+            loader.report_obstacle(configs[name], missing[name], problems)
+        else:
+            started.append(name)
+    return tuple(
+        dc.replace(c, state="active") if c.name in started else c for c in controllers
     )
 
 
 def load_controllers_of(
-    robot: Robot, period: float | None = None, options: SimulationOptions | None = None
+    robot: Robot,
+    period: float | None = None,
+    options: SimulationOptions | None = None,
+    surroundings: Surroundings | None = None,
 ) -> tuple[tuple[LoadedController, ...], LoadReport]:
     """Return the controllers of a robot, and its report with what they lack.
 
@@ -116,184 +100,57 @@ def load_controllers_of(
         robot: The robot; its own report stays as it is.
         period: Period of its controller manager in Drake's time [s].
         options: Which controllers to start or not.
+        surroundings: What the robot offers them, if not what its description says.
     """
     options = SimulationOptions() if options is None else options
     report = LoadReport(robot.report)
     controllers = load_controllers(
         robot.controllers,
-        find_surroundings(robot.description, robot.initial_positions),
+        surroundings or find_surroundings(robot.description, robot.initial_positions),
         report,
         period=period,
         active=options.active,
         inactive=options.inactive,
         distro=robot.distro,
     )
+    if robot.controllers.enforce_command_limits and robot.distro == "humble":
+        report.add(
+            "warning",
+            "ignored",
+            "humble has no enforce_command_limits",
+            "commands aren't limited",
+            where=MANAGER,
+            file=next(iter(robot.controllers.files), None),
+        )
     return controllers, report
 
 
-def _similar_type(name: str) -> str:
-    """Return the end of a message about an unknown type; most are vendors' own."""
-    known = [other for other, row in CONTROLLER_TYPES.items() if not row.runs_as]
-    close = difflib.get_close_matches(name, known, n=1, cutoff=0.8)
-    close += [other for other in known if other.rpartition("/")[2] == name]
-    return f"; did you mean {close[0]!r}?" if close else ""
+def _driven(
+    system: ControllerInterface | None, surroundings: Surroundings
+) -> tuple[str, ...]:
+    """Return the joints of the drive that a controller moves."""
+    claims = () if system is None else system.command_interfaces
+    joints = dict.fromkeys(name.rpartition("/")[0] for name in claims)
+    return tuple(joint for joint in joints if joint in surroundings.driven)
 
 
-class _Loader:
-    """Loads controllers of one robot and reports what doesn't work."""
+def _followers_first(
+    infos: Mapping[str, ControllerInfo], names: Sequence[str]
+) -> list[str]:
+    """Return names in the order in which controllers can be activated."""
+    order: dict[str, None] = {}
+    seen = set()
 
-    def __init__(
-        self,
-        config: ControllerManagerConfig,
-        surroundings: Surroundings,
-        report: LoadReport,
-        period: float | None,
-        distro: str,
-    ) -> None:
-        self._distro = distro
-        self._config = config
-        self._surroundings = surroundings
-        self._report = report
-        self._period = 1.0 / config.update_rate if period is None else period
+    def add(name: str) -> None:
+        if name in seen:  # Also in a circle, which no switch allows.
+            return
+        seen.add(name)
+        for other in names:
+            claims = infos[name].command_interfaces
+            if set(infos[other].reference_interfaces) & set(claims):
+                add(other)
+        order[name] = None
 
-    def load(self, controller: ControllerConfig) -> ControllerInterface | None:
-        """Return the system of a controller, or None and a line in the report."""
-        row = find_controller_type(controller.type)
-        if row is None:
-            hint = _similar_type(controller.type)
-            problem = f"unknown controller type {controller.type!r}{hint}"
-            self._reject(controller, problem, kind="unsupported")
-            return None
-        if row.runs_as:
-            what, done = f"controller type {controller.type!r}", f"run as {row.runs_as}"
-            self._add(controller, "info", "repair", what, done)
-        if row.system is None:
-            problem = f"controller type {controller.type!r} is not simulated yet"
-            self._reject(controller, problem, kind="unsupported")
-        own = dict(controller.parameters)
-        divisor = self._take_rate(controller, own)
-        try:
-            node, file, report = controller.name, controller.file, self._report
-            parameters: Any = load_parameters(
-                row.parameters, own, node, file, report, distro=self._distro
-            )
-            if row.system is None:
-                return None
-            params = ControllerInterfaceParams(
-                controller_name=controller.name,
-                update_rate=self._config.update_rate // divisor,
-                period=self._period * divisor,
-                joint_types=self._surroundings.joint_types,
-                command_interfaces=self._surroundings.command_interfaces,
-                state_interfaces=self._surroundings.state_interfaces,
-                measured=interfaces.interface_names(
-                    self._surroundings.joint_types, interfaces.STATE_INTERFACES
-                ),
-                initial_commands={
-                    f"{joint}/{interfaces.POSITION}": position
-                    for joint, position in self._surroundings.initial_positions.items()
-                },
-            )
-            return row.system(parameters, params)
-        except ParameterError as error:
-            self._reject(controller, error.problem, error)
-            return None
-
-    def _take_rate(self, controller: ControllerConfig, own: dict[str, Any]) -> int:
-        """Return every how many ticks of the manager a controller ticks."""
-        own.pop("use_sim_time", None)
-        asked = own.pop("update_rate", None)
-        manager = self._config.update_rate
-        if asked is None or asked.value in (0, manager):
-            return 1
-        if type(asked.value) is not int or not 0 < asked.value < manager:
-            divisor = 1
-        else:
-            divisor = max(1, round(manager / asked.value))
-        if divisor == 1 or manager % divisor or asked.value * divisor != manager:
-            while manager % divisor:
-                divisor -= 1
-            self._report.add(
-                "warning",
-                "repair",
-                f"update_rate {asked.value!r} does not divide the manager's {manager}",
-                f"{manager // divisor} Hz is used",
-                where=f"{controller.name}.update_rate",
-                file=asked.file,
-                line=asked.line,
-            )
-        return divisor
-
-    def can_claim(
-        self,
-        controller: ControllerConfig,
-        system: ControllerInterface,
-        claims: Mapping[str, str],
-    ) -> bool:
-        """Return whether a controller can start, with a line in the report if not."""
-        for problem in self._obstacles(system):
-            self._reject(controller, problem)
-            return False
-        taken = [name for name in system.command_interfaces if name in claims]
-        if taken:
-            done = "the controller stays inactive"
-            what = f"{taken[0]} is already claimed by {claims[taken[0]]!r}"
-            self._add(controller, "warning", "ignored", what, done)
-        return not taken
-
-    def _obstacles(self, system: ControllerInterface) -> Iterator[str]:
-        there = self._surroundings
-        for kind, needed, known in (
-            ("command", system.command_interfaces, there.command_interfaces),
-            ("state", system.state_interfaces, there.state_interfaces),
-        ):
-            for name in needed:
-                joint, _, interface = name.rpartition("/")
-                if joint not in there.joint_types:
-                    hint = suggest(joint, there.joint_types)
-                    yield f"the robot has no joint {joint!r}; {hint}"
-                elif name not in known:
-                    has = sorted(
-                        n.rpartition("/")[2] for n in known if n.startswith(f"{joint}/")
-                    )
-                    yield (
-                        f"joint {joint!r} has no {kind} interface {interface!r}; "
-                        f"it has {has}"
-                    )
-        for name in system.command_interfaces:
-            interface = name.rpartition("/")[2]
-            if interface not in SIMULATED_COMMANDS:
-                yield (
-                    f"command interface {interface!r} is not simulated yet; "
-                    f"simulated: {list(SIMULATED_COMMANDS)}"
-                )
-
-    def _reject(
-        self,
-        controller: ControllerConfig,
-        problem: str,
-        error: ParameterError | None = None,
-        *,
-        kind: Kind = "invalid",
-    ) -> None:
-        done = "the controller does not run"
-        self._add(controller, "error", kind, problem, done, error)
-
-    def _add(
-        self,
-        controller: ControllerConfig,
-        severity: Severity,
-        kind: Kind,
-        what: str,
-        done: str,
-        error: ParameterError | None = None,
-    ) -> None:
-        self._report.add(
-            severity,
-            kind,
-            what,
-            done,
-            where=(error.where if error else None) or controller.name,
-            file=(error.file if error else None) or controller.file,
-            line=error.line if error and error.where else controller.line,
-        )
+    for name in names:
+        add(name)
+    return list(order)

@@ -15,6 +15,7 @@ from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Pose, Robot
 from arm_drake.description.tree import last_master
 from arm_drake.description.urdf import RobotDescription
+from arm_drake.dynamics_samples import Followers, sample_dynamics, sample_gravity
 from arm_drake.options import SimulationOptions
 from arm_drake.plant import (
     add_robot_model,
@@ -22,14 +23,7 @@ from arm_drake.plant import (
     set_initial_positions,
     state_indices,
 )
-from arm_drake.servo import (
-    Followers,
-    add_step_inertia,
-    make_dry_friction,
-    make_joint_servo,
-    sample_dynamics,
-    sample_gravity,
-)
+from arm_drake.servo import add_step_inertia, make_dry_friction, make_joint_servo
 
 # Poses in which a joint's effort limit is compared with gravity.
 _NUM_POSES = 200
@@ -87,6 +81,8 @@ def make_robot_servo(
     joints: Sequence[JointInfo],
     at: tuple[list[int], list[int]],
     options: SimulationOptions,
+    *,
+    has_modes: bool = False,
 ) -> Diagram:
     """Return the servo of a robot's commanded joints.
 
@@ -96,6 +92,7 @@ def make_robot_servo(
         joints: The commanded joints.
         at: Indices of their positions and velocities in the state of ``plant``.
         options: How to simulate.
+        has_modes: Whether joints may follow velocities or efforts.
     """
     N = velocity_map(plant, description, joints)
     gains = compute_servo_gains(
@@ -105,7 +102,7 @@ def make_robot_servo(
         bandwidth=options.servo_bandwidth,
         time_step=plant.time_step(),
     )
-    return make_joint_servo(plant, gains, *at, N)
+    return make_joint_servo(plant, gains, *at, N, has_modes=has_modes)
 
 
 def check_model(robot: Robot) -> None:

@@ -8,13 +8,11 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 from arm_drake import interfaces
-from arm_drake.controller_loading import (
-    LoadedController,
-    load_controllers_of,
-)
+from arm_drake.controller_loading import load_controllers_of
 from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError
+from arm_drake.loaded_controllers import LoadedController
 from arm_drake.output_files import check_suffix, check_writable, writing
 from arm_drake.visualization.control_graph import (
     ControlGraph,
@@ -119,8 +117,7 @@ def _topics(system: ControllerInterface, *, is_input: bool) -> tuple[str, ...]:
     else:
         ports = [system.get_output_port(i) for i in range(system.num_output_ports())]
     names = [port.get_name() for port in ports]
-    own = (interfaces.STATE_PORT, interfaces.COMMAND_PORT)
-    return tuple(name for name in names if name not in own)
+    return tuple(name for name in names if not interfaces.is_internal(name))
 
 
 def _hardware(robot: Robot) -> tuple[HardwareNode, ...]:

@@ -6,7 +6,7 @@ joint.
 """
 
 import dataclasses as dc
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -19,7 +19,13 @@ from pydrake.systems.primitives import (
     Multiplexer,
 )
 
-from arm_drake.description.robot import Pose
+from arm_drake import interfaces
+from arm_drake.control.command_limits import CommandLimits
+from arm_drake.control.drive_commands import DriveCommands
+from arm_drake.control.servo import velocity_lead
+from arm_drake.description.joint_limits import find_joint_limits
+from arm_drake.description.report import LoadReport
+from arm_drake.description.robot import Pose, Robot
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.drives import (
     commanded_joints,
@@ -27,19 +33,24 @@ from arm_drake.drives import (
     make_robot_servo,
     make_servo_plant,
 )
+from arm_drake.loaded_controllers import (
+    LoadedController,
+    command_order,
+    enforces_limits,
+)
 from arm_drake.options import SimulationOptions
 from arm_drake.plant import state_indices
+from arm_drake.surroundings import Surroundings
 
 
 @dc.dataclass(frozen=True)
 class Hardware:
     """What the rest of a diagram needs of a robot's hardware."""
 
-    # Joints with an actuator, n of them, and what they hold if nobody commands them.
+    # Joints with an actuator, n of them.
     commanded: tuple[str, ...]
-    initial: tuple[float, ...]
 
-    # Desired positions and velocities of these joints, size 2n; None if there are none.
+    # What they are told, see DriveCommands; None if there are none.
     command: InputPort | None
 
     # Positions, velocities and efforts of all J movable joints, size 3J, in the order
@@ -53,7 +64,14 @@ class Hardware:
     friction: OutputPort | None
 
     # Plant that the servo computes with; it must live as long as the diagram.
-    servo_plant: MultibodyPlant
+    servo_plant: MultibodyPlant | None
+
+    # Everything that can be read, if that is known here.
+    everything: OutputPort | None = None
+
+    # Values of all command interfaces, and which of them are claimed, if it is told.
+    values: InputPort | None = None
+    claimed: InputPort | None = None
 
 
 def add_hardware(
@@ -66,6 +84,7 @@ def add_hardware(
     pose: Pose | None,
     initial: Mapping[str, float],
     options: SimulationOptions,
+    has_modes: bool = False,
 ) -> Hardware:
     """Add a robot's servo, friction and state interfaces, and connect the plant.
 
@@ -78,6 +97,7 @@ def add_hardware(
         pose: Pose of the base in the world.
         initial: Initial positions [rad] by joint.
         options: How to simulate.
+        has_modes: Whether joints may follow velocities or efforts.
     """
     joints = commanded_joints(description)
     names = tuple(joint.name for joint in joints)
@@ -87,7 +107,10 @@ def add_hardware(
     if names:
         at = state_indices(alone, alone.GetModelInstanceByName("robot"), names)
         servo = builder.AddNamedSystem(
-            f"{prefix}servo", make_robot_servo(alone, description, joints, at, options)
+            f"{prefix}servo",
+            make_robot_servo(
+                alone, description, joints, at, options, has_modes=has_modes
+            ),
         )
         D = _reduced_state(plant, model, alone, description)
         reduced = _gain(builder, f"{prefix}servo_state", D, state)
@@ -104,8 +127,61 @@ def add_hardware(
             builder.AddNamedSystem(f"{prefix}dry_friction", friction)
             builder.Connect(state, friction.get_input_port())
             forces = friction.get_output_port()
-    hold = tuple(initial[name] for name in names)
-    return Hardware(names, hold, command, joint_states, motions, forces, alone)
+    return Hardware(names, command, joint_states, motions, forces, alone)
+
+
+def make_drive_commands(
+    robot: Robot,
+    surroundings: Surroundings,
+    controllers: Iterable[LoadedController],
+    options: SimulationOptions,
+) -> DriveCommands:
+    """Return what turns commands of controllers into what the servo is told.
+
+    Args:
+        robot: The robot.
+        surroundings: Its interfaces.
+        controllers: Its controllers, also those that are inactive.
+        options: How to simulate.
+    """
+    joints = [joint.name for joint in commanded_joints(robot.description)]
+    positions = set(interfaces.interface_names(joints, [interfaces.POSITION]))
+    claims = {
+        name
+        for controller in controllers
+        if controller.system is not None
+        for name in controller.system.command_interfaces
+        if name.rpartition("/")[0] in joints
+    }
+    return DriveCommands(
+        joints,
+        command_order(surroundings, controllers),
+        velocity_lead=velocity_lead(options.servo_bandwidth),
+        has_modes=not claims <= positions,
+    )
+
+
+def make_command_limits(
+    robot: Robot,
+    surroundings: Surroundings,
+    controllers: Iterable[LoadedController],
+    report: LoadReport,
+) -> CommandLimits | None:
+    """Return what commands are held to, or None if they aren't.
+
+    Args:
+        robot: The robot.
+        surroundings: Its interfaces.
+        controllers: Its controllers, also those that are inactive.
+        report: Where limits that can't be used are recorded.
+    """
+    if not enforces_limits(robot):
+        return None
+    return CommandLimits(
+        find_joint_limits(robot.description, report),
+        command_order(surroundings, controllers),
+        surroundings.measured,
+    )
 
 
 def _reduced_state(
@@ -124,45 +200,6 @@ def _reduced_state(
     D = np.zeros((alone.num_multibody_states(), plant.num_multibody_states(model)))
     D[np.concatenate(rows), np.concatenate(columns)] = 1.0
     return D
-
-
-def connect_commands(
-    builder: DiagramBuilder,
-    hardware: Hardware,
-    commands: Sequence[tuple[OutputPort, Sequence[str]]],
-    prefix: str,
-) -> None:
-    """Connect what controllers command; joints without a command hold their position.
-
-    Args:
-        builder: Where the hardware is.
-        hardware: The robot's hardware.
-        commands: Ports of commands and their rates, and the joints that they are for.
-        prefix: Start of the names of the systems.
-    """
-    if hardware.command is None:
-        return
-    n, names = len(hardware.commanded), list(hardware.commanded)
-    if len(commands) == 1 and list(commands[0][1]) == names:
-        builder.Connect(commands[0][0], hardware.command)
-        return
-    hold = np.concatenate([hardware.initial, np.zeros(n)])
-    total = builder.AddNamedSystem(
-        f"{prefix}command:sum", Adder(len(commands) + 1, 2 * n)
-    )
-    for index, (port, joints) in enumerate(commands):
-        D = np.zeros((2 * n, 2 * len(joints)))
-        for column, joint in enumerate(joints):
-            if joint in names:  # A mimic joint follows its master, not its command.
-                row = names.index(joint)
-                D[row, column] = D[n + row, len(joints) + column] = 1.0
-                hold[row] = 0.0
-        gain = builder.AddNamedSystem(f"{prefix}command:{index}", MatrixGain(D))
-        builder.Connect(port, gain.get_input_port())
-        builder.Connect(gain.get_output_port(), total.get_input_port(index))
-    held = builder.AddNamedSystem(f"{prefix}command:held", ConstantVectorSource(hold))
-    builder.Connect(held.get_output_port(), total.get_input_port(len(commands)))
-    builder.Connect(total.get_output_port(), hardware.command)
 
 
 def connect_forces(
@@ -184,11 +221,11 @@ def connect_forces(
             v = np.zeros(plant.num_velocities())
             plant.SetVelocitiesInArray(model, unit, v)
             D[:, column] = v
-        name = f"{plant.GetModelInstanceName(model)}_forces"
+        name = f"{plant.GetModelInstanceName(model)}:forces"
         ports.append(_gain(builder, name, D, port))
     if len(ports) > 1:
         total = builder.AddNamedSystem(
-            "generalized_forces", Adder(len(ports), plant.num_velocities())
+            "plant:generalized_forces", Adder(len(ports), plant.num_velocities())
         )
         for index, port in enumerate(ports):
             builder.Connect(port, total.get_input_port(index))

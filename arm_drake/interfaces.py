@@ -20,10 +20,29 @@ _ANGULAR_UNITS = {POSITION: "rad", VELOCITY: "rad/s", EFFORT: "N·m"}
 _LINEAR_UNITS = {POSITION: "m", VELOCITY: "m/s", EFFORT: "N"}
 
 
-# Ports of a controller towards the hardware: all interfaces that it reads, and all that
-# it claims. One port for all, for every port costs time at every step of the plant.
+# Ports of a controller towards hardware and manager: all interfaces that it reads, all
+# that it claims, what these hold, and when to run. One port for all interfaces, for
+# every port costs time at every step of the plant.
 STATE_PORT: Final = "state_interfaces"
 COMMAND_PORT: Final = "command_interfaces"
+VALUES_PORT: Final = "command_values"
+MANAGER_PORT: Final = "controller_manager"
+EXPORT_PORT: Final = "exported_state_interfaces"
+
+# Names of the command interfaces that are claimed.
+CLAIMED_PORT: Final = "claimed"
+
+# Parameters that take the place of those a controller was made with.
+PARAMETERS_PORT: Final = "parameters"
+
+# Start of the name of the port on which another controller commands references.
+CHAIN_PORT: Final = "chain:"
+
+
+def is_internal(port: str) -> bool:
+    """Return whether a port of a controller is none of its topics."""
+    own = (STATE_PORT, COMMAND_PORT, VALUES_PORT, MANAGER_PORT, PARAMETERS_PORT)
+    return port in own or port.startswith((EXPORT_PORT, CHAIN_PORT))
 
 
 def interface_names(joints: Iterable[str], names: Iterable[str]) -> tuple[str, ...]:

@@ -3,15 +3,22 @@
 import dataclasses as dc
 import math
 
-from arm_drake.errors import InputError
+from arm_drake.errors import InputError, suggest
 
 # A smaller step of the physics is a mistake [s].
 SMALLEST_STEP = 1e-6
 
 
+PRESETS = ("accurate", "kinematic")
+
+
 @dc.dataclass(frozen=True)
 class SimulationOptions:
     """How a robot is simulated."""
+
+    # "accurate": the dynamics, with everything. "kinematic": none, joints are where
+    # their commands say one cycle later, as mock_components/GenericSystem has it.
+    preset: str = "accurate"
 
     # Largest step of the physics [s]. The step that is used divides the period of the
     # controller manager evenly, so that a command acts on the step that starts with it.
@@ -40,6 +47,10 @@ class SimulationOptions:
 
     def __post_init__(self) -> None:
         """Reject what can't be simulated."""
+        if self.preset not in PRESETS:
+            raise InputError(
+                f"no preset {self.preset!r}; {suggest(self.preset, PRESETS)}"
+            )
         if not SMALLEST_STEP <= self.time_step < math.inf:
             raise InputError(
                 f"time_step must be at least {SMALLEST_STEP} s, got {self.time_step!r}"

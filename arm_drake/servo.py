@@ -8,10 +8,10 @@ A position command becomes an effort through the robot's own dynamics::
 
 h is the plant's step, b the observer's gain, w its state, and N the matrix that takes
 the velocities of the commanded joints to those of all joints, so mimic joints follow
-their master. Everything here is evaluated at every step of the plant, hence no Python.
+their master. For a joint that follows a velocity u* is clamp(kv (v_d - v), ...); one
+that follows an effort has that effort instead of tau, and its observer rests.
+Everything here is evaluated at every step of the plant, hence no Python.
 """
-
-from collections.abc import Iterator, Sequence
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -20,7 +20,7 @@ from pydrake.symbolic import Expression, Variable
 from pydrake.symbolic import max as max_
 from pydrake.symbolic import min as min_
 from pydrake.systems.controllers import InverseDynamics
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import (
     MatrixGain,
     Multiplexer,
@@ -28,96 +28,13 @@ from pydrake.systems.primitives import (
     SymbolicVectorSystem,
 )
 
+from arm_drake.control.drive_commands import NUM_PARTS, NUM_PARTS_OF_POSITIONS
 from arm_drake.control.servo import (
     OBSERVER_GAIN,
     Array,
-    DynamicsSamples,
     FrictionGains,
     ServoGains,
 )
-
-# Configurations at which the dynamics is sampled, and the seed that picks them.
-_NUM_SAMPLES = 100
-_SEED = 20_260_101
-
-# Continuous joints, and joints with several turns, are sampled within one turn.
-_TURN = np.pi
-
-
-# Mimic joints: index of the position, of its last master's, factor, offset.
-Followers = Sequence[tuple[int, int, float, float]]
-
-
-def sample_gravity(
-    plant: MultibodyPlant, N: Array, num_samples: int, followers: Followers = ()
-) -> Array:
-    """Return the efforts that hold the commanded joints against gravity.
-
-    Args:
-        plant: A finalized plant that holds this robot alone.
-        N: As for `sample_dynamics`.
-        num_samples: How many poses; the first one is the default configuration.
-        followers: The mimic joints.
-
-    Returns:
-        Efforts [N·m] or [N], shape (num_samples, n).
-    """
-    return np.array(
-        [
-            -N.T @ plant.CalcGravityGeneralizedForces(context)
-            for context in _poses(plant, num_samples, followers)
-        ]
-    )
-
-
-def _poses(
-    plant: MultibodyPlant, num_samples: int, followers: Followers
-) -> Iterator[Context]:
-    """Yield a context in the default configuration, then in random ones."""
-    context, random = plant.CreateDefaultContext(), np.random.default_rng(_SEED)
-    limits = plant.GetPositionLowerLimits(), plant.GetPositionUpperLimits()
-    lower, upper = _sampled_ranges(*limits)
-    for sample in range(num_samples):
-        if sample:
-            q = random.uniform(lower, upper)
-            for follower, master, factor, offset in followers:
-                q[follower] = factor * q[master] + offset
-            plant.SetPositions(context, q)
-        yield context
-
-
-def _sampled_ranges(lower: Array, upper: Array) -> tuple[Array, Array]:
-    """Return the limits, but for ranges of more than a turn: the turn in the middle."""
-    low = np.where(np.isfinite(lower), lower, np.minimum(-_TURN, upper - 2.0 * _TURN))
-    high = np.where(np.isfinite(upper), upper, np.maximum(_TURN, lower + 2.0 * _TURN))
-    low = np.where(np.isfinite(low), low, -_TURN)
-    high = np.where(np.isfinite(high), high, _TURN)
-    middle, half = (low + high) / 2.0, np.minimum((high - low) / 2.0, _TURN)
-    return middle - half, middle + half
-
-
-def sample_dynamics(
-    plant: MultibodyPlant, N: Array, followers: Followers = ()
-) -> DynamicsSamples:
-    """Return the dynamics of the commanded joints at random configurations.
-
-    Args:
-        plant: A finalized plant that holds this robot alone.
-        N: Velocities of all joints per velocity of a commanded joint, shape (m, n).
-        followers: The mimic joints.
-    """
-    masses, gravities = [], []
-    for context in _poses(plant, _NUM_SAMPLES, followers):
-        masses.append(N.T @ plant.CalcMassMatrixViaInverseDynamics(context) @ N)
-        gravities.append(-N.T @ plant.CalcGravityGeneralizedForces(context))
-    damping = np.zeros(plant.num_velocities())
-    for index in plant.GetJointIndices():
-        joint = plant.get_joint(index)
-        for k in range(joint.num_velocities()):
-            damping[joint.velocity_start() + k] = joint.default_damping_vector()[k]
-    return DynamicsSamples(
-        np.array(masses), np.array(gravities), np.square(N.T) @ damping
-    )
 
 
 def make_joint_servo(
@@ -126,6 +43,8 @@ def make_joint_servo(
     positions_at: list[int],
     velocities_at: list[int],
     N: Array,
+    *,
+    has_modes: bool = False,
 ) -> Diagram:
     """Return the servo of a robot's n commanded joints.
 
@@ -142,7 +61,9 @@ def make_joint_servo(
     port     size      unit        meaning
     =======  ========  ==========  ===================================================
     state    2m        rad, rad/s  state [q; v] of the robot's m joints
-    command  2n        rad, rad/s  desired positions, then desired velocities
+    command  2n or 5n  rad, rad/s  desired positions, then desired velocities; with
+                                   modes also efforts [N·m], and whether the velocity
+                                   or the effort alone is followed (1 or 0)
     effort   n         N·m         what the actuators apply, within the effort limits
     =======  ========  ==========  ===================================================
 
@@ -153,14 +74,21 @@ def make_joint_servo(
         positions_at: Indices of the commanded positions in the state.
         velocities_at: Indices of the commanded velocities in the state.
         N: As for `sample_dynamics`.
+        has_modes: Whether joints may follow velocities or efforts.
     """
     builder = DiagramBuilder()
     m, n = N.shape
-    signals = builder.AddNamedSystem("signals", Multiplexer([2 * m, 2 * n]))
+    size = (NUM_PARTS if has_modes else NUM_PARTS_OF_POSITIONS) * n
+    signals = builder.AddNamedSystem("signals", Multiplexer([2 * m, size]))
     law = builder.AddNamedSystem(
         "acceleration",
         _acceleration_law(
-            gains, 2 * m, positions_at, velocities_at, control_plant.time_step()
+            gains,
+            2 * m,
+            positions_at,
+            velocities_at,
+            control_plant.time_step(),
+            has_modes=has_modes,
         ),
     )
     dynamics = builder.AddNamedSystem(
@@ -174,7 +102,7 @@ def make_joint_servo(
     )
     state = builder.ExportInput(signals.get_input_port(0), "state")
     builder.ConnectInput(state, dynamics.get_input_port_estimated_state())
-    builder.ExportInput(signals.get_input_port(1), "command")
+    command = builder.ExportInput(signals.get_input_port(1), "command")
     builder.Connect(signals.get_output_port(), law.get_input_port())
     acceleration, effort = (
         law.get_output_port(),
@@ -187,6 +115,13 @@ def make_joint_servo(
         builder.Connect(effort, gather.get_input_port())
         acceleration, effort = spread.get_output_port(), gather.get_output_port()
     builder.Connect(acceleration, dynamics.get_input_port_desired_acceleration())
+    if has_modes:
+        choice = builder.AddNamedSystem("effort", _effort_choice(n))
+        chosen = builder.AddNamedSystem("effort_signals", Multiplexer([n, size]))
+        builder.Connect(effort, chosen.get_input_port(0))
+        builder.ConnectInput(command, chosen.get_input_port(1))
+        builder.Connect(chosen.get_output_port(), choice.get_input_port())
+        effort = choice.get_output_port()
     builder.Connect(effort, limit.get_input_port())
     builder.ExportOutput(limit.get_output_port(), "effort")
     diagram = builder.Build()
@@ -200,30 +135,53 @@ def _acceleration_law(
     positions_at: list[int],
     velocities_at: list[int],
     h: float,
+    *,
+    has_modes: bool,
 ) -> SymbolicVectorSystem:
     """Return u* + I of the module's docstring, with the observer's state w."""
     n = len(positions_at)
-    x = [Variable(f"x{i}") for i in range(num_states)]
-    q_d = [Variable(f"q_d{i}") for i in range(n)]
-    v_d = [Variable(f"v_d{i}") for i in range(n)]
-    w = [Variable(f"w{i}") for i in range(n)]
+    x = _variables("x", num_states)
+    q_d, v_d = _variables("q_d", n), _variables("v_d", n)
+    tau_d, is_v, is_tau = (
+        _variables(name, n if has_modes else 0) for name in ("tau_d", "is_v", "is_tau")
+    )
+    w = _variables("w", n)
     outputs, updates = [], []
     for i in range(n):
         q, v = x[positions_at[i]], x[velocities_at[i]]
         error = q_d[i] + gains.velocity_lead * v_d[i] - q
         error = _clamp(error, gains.max_error[i])
-        u = _clamp(gains.kp * error - gains.kd * v, gains.max_acceleration[i])
+        u = gains.kp * error - gains.kd * v
+        if has_modes:
+            v_error = _clamp(v_d[i], gains.velocity_limit[i]) - v
+            u = u + is_v[i] * (gains.kv * v_error - u)
+        u = _clamp(u, gains.max_acceleration[i])
         shift = OBSERVER_GAIN / h * v
         disturbance = _clamp(w[i] - shift, gains.max_disturbance[i])
+        gain = disturbance + OBSERVER_GAIN * u
         outputs.append(u + disturbance)
-        updates.append(disturbance + shift + OBSERVER_GAIN * u)
+        updates.append(shift + ((1.0 - is_tau[i]) * gain if has_modes else gain))
     return SymbolicVectorSystem(
         state=np.array(w),
-        input=np.array([*x, *q_d, *v_d]),
+        input=np.array([*x, *q_d, *v_d, *tau_d, *is_v, *is_tau]),
         dynamics=np.array(updates),
         output=np.array(outputs),
         time_period=h,
     )
+
+
+def _effort_choice(n: int) -> SymbolicVectorSystem:
+    """Return what puts an effort command in the place of the servo's effort."""
+    tau, unused = _variables("tau", n), _variables("c", 2 * n)
+    tau_d, is_v, is_tau = (_variables(name, n) for name in ("tau_d", "is_v", "is_tau"))
+    chosen = [tau[i] + is_tau[i] * (tau_d[i] - tau[i]) for i in range(n)]
+    return SymbolicVectorSystem(
+        input=np.array([*tau, *unused, *tau_d, *is_v, *is_tau]), output=np.array(chosen)
+    )
+
+
+def _variables(name: str, number: int) -> list[Variable]:
+    return [Variable(f"{name}{i}") for i in range(number)]
 
 
 def make_dry_friction(

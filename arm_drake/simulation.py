@@ -2,33 +2,33 @@
 
 import collections
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram
 
 from arm_drake.clients import ControllerHandle, GoalHandle
-from arm_drake.controller_loading import ControllerState, LoadedController
-from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, MotionError, suggest
-from arm_drake.manager import ControllerManager
+from arm_drake.loaded_controllers import ControllerState, LoadedController
+from arm_drake.manager import MANAGER, SWITCH_PORT, ControllerManager
 from arm_drake.messages import (
     FollowJointTrajectoryGoal,
     GoalEvent,
     JointState,
     JointTrajectory,
     Message,
+    Strictness,
+    SwitchController,
     TopicRejected,
 )
 from arm_drake.motion import Motion, MotionStep
-from arm_drake.rollout import Reference, Rollout
+from arm_drake.recording import read_rollout
+from arm_drake.rollout import Rollout
 
 # Ticks between two looks at the controllers' news; they keep the latest 64.
 _TICKS_AT_A_TIME = 50
@@ -66,14 +66,15 @@ class Simulation:
             f"{manager.prefix}{controller.name}.events"
             for manager in self._managers.values()
             for controller in manager.controllers
-            if controller.state == "active" and _has_port(controller, "events")
+            if _has_port(controller, "events")
         ]
         self._start()
 
     def _start(self) -> None:
         self.simulator.Initialize()
         self._handles: dict[int, GoalHandle] = {}
-        self._queues: dict[str, tuple[collections.deque[Message], float]] = {}
+        # What lies on the ports, and since when [s].
+        self._published: dict[str, list[tuple[float, Message]]] = {}
         self._next_event = dict.fromkeys(self._event_ports, 0)
         self.goals: list[GoalHandle] = []
         self.rejected: list[TopicRejected] = []
@@ -101,7 +102,7 @@ class Simulation:
             name: Its name; `<robot>/<name>` where there are several robots.
 
         Raises:
-            InputError: If there is no such controller, or it isn't active.
+            InputError: If there is no such controller, or it could not be loaded.
         """
         controllers = {
             manager.prefix + controller.name: controller
@@ -111,8 +112,8 @@ class Simulation:
         if name not in controllers:
             raise InputError(f"no controller {name!r}; {suggest(name, controllers)}")
         controller = controllers[name]
-        if controller.state != "active" or controller.system is None:
-            raise InputError(f"controller {name!r} is {controller.state}, not active")
+        if controller.system is None:
+            raise InputError(f"controller {name!r} is unconfigured; see the report")
         return ControllerHandle(self, name, controller.system, controller.type)
 
     def list_controllers(self) -> list[ControllerState]:
@@ -124,6 +125,37 @@ class Simulation:
                 manager.GetMyContextFromRoot(self.simulator.get_context())
             )
         ]
+
+    def switch_controllers(
+        self,
+        activate: Sequence[str] = (),
+        deactivate: Sequence[str] = (),
+        *,
+        strictness: Strictness = "strict",
+        robot: str | None = None,
+    ) -> tuple[str, ...]:
+        """Activate and deactivate controllers of a robot in the manager's next cycle.
+
+        Args:
+            activate: Names of controllers to start.
+            deactivate: Names of controllers to stop; one in both lists is restarted.
+            strictness: "strict" does all of it or nothing; "best_effort" what can be.
+            robot: Name of the robot; by default the first one.
+
+        Returns:
+            What can't be done and is left out, in words.
+
+        Raises:
+            InputError: If it is strict and can't be done.
+        """
+        manager = self._manager(robot)
+        request = SwitchController(tuple(activate), tuple(deactivate), strictness)
+        problems = manager.find_problems(self.simulator.get_context(), request)
+        if problems and strictness == "strict":
+            raise InputError("; ".join(problems))
+        port = f"{manager.prefix}{MANAGER}.{SWITCH_PORT}"
+        self.publish(port, request, manager.period)
+        return problems
 
     def joint_states(self, robot: str | None = None) -> JointState:
         """Return position, velocity and effort of every movable joint, now.
@@ -157,27 +189,9 @@ class Simulation:
         if not time >= self.time or not math.isfinite(time):
             raise ValueError(f"can't go from {self.time} s to {time} s")
         while self.time < time:
-            # A controller sees what is on its ports at its next tick.
-            waiting = [period for queue, period in self._queues.values() if queue]
-            due = min((self._tick_after(period) for period in waiting), default=time)
-            if due >= time:
-                chunk = self.time + _TICKS_AT_A_TIME * self._period
-                self.simulator.AdvanceTo(min(chunk, time))
-            else:
-                if due > self.time:
-                    self.simulator.AdvanceTo(due)
-                self._feed(due)
-                periods = [period for queue, period in self._queues.values() if queue]
-                later = (self._tick_after(period, due) for period in periods)
-                stop = min((*later, due + _TICKS_AT_A_TIME * self._period))
-                self.simulator.AdvanceTo(min(stop, time))
+            chunk = self.time + _TICKS_AT_A_TIME * self._period
+            self.simulator.AdvanceTo(min(chunk, time))
             self._collect()
-
-    def _tick_after(self, period: float, time: float | None = None) -> float:
-        """Return the next tick: one that is now, or after a time the next one."""
-        if time is None:
-            return math.ceil(self.time / period - _TICK_TOLERANCE) * period
-        return (math.floor(time / period + _TICK_TOLERANCE) + 1) * period
 
     def run(
         self,
@@ -256,34 +270,7 @@ class Simulation:
             robot: Name of the robot; by default the first one.
         """
         manager = self._manager(robot)
-        joints = manager.robot.description.movable_joints
-        period = manager.log_period
-        number = math.ceil(self.time / period - _TICK_TOLERANCE)
-        rows = self._log(manager, "joint_states")[1:]
-        if len(rows) < number:  # What the last tick left behind isn't logged yet.
-            sample = self.diagram.GetSubsystemByName(f"{manager.prefix}sample")
-            context = sample.GetMyContextFromRoot(self.simulator.get_context())
-            rows = np.vstack([rows, sample.get_output_port().Eval(context)])
-        # Drake's times are sums of rounded numbers; ROS counts nanoseconds.
-        time = np.round(period * np.arange(number), 9)
-        position, velocity, effort = np.split(rows[:number], 3, axis=1)
-        references = {}
-        for controller in manager.controllers:
-            if controller.state == "active" and controller.system is not None:
-                reference = self._reference(manager, controller.system, time)
-                if reference is not None:
-                    references[controller.name] = reference
-        limits = [joint.limits.effort for joint in joints]
-        return Rollout(
-            time=time,
-            joint_names=tuple(joint.name for joint in joints),
-            position=position,
-            velocity=velocity,
-            effort=effort,
-            effort_limit=np.array([np.inf if e is None else e for e in limits]),
-            joint_types=tuple(joint.type for joint in joints),
-            references=references,
-        )
+        return read_rollout(self.diagram, self.simulator.get_context(), manager)
 
     def _manager(self, robot: str | None) -> ControllerManager:
         if robot is None:
@@ -291,27 +278,6 @@ class Simulation:
         if robot not in self._managers:
             raise InputError(f"no robot {robot!r}; {suggest(robot, self._managers)}")
         return self._managers[robot]
-
-    def _log(self, manager: ControllerManager, name: str) -> NDArray[np.float64]:
-        """Return the rows of a log."""
-        sink = self.diagram.GetSubsystemByName(f"{manager.prefix}log:{name}")
-        return sink.FindLog(self.simulator.get_context()).data().T
-
-    def _reference(
-        self,
-        manager: ControllerManager,
-        system: ControllerInterface,
-        time: NDArray[np.float64],
-    ) -> Reference | None:
-        """Return what a controller wanted of its joints at the given times [s]."""
-        names = system.command_interfaces
-        at = [i for i, name in enumerate(names) if name.endswith("/position")]
-        if not at:
-            return None
-        commands = self._log(manager, f"{system.params.controller_name}/reference")
-        ticks = np.floor(time / system.params.period + _TICK_TOLERANCE).astype(int)
-        joints = tuple(names[i].rpartition("/")[0] for i in at)
-        return Reference(joints, commands[ticks][:, at])
 
     def _send_step(self, step: MotionStep, motion: Motion | None) -> None:
         handle = self.controller(step.controller)
@@ -323,15 +289,6 @@ class Simulation:
             handle.send_goal(step.message, where=where)
         elif isinstance(step.message, JointTrajectory):
             handle.send_trajectory(step.message, where=where)
-
-    def _feed(self, time: float) -> None:
-        """Put the oldest waiting message on each port whose controller ticks now."""
-        context = self.simulator.get_mutable_context()
-        for port, (queue, period) in self._queues.items():
-            ticks = time / period
-            if queue and abs(ticks - round(ticks)) <= _TICK_TOLERANCE:
-                value = AbstractValue.Make(queue.popleft())
-                self.diagram.GetInputPort(port).FixValue(context, value)
 
     def _collect(self) -> None:
         """Take the news since the last time."""
@@ -368,15 +325,26 @@ class Simulation:
         """Take note of where a message that is being sent comes from."""
         self._sources[id(message)] = (message, where)
 
-    def enqueue(self, port: str, message: Message, period: float) -> None:
-        """Let a message wait for the next tick of the controller that has a port.
+    def publish(self, port: str, message: Message, period: float) -> None:
+        """Put a message on a port, where its controller sees it at its next tick.
+
+        Those of before stay as long as the controller may not have seen them.
 
         Args:
             port: Input port of the diagram.
-            message: What to put there; one message a tick.
+            message: What to put there.
             period: Period of the controller [s].
         """
-        self._queues.setdefault(port, (collections.deque(), period))[0].append(message)
+        recent = [
+            (sent, other)
+            for sent, other in self._published.get(port, ())
+            if sent > self.time - 2.0 * period
+        ]
+        self._published[port] = [*recent, (self.time, message)]
+        messages = tuple(message for _, message in self._published[port])
+        value = AbstractValue.Make(messages)
+        context = self.simulator.get_mutable_context()
+        self.diagram.GetInputPort(port).FixValue(context, value)
 
     def eval_output(self, port: str) -> Any:
         """Return the present value of an output port of the diagram."""

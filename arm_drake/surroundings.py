@@ -1,8 +1,11 @@
 """What a robot offers its controllers."""
 
 import dataclasses as dc
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping, Sequence
 
+from arm_drake import interfaces
+from arm_drake.control.generic_system import GenericSystem
 from arm_drake.description.urdf import RobotDescription
 
 
@@ -10,40 +13,75 @@ from arm_drake.description.urdf import RobotDescription
 class Surroundings:
     """What a robot offers its controllers."""
 
+    # URDF type of every movable joint.
     joint_types: Mapping[str, str]
-    command_interfaces: frozenset[str]
-    state_interfaces: frozenset[str]
+
+    # Names of all interfaces, such as "joint1/position", in the order of the file.
+    command_interfaces: tuple[str, ...]
+    state_interfaces: tuple[str, ...]
 
     # Initial positions by joint [rad] or [m].
     initial_positions: Mapping[str, float]
 
+    # Initial values of the state interfaces that the physics doesn't know. They stay,
+    # or follow the command interface of the same name.
+    stored: Mapping[str, float] = dc.field(default_factory=dict)
+
+    # Joints that the physics moves as they are commanded, by one controller at a time.
+    driven: frozenset[str] = frozenset()
+
+    @property
+    def measured(self) -> tuple[str, ...]:
+        """Order of the vector of everything that is measured."""
+        joints = interfaces.interface_names(
+            self.joint_types, interfaces.STATE_INTERFACES
+        )
+        return (*joints, *self.stored)
+
 
 def find_surroundings(
-    description: RobotDescription, initial_positions: Mapping[str, float]
+    description: RobotDescription,
+    initial_positions: Mapping[str, float],
+    blocks: Sequence[GenericSystem] | None = None,
 ) -> Surroundings:
     """Return the joints and interfaces of a robot.
 
     Args:
         description: The robot.
         initial_positions: Initial positions by joint [rad] or [m].
+        blocks: Hardware that mirrors commands, if that is what it has.
     """
     movable = {joint.name: joint.type for joint in description.movable_joints}
-    joints = [
-        component
-        for block in description.hardware
-        for component in block.joints
-        if component.name in movable
-    ]
-    commands = {
-        f"{component.name}/{interface.name}"
-        for component in joints
-        for interface in component.command_interfaces
-    }
-    states = {
-        f"{component.name}/{interface.name}"
-        for component in joints
-        for interface in component.state_interfaces
-    }
+    simulated = set(interfaces.interface_names(movable, interfaces.STATE_INTERFACES))
+    commands: dict[str, None] = {}
+    states: dict[str, float] = {}
+    for mirror in blocks or ():
+        commands |= dict.fromkeys(mirror.command_interfaces)
+        initial = zip(mirror.state_interfaces, mirror.initial_states(), strict=True)
+        states |= {name: float(value) for name, value in initial}
+    for block in description.hardware if blocks is None else ():
+        for component in (*block.joints, *block.sensors, *block.gpios):
+            # As in GenericSystem, only joints start from 0.
+            default = 0.0 if component in block.joints else math.nan
+            for interface in component.command_interfaces:
+                commands[f"{component.name}/{interface.name}"] = None
+            for interface in component.state_interfaces:
+                value = interface.initial_value
+                states[f"{component.name}/{interface.name}"] = (
+                    default if value is None else value
+                )
     return Surroundings(
-        movable, frozenset(commands), frozenset(states), initial_positions
+        movable,
+        tuple(commands),
+        tuple(states),
+        initial_positions,
+        {name: value for name, value in states.items() if name not in simulated},
+        frozenset() if blocks is not None else _driven(description, commands),
     )
+
+
+def _driven(description: RobotDescription, commands: Iterable[str]) -> frozenset[str]:
+    """Return the joints with a command interface that follow no other joint."""
+    commanded = {name.rpartition("/")[0] for name in commands}
+    joints = [j.name for j in description.movable_joints if j.mimic is None]
+    return frozenset(commanded.intersection(joints))

@@ -23,13 +23,15 @@ PERIOD = 1e-2
 INPUTS = [
     "joint_trajectory_controller.joint_trajectory",
     "joint_trajectory_controller.follow_joint_trajectory",
+    "controller_manager.switch_controller",
 ]
 OUTPUTS = [
+    "frames",
     "joint_state_broadcaster.joint_states",
+    "joint_state_broadcaster.dynamic_joint_states",
     "joint_trajectory_controller.controller_state",
     "joint_trajectory_controller.events",
     "joint_states",
-    "frames",
 ]
 
 
@@ -104,7 +106,7 @@ def test_ports_of_a_robot_without_controllers_are_its_states(tmp_path: Path) -> 
     diagram = ad.build_diagram(models.load(tmp_path, models.TWO_LINKS))
 
     assert input_names(diagram) == []
-    assert output_names(diagram) == ["joint_states", "frames", "state"]
+    assert output_names(diagram) == ["frames", "joint_states", "state"]
 
 
 def test_every_system_has_a_name(tmp_path: Path) -> None:

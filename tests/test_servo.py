@@ -21,6 +21,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 import arm_drake as ad
 from arm_drake.drives import commanded_joints, effort_limits
+from arm_drake.dynamics_samples import sample_dynamics, sample_gravity
 from arm_drake.hardware import add_hardware, connect_forces
 from arm_drake.plant import (
     add_actuators,
@@ -28,7 +29,6 @@ from arm_drake.plant import (
     add_robot_model,
     set_initial_positions,
 )
-from arm_drake.servo import sample_dynamics, sample_gravity
 from tests import models
 
 W0 = ad.SimulationOptions().servo_bandwidth
@@ -95,12 +95,12 @@ def run(
     if hardware.friction is not None:
         connect_forces(builder, plant, {model: hardware.friction})
     if hardware.command is not None:
+        held = [robot.initial_positions[joint.name] for joint in joints]
         source = (
             TrajectorySource(target, 1)
             if isinstance(target, PiecewisePolynomial)
             else ConstantVectorSource(
-                [*(hardware.initial if target is None else target)]
-                + [0.0] * len(joints)
+                [*(held if target is None else target)] + [0.0] * len(joints)
             )
         )
         builder.AddSystem(source)

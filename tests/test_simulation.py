@@ -363,8 +363,9 @@ def test_building_a_diagram_leaves_the_robots_report_alone(tmp_path):
     ):
         sim = ad.Simulation(ad.build_diagram(robot, options=options))
         assert str(sim.report) == (
-            f"warning: {yaml}:{4 + (inactive == 'b')}: {inactive}: joint1/position is "
-            f"already claimed by {active!r}; the controller stays inactive"
+            f"warning: {yaml}:{4 + (inactive == 'b')}: {inactive}: could not activate "
+            f"{inactive!r}: 'joint1/position' is claimed by {active!r}, which stays "
+            "active; the controller stays inactive"
         )
     assert len(robot.report) == 0
 

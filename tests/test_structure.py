@@ -14,12 +14,20 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import LeafSystem
 
 import arm_drake
 import arm_drake as ad
+from arm_drake.control.drive_commands import DriveCommands
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.forward_command_controller import (
+    ForwardCommandController,
+    ForwardCommandControllerParameters,
+    JointGroupController,
+    JointGroupControllerParameters,
+    MultiInterfaceForwardCommandController,
+    MultiInterfaceForwardCommandControllerParameters,
+)
 from arm_drake.controllers.joint_state_broadcaster import (
     JointStateBroadcaster,
     JointStateBroadcasterParameters,
@@ -28,8 +36,11 @@ from arm_drake.controllers.joint_trajectory_controller import (
     JointTrajectoryController,
     JointTrajectoryControllerParameters,
 )
+from arm_drake.controllers.pid_controller import PidController
+from arm_drake.controllers.pid_parameters import PidControllerParameters
 from arm_drake.frames import LinkFrames
 from arm_drake.manager import ControllerManager
+from arm_drake.surroundings import Surroundings
 
 PACKAGE = Path(arm_drake.__file__).parent
 
@@ -43,17 +54,18 @@ LAYERS = [
         "contact",
         "control",
         "plant",
-        "surroundings",
+        "switching",
         "world",
         "frames",
         "motion",
         "rollout",
     ],
-    ["servo", "controllers", "placement"],
-    ["drives"],
-    ["hardware", "controller_loading"],
+    ["servo", "controllers", "placement", "dynamics_samples", "surroundings"],
+    ["drives", "loaded_controllers", "kinematic"],
+    ["hardware", "controller_loader", "manager_lifecycle", "manager_claims"],
+    ["controller_loading", "mock_hardware"],
     ["manager", "loading"],
-    ["clients"],
+    ["clients", "recording", "robot_systems"],
     ["diagram", "simulation"],
     ["check_command", "sim_command", "view_command", "graph_command"],
     ["cli"],
@@ -78,8 +90,9 @@ WITHOUT_DRAKE = [
 # form in which all parameters are declared, not the robot's.
 KNOWN_TO_CONTROLLERS = re.compile(
     r"errors|interfaces|messages(\..*)?|control(\..*)?"
-    r"|controllers\.(controller_interface|joint_trajectory_parameters|pid_gains"
-    r"|speed_limits|validation)|description\.(parameters|given)"
+    r"|controllers\.(controller_interface|forward_controllers_base"
+    r"|joint_trajectory_parameters|pid_gains|pid_parameters|speed_limits|topics"
+    r"|validation)|description\.(parameters|given)"
 )
 
 MAX_LINES = 300
@@ -233,12 +246,10 @@ def controller_params() -> ControllerInterfaceParams:
         command_interfaces=frozenset(interfaces[:1]),
         state_interfaces=frozenset(interfaces),
         measured=interfaces,
-        initial_commands={},
     )
 
 
 def make_manager() -> ControllerManager:
-    plant = MultibodyPlant(0.0)
     robot = ad.load_robot("doosan_a0912")
     return ControllerManager(
         robot,
@@ -247,7 +258,8 @@ def make_manager() -> ControllerManager:
         prefix="",
         period=0.01,
         log_period=0.01,
-        servo_plant=plant,
+        drive=DriveCommands((), (), velocity_lead=0.05),
+        surroundings=Surroundings({}, (), (), {}),
     )
 
 
@@ -257,6 +269,26 @@ FACTORIES: dict[type[LeafSystem], Callable[[], LeafSystem]] = {
     ControllerManager: make_manager,
     JointStateBroadcaster: lambda: JointStateBroadcaster(
         JointStateBroadcasterParameters(), controller_params()
+    ),
+    ForwardCommandController: lambda: ForwardCommandController(
+        ForwardCommandControllerParameters(("joint",), "position"), controller_params()
+    ),
+    MultiInterfaceForwardCommandController: lambda: (
+        MultiInterfaceForwardCommandController(
+            MultiInterfaceForwardCommandControllerParameters("joint", ("position",)),
+            controller_params(),
+        )
+    ),
+    JointGroupController: lambda: JointGroupController(
+        JointGroupControllerParameters(("joint",)),
+        controller_params(),
+        interface="effort",
+    ),
+    PidController: lambda: PidController(
+        PidControllerParameters(
+            ("joint",), "effort", ("position",), use_external_measured_states=True
+        ),
+        controller_params(),
     ),
     JointTrajectoryController: lambda: JointTrajectoryController(
         JointTrajectoryControllerParameters(("joint",), ("position",), ("position",)),

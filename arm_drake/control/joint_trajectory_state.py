@@ -1,83 +1,35 @@
-"""State and rules of a joint_trajectory_controller, see `joint_trajectory`."""
+"""State and inputs of a joint_trajectory_controller, see `joint_trajectory`.
+
+n is the number of joints and k that of command interfaces, see
+`joint_trajectory_rules`.
+"""
 
 import dataclasses as dc
-from typing import NamedTuple
+import math
+from collections.abc import Callable
+from typing import NamedTuple, Self
 
 import numpy as np
 
-from arm_drake.control.tolerances import Array, Mask, Tolerances
-from arm_drake.control.trajectory import Interpolation, Sample, StateBefore, Trajectory
-from arm_drake.control.trajectory_validation import TrajectoryRules
+from arm_drake.control.joint_trajectory_rules import JointTrajectoryRules
+from arm_drake.control.pid import PidState
+from arm_drake.control.tolerances import Array, Tolerances
+from arm_drake.control.trajectory import Sample, StateBefore, Trajectory
 from arm_drake.messages import (
-    NANOSECONDS,
     ActionRequest,
-    Duration,
-    FollowJointTrajectoryFeedback,
+    CancelResponse,
     GoalEvent,
-    Header,
     JointTrajectory,
     JointTrajectoryPoint,
     Message,
+    ParametersRejected,
     SendGoal,
-    Time,
+    SpeedScalingFactor,
     TopicRejected,
 )
 
-
-@dc.dataclass(frozen=True)
-class JointTrajectoryRules:
-    """Numbers of a controller of n joints that don't change while it runs."""
-
-    # What is allowed in a trajectory, and the joints.
-    allowed: TrajectoryRules
-
-    # Tolerances where a goal asks for none.
-    tolerances: Tolerances
-
-    # How far ahead commands are sampled: a period of the controller [ns].
-    look_ahead_ns: int
-
-    # Period in which goals give feedback and results [ns].
-    monitor_period_ns: int
-
-    interpolation: Interpolation = "splines"
-
-    # Whether trajectories start from the last command instead of the measured state.
-    interpolate_from_desired_state: bool = False
-
-    # How long the last point is held before the joints stop where they are [s]; 0 is
-    # for ever.
-    cmd_timeout: float = 0.0
-
-    # Which joints turn without end, shape (n,); None if none does.
-    wraparound: Mask | None = None
-
-
-class Snapshot(NamedTuple):
-    """What a tick saw: reference, measurement and error, each of shape (n,)."""
-
-    time_ns: int
-
-    # Trajectory at the time, and the time since its start.
-    desired: Sample
-    desired_from_start_ns: int
-
-    # Measured.
-    position: Array
-    velocity: Array | None
-
-    # Reference minus measurement.
-    error: Array
-
-    # What is commanded.
-    command: Array
-
-
-class LookAhead(NamedTuple):
-    """The sample that a tick commanded: the next tick's reference."""
-
-    time_ns: int
-    sample: Sample
+# News of a controller.
+Event = GoalEvent | CancelResponse | TopicRejected | ParametersRejected
 
 
 @dc.dataclass(frozen=True, eq=False)
@@ -95,157 +47,154 @@ class ActiveGoal(Message):
     # How it ended.
     outcome: GoalEvent | None = None
 
+    # Whether its client was told that it is being cancelled.
+    is_canceling: bool = False
 
-class JointTrajectoryState(NamedTuple):
-    """State of the controller; None where nothing has happened yet.
 
-    A tuple, for it is made anew at every tick.
-    """
+class Plan(NamedTuple):
+    """What seldom changes from tick to tick."""
+
+    # Rules of the last tick; messages are judged by them.
+    rules: JointTrajectoryRules | None = None
+
+    is_active: bool = False
 
     trajectory: Trajectory | None = None
+
+    # How many points a replacement put before those of its message.
+    num_prefix: int = 0
 
     # What replaces the trajectory at the next tick.
     pending: JointTrajectory | None = None
 
+    # Whether trajectory and pending message are the controller's one hold message.
+    is_hold_installed: bool = False
+    is_hold_pending: bool = False
+
     # Whether the trajectory holds the joints where they stopped.
     is_holding: bool = False
 
-    # Segment that the last sample was in, and the time of that sample [ns].
-    cursor: int = 0
-    clock_ns: int = 0
+    # The point of the hold message.
+    hold: JointTrajectoryPoint = JointTrajectoryPoint()
 
+    # Points that the longest braking trajectory had so far.
+    num_stop_points: int = 0
+
+    # Tolerances of the last goal; None before the first activation.
     tolerances: Tolerances | None = None
-    goal: ActiveGoal | None = None
 
-    # Measured positions and the last commanded point.
-    position: Array | None = None
-    commanded: StateBefore | None = None
+    cmd_timeout: float = 0.0
 
-    snapshot: Snapshot | None = None
-    ahead: LookAhead | None = None
+    # How fast time is to pass; None before the first activation.
+    requested_scaling: float | None = None
 
     # The latest news, numbered, the newest last.
-    events: tuple[tuple[int, GoalEvent | TopicRejected], ...] = ()
+    events: tuple[tuple[int, Event], ...] = ()
 
-    # The messages last seen on the topic and on the action's port.
-    topic: JointTrajectory | None = None
-    request: ActionRequest | None = None
+    def __deepcopy__(self, memo: dict[int, object]) -> Self:
+        return self
+
+
+class JointTrajectoryState(NamedTuple):
+    """State of the controller; None where nothing has happened yet.
+
+    A tuple, for it is made anew at every tick. Arrays are never changed.
+    """
+
+    plan: Plan = Plan()
+    goal: ActiveGoal | None = None
+
+    # Time of the last tick, and how far trajectories are followed [ns].
+    time_ns: int = 0
+    clock_ns: int = 0
+
+    # Segment that the last sample was in.
+    cursor: int = 0
+
+    # Measured in the last tick, shape (n,). After an activation this is what was
+    # commanded before it, if that counts.
+    position: Array | None = None
+    velocity: Array | None = None
+    acceleration: Array | None = None
+
+    # Reference of the last tick, and reference minus measurement, shape (n,).
+    desired: Sample | None = None
+    error: Array | None = None
+
+    # The point that the last tick commanded, for the time after it [ns].
+    ahead_ns: int = -1
+    ahead: Sample | None = None
+
+    # The last commanded point, and when it was commanded [ns].
+    commanded: Sample | StateBefore | None = None
+    commanded_ns: int = 0
+
+    # Values of the command interfaces, shape (k,); NaN is not written. The second is
+    # what is reported: the last values that were all finite.
+    command: Array | None = None
+    output: Array | None = None
+
+    pid: PidState | None = None
+
+    # How fast time passes: 1 as it does, 0 not at all.
+    scaling_factor: float = 1.0
+
+    @property
+    def events(self) -> tuple[tuple[int, Event], ...]:
+        """The latest news, numbered, the newest last."""
+        return self.plan.events
+
+    @property
+    def speed_scaling_command(self) -> float:
+        """What the command interface of speed scaling is told, if there is one."""
+        requested = self.plan.requested_scaling
+        return 1.0 if requested is None else requested
+
+    def __deepcopy__(self, memo: dict[int, object]) -> Self:
+        return self
 
 
 class TickInputs(NamedTuple):
-    """What a tick reads."""
+    """What a tick reads. Nobody changes the arrays afterwards."""
 
     time_ns: int
+
+    # Time since the last tick [ns].
     period_ns: int
 
-    # Measured, shape (n,); velocities if there is such a state interface.
+    # Measured, shape (n,); None without such state interfaces.
     position: Array
-    velocity: Array | None
+    velocity: Array | None = None
+    acceleration: Array | None = None
 
-    # What lies on the topic and on the action's port.
-    topic: JointTrajectory | None
-    request: ActionRequest | None
+    # Returns the present values of the command interfaces, shape (k,); NaN where
+    # nothing was commanded so far. None stands for NaN everywhere.
+    commands: Callable[[], Array] | None = None
 
+    # What has come since the last tick, in order.
+    topics: tuple[JointTrajectory, ...] = ()
+    requests: tuple[ActionRequest, ...] = ()
+    scaling_factors: tuple[SpeedScalingFactor, ...] = ()
 
-def make_feedback(
-    joints: tuple[str, ...], snapshot: Snapshot
-) -> FollowJointTrajectoryFeedback:
-    """Return the feedback message of what a tick saw.
-
-    Args:
-        joints: The controller's joints, n of them.
-        snapshot: What the tick saw.
-    """
-    return FollowJointTrajectoryFeedback(
-        header=Header(stamp=Time.from_nanoseconds(snapshot.time_ns)),
-        joint_names=joints,
-        desired=make_point(
-            snapshot.desired.position,
-            snapshot.desired.velocity,
-            snapshot.desired.acceleration,
-            snapshot.desired_from_start_ns,
-        ),
-        actual=make_point(
-            snapshot.position, snapshot.velocity, None, snapshot.desired_from_start_ns
-        ),
-        error=make_error(snapshot),
-        index=snapshot.desired.segment_end,
-    )
+    # What the state interface of speed scaling says.
+    scaling_state: float | None = None
 
 
-def make_error(snapshot: Snapshot) -> JointTrajectoryPoint:
-    """Return the error of what a tick saw, as a message.
-
-    Without a velocity command interface, velocity errors stay 0.
-    """
-    velocity = None if snapshot.velocity is None else np.zeros_like(snapshot.velocity)
-    return make_point(snapshot.error, velocity, None, snapshot.desired_from_start_ns)
-
-
-def make_point(
-    position: Array,
-    velocity: Array | None,
-    acceleration: Array | None,
-    from_start_ns: int,
-) -> JointTrajectoryPoint:
-    """Return arrays as a message; each of shape (n,), None for empty."""
-    return JointTrajectoryPoint(
-        tuple(position.tolist()),
-        () if velocity is None else tuple(velocity.tolist()),
-        () if acceleration is None else tuple(acceleration.tolist()),
-        (),
-        Duration.from_nanoseconds(from_start_ns),
-    )
+def present_commands(rules: JointTrajectoryRules, inputs: TickInputs) -> Array:
+    """Return the present values of the command interfaces, shape (k,)."""
+    if inputs.commands is not None:
+        return inputs.commands()
+    joints = rules.joints if rules.commanded_joints is None else rules.commanded_joints
+    return np.full(len(joints) * len(rules.command_interfaces), math.nan)
 
 
-def commanded_positions(commanded: StateBefore | None, measured: Array) -> Array:
-    """Return the last commanded positions, or the measured ones before any, (n,)."""
-    if commanded is None or commanded.positions is None:
-        return measured
-    return commanded.positions
+def add_events(state: JointTrajectoryState, *news: Event) -> JointTrajectoryState:
+    """Return the state with news, of which the latest `NUM_EVENTS` are kept."""
+    events = state.plan.events
+    first = events[-1][0] + 1 if events else 0
+    events = (*events, *enumerate(news, start=first))[-NUM_EVENTS:]
+    return state._replace(plan=state.plan._replace(events=events))
 
 
-def in_joint_order(
-    message: JointTrajectory, joints: tuple[str, ...], missing: Array
-) -> JointTrajectory:
-    """Return a trajectory of all joints in the controller's order.
-
-    Args:
-        message: A trajectory of some of the joints, in any order.
-        joints: The controller's joints, n of them.
-        missing: Positions of the joints that the trajectory leaves out, shape (n,).
-    """
-    if message.joint_names == joints:
-        return message
-    at = [
-        message.joint_names.index(joint) if joint in message.joint_names else None
-        for joint in joints
-    ]
-
-    def ordered(values: tuple[float, ...], absent: Array | None) -> tuple[float, ...]:
-        if not values:
-            return ()
-        return tuple(
-            (0.0 if absent is None else float(absent[k])) if i is None else values[i]
-            for k, i in enumerate(at)
-        )
-
-    points = tuple(
-        JointTrajectoryPoint(
-            ordered(point.positions, missing),
-            ordered(point.velocities, None),
-            ordered(point.accelerations, None),
-            ordered(point.effort, None),
-            point.time_from_start,
-        )
-        for point in message.points
-    )
-    return JointTrajectory(message.header, joints, points)
-
-
-def since_last_point(trajectory: Trajectory, time_ns: int) -> float:
-    """Return how long the last point of a trajectory is past [s].
-
-    Upstream subtracts seconds, not nanoseconds, and so decides ties by their rounding.
-    """
-    return time_ns / NANOSECONDS - trajectory.times_ns[-1] / NANOSECONDS
+# How many events are kept for those who don't look at every tick.
+NUM_EVENTS = 64

@@ -45,6 +45,11 @@ class ServoGains:
     kp: float
     kd: float
 
+    # Gain of a velocity error [1/s], and the largest velocity that is followed [rad/s],
+    # shape (n,).
+    kv: float
+    velocity_limit: Array
+
     # What a desired velocity adds to the desired position, 2/w0 [s].
     velocity_lead: float
 
@@ -59,6 +64,15 @@ class ServoGains:
 
     # Effort limits, finite [N·m], shape (n,).
     effort_limit: Array
+
+
+def velocity_lead(bandwidth: float) -> float:
+    """Return what a desired velocity adds to the desired position [s].
+
+    Args:
+        bandwidth: w0 [rad/s].
+    """
+    return 2.0 / bandwidth
 
 
 def compute_servo_gains(
@@ -88,7 +102,9 @@ def compute_servo_gains(
     return ServoGains(
         kp=(1.0 - z) ** 2 / time_step**2,
         kd=(1.0 - z**2) / time_step,
-        velocity_lead=2.0 / bandwidth,
+        kv=(1.0 - z) / time_step,
+        velocity_limit=velocity_limit,
+        velocity_lead=velocity_lead(bandwidth),
         max_error=2.0 / bandwidth * velocity_limit,
         max_acceleration=spare / (max_inertia + time_step * samples.damping),
         max_disturbance=2.0 * effort / min_inertia,

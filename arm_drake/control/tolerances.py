@@ -23,6 +23,9 @@ Mask = NDArray[np.bool_]
 _ERASE = -1.0
 _EPSILON = float(np.finfo(np.float32).eps)
 
+# Part of a squared tolerance that a sum may reach to be safe.
+_SAFE = 1.0 - 1e-9
+
 _FIELDS = ("position", "velocity", "acceleration")
 
 
@@ -41,6 +44,11 @@ class StateTolerances(Message):
     # Whether anything is checked at all.
     is_checked: bool = dc.field(init=False, repr=False)
 
+    # Whether that is positions alone, and what the sum of their squared errors may be
+    # for none of them to be too large.
+    _is_position_only: bool = dc.field(init=False, repr=False)
+    _safe_sum: float = dc.field(init=False, repr=False)
+
     def __post_init__(self) -> None:
         """Prepare for checking."""
         limits = []
@@ -51,8 +59,15 @@ class StateTolerances(Message):
             limit = np.where(tolerance > 0.0, tolerance, np.inf)
             limits.append(limit if np.isfinite(limit).any() else None)
         object.__setattr__(self, "_limits", tuple(limits))
-        is_checked = any(limit is not None for limit in limits)
-        object.__setattr__(self, "is_checked", is_checked)
+        position = limits[0]
+        derived = {
+            "is_checked": any(limit is not None for limit in limits),
+            "_is_position_only": limits[1] is None and limits[2] is None,
+            # A little less, for sums are rounded.
+            "_safe_sum": np.inf if position is None else _SAFE * position.min() ** 2,
+        }
+        for name, value in derived.items():
+            object.__setattr__(self, name, value)
 
 
 @dc.dataclass(frozen=True, eq=False)
@@ -161,6 +176,21 @@ def violates(
         if error is not None and limit is not None:
             violated |= np.abs(error) > limit
     return violated
+
+
+def exceeds(
+    error_position: Array,
+    error_velocity: Array | None,
+    error_acceleration: Array | None,
+    tolerances: StateTolerances,
+) -> bool:
+    """Return whether any joint is off by more than its tolerances, see `violates`."""
+    if tolerances._is_position_only and (
+        float(error_position.dot(error_position)) <= tolerances._safe_sum
+    ):
+        return False
+    errors = (error_position, error_velocity, error_acceleration)
+    return bool(violates(*errors, tolerances).any())
 
 
 def _resolve_joints(

@@ -8,6 +8,7 @@ upstream lets through to its undefined behaviour, are refused as well.
 import dataclasses as dc
 import math
 from collections import Counter
+from collections.abc import Collection
 
 from arm_drake.errors import suggest
 from arm_drake.messages import NANOSECONDS, JointTrajectory, JointTrajectoryPoint
@@ -34,6 +35,35 @@ class TrajectoryRules:
 
     # Whether efforts can be commanded.
     has_effort_command: bool = False
+
+    # Fields that every point must have, and those that the first one may lack.
+    needed: tuple[str, ...] = ()
+    known_at_start: tuple[str, ...] = ()
+
+
+def needed_fields(
+    command_interfaces: Collection[str], interpolation: str
+) -> tuple[str, ...]:
+    """Return which fields every point must have.
+
+    With interpolation "none" a point is commanded as it is. What it lacks, upstream
+    reads from an empty vector, and crashes.
+
+    Args:
+        command_interfaces: What is commanded.
+        interpolation: "splines" or "none".
+    """
+    if interpolation != "none":
+        return ()
+    fields = ["positions"]
+    # Efforts come with errors of velocities.
+    if {"velocity", "effort"} & set(command_interfaces):
+        fields.append("velocities")
+    if "acceleration" in command_interfaces:
+        fields.append("accelerations")
+    if "effort" in command_interfaces:
+        fields.append("effort")
+    return tuple(fields)
 
 
 def find_fault(
@@ -109,6 +139,23 @@ def _fault_in_points(message: JointTrajectory, rules: TrajectoryRules) -> str | 
         if fault:
             return f"points[{index}].{fault}"
         before = point
+    return _fault_in_jumps(message, rules)
+
+
+def _fault_in_jumps(message: JointTrajectory, rules: TrajectoryRules) -> str | None:
+    """Return what points lack that are commanded as they are."""
+    first = message.points[0].time_from_start.to_nanoseconds()
+    # Such a point is the end of its trajectory, where what is missing is 0.
+    is_end = len(message.points) == 1 and first == 0
+    is_end &= message.header.stamp.to_nanoseconds() == 0
+    for index, point in enumerate(message.points):
+        for field in rules.needed:
+            is_known = index == 0 and (is_end or field in rules.known_at_start)
+            if not getattr(point, field) and (field == "positions" or not is_known):
+                return (
+                    f"points[{index}] has no {field}; with interpolation_method 'none' "
+                    f"every point needs {', '.join(rules.needed)}"
+                )
     return None
 
 

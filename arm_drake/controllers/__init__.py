@@ -4,6 +4,7 @@ To add one, write its module (parameters dataclass and system) and its test, the
 its row to `CONTROLLER_TYPES`.
 """
 
+import functools
 import importlib.metadata
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -22,8 +23,11 @@ from arm_drake.controllers.force_torque_sensor_broadcaster import (
     ForceTorqueSensorBroadcasterParameters,
 )
 from arm_drake.controllers.forward_command_controller import (
+    ForwardCommandController,
     ForwardCommandControllerParameters,
+    JointGroupController,
     JointGroupControllerParameters,
+    MultiInterfaceForwardCommandController,
     MultiInterfaceForwardCommandControllerParameters,
 )
 from arm_drake.controllers.gpio_controllers import GpioCommandControllerParameters
@@ -54,7 +58,8 @@ from arm_drake.controllers.omni_wheel_drive_controller import (
 from arm_drake.controllers.parallel_gripper_action_controller import (
     ParallelGripperActionControllerParameters,
 )
-from arm_drake.controllers.pid_controller import PidControllerParameters
+from arm_drake.controllers.pid_controller import PidController
+from arm_drake.controllers.pid_parameters import PidControllerParameters
 from arm_drake.controllers.pose_broadcaster import PoseBroadcasterParameters
 from arm_drake.controllers.range_sensor_broadcaster import (
     RangeSensorBroadcasterParameters,
@@ -93,19 +98,23 @@ CONTROLLER_TYPES: dict[str, ControllerType] = {
         JointTrajectoryControllerParameters, JointTrajectoryController
     ),
     "forward_command_controller/ForwardCommandController": ControllerType(
-        ForwardCommandControllerParameters
+        ForwardCommandControllerParameters, ForwardCommandController
     ),
     "forward_command_controller/MultiInterfaceForwardCommandController": ControllerType(
-        MultiInterfaceForwardCommandControllerParameters
+        MultiInterfaceForwardCommandControllerParameters,
+        MultiInterfaceForwardCommandController,
     ),
     "position_controllers/JointGroupPositionController": ControllerType(
-        JointGroupControllerParameters
+        JointGroupControllerParameters,
+        functools.partial(JointGroupController, interface="position"),
     ),
     "velocity_controllers/JointGroupVelocityController": ControllerType(
-        JointGroupControllerParameters
+        JointGroupControllerParameters,
+        functools.partial(JointGroupController, interface="velocity"),
     ),
     "effort_controllers/JointGroupEffortController": ControllerType(
-        JointGroupControllerParameters
+        JointGroupControllerParameters,
+        functools.partial(JointGroupController, interface="effort"),
     ),
     "position_controllers/GripperActionController": ControllerType(
         GripperActionControllerParameters
@@ -116,7 +125,9 @@ CONTROLLER_TYPES: dict[str, ControllerType] = {
     "parallel_gripper_action_controller/GripperActionController": ControllerType(
         ParallelGripperActionControllerParameters
     ),
-    "pid_controller/PidController": ControllerType(PidControllerParameters),
+    "pid_controller/PidController": ControllerType(
+        PidControllerParameters, PidController
+    ),
     "diff_drive_controller/DiffDriveController": ControllerType(
         DiffDriveControllerParameters
     ),

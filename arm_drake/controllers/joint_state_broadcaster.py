@@ -5,7 +5,9 @@ Source: ros2_controllers, `joint_state_broadcaster` (version 6.9.0, defaults of 
 
 import dataclasses as dc
 import math
-from typing import Annotated
+from collections.abc import Callable, Sequence
+from operator import itemgetter
+from typing import Annotated, Any
 
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context
@@ -17,19 +19,29 @@ from arm_drake.controllers.controller_interface import (
 )
 from arm_drake.description.parameters import Rule
 from arm_drake.errors import ParameterError
-from arm_drake.messages import Header, JointState, Time
+from arm_drake.messages import (
+    NANOSECONDS,
+    DynamicJointState,
+    Header,
+    InterfaceValue,
+    JointState,
+    Time,
+)
 
 # How far the time may be off a tick and still be the tick, in periods.
 _TICK_TOLERANCE = 1e-6
+
+# Types of the joints whose interfaces rolling looks for.
+_JOINT_TYPES = ("continuous", "revolute", "prismatic")
 
 
 @dc.dataclass(frozen=True)
 class InterfaceMap:
     """Names of the interfaces that are published as positions, velocities, efforts."""
 
-    position: Annotated[str, Rule(only="position")] = "position"
-    velocity: Annotated[str, Rule(only="velocity")] = "velocity"
-    effort: Annotated[str, Rule(only="effort")] = "effort"
+    position: str = "position"
+    velocity: str = "velocity"
+    effort: str = "effort"
 
 
 @dc.dataclass(frozen=True)
@@ -43,17 +55,20 @@ class JointStateBroadcasterParameters:
     # Names published with zeros besides.
     extra_joints: tuple[str, ...] = ()
 
+    # What stands for a standard interface that isn't among `interfaces`.
     map_interface_to_joint_state: InterfaceMap = InterfaceMap()
 
-    # Whether the topic is the broadcaster's own; without effect on a port's name.
+    # Whether the topics are named `~/joint_states`, below the broadcaster's own name,
+    # not `joint_states`; ports always have the broadcaster's name in front.
     use_local_topics: bool = False
 
-    # Whether only joints of the description are published; a simulator has no others.
+    # Whether only joints of the description are published, if `joints` aren't given;
+    # else whatever has such an interface.
     use_urdf_to_filter: bool = True
 
     # Whether dynamic_joint_states are published too.
     publish_dynamic_joint_states: Annotated[
-        bool, Rule(rolling=False, until="kilted", only=False)
+        bool, Rule(rolling=False, until="kilted")
     ] = True
 
     # Frame of the message's header.
@@ -67,23 +82,34 @@ class JointStateBroadcaster(ControllerInterface):
 
         name: JointStateBroadcaster
         input_ports:
+        - controller_manager
         - state_interfaces
         output_ports:
         - joint_states
+        - dynamic_joint_states
 
-    ================  ====  ======  ================================================
-    port              size  unit    meaning
-    ================  ====  ======  ================================================
-    state_interfaces  3J    rad,    positions, velocities and efforts of all J joints
-                            rad/s,  of the robot, held since the last tick
-                            N·m
-    joint_states      --    --      JointState of the last tick; NaN where a joint
-                                    has no such interface
-    ================  ====  ======  ================================================
+    ====================  ====  ======  ============================================
+    port                  size  unit    meaning
+    ====================  ====  ======  ============================================
+    controller_manager    --    --      Cycle: whether the broadcaster is active
+    state_interfaces      m     rad,    everything that is measured, held since the
+                                rad/s,  last tick
+                                N·m
+    joint_states          --    --      JointState of the last tick; NaN where a
+                                        joint has no such interface
+    dynamic_joint_states  --    --      DynamicJointState of the last tick: other
+                                        interfaces too; only if the parameter
+                                        ``publish_dynamic_joint_states`` is true
+    ====================  ====  ======  ============================================
 
     The joints are published in the order of the parameter ``joints``, else by name.
+    Unless it is given with ``interfaces``, rolling publishes what there is of the
+    robot's joints; before, everything is read, sensors and GPIOs into the dynamic
+    message alone. That one names mapped interfaces as in JointState, as upstream's.
+
     It has no state: what it publishes is sampled at its rate before it gets there, and
-    after the commands of the tick, so efforts are those that they cause.
+    after the commands of the tick, so efforts are those that they cause. Inactive, and
+    before the first tick, its messages are empty.
     """
 
     is_sampled = True
@@ -102,66 +128,170 @@ class JointStateBroadcaster(ControllerInterface):
         Raises:
             ParameterError: If an interface is asked for that isn't there.
         """
-        self._names, published = _published(parameters, params)
-        super().__init__(params, state_interfaces=published)
-        self._extra = tuple(
-            name for name in parameters.extra_joints if name not in self._names
-        )
+        fields = _map_interfaces(parameters)
+        claims = _find_claims(parameters, params, fields)
+        super().__init__(params, state_interfaces=claims)
+        layout = _Layout(parameters, params, fields, claims)
+        self._names, self._rows = layout.names, layout.rows
+        self._components, self._values = layout.components, layout.values
         self._frame_id = parameters.frame_id
-        self._at = [params.measured.index(name) for name in published]
-        row = {name: index for index, name in enumerate(published)}
-        self._rows = [
-            [row.get(f"{joint}/{interface}") for joint in self._names]
-            for interface in interfaces.STATE_INTERFACES
-        ]
-        self.DeclareAbstractOutputPort(
-            "joint_states",
-            lambda: AbstractValue.Make(JointState()),
-            self._calc_joint_states,
-            prerequisites_of_calc={self._measured.ticket(), self.time_ticket()},
-        )
+        # Its own ticks are some of the manager's.
+        self._divisor = max(1, round(1.0 / (params.period * params.update_rate)))
+        self._manager_rate = round(1.0 / params.period)
+        outputs: dict[str, tuple[Any, Callable[[Context, AbstractValue], None]]] = {
+            "joint_states": (JointState(), self._calc_joint_states)
+        }
+        if parameters.publish_dynamic_joint_states:
+            empty = DynamicJointState()
+            outputs["dynamic_joint_states"] = (empty, self._calc_dynamic_joint_states)
+        for name, (default, calc) in outputs.items():
+            self.DeclareAbstractOutputPort(
+                name,
+                lambda default=default: AbstractValue.Make(default),
+                calc,
+                prerequisites_of_calc={
+                    self._measured.ticket(),
+                    self._manager.ticket(),
+                    self.time_ticket(),
+                },
+            )
 
     def _calc_joint_states(self, context: Context, output: AbstractValue) -> None:
-        # The tick of this very instant, if it is one, hasn't run.
-        ticks = context.get_time() / self.params.period
-        last = math.ceil(ticks - _TICK_TOLERANCE) - 1
-        if last < 0:
+        header = self._header(context)
+        if header is None:
             output.set_value(JointState())
             return
-        time = Time.from_nanoseconds(self._tick_time(last))
-        measured = self._measured.Eval(context).tolist()
-        values = [measured[at] for at in self._at]
-        zeros = (0.0,) * len(self._extra)
-        fields = (
-            tuple(math.nan if row is None else values[row] for row in rows) + zeros
-            for rows in self._rows
+        values = self._read_values(context)
+        position, velocity, effort = self._rows
+        output.set_value(
+            JointState(
+                header, self._names, position(values), velocity(values), effort(values)
+            )
         )
-        header = Header(time, self._frame_id)
-        output.set_value(JointState(header, self._names + self._extra, *fields))
+
+    def _calc_dynamic_joint_states(
+        self, context: Context, output: AbstractValue
+    ) -> None:
+        header = self._header(context)
+        if header is None:
+            output.set_value(DynamicJointState())
+            return
+        values = self._read_values(context)
+        described = tuple(
+            InterfaceValue(names, pick(values)) for names, pick in self._values
+        )
+        output.set_value(DynamicJointState(header, self._components, described))
+
+    def _header(self, context: Context) -> Header | None:
+        """Return the header of the last tick, or None if there is nothing to say."""
+        # The tick of this very instant, if it is one, hasn't run.
+        cycles = context.get_time() / self.params.period
+        cycle = math.ceil(cycles - _TICK_TOLERANCE) - 1
+        if cycle < 0 or not self._is_active(context):
+            return None
+        cycle -= cycle % self._divisor
+        sec, rest = divmod(cycle, self._manager_rate)
+        stamp = Time(sec, rest * NANOSECONDS // self._manager_rate)
+        return Header(stamp, self._frame_id)
+
+    def _read_values(self, context: Context) -> list[float]:
+        """Return what is measured; after it NaN and 0, for what isn't."""
+        values: list[float] = self._measured.Eval(context).tolist()
+        values += (math.nan, 0.0)
+        return values
 
 
-def _published(
-    parameters: JointStateBroadcasterParameters, params: ControllerInterfaceParams
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the joints and the interfaces to publish."""
+class _Layout:
+    """Where the fields of the messages stand among what is measured."""
+
+    def __init__(
+        self,
+        parameters: JointStateBroadcasterParameters,
+        params: ControllerInterfaceParams,
+        fields: dict[str, str],
+        claims: tuple[str, ...],
+    ) -> None:
+        measured = {name: index for index, name in enumerate(params.measured)}
+        nan, zero = len(measured), len(measured) + 1
+        standard = interfaces.STATE_INTERFACES
+        # Where the value of each interface of each component stands.
+        places: dict[str, dict[str, int]] = {}
+        for claim in claims:
+            component, _, name = claim.rpartition("/")
+            at = places.setdefault(component, {})
+            if name in fields or fields.get(name, name) not in at:
+                at[fields.get(name, name)] = measured.get(claim, nan)
+        is_filtered = parameters.use_urdf_to_filter and not (
+            parameters.joints and parameters.interfaces
+        )
+        names = [
+            component
+            for component, at in places.items()
+            if not at.keys().isdisjoint(standard)
+            and (component in params.joint_types or not is_filtered)
+        ]
+        for extra in parameters.extra_joints:
+            if extra not in places:
+                places[extra] = dict.fromkeys(standard, zero)
+                names.append(extra)
+        self.names = tuple(names)
+        self.rows = [
+            _picker([places[name].get(field, nan) for name in names])
+            for field in standard
+        ]
+        self.components = tuple(places)
+        self.values = [
+            (tuple(at), _picker(list(at.values()))) for at in places.values()
+        ]
+
+
+def _picker(at: list[int]) -> Callable[[Sequence[float]], tuple[float, ...]]:
+    """Return what picks values out of a sequence."""
+    if not at:
+        return lambda values: ()
+    if len(at) == 1:
+        return lambda values: (values[at[0]],)
+    return itemgetter(*at)
+
+
+def _map_interfaces(parameters: JointStateBroadcasterParameters) -> dict[str, str]:
+    """Return in which field of JointState an interface is published, by its name."""
+    both = bool(parameters.joints and parameters.interfaces)
+    asked = parameters.interfaces if both else ()
+    return {
+        field
+        if field in asked
+        else getattr(parameters.map_interface_to_joint_state, field): field
+        for field in interfaces.STATE_INTERFACES
+    }
+
+
+def _find_claims(
+    parameters: JointStateBroadcasterParameters,
+    params: ControllerInterfaceParams,
+    fields: dict[str, str],
+) -> tuple[str, ...]:
+    """Return the interfaces to read."""
     there = params.state_interfaces
     if parameters.joints and parameters.interfaces:
-        names = parameters.joints
-        published = interfaces.interface_names(names, parameters.interfaces)
-        for name in published:
-            if name not in there:
+        claims = interfaces.interface_names(parameters.joints, parameters.interfaces)
+        for claim in claims:
+            if claim not in there:
                 raise ParameterError(
-                    f"no state interface {name}; it has {sorted(there)}"
+                    f"no state interface {claim}; it has {sorted(there)}"
                 )
-        # Others are for dynamic_joint_states.
-        return names, tuple(name for name in published if name in params.measured)
-    names = tuple(sorted(params.joint_types))
-    published = tuple(
-        name
-        for name in interfaces.interface_names(names, interfaces.STATE_INTERFACES)
-        if name in there
-    )
-    if not published:
+        return claims
+    joints = sorted(params.joint_types)
+    if params.distro == "rolling":
+        joints = [name for name in joints if params.joint_types[name] in _JOINT_TYPES]
+        every = interfaces.interface_names(joints, fields)
+        claims = tuple(claim for claim in every if claim in there)
+    else:
+        order = [name for name in params.measured if name in there]
+        if parameters.use_urdf_to_filter:
+            rank = {joint: index for index, joint in enumerate(joints)}
+            order.sort(key=lambda n: rank.get(n.rpartition("/")[0], len(rank)))
+        claims = tuple(order)
+    if not claims:
         raise ParameterError("no state interface to publish; the hardware has none")
-    reporting = {name.rpartition("/")[0] for name in published}
-    return tuple(name for name in names if name in reporting), published
+    return claims

@@ -1,83 +1,125 @@
 """``joint_trajectory_controller/JointTrajectoryController``.
 
-Source: ros2_controllers, `joint_trajectory_controller` (version 6.9.0, defaults of
-jazzy); the tick itself is `arm_drake.control.joint_trajectory`.
+Source: ros2_controllers, `joint_trajectory_controller` (version 6.9.0 and jazzy); the
+tick itself is `arm_drake.control.joint_trajectory`.
 """
 
+import functools
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import Context
+from pydrake.systems.framework import Context, InputPort
 
 from arm_drake import interfaces
-from arm_drake.control.joint_trajectory import tick
+from arm_drake.control import joint_trajectory as control
+from arm_drake.control.joint_trajectory_rules import JointTrajectoryRules
 from arm_drake.control.joint_trajectory_state import (
-    JointTrajectoryRules,
     JointTrajectoryState,
     TickInputs,
-    commanded_positions,
-    make_error,
-    make_point,
+    add_events,
 )
-from arm_drake.control.tolerances import make_default_tolerances
-from arm_drake.control.trajectory_validation import TrajectoryRules
 from arm_drake.controllers.controller_interface import (
     ControllerInterfaceParams,
+    Now,
     TickingController,
-    message_on,
 )
 from arm_drake.controllers.joint_trajectory_parameters import (
-    JointConstraints,
     JointTrajectoryControllerParameters,
 )
-from arm_drake.errors import ParameterError
+from arm_drake.controllers.joint_trajectory_setup import find_read_only, make_rules
+from arm_drake.controllers.topics import new_messages
 from arm_drake.messages import (
-    NANOSECONDS,
     ActionRequest,
-    Header,
     JointTrajectory,
     JointTrajectoryControllerState,
+    ParametersRejected,
+    QueryTrajectoryState,
+    SpeedScalingFactor,
     Time,
+    TimeLike,
 )
 
+Array = NDArray[np.float64]
 
-class JointTrajectoryController(TickingController[JointTrajectoryState]):
+
+class Inbox(NamedTuple):
+    """What came in on the ports of a JointTrajectoryController."""
+
+    # Parameters in effect, and what was made of them.
+    parameters: JointTrajectoryControllerParameters
+    rules: JointTrajectoryRules
+
+    # What was on the ports at the last tick.
+    offered: object = ()
+    topics: tuple[JointTrajectory, ...] = ()
+    requests: tuple[ActionRequest, ...] = ()
+    factors: tuple[SpeedScalingFactor, ...] = ()
+
+
+class JointTrajectoryControllerSystemState(NamedTuple):
+    """State of a JointTrajectoryController between two ticks."""
+
+    inbox: Inbox
+    control: JointTrajectoryState
+
+
+class JointTrajectoryController(
+    TickingController[JointTrajectoryControllerSystemState]
+):
     """Moves joints along trajectories, from a topic or as goals of an action.
 
     .. pydrake_system::
 
         name: JointTrajectoryController
         input_ports:
+        - controller_manager
         - state_interfaces
         - joint_trajectory
         - follow_joint_trajectory
+        - speed_scaling_input
+        - parameters
         output_ports:
         - command_interfaces
         - controller_state
         - events
 
-    With n = len(joints), vectors in the order of ``joints``:
+    With n = len(joints), m = len(command_joints) or n, and vectors in their order:
 
     =======================  ====  ======  ===========================================
     port                     size  unit    meaning
     =======================  ====  ======  ===========================================
+    controller_manager       --    --      Cycle: when to tick
     state_interfaces         2J    rad,    measured positions, then velocities, of
-                                   rad/s   all J joints of the robot
+                                   rad/s   all J joints of the robot, or more
     joint_trajectory         --    --      JointTrajectory to follow from now on
     follow_joint_trajectory  --    --      SendGoal or CancelGoal: a goal to reach
-    command_interfaces       2n    rad,    commanded positions and their rates of
-                                   rad/s   change
+    speed_scaling_input      --    --      SpeedScalingFactor; there only where
+                                           positions alone are commanded
+    parameters               --    --      JointTrajectoryControllerParameters to go
+                                           on with
+    command_interfaces       --    --      Tick; its command has m values of each of
+                                           ``command_interfaces``, one after the
+                                           other, and the speed scaling factor if
+                                           there is an interface for it
     controller_state         --    --      JointTrajectoryControllerState
     events                   --    --      tuple of the latest (number, event), the
-                                           newest last; an event is a GoalEvent or a
-                                           TopicRejected
+                                           newest last; an event is a GoalEvent, a
+                                           CancelResponse, a TopicRejected or a
+                                           ParametersRejected
     =======================  ====  ======  ===========================================
 
-    The state is a JointTrajectoryState. At every tick, with period T, trajectory s and
-    measured positions q::
+    Each port of messages takes one, or a tuple of them in order; those of the topic
+    come before those of the action.
 
-        command_interfaces = s(t + T)          error = s(t) - q
+    The state is a JointTrajectoryControllerSystemState. At every tick, with period T,
+    trajectory s and measured positions q::
 
-    An error beyond a path tolerance, or beyond a goal tolerance for longer than
+        command = s(t + T)          error = s(t) - q
+
+    where velocities or efforts alone are commanded, a PID makes the command of the
+    error. An error beyond a path tolerance, or beyond a goal tolerance for longer than
     goal_time after the end, stops the motion and aborts the goal.
     """
 
@@ -91,128 +133,174 @@ class JointTrajectoryController(TickingController[JointTrajectoryState]):
         Args:
             parameters: The controller's parameters.
             params: Rate and surroundings of the controller.
-
-        Raises:
-            ParameterError: If other joints are to be commanded than are measured.
         """
-        joints = parameters.joints
-        if parameters.command_joints not in ((), joints):
-            raise ParameterError(
-                f"command_joints other than joints are not acted on yet, "
-                f"got {list(parameters.command_joints)}"
-            )
-        n = len(joints)
+        joints, scaling = parameters.joints, parameters.speed_scaling
+        states = interfaces.interface_names(joints, parameters.state_interfaces)
+        commands = interfaces.interface_names(
+            parameters.command_joints or joints, parameters.command_interfaces
+        )
+        self._num_commands = len(commands)
+        self._make_rules = functools.partial(
+            make_rules,
+            update_rate=params.update_rate,
+            joint_types=params.joint_types,
+            velocity_limits=getattr(params, "velocity_limits", {}),
+            distro=params.distro,
+        )
+        rules = self._make_rules(parameters)
+        self._has_scaling_state = rules.has_scaling_state
+        self._has_scaling_command = rules.has_scaling_command
         super().__init__(
             params,
-            JointTrajectoryState(),
-            state_interfaces=interfaces.interface_names(
-                joints, parameters.state_interfaces
+            JointTrajectoryControllerSystemState(
+                Inbox(parameters, rules), JointTrajectoryState()
             ),
-            command_interfaces=interfaces.interface_names(
-                joints, parameters.command_interfaces
-            ),
+            state_interfaces=(*states, scaling.state_interface)
+            if self._has_scaling_state
+            else states,
+            command_interfaces=(*commands, scaling.command_interface)
+            if self._has_scaling_command
+            else commands,
         )
-        self._rules = _make_rules(parameters, params)
-        order = parameters.state_interfaces
+        n, order = len(joints), parameters.state_interfaces
         at = {name: slice(n * k, n * (k + 1)) for k, name in enumerate(order)}
         self._position_at = at[interfaces.POSITION]
         self._velocity_at = at.get(interfaces.VELOCITY)
+        self._acceleration_at = at.get(interfaces.ACCELERATION)
 
+        self._topic = self._declare_input("joint_trajectory")
+        self._action = self._declare_input("follow_joint_trajectory")
+        self._scaling = (
+            self._declare_input("speed_scaling_input")
+            if rules.is_position_only
+            else None
+        )
+        self._parameters = self._declare_input(interfaces.PARAMETERS_PORT)
+        self._declare_topic("controller_state", self._describe)
+        self._declare_topic("events", lambda state: state.control.events)
+        self._unknown = np.full(self._num_commands, np.nan)
+
+    def query_state(self, context: Context, time: TimeLike) -> QueryTrajectoryState:
+        """Return what is planned for a time: the service `query_state`.
+
+        Args:
+            context: Context of the system.
+            time: When, in the time of the controller's ticks.
+        """
+        inbox, state = self._state(context)
+        return control.query(inbox.rules, state, Time.of(time).to_nanoseconds())
+
+    def _declare_input(self, name: str) -> InputPort:
         # Any Python object: None is none to newer versions of Drake.
-        nothing = AbstractValue.Make(())
-        self._topic = self.DeclareAbstractInputPort("joint_trajectory", nothing)
-        self._action = self.DeclareAbstractInputPort("follow_joint_trajectory", nothing)
+        return self.DeclareAbstractInputPort(name, AbstractValue.Make(()))
 
-        self._nothing = np.full(n, np.nan)
-        for name, calc in {
-            "controller_state": self._calc_controller_state,
-            "events": self._calc_events,
-        }.items():
-            self.DeclareAbstractOutputPort(
-                name,
-                lambda: AbstractValue.Make(()),
-                calc,
-                prerequisites_of_calc={self.xa_ticket()},
+    def _update(
+        self, now: Now, state: JointTrajectoryControllerSystemState
+    ) -> JointTrajectoryControllerSystemState:
+        inbox, inputs, last = self._receive(now, state)
+        return JointTrajectoryControllerSystemState(
+            inbox, control.tick(inbox.rules, last, inputs)
+        )
+
+    def _idle(
+        self, now: Now, state: JointTrajectoryControllerSystemState
+    ) -> JointTrajectoryControllerSystemState:
+        inbox, inputs, last = self._receive(now, state)
+        new = control.idle(inbox.rules, last, inputs)
+        if inbox is state.inbox and new is state.control:
+            return state
+        return JointTrajectoryControllerSystemState(inbox, new)
+
+    def _activate(
+        self, now: Now, state: JointTrajectoryControllerSystemState
+    ) -> JointTrajectoryControllerSystemState:
+        new = control.activate(state.inbox.rules, state.control, self._sense(now))
+        return state._replace(control=new)
+
+    def _deactivate(
+        self, now: Now, state: JointTrajectoryControllerSystemState
+    ) -> JointTrajectoryControllerSystemState:
+        new = control.deactivate(state.inbox.rules, state.control, self._sense(now))
+        return state._replace(control=new)
+
+    def _receive(
+        self, now: Now, state: JointTrajectoryControllerSystemState
+    ) -> tuple[Inbox, TickInputs, JointTrajectoryState]:
+        """Return what has come in, the inputs of the tick, and the state before it."""
+        inbox, last, context = state.inbox, state.control, now.context
+        topics, seen_topics = new_messages(
+            self._topic, context, JointTrajectory, inbox.topics
+        )
+        requests, seen_requests = new_messages(
+            self._action, context, ActionRequest, inbox.requests
+        )
+        factors: tuple[SpeedScalingFactor, ...] = ()
+        seen_factors = inbox.factors
+        if self._scaling is not None:
+            factors, seen_factors = new_messages(
+                self._scaling, context, SpeedScalingFactor, seen_factors
             )
+        inputs = self._sense(now)
+        if topics or requests or factors:
+            inputs = inputs._replace(
+                topics=topics, requests=requests, scaling_factors=factors
+            )
+        port = self._parameters
+        offered = port.Eval(context) if port.HasValue(context) else inbox.offered
+        if (
+            offered is inbox.offered
+            and seen_topics is inbox.topics
+            and seen_requests is inbox.requests
+            and seen_factors is inbox.factors
+        ):
+            return inbox, inputs, last
+        parameters, rules = inbox.parameters, inbox.rules
+        if offered is not inbox.offered and offered != ():
+            try:
+                parameters, rules = self._accept(offered, parameters)
+            except ValueError as error:
+                last = add_events(last, ParametersRejected(str(error)))
+        inbox = Inbox(
+            parameters, rules, offered, seen_topics, seen_requests, seen_factors
+        )
+        return inbox, inputs, last
 
-    def _tick(
-        self,
-        context: Context,
-        state: JointTrajectoryState,
-        time_ns: int,
-        period_ns: int,
-    ) -> JointTrajectoryState:
-        measured = self._read(context)
-        inputs = TickInputs(
-            time_ns,
-            period_ns,
+    def _accept(
+        self, offered: object, present: JointTrajectoryControllerParameters
+    ) -> tuple[JointTrajectoryControllerParameters, JointTrajectoryRules]:
+        """Return new parameters and their rules; raise ValueError for bad ones."""
+        if not isinstance(offered, JointTrajectoryControllerParameters):
+            raise ValueError(
+                f"expected JointTrajectoryControllerParameters, got {offered!r}"
+            )
+        changed = find_read_only(offered, present)
+        if changed:
+            raise ValueError(f"{changed} can't change while the controller runs")
+        return offered, self._make_rules(offered)
+
+    def _sense(self, now: Now) -> TickInputs:
+        """Return what the tick reads besides messages."""
+        measured = self._read(now.context)
+        velocity_at, acceleration_at = self._velocity_at, self._acceleration_at
+        return TickInputs(
+            now.time_ns,
+            now.period_ns,
             measured[self._position_at],
-            None if self._velocity_at is None else measured[self._velocity_at],
-            message_on(self._topic, context, JointTrajectory),
-            message_on(self._action, context, ActionRequest),
-        )
-        return tick(self._rules, state, inputs)
-
-    def _command(self, state: JointTrajectoryState) -> np.ndarray:
-        return commanded_positions(state.commanded, self._nothing)
-
-    def _calc_events(self, context: Context, output: AbstractValue) -> None:
-        output.set_value(self._state(context).events)
-
-    def _calc_controller_state(self, context: Context, output: AbstractValue) -> None:
-        seen = self._state(context).snapshot
-        joints = self._rules.allowed.joints
-        if seen is None:
-            output.set_value(JointTrajectoryControllerState(joint_names=joints))
-            return
-        reference, from_start = seen.desired, seen.desired_from_start_ns
-        output.set_value(
-            JointTrajectoryControllerState(
-                header=Header(stamp=Time.from_nanoseconds(seen.time_ns)),
-                joint_names=joints,
-                reference=make_point(
-                    reference.position,
-                    reference.velocity,
-                    reference.acceleration,
-                    from_start,
-                ),
-                feedback=make_point(seen.position, seen.velocity, None, from_start),
-                error=make_error(seen),
-                output=make_point(seen.command, None, None, 0),
-            )
+            None if velocity_at is None else measured[velocity_at],
+            None if acceleration_at is None else measured[acceleration_at],
+            lambda: self._read_commands(now)[: self._num_commands],
+            scaling_state=float(measured[-1]) if self._has_scaling_state else None,
         )
 
+    def _command(self, state: JointTrajectoryControllerSystemState) -> Array:
+        command = state.control.command
+        if command is None:
+            command = self._unknown
+        if not self._has_scaling_command:
+            return command
+        return np.append(command, state.control.speed_scaling_command)
 
-def _make_rules(
-    parameters: JointTrajectoryControllerParameters, params: ControllerInterfaceParams
-) -> JointTrajectoryRules:
-    joints, constraints = parameters.joints, parameters.constraints
-    by_joint = [constraints.joint.get(joint, JointConstraints()) for joint in joints]
-    endless = np.array([params.joint_types.get(j) == "continuous" for j in joints])
-    timeout = parameters.cmd_timeout
-    return JointTrajectoryRules(
-        allowed=TrajectoryRules(
-            joints=joints,
-            allow_partial_joints_goal=parameters.allow_partial_joints_goal,
-            allow_nonzero_velocity_at_trajectory_end=(
-                parameters.allow_nonzero_velocity_at_trajectory_end
-            ),
-            allow_integration_in_goal_trajectories=(
-                parameters.allow_integration_in_goal_trajectories
-            ),
-        ),
-        tolerances=make_default_tolerances(
-            [constraint.trajectory for constraint in by_joint],
-            [constraint.goal for constraint in by_joint],
-            stopped_velocity_tolerance=constraints.stopped_velocity_tolerance,
-            goal_time=constraints.goal_time,
-        ),
-        look_ahead_ns=NANOSECONDS // params.update_rate,
-        monitor_period_ns=int(NANOSECONDS / parameters.action_monitor_rate),
-        interpolation=parameters.interpolation_method,
-        interpolate_from_desired_state=(
-            parameters.interpolate_from_desired_state or parameters.open_loop_control
-        ),
-        cmd_timeout=timeout if timeout > constraints.goal_time else 0.0,
-        wraparound=endless if endless.any() else None,
-    )
+    def _describe(
+        self, state: JointTrajectoryControllerSystemState
+    ) -> JointTrajectoryControllerState:
+        return control.make_controller_state(state.inbox.rules, state.control)

@@ -72,7 +72,7 @@ class Constraints:
     goal_time: float = 0.0
 
     # Whether joints brake evenly when a goal is cancelled or fails, not at once.
-    decelerate_on_cancel: Annotated[bool, Rule(since="jazzy", only=False)] = False
+    decelerate_on_cancel: Annotated[bool, Rule(since="jazzy")] = False
 
     joint: dict[str, JointConstraints] = per_element_of("joints")
 
@@ -95,7 +95,6 @@ class JointGains(PidGains):
             until="humble",
             was=("normalize_error",),
             instead="the joint's type 'continuous' decides",
-            only=False,
         ),
     ] = False
 
@@ -119,11 +118,11 @@ class SpeedScaling:
     """How fast time passes along trajectories."""
 
     # Factor from the start, at least 0.
-    initial_scaling_factor: Annotated[float, Rule(only=1.0)] = 1.0
+    initial_scaling_factor: float = 1.0
 
     # Full names of interfaces that tell the factor and are told it; "" is none.
-    state_interface: Annotated[str, Rule(only="")] = ""
-    command_interface: Annotated[str, Rule(only="")] = ""
+    state_interface: str = ""
+    command_interface: str = ""
 
     def __post_init__(self) -> None:
         """Reject what the types alone can't express."""
@@ -134,7 +133,7 @@ class SpeedScaling:
 class PositionsUpsampling:
     """Spline through positions that come at a low rate."""
 
-    enable: Annotated[bool, Rule(only=False)] = False
+    enable: bool = False
 
     # Rate of positions without times, at least 0 [Hz]; 0 is none.
     policy_frequency: float = 0.0
@@ -165,7 +164,7 @@ class JointTrajectoryControllerParameters:
 
     # Whether a new trajectory is blended with the one that runs.
     allow_trajectory_replacement: Annotated[
-        bool, Rule(rolling=True, since="rolling", only=False)
+        bool, Rule(rolling=True, since="rolling")
     ] = False
 
     # Whether trajectories start from the last command, not from the measured state.

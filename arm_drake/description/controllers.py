@@ -135,20 +135,16 @@ def _renamed(section: Section, manager: str) -> Section:
 
 def _report_unsimulated(config: ControllerManagerConfig, report: LoadReport) -> None:
     """Record what the manager is asked for and doesn't do."""
-    asked = []
-    if config.enforce_command_limits:
-        what = "enforce_command_limits: true"
-        asked.append((what, "the joint servo limits speed and effort, not commands"))
     states = config.hardware_components_initial_state
     if off := [*states.unconfigured, *states.inactive]:
-        asked.append((f"hardware components {off} start inactive", "they are active"))
-    for controller in config.controllers:
-        if names := controller.fallback_controllers:
-            what = f"fallback controllers {list(names)} of {controller.name!r}"
-            asked.append((what, "they never start by themselves"))
-    for what, done in asked:
-        file = next(iter(config.files), None)
-        report.add("warning", "unsupported", what, done, where=MANAGER, file=file)
+        report.add(
+            "warning",
+            "unsupported",
+            f"hardware components {off} start inactive",
+            "they are active",
+            where=MANAGER,
+            file=next(iter(config.files), None),
+        )
 
 
 def _namespaces(sections: Iterable[Section]) -> list[str]:

@@ -46,6 +46,17 @@ class CancelGoal(ActionRequest):
     request: SendGoal
 
 
+@dc.dataclass(frozen=True, eq=False)
+class CancelResponse(Message):
+    """Whether a controller takes a CancelGoal; a GoalEvent tells how the goal ends."""
+
+    request: CancelGoal
+    accepted: bool
+
+    # Why not; empty if it does.
+    reason: str = ""
+
+
 @dc.dataclass(frozen=True)
 class GoalEvent(Message):
     """News of an action goal: its status, its result once there is one, feedback."""

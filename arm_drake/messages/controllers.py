@@ -61,6 +61,34 @@ class MultiDOFStateStamped(Message):
     dof_states: tuple[MultiDOFState, ...] = ()
 
 
+@dc.dataclass(frozen=True)
+class ParametersRejected(Message):
+    """News of parameters that a controller didn't take while it runs."""
+
+    reason: str
+
+
+@dc.dataclass(frozen=True)
+class InterfaceValue(Message):
+    """Values of interfaces of one joint or other component (`control_msgs`)."""
+
+    interface_names: tuple[str, ...] = ()
+
+    # As many, each in the unit of its interface.
+    values: tuple[float, ...] = ()
+
+
+@dc.dataclass(frozen=True)
+class DynamicJointState(Message):
+    """State of joints, sensors and GPIOs with any interfaces (`control_msgs`)."""
+
+    header: Header = Header()
+    joint_names: tuple[str, ...] = ()
+
+    # As many.
+    interface_values: tuple[InterfaceValue, ...] = ()
+
+
 @dc.dataclass(frozen=True, eq=False)
 class SwitchController(Message):
     """Request of the service `controller_manager_msgs/SwitchController`."""

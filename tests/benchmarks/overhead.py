@@ -48,19 +48,17 @@ from arm_drake.world import add_world
 # The tutorial's motion ends then [s].
 DURATION = 4.0
 
-JTC = "joint_trajectory_controller"
-
 # What we aim at with a step of 1 ms.
 GOAL_RATIO = 1.15
 GOAL_REAL_TIME_FACTOR = 25.0
 
 
 def record_commands(robot: ad.Robot, options: ad.SimulationOptions) -> np.ndarray:
-    """Return what our controller commands at each tick, shape (ticks, 2n)."""
+    """Return what our servo is told from each tick on, shape (ticks, 2n)."""
     motion = ad.load_motion(bundled_motions("doosan_a0912")["tutorial"])
     diagram = ad.build_diagram(robot, options=options)
     sim = ad.Simulation(diagram)
-    port = diagram.GetSubsystemByName(JTC).GetOutputPort("command_interfaces")
+    port = diagram.GetSubsystemByName("controller_manager").GetOutputPort("drive")
     rows = []
     for tick in range(round(DURATION * robot.controllers.update_rate)):
         sim.run((tick + 0.5) / robot.controllers.update_rate - sim.time, motion)

@@ -9,10 +9,10 @@ import pytest
 from arm_drake.control.trajectory import (
     StateBefore,
     Trajectory,
-    fill_cubic_spline_velocities,
     shortest_angular_distance,
     wrap_state_before,
 )
+from arm_drake.control.trajectory_upsampling import fill_cubic_spline_velocities
 from arm_drake.messages import Header, JointTrajectory, JointTrajectoryPoint, Time
 
 S = 1_000_000_000

@@ -7,13 +7,14 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, ZeroOrderHold
 
 from arm_drake import interfaces
-from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams, Cycle
 from arm_drake.controllers.joint_state_broadcaster import (
+    InterfaceMap,
     JointStateBroadcaster,
     JointStateBroadcasterParameters,
 )
 from arm_drake.errors import ParameterError
-from arm_drake.messages import Header, JointState, Time
+from arm_drake.messages import DynamicJointState, Header, JointState, Time
 
 # In the order of the robot's description.
 ROBOT = ("joint3", "joint1", "joint2")
@@ -23,17 +24,22 @@ ALL = ("joint1", "joint2", "joint3")
 
 
 def make_broadcaster(
-    there: tuple[str, ...] = MEASURED, **parameters: Any
+    there: tuple[str, ...] = MEASURED,
+    *,
+    distro: str = "jazzy",
+    update_rate: int = 100,
+    **parameters: Any,
 ) -> JointStateBroadcaster:
+    """Return a broadcaster below a manager of 100 Hz."""
     params = ControllerInterfaceParams(
         controller_name="broadcaster",
-        update_rate=100,
+        update_rate=update_rate,
         period=0.01,
         joint_types=dict.fromkeys(ROBOT, "revolute"),
         command_interfaces=frozenset(),
         state_interfaces=frozenset(there),
-        measured=MEASURED,
-        initial_commands={},
+        measured=(*MEASURED, *(name for name in there if name not in MEASURED)),
+        distro=distro,
     )
     return JointStateBroadcaster(JointStateBroadcasterParameters(**parameters), params)
 
@@ -41,29 +47,57 @@ def make_broadcaster(
 def make_diagram(broadcaster: JointStateBroadcaster) -> Diagram:
     """Return the broadcaster with its sampling of constant measurements.
 
-    Velocities and efforts are 10 and 20 more than positions.
+    Velocities and efforts are 10 and 20 more than positions, all else 50.
     """
     offsets = {"position": 0.0, "velocity": 10.0, "effort": 20.0}
     values = [
         POSITIONS[joint] + offsets[interface]
-        for joint, interface in (name.split("/") for name in MEASURED)
+        if joint in ROBOT and interface in offsets
+        else 50.0
+        for joint, interface in (
+            name.split("/") for name in broadcaster.params.measured
+        )
     ]
     builder = DiagramBuilder()
     builder.AddSystem(broadcaster)
     source = builder.AddSystem(ConstantVectorSource(values))
     sample = builder.AddSystem(ZeroOrderHold(0.01, len(values)))
     builder.Connect(source.get_output_port(), sample.get_input_port())
-    builder.Connect(sample.get_output_port(), broadcaster.get_input_port())
-    builder.ExportOutput(broadcaster.GetOutputPort("joint_states"), "joint_states")
+    measured = broadcaster.GetInputPort("state_interfaces")
+    builder.Connect(sample.get_output_port(), measured)
+    manager = broadcaster.GetInputPort("controller_manager")
+    builder.ExportInput(manager, "controller_manager")
+    for index in range(broadcaster.num_output_ports()):
+        port = broadcaster.get_output_port(index)
+        builder.ExportOutput(port, port.get_name())
     return builder.Build()
 
 
-def publish(broadcaster: JointStateBroadcaster, until: float = 0.005) -> JointState:
-    """Return the message at a time [s]."""
+def publish(
+    broadcaster: JointStateBroadcaster,
+    until: float = 0.005,
+    *,
+    topic: str = "joint_states",
+    cycle: Cycle | None = None,
+) -> Any:
+    """Return the message at a time [s], with or without a manager."""
     diagram = make_diagram(broadcaster)
     simulator = Simulator(diagram)
+    context = simulator.get_mutable_context()
+    if cycle is not None:
+        diagram.GetInputPort("controller_manager").FixValue(context, cycle)
     simulator.AdvanceTo(until)
-    return diagram.GetOutputPort("joint_states").Eval(simulator.get_context())
+    return diagram.GetOutputPort(topic).Eval(context)
+
+
+def publish_dynamic(broadcaster: JointStateBroadcaster) -> dict[str, dict[str, float]]:
+    """Return the values of dynamic_joint_states by component and interface."""
+    message: DynamicJointState = publish(broadcaster, topic="dynamic_joint_states")
+    described = zip(message.joint_names, message.interface_values, strict=True)
+    return {
+        name: dict(zip(values.interface_names, values.values, strict=True))
+        for name, values in described
+    }
 
 
 def fields(message: JointState) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -188,18 +222,149 @@ def test_by_default_the_frame_has_no_name_as_in_jazzy() -> None:
     assert publish(make_broadcaster()).header.frame_id == ""
 
 
-def test_before_the_first_tick_the_message_is_empty() -> None:
+@pytest.mark.parametrize(("until", "tick"), [(0.05, 0), (0.055, 1), (0.13, 2)])
+def test_a_slower_broadcaster_publishes_at_ticks_of_its_own(
+    until: float, tick: int
+) -> None:
+    message = publish(make_broadcaster(update_rate=20), until)
+
+    assert message.header.stamp == Time.from_nanoseconds(tick * 50_000_000)
+
+
+def test_before_the_first_tick_the_messages_are_empty() -> None:
     diagram = make_diagram(make_broadcaster())
     context = diagram.CreateDefaultContext()
 
+    dynamic = diagram.GetOutputPort("dynamic_joint_states").Eval(context)
+    assert dynamic == DynamicJointState()
     assert diagram.GetOutputPort("joint_states").Eval(context) == JointState()
 
 
-def test_ports_are_named_and_sized_as_documented() -> None:
-    broadcaster = make_broadcaster()
+def test_inactive_it_publishes_nothing() -> None:
+    active = Cycle(0, 0, 10_000_000, {"broadcaster": 1})
+    inactive = active._replace(active={"another": 1})
 
-    assert broadcaster.num_input_ports() == 1
-    assert broadcaster.num_output_ports() == 1
-    assert broadcaster.GetInputPort("state_interfaces").size() == 9
+    silent = publish(make_broadcaster(), cycle=inactive)
+    silent_too = publish(
+        make_broadcaster(), cycle=inactive, topic="dynamic_joint_states"
+    )
+
+    assert publish(make_broadcaster(), cycle=active).name == ALL
+    assert (silent, silent_too) == (JointState(), DynamicJointState())
+
+
+CUSTOM = ("joint1/measured_position", "joint1/velocity", "joint2/measured_position")
+MAPPED = InterfaceMap(position="measured_position")
+
+
+def test_interfaces_without_a_field_have_no_place_in_the_message() -> None:  # J8
+    lists = {"joints": ("joint1", "joint2"), "interfaces": ("measured_position",)}
+
+    message = publish(make_broadcaster(CUSTOM, **lists))
+    dynamic = publish_dynamic(make_broadcaster(CUSTOM, **lists))
+
+    assert message.name == ()
+    assert_fields(message, [], [], [])
+    assert dynamic == {
+        "joint1": {"measured_position": 50.0},
+        "joint2": {"measured_position": 50.0},
+    }
+
+
+@pytest.mark.parametrize("distro", ["jazzy", "rolling"])
+@pytest.mark.parametrize("lists", [{}, {"joints": ("joint1", "joint2")}])
+def test_a_mapped_interface_is_published_in_its_field(  # J9
+    distro: str, lists: dict[str, Any]
+) -> None:
+    broadcaster = make_broadcaster(
+        CUSTOM, distro=distro, map_interface_to_joint_state=MAPPED, **lists
+    )
+
+    message = publish(broadcaster)
+
+    assert message.name == ("joint1", "joint2")
+    assert_fields(message, [50.0, 50.0], [11.1, np.nan], NAN2)
+
+
+@pytest.mark.parametrize(
+    ("names", "position"),
+    [
+        pytest.param(("measured_position", "position"), 1.1, id="J10"),
+        pytest.param(("measured_position", "velocity"), 50.0, id="mapped"),
+    ],
+)
+def test_a_mapping_is_ignored_where_the_interface_itself_is_asked_for(
+    names: tuple[str, ...], position: float
+) -> None:
+    broadcaster = make_broadcaster(
+        (*MEASURED, *CUSTOM),
+        joints=("joint1",),
+        interfaces=names,
+        map_interface_to_joint_state=MAPPED,
+    )
+
+    assert publish(broadcaster).position == (position,)
+
+
+def test_an_interface_and_what_is_mapped_to_it_are_not_both_published() -> None:
+    there = ("joint1/measured_position", "joint1/position")
+
+    message, dynamic = (
+        publish_(make_broadcaster(there, map_interface_to_joint_state=MAPPED))
+        for publish_ in (publish, publish_dynamic)
+    )
+
+    assert message.position == (50.0,)
+    assert dynamic == {"joint1": {"position": 50.0}}
+
+
+SENSOR = ("imu/position", "imu/angle", "joint1/position", "joint1/temperature")
+
+
+def test_dynamic_joint_states_have_all_interfaces_of_all_components() -> None:  # J16
+    extra = ("extra", "imu")
+
+    message = publish(make_broadcaster(SENSOR, extra_joints=extra))
+    dynamic = publish_dynamic(make_broadcaster(SENSOR, extra_joints=extra))
+
+    assert message.name == ("joint1", "extra")
+    assert dynamic == {
+        "joint1": {"position": 1.1, "temperature": 50.0},
+        "imu": {"position": 50.0, "angle": 50.0},
+        "extra": {"position": 0.0, "velocity": 0.0, "effort": 0.0},
+    }
+
+
+def test_without_the_filter_other_components_are_published_too() -> None:
+    broadcaster = make_broadcaster(SENSOR, use_urdf_to_filter=False)
+
+    message = publish(broadcaster)
+
+    assert sorted(message.name) == ["imu", "joint1"]
+    assert message.position[message.name.index("imu")] == 50.0
+
+
+def test_rolling_reads_the_joints_alone() -> None:
+    broadcaster = make_broadcaster(
+        SENSOR, distro="rolling", use_urdf_to_filter=False, extra_joints=("imu",)
+    )
+
+    assert broadcaster.state_interfaces == ("joint1/position",)
+    assert publish(broadcaster).name == ("joint1", "imu")
+
+
+def test_dynamic_joint_states_can_be_switched_off() -> None:
+    broadcaster = make_broadcaster(publish_dynamic_joint_states=False)
+
+    assert not broadcaster.HasOutputPort("dynamic_joint_states")
+    assert publish(broadcaster).name == ALL
+
+
+def test_ports_are_named_and_sized_as_documented() -> None:
+    broadcaster = make_broadcaster((*MEASURED, *CUSTOM))
+
+    assert broadcaster.GetInputPort("state_interfaces").size() == 9 + 2
+    assert broadcaster.HasInputPort("controller_manager")
     assert broadcaster.HasOutputPort("joint_states")
+    assert broadcaster.HasOutputPort("dynamic_joint_states")
     assert broadcaster.CreateDefaultContext().is_stateless()

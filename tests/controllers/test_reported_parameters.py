@@ -176,8 +176,8 @@ def loaded_by_manager(type_: str, **given: Any) -> tuple[list[str], list[str], b
     ]
     there = Surroundings(
         {"a": "revolute", "b": "revolute"},
-        frozenset(names[:2]),
-        frozenset(names),
+        tuple(names[:2]),
+        tuple(names),
         {"a": 0.0, "b": 0.0},
     )
     report = LoadReport()

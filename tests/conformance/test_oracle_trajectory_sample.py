@@ -8,9 +8,9 @@ import pytest
 from arm_drake.control.trajectory import (
     StateBefore,
     Trajectory,
-    fill_cubic_spline_velocities,
     wrap_state_before,
 )
+from arm_drake.control.trajectory_upsampling import fill_cubic_spline_velocities
 from arm_drake.messages import (
     NANOSECONDS,
     Header,

@@ -1,0 +1,198 @@
+"""What the joint servo is told: the values of claimed command interfaces, by joint.
+
+A drive has n joints. Each follows a position (with the velocity that goes with it), a
+velocity or an effort: what is claimed decides, in this order, and can change at run
+time. A joint that nobody commands holds its position.
+"""
+
+import dataclasses as dc
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_drake import interfaces
+from arm_drake.messages import Message
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Indices = NDArray[np.intp]
+
+# Parts of the drive vector, n each: desired position and velocity, effort, and whether
+# the joint follows the velocity or the effort alone. Without other modes than that of
+# following positions the first two are all.
+NUM_PARTS: Final = 5
+NUM_PARTS_OF_POSITIONS: Final = 2
+
+
+@dc.dataclass(frozen=True, eq=False)
+class DriveMode(Message):
+    """Which commands the n joints follow."""
+
+    # Exactly one of these holds for a joint that is commanded. Shape (n,).
+    is_position: Mask
+    is_velocity: Mask
+    is_effort: Mask
+
+    # Whether a joint that follows a position is told its velocity too, shape (n,).
+    is_guided: Mask
+
+    # Where the commands stand among the values; 0 where there is none. Shape (n,).
+    position_at: Indices
+    velocity_at: Indices
+    effort_at: Indices
+
+    # Rate of the controller that commands the joint [Hz], shape (n,).
+    rate: Array
+
+    # Whether all joints follow positions without velocities.
+    is_plain: bool
+
+
+class DriveCommands:
+    """Turns values of command interfaces into what a drive of n joints is told."""
+
+    def __init__(
+        self,
+        joints: Sequence[str],
+        order: Sequence[str],
+        *,
+        velocity_lead: float,
+        has_modes: bool = True,
+    ) -> None:
+        """Create the map.
+
+        Args:
+            joints: The n joints that have an actuator.
+            order: Names of the command interfaces, such as "joint1/position".
+            velocity_lead: What a desired velocity adds to a desired position [s].
+            has_modes: Whether a joint may follow anything else than positions.
+        """
+        self.joints = tuple(joints)
+        self.has_modes = has_modes
+        self._at = {name: index for index, name in enumerate(order)}
+        self._lead = velocity_lead
+        parts = NUM_PARTS if has_modes else NUM_PARTS_OF_POSITIONS
+        self._zeros = np.zeros((parts - NUM_PARTS_OF_POSITIONS) * len(joints))
+
+    def initial(self, positions: Sequence[float]) -> Array:
+        """Return the drive vector that holds positions, shape (5 n,) or (2 n,)."""
+        q = np.asarray(positions, dtype=float)
+        return np.concatenate([q, np.zeros_like(q), self._zeros])
+
+    def mode(self, claims: Mapping[str, float]) -> DriveMode:
+        """Return the mode in which the joints are.
+
+        Args:
+            claims: Claimed command interfaces, and the rate of their controller [Hz].
+        """
+
+        def find(interface: str) -> tuple[Mask, Indices]:
+            names = [f"{joint}/{interface}" for joint in self.joints]
+            claimed = np.array([name in claims for name in names], dtype=bool)
+            at = np.array([self._at.get(name, 0) for name in names], dtype=np.intp)
+            return claimed, at
+
+        position, position_at = find(interfaces.POSITION)
+        velocity, velocity_at = find(interfaces.VELOCITY)
+        effort, effort_at = find(interfaces.EFFORT)
+        rates = [
+            next((rate for name, rate in claims.items() if _joint(name) == joint), 0.0)
+            for joint in self.joints
+        ]
+        return DriveMode(
+            is_position=position,
+            is_velocity=velocity & ~position,
+            is_effort=effort & ~position & ~velocity,
+            is_guided=position & velocity,
+            position_at=position_at,
+            velocity_at=velocity_at,
+            effort_at=effort_at,
+            rate=np.array(rates),
+            is_plain=bool(position.all() and not velocity.any()),
+        )
+
+    def seed(
+        self,
+        old: DriveMode,
+        new: DriveMode,
+        values: Array,
+        drive: Array,
+        measured: tuple[Array, Array, Array],
+    ) -> tuple[Array, Array]:
+        """Return values and drive vector of joints whose mode changes, without a jump.
+
+        A joint that comes to follow a position starts where it comes to rest, one that
+        follows a velocity with its own, one that follows an effort with that which it
+        applies.
+
+        Args:
+            old: Mode before the switch.
+            new: Mode after it.
+            values: Values of the command interfaces, shape (k,).
+            drive: Drive vector, shape (5 n,).
+            measured: Positions, velocities and efforts of the joints, each (n,).
+        """
+        values, drive = values.copy(), drive.copy()
+        n = len(self.joints)
+        q, v, tau = measured
+        free = old.is_velocity | old.is_effort
+        rest = q + self._lead * v
+        stops = free & ~(new.is_velocity | new.is_effort)
+        drive[:n][stops] = rest[stops]
+        for is_new, at, start in (
+            (new.is_position & free, new.position_at, rest),
+            (new.is_velocity & ~old.is_velocity, new.velocity_at, v),
+            (new.is_effort & ~old.is_effort, new.effort_at, tau),
+        ):
+            values[at[is_new]] = start[is_new]
+        return values, drive
+
+    def write(
+        self,
+        mode: DriveMode,
+        values: Array,
+        last: Array,
+        *,
+        fresh: Mask | None = None,
+        skipped: Mask | None = None,
+    ) -> Array:
+        """Return the drive vector of a cycle, shape (5 n,).
+
+        The velocity of a joint that is commanded positions alone is their rate of
+        change; after a switch it is 0, for a jump is no speed.
+
+        Args:
+            mode: Which commands are followed.
+            values: Values of the command interfaces, shape (k,).
+            last: Drive vector of the last cycle.
+            fresh: Joints whose controller has just started, shape (n,); None is none.
+            skipped: Joints whose controller doesn't tick in this cycle, likewise.
+        """
+        n = len(self.joints)
+        if mode.is_plain:
+            q = values[mode.position_at]
+        else:
+            q = np.where(mode.is_position, values[mode.position_at], last[:n])
+        v = (q - last[:n]) * mode.rate
+        if fresh is not None:
+            v[fresh] = 0.0
+        if skipped is not None:
+            v[skipped] = last[n : 2 * n][skipped]
+        if mode.is_plain or not self.has_modes:
+            return np.concatenate((q, v, self._zeros))
+        told = mode.is_guided | mode.is_velocity
+        return np.concatenate(
+            (
+                q,
+                np.where(told, values[mode.velocity_at], v),
+                np.where(mode.is_effort, values[mode.effort_at], 0.0),
+                mode.is_velocity,
+                mode.is_effort,
+            )
+        )
+
+
+def _joint(name: str) -> str:
+    return name.rpartition("/")[0]

@@ -1,0 +1,210 @@
+"""What a joint_trajectory_controller makes of messages and of the goals of its action.
+
+The rules are those of ros2_controllers' joint_trajectory_controller (version 6.9.0)
+with the action server that it uses. Three quirks of theirs are kept:
+
+* Results wait for the goal's monitor. If another goal comes before it, the client of
+  the first is told CANCELED, whatever the outcome was.
+* A goal that is cancelled after it ended, but before its monitor said so, is told
+  nothing until another goal comes, and then CANCELED.
+* A trajectory on the topic doesn't end the goal that is being executed: it is judged by
+  the new trajectory from then on.
+"""
+
+import dataclasses as dc
+import functools
+import math
+
+from arm_drake.control.joint_trajectory_report import make_feedback, take_snapshot
+from arm_drake.control.joint_trajectory_rules import JointTrajectoryRules
+from arm_drake.control.joint_trajectory_state import (
+    ActiveGoal,
+    JointTrajectoryState,
+    TickInputs,
+    add_events,
+)
+from arm_drake.control.joint_trajectory_stop import stop_motion
+from arm_drake.control.tolerances import resolve_tolerances
+from arm_drake.control.trajectory_upsampling import upsample
+from arm_drake.control.trajectory_validation import find_fault
+from arm_drake.messages import (
+    ActionRequest,
+    CancelGoal,
+    CancelResponse,
+    FollowJointTrajectoryErrorCode,
+    FollowJointTrajectoryResult,
+    GoalEvent,
+    GoalStatus,
+    JointTrajectory,
+    SendGoal,
+    SpeedScalingFactor,
+    TopicRejected,
+)
+
+_INACTIVE = "the controller is inactive; activate it first"
+
+
+def receive(
+    rules: JointTrajectoryRules, state: JointTrajectoryState, inputs: TickInputs
+) -> JointTrajectoryState:
+    """Return the state that has dealt with what has come.
+
+    Args:
+        rules: Numbers that hold until the next tick.
+        state: State after the last tick.
+        inputs: What has come since.
+    """
+    for factor in inputs.scaling_factors:
+        state = _take_scaling_factor(rules, state, factor)
+    for message in inputs.topics:
+        state = _take_topic(rules, state, message, inputs.time_ns)
+    for request in inputs.requests:
+        state = _take_request(rules, state, request, inputs)
+    return state
+
+
+def monitor(
+    rules: JointTrajectoryRules, state: JointTrajectoryState, now_ns: int
+) -> JointTrajectoryState:
+    """Return the state that has told a goal's result, or else feedback, if it is due.
+
+    Args:
+        rules: Numbers that hold until the next tick.
+        state: State after the last tick and the messages since.
+        now_ns: Time [ns].
+    """
+    goal = state.goal
+    if goal is None or now_ns < goal.monitor_ns:
+        return state
+    outcome = goal.outcome
+    if outcome is not None:
+        if goal.is_canceling and outcome.status is not GoalStatus.CANCELED:
+            return state
+        return add_events(state._replace(goal=None), outcome)
+    period_ns = max(rules.monitor_period_ns, 1)
+    missed = (now_ns - goal.monitor_ns) // period_ns
+    due_ns = goal.monitor_ns + (missed + 1) * period_ns
+    snapshot = take_snapshot(state)
+    state = state._replace(goal=dc.replace(goal, monitor_ns=due_ns))
+    if snapshot is None or snapshot.time_ns < goal.accepted_ns:
+        return state
+    make = functools.partial(make_feedback, rules, snapshot)
+    event = GoalEvent(goal.request, GoalStatus.EXECUTING, feedback_source=make)
+    return add_events(state, event)
+
+
+def conclude(
+    state: JointTrajectoryState, status: GoalStatus, code: int, text: str
+) -> JointTrajectoryState:
+    """Return the state that has noted how the goal ended; its monitor will tell."""
+    goal = state.goal
+    assert goal is not None
+    result = FollowJointTrajectoryResult(int(code), text)
+    outcome = GoalEvent(goal.request, status, result)
+    return state._replace(goal=dc.replace(goal, outcome=outcome))
+
+
+def is_executing(state: JointTrajectoryState) -> bool:
+    """Return whether there is a goal that hasn't ended."""
+    return state.goal is not None and state.goal.outcome is None
+
+
+def _take_scaling_factor(
+    rules: JointTrajectoryRules,
+    state: JointTrajectoryState,
+    message: SpeedScalingFactor,
+) -> JointTrajectoryState:
+    factor, fault = message.factor, ""
+    if not rules.is_position_only:
+        commands = list(rules.command_interfaces)
+        fault = f"speed is scaled where positions alone are commanded, not {commands}"
+    elif not 0.0 <= factor < math.inf:
+        fault = f"factor is {factor}; expected at least 0, 1 being full speed"
+    if fault:
+        return add_events(state, TopicRejected(message, fault))
+    plan = state.plan._replace(requested_scaling=factor)
+    if rules.has_scaling_state:
+        return state._replace(plan=plan)
+    return state._replace(plan=plan, scaling_factor=factor)
+
+
+def _take_topic(
+    rules: JointTrajectoryRules,
+    state: JointTrajectoryState,
+    given: JointTrajectory,
+    now_ns: int,
+) -> JointTrajectoryState:
+    message, frequency = given, rules.upsampling_frequency
+    if frequency is not None and rules.interpolation == "splines":
+        message = upsample(given, frequency)
+    fault = _INACTIVE
+    if state.plan.is_active:
+        fault = find_fault(message, rules.allowed, now_ns) or ""
+    if fault:
+        return add_events(state, TopicRejected(given, fault))
+    return _follow(state, message)
+
+
+def _follow(
+    state: JointTrajectoryState, message: JointTrajectory
+) -> JointTrajectoryState:
+    plan = state.plan._replace(pending=message, is_hold_pending=False, is_holding=False)
+    return state._replace(plan=plan)
+
+
+def _take_request(
+    rules: JointTrajectoryRules,
+    state: JointTrajectoryState,
+    request: ActionRequest,
+    inputs: TickInputs,
+) -> JointTrajectoryState:
+    if isinstance(request, CancelGoal):
+        return _cancel(rules, state, request)
+    if not isinstance(request, SendGoal):
+        return state
+    fault = _INACTIVE
+    if state.plan.is_active:
+        fault = find_fault(request.goal.trajectory, rules.allowed, inputs.time_ns) or ""
+    if fault:
+        code = FollowJointTrajectoryErrorCode.INVALID_GOAL
+        result = FollowJointTrajectoryResult(int(code), fault)
+        return add_events(state, GoalEvent(request, GoalStatus.REJECTED, result))
+    return _accept(rules, state, request, inputs.time_ns)
+
+
+def _accept(
+    rules: JointTrajectoryRules,
+    state: JointTrajectoryState,
+    request: SendGoal,
+    now_ns: int,
+) -> JointTrajectoryState:
+    resolution = resolve_tolerances(request.goal, rules.joints, rules.tolerances)
+    accepted = GoalEvent(request, GoalStatus.EXECUTING, note=resolution.problem)
+    news, old = [accepted], state.goal
+    if old is not None and old.outcome is None:
+        code = FollowJointTrajectoryErrorCode.INVALID_GOAL
+        result = FollowJointTrajectoryResult(int(code), rules.preempted_text)
+        news.append(GoalEvent(old.request, rules.preempted_status, result))
+    elif old is not None:
+        result = FollowJointTrajectoryResult()
+        news.append(GoalEvent(old.request, GoalStatus.CANCELED, result))
+    state = _follow(state, request.goal.trajectory)
+    plan = state.plan._replace(tolerances=resolution.tolerances)
+    goal = ActiveGoal(request, now_ns, now_ns + rules.monitor_period_ns)
+    return add_events(state._replace(plan=plan, goal=goal), *news)
+
+
+def _cancel(
+    rules: JointTrajectoryRules, state: JointTrajectoryState, request: CancelGoal
+) -> JointTrajectoryState:
+    goal = state.goal
+    if goal is None or goal.request is not request.request or goal.is_canceling:
+        reason = "no such goal is being executed; it has ended, or was never accepted"
+        return add_events(state, CancelResponse(request, False, reason))
+    has_ended = goal.outcome is not None
+    state = state._replace(goal=dc.replace(goal, is_canceling=True))
+    if not has_ended:
+        state = conclude(state, GoalStatus.CANCELED, 0, "")
+        if state.plan.is_active and state.position is not None:
+            state = stop_motion(rules, state, state.position, state.velocity)
+    return add_events(state, CancelResponse(request, True))

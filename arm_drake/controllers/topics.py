@@ -1,0 +1,57 @@
+"""Topics of controllers: what is new on an input port, and what was not accepted."""
+
+from collections.abc import Sequence
+from typing import TypeAlias, TypeVar
+
+from pydrake.systems.framework import Context, InputPort
+
+from arm_drake.controllers.controller_interface import messages_on
+from arm_drake.messages import Message, ParametersRejected, TopicRejected
+
+M = TypeVar("M", bound=Message)
+
+Rejection: TypeAlias = TopicRejected | ParametersRejected
+
+# The latest news, numbered, the newest last.
+Events: TypeAlias = tuple[tuple[int, Rejection], ...]
+
+# How many events are kept for those who don't look at every tick.
+_NUM_EVENTS = 64
+
+
+def new_messages(
+    port: InputPort, context: Context, expected: type[M], seen: tuple[M, ...]
+) -> tuple[tuple[M, ...], tuple[M, ...]]:
+    """Return the messages that came since the last tick, and all that are there.
+
+    A message is new if it is another object than those of the last tick.
+
+    Args:
+        port: Abstract input port: a message, a tuple of messages, or nothing.
+        context: Context of its system.
+        expected: Type of the messages.
+        seen: What was there at the last tick; returned itself if it still is.
+
+    Raises:
+        TypeError: If something else is there.
+    """
+    if not port.HasValue(context):
+        return (), seen if not seen else ()
+    if len(seen) == 1 and port.Eval(context) is seen[0]:
+        return (), seen
+    messages = messages_on(port, context, expected)
+    new = tuple(m for m in messages if all(m is not old for old in seen))
+    return new, seen if not new and len(messages) == len(seen) else messages
+
+
+def add_events(events: Events, news: Sequence[Rejection]) -> Events:
+    """Return the latest events, those of this tick at their end.
+
+    Args:
+        events: What there was.
+        news: What happened in this tick.
+    """
+    if not news:
+        return events
+    first = events[-1][0] + 1 if events else 0
+    return (*events, *enumerate(news, start=first))[-_NUM_EVENTS:]

@@ -1,0 +1,139 @@
+"""Controllers that write command interfaces, and the joints that these move."""
+
+import math
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.framework import Context, InputPort
+
+from arm_drake.control.command_limits import Previous
+from arm_drake.control.drive_commands import Mask
+from arm_drake.controllers.controller_interface import (
+    Array,
+    ControllerInterface,
+    Cycle,
+    Tick,
+)
+
+
+class _Claimant(NamedTuple):
+    """A controller that writes command interfaces."""
+
+    name: str
+
+    # Where its ticks come in.
+    port: InputPort
+
+    # Where its commands stand among the values, shape (k,), and which joints of the
+    # drive they are for, shape (n,).
+    at: NDArray[np.intp]
+    joints: Mask
+
+
+class Claimants:
+    """All controllers of a robot that write command interfaces."""
+
+    def __init__(
+        self,
+        systems: Mapping[str, ControllerInterface],
+        order: Sequence[str],
+        joints: Sequence[str],
+        declare: Callable[[str], InputPort],
+    ) -> None:
+        """Create it.
+
+        Args:
+            systems: The controllers, by name.
+            order: Names of the command values.
+            joints: Joints of the drive, n of them.
+            declare: Declares the port of a controller's ticks.
+        """
+        self._joints = tuple(joints)
+        at = {name: index for index, name in enumerate(order)}
+        self._claimants = []
+        for name, system in systems.items():
+            claims = system.command_interfaces
+            if claims:
+                claimed = {claim.rpartition("/")[0] for claim in claims}
+                # One that claims what isn't there never becomes active.
+                indices = [at.get(claim, 0) for claim in claims]
+                claimant = _Claimant(
+                    name,
+                    declare(name),
+                    np.array(indices, dtype=np.intp),
+                    self._mask(claimed),
+                )
+                self._claimants.append(claimant)
+
+    def port(self, name: str) -> InputPort | None:
+        """Return where the ticks of a controller come in, if it claims anything."""
+        return next((c.port for c in self._claimants if c.name == name), None)
+
+    def write(
+        self, context: Context, cycle: Cycle, last: Cycle, values: Array
+    ) -> list[str]:
+        """Write what controllers command in a cycle; return those that failed.
+
+        Args:
+            context: Context of the manager.
+            cycle: The cycle.
+            last: The one before; what a controller commands when it ends counts too.
+            values: Command values, shape (k,), changed in place.
+        """
+        failed = []
+        claimants: Iterable[_Claimant] = self._claimants
+        if cycle.commands is not None:  # Those that end are first.
+            claimants = sorted(claimants, key=lambda c: c.name in cycle.active)
+        for name, port, at, _ in claimants:
+            if name not in cycle.active and name not in last.active:
+                continue
+            tick: Tick[Any] = port.Eval(context)
+            command = tick.command
+            # A sum is finite only if all of its terms are.
+            if math.isfinite(command.sum()):
+                values[at] = command
+            else:
+                written = np.isfinite(command)
+                values[at[written]] = command[written]
+            if not tick.is_ok:
+                failed.append(name)
+        return failed
+
+    def owners(self, active: Collection[str], joints: Collection[str]) -> list[str]:
+        """Return the active controllers that command joints."""
+        wanted = self._mask(joints)
+        return [
+            claimant.name
+            for claimant in self._claimants
+            if claimant.name in active and (claimant.joints & wanted).any()
+        ]
+
+    def fresh(self, cycle: Cycle, last: Cycle) -> Mask:
+        """Return the joints of the drive whose controller has just started."""
+        fresh = self._mask(())
+        for claimant in self._claimants:
+            if cycle.active.get(claimant.name) != last.active.get(claimant.name):
+                fresh |= claimant.joints
+        return fresh
+
+    def skipped(self, cycle: Cycle) -> Mask | None:
+        """Return the joints of the drive whose controller doesn't tick, if any."""
+        if not cycle.periods:
+            return None
+        skipped = self._mask(())
+        for claimant in self._claimants:
+            if cycle.periods.get(claimant.name) == 0:
+                skipped |= claimant.joints
+        return skipped
+
+    def forget(self, previous: Previous, fresh: Mask) -> Previous:
+        """Return what is remembered of joints that keep their controller."""
+        new = {
+            joint for joint, is_new in zip(self._joints, fresh, strict=True) if is_new
+        }
+        return {j: data for j, data in previous.items() if j not in new}
+
+    def _mask(self, joints: Collection[str]) -> Mask:
+        return np.array([joint in joints for joint in self._joints], dtype=bool)

@@ -1,0 +1,250 @@
+"""Which controllers are active, and which are due: what a manager decides.
+
+Follows ros2_control's controller_manager (6.8.0): requests are judged by `switching`, a
+controller whose update fails is deactivated with its chain, and its fallback
+controllers take over.
+"""
+
+import dataclasses as dc
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from types import MappingProxyType
+from typing import NamedTuple, Self
+
+from arm_drake.control.command_limits import Previous
+from arm_drake.control.drive_commands import DriveCommands, DriveMode
+from arm_drake.control.update_schedule import due_period
+from arm_drake.controllers.controller_interface import Cycle
+from arm_drake.messages import NANOSECONDS, SwitchController, SwitchControllerResult
+from arm_drake.switching import (
+    ControllerInfo,
+    SwitchPlan,
+    chained,
+    plan_switch,
+)
+
+# How many events are kept for those who don't look at every cycle.
+_NUM_EVENTS = 64
+
+
+@dc.dataclass(frozen=True)
+class ControllerFailure:
+    """News of a controller that was deactivated because its update failed."""
+
+    controller: str
+
+    # What was deactivated, its chain included, and what was activated in its place.
+    deactivated: tuple[str, ...]
+    activated: tuple[str, ...] = ()
+
+
+Event = SwitchControllerResult | ControllerFailure
+
+
+class ManagerState(NamedTuple):
+    """State of the manager between two cycles."""
+
+    # The last cycle; its number is -1 before the first one.
+    cycle: Cycle
+
+    # Active controllers from the next cycle on, and the number of their activation.
+    active: Mapping[str, int]
+    chained: frozenset[str]
+
+    # Which command interfaces the joints follow.
+    mode: DriveMode
+
+    # Number of the next activation.
+    next_activation: int
+
+    # Time of the last tick of controllers with a rate of their own [ns].
+    last_ns: Mapping[str, int]
+
+    # The requests seen last.
+    requests: tuple[SwitchController, ...] = ()
+
+    # The latest news, numbered, the newest last.
+    events: tuple[tuple[int, Event], ...] = ()
+
+    # What is remembered of joints whose commands are limited.
+    previous: Previous = MappingProxyType({})
+
+    def __deepcopy__(self, memo: dict[int, object]) -> Self:
+        return self
+
+
+class Activation(NamedTuple):
+    """Which controllers are active after a switch."""
+
+    active: Mapping[str, int]
+    chained: frozenset[str]
+    mode: DriveMode
+    next_activation: int
+    events: tuple[Event, ...]
+
+
+class Lifecycle:
+    """Decides which controllers of a robot are active, and which are due."""
+
+    def __init__(
+        self,
+        infos: Mapping[str, ControllerInfo],
+        rates: Mapping[str, int],
+        fallback: Mapping[str, Sequence[str]],
+        drive: DriveCommands,
+        *,
+        update_rate: int,
+        is_strict: bool,
+    ) -> None:
+        """Create it.
+
+        Args:
+            infos: What is to be known of the controllers, by name.
+            rates: Rates of those that are configured [Hz].
+            fallback: Controllers that start when one fails, by its name.
+            drive: What follows the commands.
+            update_rate: Rate of the manager [Hz].
+            is_strict: Whether requests that don't say so are all or nothing.
+        """
+        self._infos = infos
+        self._rates = rates
+        self._fallback = fallback
+        self._drive = drive
+        self._update_rate = update_rate
+        self._period_ns = NANOSECONDS // update_rate
+        self._is_strict = is_strict
+        self._slow = {name for name, rate in rates.items() if rate < update_rate}
+
+    def start(self, started: Iterable[str]) -> ManagerState:
+        """Return the state before the first cycle, in which controllers start."""
+        active = {name: number for number, name in enumerate(started)}
+        return ManagerState(
+            cycle=Cycle(-1, 0, 0, {}),
+            active=active,
+            chained=chained(self._infos, active),
+            mode=self._mode(active),
+            next_activation=len(active),
+            last_ns={},
+        )
+
+    def judge(self, active: Collection[str], request: SwitchController) -> SwitchPlan:
+        """Return what a request leads to when these controllers are active."""
+        strictness = request.strictness
+        return plan_switch(
+            self._infos,
+            active,
+            request.activate_controllers,
+            request.deactivate_controllers,
+            strict=self._is_strict if not strictness else strictness == "strict",
+        )
+
+    def switch(
+        self, held: ManagerState, requests: Iterable[SwitchController]
+    ) -> Activation:
+        """Return which controllers are active in a cycle.
+
+        Args:
+            held: State after the last cycle.
+            requests: New requests, one after the other.
+        """
+        active, number = dict(held.active), held.next_activation
+        events: list[Event] = []
+        for request in requests:
+            plan = self.judge(active, request)
+            for name in plan.deactivate:
+                del active[name]
+            for name in (*plan.activate, *plan.restart):
+                active[name] = number
+                number += 1
+            text = "; ".join(plan.problems)
+            events.append(SwitchControllerResult(request, plan.ok, text))
+        mode, chain = self._mode(active), chained(self._infos, active)
+        return Activation(active, chain, mode, number, tuple(events))
+
+    def periods(
+        self, held: ManagerState, active: Mapping[str, int], time_ns: int
+    ) -> dict[str, int]:
+        """Return the time since the last tick of controllers with their own rate [ns].
+
+        It is 0 for those that don't tick.
+
+        Args:
+            held: State after the last cycle.
+            active: Which controllers are active in this one.
+            time_ns: Its time [ns].
+        """
+        periods = {}
+        for name in self._slow & active.keys():
+            is_new = active[name] != held.cycle.active.get(name)
+            due = due_period(
+                time_ns,
+                None if is_new else held.last_ns.get(name),
+                self._rates[name],
+                self._update_rate,
+                self._period_ns,
+            )
+            periods[name] = due or 0
+        return periods
+
+    def replace(
+        self, failed: Sequence[str], active: Mapping[str, int], number: int
+    ) -> tuple[Mapping[str, int], int, tuple[Event, ...]]:
+        """Return what is active after updates failed.
+
+        Args:
+            failed: Controllers whose update failed.
+            active: Which controllers were active.
+            number: Number of the next activation.
+
+        Returns:
+            Active controllers, number of the next activation, and the news of it.
+        """
+        remaining, news = dict(active), []
+        for name in failed:
+            chain = [n for n in self._chain_of(name, active) if n in remaining]
+            for other in chain:
+                del remaining[other]
+            wanted = self._fallback.get(name, ())
+            plan = plan_switch(self._infos, remaining, wanted, (), strict=False)
+            for other in plan.activate:
+                remaining[other] = number
+                number += 1
+            news.append(ControllerFailure(name, tuple(chain), tuple(plan.activate)))
+        return remaining, number, tuple(news)
+
+    def chained(self, active: Collection[str]) -> frozenset[str]:
+        """Return the active controllers whose references another one commands."""
+        return chained(self._infos, active)
+
+    def _chain_of(self, name: str, active: Collection[str]) -> list[str]:
+        """Return a controller and the active ones that it is chained with."""
+        chain, waiting = [name], [name]
+        while waiting:
+            this = self._infos[waiting.pop()]
+            for other in active:
+                info = self._infos[other]
+                if other not in chain and (
+                    set(info.command_interfaces) & set(this.reference_interfaces)
+                    or set(info.reference_interfaces) & set(this.command_interfaces)
+                ):
+                    chain.append(other)
+                    waiting.append(other)
+        return chain
+
+    def claims(self, active: Iterable[str]) -> dict[str, float]:
+        """Return what controllers claim, and their rates [Hz]."""
+        return {
+            claim: float(self._rates[name])
+            for name in active
+            for claim in self._infos[name].command_interfaces
+        }
+
+    def _mode(self, active: Iterable[str]) -> DriveMode:
+        return self._drive.mode(self.claims(active))
+
+
+def add_events(
+    events: tuple[tuple[int, Event], ...], news: Iterable[Event]
+) -> tuple[tuple[int, Event], ...]:
+    """Return the latest events with some news."""
+    first = events[-1][0] + 1 if events else 0
+    return (*events, *enumerate(news, start=first))[-_NUM_EVENTS:]

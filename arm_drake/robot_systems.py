@@ -1,0 +1,209 @@
+"""What a diagram has for each robot beside its hardware: manager, controllers, logs."""
+
+import dataclasses as dc
+import itertools
+from collections.abc import Collection, Sequence
+
+from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
+from pydrake.systems.primitives import Multiplexer, VectorLogSink, ZeroOrderHold
+
+from arm_drake import interfaces
+from arm_drake.control.drive_commands import DriveCommands
+from arm_drake.controllers.controller_interface import ControllerInterface
+from arm_drake.description.report import LoadReport
+from arm_drake.description.robot import Robot
+from arm_drake.frames import LinkFrames
+from arm_drake.hardware import Hardware, make_command_limits
+from arm_drake.loaded_controllers import LoadedController
+from arm_drake.manager import (
+    MANAGER,
+    STORED_PORT,
+    SWITCH_PORT,
+    ControllerManager,
+)
+from arm_drake.options import SimulationOptions
+from arm_drake.surroundings import Surroundings
+
+
+@dc.dataclass(frozen=True)
+class RobotSystems:
+    """Adds the systems of one robot to a builder, and exports their ports."""
+
+    builder: DiagramBuilder
+
+    robot: Robot
+
+    # Start of the names of its systems and ports.
+    prefix: str
+
+    # Period of its controller manager [s].
+    period: float
+
+    options: SimulationOptions
+
+    @property
+    def log_period(self) -> float:
+        """Period of the log of the joints' states [s]."""
+        rate = self.options.log_rate
+        return self.period if rate is None else 1.0 / rate
+
+    def add(
+        self,
+        hardware: Hardware,
+        surroundings: Surroundings,
+        controllers: Sequence[LoadedController],
+        report: LoadReport,
+        drive: DriveCommands,
+    ) -> None:
+        """Add manager, controllers and logs, connect them, export their ports.
+
+        Args:
+            hardware: The robot's hardware, in the builder.
+            surroundings: Its interfaces.
+            controllers: Its controllers.
+            report: Its load report, with what they lack.
+            drive: What the hardware is told.
+        """
+        builder, prefix = self.builder, self.prefix
+        manager = builder.AddNamedSystem(
+            f"{prefix}{MANAGER}",
+            ControllerManager(
+                self.robot,
+                controllers,
+                report,
+                prefix=prefix,
+                period=self.period,
+                log_period=self.log_period,
+                drive=drive,
+                surroundings=surroundings,
+                limits=make_command_limits(
+                    self.robot, surroundings, controllers, report
+                ),
+                servo_plant=hardware.servo_plant,
+            ),
+        )
+        joint_states = hardware.joint_states
+        self._record(joint_states)
+        for port, name in (
+            (hardware.command, "drive"),
+            (hardware.values, interfaces.VALUES_PORT),
+            (hardware.claimed, interfaces.CLAIMED_PORT),
+        ):
+            if port is not None:
+                builder.Connect(manager.GetOutputPort(name), port)
+        builder.Connect(joint_states, manager.GetInputPort(interfaces.STATE_PORT))
+        everything = hardware.everything or self._all_states(manager, joint_states)
+        systems = {c.name: c.system for c in controllers if c.system is not None}
+        for name, system in systems.items():
+            self._add_controller(name, system, hardware, everything)
+            manager.add_controller(builder, name)
+        _connect_chains(builder, systems.values())
+        for name, system in systems.items():
+            _export_topics(builder, system, f"{prefix}{name}")
+        if controllers:
+            switch = manager.GetInputPort(SWITCH_PORT)
+            builder.ExportInput(switch, f"{prefix}{MANAGER}.{SWITCH_PORT}")
+        builder.ExportOutput(joint_states, f"{prefix}joint_states")
+        for name in (interfaces.VALUES_PORT, "active"):
+            self._log(manager.GetOutputPort(name), name, self.period)
+
+    def add_frames(self, body_poses: OutputPort, bodies: Sequence[int]) -> None:
+        """Add the poses of the links, and export them.
+
+        Args:
+            body_poses: Poses of all bodies of the plant.
+            bodies: Indices of the links' bodies.
+        """
+        frames = self.builder.AddNamedSystem(f"{self.prefix}frames", LinkFrames(bodies))
+        self.builder.Connect(body_poses, frames.GetInputPort("body_poses"))
+        self.builder.ExportOutput(
+            frames.GetOutputPort("frames"), f"{self.prefix}frames"
+        )
+
+    def _add_controller(
+        self,
+        name: str,
+        system: ControllerInterface,
+        hardware: Hardware,
+        everything: OutputPort,
+    ) -> None:
+        """Add a controller and connect what it reads."""
+        full_name = f"{self.prefix}{name}"
+        # Any name is legal in ROS, also that of one of our own systems.
+        is_taken = self.builder.HasSubsystemNamed(full_name)
+        self.builder.AddNamedSystem(f"{full_name}:" if is_taken else full_name, system)
+        measured = everything if system.reads_all else hardware.joint_motions
+        if system.is_sampled:
+            params, period = system.params, self.period
+            divisor = max(1, round(1.0 / (params.update_rate * period)))
+            kind = ":all" if everything is not hardware.joint_states else ""
+            measured = self._sample(measured, divisor * period, kind)
+        self.builder.Connect(measured, system.GetInputPort(interfaces.STATE_PORT))
+
+    def _all_states(
+        self,
+        manager: ControllerManager,
+        joint_states: OutputPort,
+    ) -> OutputPort:
+        """Return everything that can be read: joints, and what is only stored."""
+        if not manager.HasOutputPort(STORED_PORT):
+            return joint_states
+        stored = manager.GetOutputPort(STORED_PORT)
+        total = self.builder.AddNamedSystem(
+            f"{self.prefix}state_interfaces",
+            Multiplexer([joint_states.size(), stored.size()]),
+        )
+        self.builder.Connect(joint_states, total.get_input_port(0))
+        self.builder.Connect(stored, total.get_input_port(1))
+        return total.get_output_port()
+
+    def _record(self, joint_states: OutputPort) -> None:
+        """Record the state of the joints at every tick, with the efforts it causes."""
+        period = self.log_period
+        # Sampled after the tick and logged before the next one: a log of the vector
+        # itself would compute the servo with the old command, once more.
+        sample = self._sample(joint_states, period)
+        self._log(sample, "joint_states", period)
+
+    def _sample(self, states: OutputPort, period: float, kind: str = "") -> OutputPort:
+        """Return states, sampled and held; one system per kind and period."""
+        name = f"{self.prefix}sample"
+        if period != self.log_period:
+            name += f":{period}"
+        name += kind
+        if self.builder.HasSubsystemNamed(name):
+            return self.builder.GetSubsystemByName(name).get_output_port()
+        sample = self.builder.AddNamedSystem(name, ZeroOrderHold(period, states.size()))
+        self.builder.Connect(states, sample.get_input_port())
+        return sample.get_output_port()
+
+    def _log(self, port: OutputPort, name: str, period: float) -> None:
+        log = self.builder.AddNamedSystem(
+            f"{self.prefix}log:{name}", VectorLogSink(port.size(), period)
+        )
+        self.builder.Connect(port, log.get_input_port())
+
+
+def _connect_chains(
+    builder: DiagramBuilder, systems: Collection[ControllerInterface]
+) -> None:
+    """Connect controllers that command or read each other."""
+    for system, other in itertools.permutations(systems, 2):
+        if set(other.reference_interfaces) & set(system.command_interfaces):
+            tick = system.GetOutputPort(interfaces.COMMAND_PORT)
+            builder.Connect(tick, other.add_predecessor(system))
+        if set(system.exported_interfaces) & set(other.state_interfaces):
+            exported = system.GetOutputPort(interfaces.EXPORT_PORT)
+            builder.Connect(exported, other.add_exporter(system))
+
+
+def _export_topics(builder: DiagramBuilder, system: LeafSystem, name: str) -> None:
+    """Export the ports of a controller that are topics: all but its interfaces."""
+    for index in range(system.num_input_ports()):
+        port = system.get_input_port(index)
+        if not interfaces.is_internal(port.get_name()):
+            builder.ExportInput(port, f"{name}.{port.get_name()}")
+    for index in range(system.num_output_ports()):
+        output = system.get_output_port(index)
+        if not interfaces.is_internal(output.get_name()):
+            builder.ExportOutput(output, f"{name}.{output.get_name()}")

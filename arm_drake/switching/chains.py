@@ -1,0 +1,157 @@
+"""Who commands whom among controllers, and the order of their updates.
+
+The rules are those of ros2_control's controller_manager. A controller that claims a
+reference interface of another is its predecessor, the other one its follower.
+"""
+
+import dataclasses as dc
+from collections.abc import Collection, Iterable, Mapping
+
+
+@dc.dataclass(frozen=True)
+class ControllerInfo:
+    """What the manager has to know of a controller to switch it."""
+
+    name: str
+
+    # Full names of what it claims: "joint1/position", or "pid/joint1/position" for a
+    # reference interface of controller "pid".
+    command_interfaces: tuple[str, ...] = ()
+
+    # Full names of what it reads.
+    state_interfaces: tuple[str, ...] = ()
+
+    # Full names of what it exports, "<its name>/...".
+    reference_interfaces: tuple[str, ...] = ()
+    exported_state_interfaces: tuple[str, ...] = ()
+
+    # Joints of hardware that follows one controller at a time, by whatever interface.
+    joints: tuple[str, ...] = ()
+
+    # Whether it is inactive or active; else it can't be activated.
+    is_configured: bool = True
+
+    # Why it can't be activated, such as interfaces that don't exist.
+    missing: tuple[str, ...] = ()
+
+
+def sort_controllers(controllers: Mapping[str, ControllerInfo]) -> tuple[str, ...]:
+    """Return the names of controllers in the order of their updates within a tick.
+
+    Predecessors come before their followers, and those that export states before
+    those that read them, unless that contradicts the former. Otherwise the order is
+    that of ``controllers``, where those that others wait for are drawn to the front.
+    """
+    before = _predecessors(controllers)
+    exporters = {
+        interface: name
+        for name, info in controllers.items()
+        for interface in info.exported_state_interfaces
+    }
+    for reader, info in controllers.items():
+        for interface in info.state_interfaces:
+            exporter = exporters.get(interface, reader)
+            if reader not in _with_ancestors(exporter, before):
+                before[reader].append(exporter)
+    return order(controllers, before)
+
+
+def find_cycle(controllers: Mapping[str, ControllerInfo]) -> str:
+    """Return what is wrong with chains that close a circle, "" if none does."""
+    before = _predecessors(controllers)
+    for name in controllers:
+        path = [name]
+        seen = {name}
+        while path:
+            onward = [n for n in before[path[-1]] if n == name or n not in seen]
+            if not onward:
+                path.pop()
+                continue
+            if onward[0] == name:
+                names = " -> ".join(repr(n) for n in (name, *reversed(path)))
+                return (
+                    f"controllers command each other in a circle: {names}; "
+                    "expected chains that end at the hardware"
+                )
+            path.append(onward[0])
+            seen.add(onward[0])
+    return ""
+
+
+def chained(
+    controllers: Mapping[str, ControllerInfo], active: Collection[str]
+) -> frozenset[str]:
+    """Return those active controllers that another active one commands.
+
+    Args:
+        controllers: All controllers that are loaded, by name.
+        active: Names of those that are active.
+    """
+    return frozenset(
+        name
+        for name, predecessors in _predecessors(controllers).items()
+        if name in active and any(p in active and p != name for p in predecessors)
+    )
+
+
+def interface_owners(controllers: Mapping[str, ControllerInfo]) -> dict[str, str]:
+    """Return which controller exports an interface."""
+    return {
+        interface: name
+        for name, info in controllers.items()
+        for interface in (*info.reference_interfaces, *info.exported_state_interfaces)
+    }
+
+
+def needs_of(info: ControllerInfo, owners: Mapping[str, str]) -> dict[str, str]:
+    """Return whom a controller needs to be active, and by which interface."""
+    found: dict[str, str] = {}
+    for interface in (*info.command_interfaces, *info.state_interfaces):
+        if interface in owners:
+            found.setdefault(owners[interface], interface)
+    return found
+
+
+def order(names: Iterable[str], before: Mapping[str, Iterable[str]]) -> tuple[str, ...]:
+    """Return names so that each comes after those that are to be before it."""
+    wanted = dict.fromkeys(names)
+    found: dict[str, None] = {}
+    entered = set()
+
+    def visit(name: str) -> None:
+        # In a circle, who is entered first comes last.
+        if name in wanted and name not in entered:
+            entered.add(name)
+            for other in before[name]:
+                visit(other)
+            found[name] = None
+
+    for name in wanted:
+        visit(name)
+    return tuple(found)
+
+
+def _predecessors(controllers: Mapping[str, ControllerInfo]) -> dict[str, list[str]]:
+    """Return who commands each controller."""
+    owners = {
+        interface: name
+        for name, info in controllers.items()
+        for interface in info.reference_interfaces
+    }
+    found: dict[str, list[str]] = {name: [] for name in controllers}
+    for name, info in controllers.items():
+        for owner in dict.fromkeys(owners.get(i, "") for i in info.command_interfaces):
+            if owner:
+                found[owner].append(name)
+    return found
+
+
+def _with_ancestors(name: str, before: Mapping[str, Iterable[str]]) -> set[str]:
+    """Return a name, and all that are to be before it."""
+    found, waiting = set(), [name]
+    while waiting:
+        name = waiting.pop()
+        if name not in found:
+            found.add(name)
+            waiting += before[name]
+    return found

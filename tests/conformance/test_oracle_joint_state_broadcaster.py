@@ -1,0 +1,40 @@
+"""Replays what upstream's JointStateBroadcaster published."""
+
+from typing import Any
+
+import pytest
+
+from arm_drake.errors import ParameterError
+from arm_drake.messages import Time
+from tests.conformance.open_loop import OpenLoop, assert_close, is_started
+from tests.oracle import oracle_cases
+
+CASES = oracle_cases("controller_joint_state_broadcaster")
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case["input"]["name"])
+def test_messages_are_upstream_s(case: dict[str, Any]) -> None:
+    given, expected = case["input"], case["output"]
+    if not is_started(expected):
+        with pytest.raises(ParameterError):
+            OpenLoop(given, expected)
+        return
+    loop = OpenLoop(given, expected)
+    published = expected["published"]["joint_states"]
+
+    for cycle in loop.cycles():
+        message = loop.output("joint_states")
+        assert message.name == tuple(published[cycle]["name"])
+        for field in ("position", "velocity", "effort"):
+            what = f"cycle {cycle}: {field}"
+            assert_close(getattr(message, field), published[cycle][field], what)
+        header = published[cycle]["header"]
+        assert message.header.frame_id == header["frame_id"]
+        # Drake's time starts from 0.
+        since_start = message.header.stamp.to_nanoseconds() + given["t0_ns"]
+        assert Time.from_nanoseconds(since_start) == Time.of(header["stamp"])
+    assert len(published) == len(expected["t_ns"])
+    # Which interfaces are claimed; their order comes from an unordered map.
+    assert set(loop.system.state_interfaces) == set(expected["state_interfaces"])
+    assert expected["published"].keys() == {"joint_states"}
+    assert not loop.system.HasOutputPort("dynamic_joint_states")

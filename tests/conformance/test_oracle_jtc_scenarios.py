@@ -1,0 +1,267 @@
+"""Replays the joint_trajectory_controller scenarios of upstream, tick by tick.
+
+Files without "jazzy" in their name are of its master, distro rolling; those of jazzy
+hold the outputs that differ, and the names of the scenarios whose outputs don't. What
+comes out is compared: commands, controller_state, answers, and the news of goals.
+"""
+
+import math
+from collections import defaultdict
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from arm_drake.errors import ParameterError
+from arm_drake.messages import (
+    CancelGoal,
+    CancelResponse,
+    GoalEvent,
+    GoalStatus,
+    JointTrajectoryControllerState,
+    SendGoal,
+    TopicRejected,
+)
+from tests.conformance.jtc_players import (
+    Dict,
+    FunctionsPlayer,
+    Player,
+    SystemPlayer,
+    flatten,
+    load,
+    suits_the_system,
+)
+from tests.oracle import oracle_cases
+
+JAZZY = "jtc_scenarios_jazzy_4.42.1"
+INPUTS: dict[str, Dict] = {}
+OUTPUTS: dict[tuple[str, str], Dict] = {}
+for _case in oracle_cases("jtc_scenarios"):
+    INPUTS[_case["input"]["name"]] = _case["input"]
+    OUTPUTS["rolling", _case["input"]["name"]] = _case["output"]
+for _name in oracle_cases(f"{JAZZY}_identical")["identical_to_master"]:
+    if _name in INPUTS:
+        OUTPUTS["jazzy", _name] = OUTPUTS["rolling", _name]
+for _case in oracle_cases(f"{JAZZY}_differing"):
+    if _case["name"] in INPUTS:
+        OUTPUTS["jazzy", _case["name"]] = _case["output"]
+
+
+def is_configured(output: Dict) -> bool:
+    return ["configure", "SUCCESS"] in [row[1:] for row in output["lifecycle"]]
+
+
+REPLAYED = [key for key, output in OUTPUTS.items() if is_configured(output)]
+REFUSED = [key for key, output in OUTPUTS.items() if not is_configured(output)]
+
+
+def first_refusal(name: str) -> int | None:
+    """Return the cycle of the first message that is refused here and not upstream.
+
+    A joint named twice in a message leaves another one out, which upstream gives a
+    number that an earlier message left behind. Up to there rows are compared.
+    """
+    for event in INPUTS[name]["events"]:
+        message = event.get("msg") or event.get("goal", {}).get("trajectory", {})
+        names = message.get("joint_names", [])
+        if len(set(names)) < len(names):
+            return int(event["cycle"])
+    return None
+
+
+def make_player(distro: str, name: str) -> Player:
+    given, output = INPUTS[name], OUTPUTS[distro, name]
+    kind = SystemPlayer if suits_the_system(given) else FunctionsPlayer
+    return kind(distro, given, output)
+
+
+@cache
+def replay(distro: str, name: str) -> Player:
+    player = make_player(distro, name)
+    player.play(first_refusal(name))
+    return player
+
+
+def assert_rows(name: str, actual: list[Any], expected: list[Any]) -> None:
+    """Compare a column; one element stands for all rows."""
+    if len(expected) == 1:
+        expected = expected * len(actual)
+    for k, (ours, theirs) in enumerate(zip(actual, expected, strict=False)):
+        theirs = np.array(theirs, float)
+        assert np.shape(ours) == theirs.shape, f"{name} in row {k}: {ours}, {theirs}"
+        np.testing.assert_allclose(
+            ours, theirs, 1e-9, 1e-12, err_msg=f"{name} in row {k}"
+        )
+
+
+def column_of(report: JointTrajectoryControllerState, column: str) -> Any:
+    if column == "speed_scaling_factor":
+        return report.speed_scaling_factor
+    point, _, field = column.partition("_")
+    value = getattr(getattr(report, point), field.removesuffix("_ns"))
+    return value.to_nanoseconds() if field.endswith("_ns") else value
+
+
+@pytest.mark.parametrize(("distro", "name"), REPLAYED)
+def test_commands_are_upstream_s(distro: str, name: str) -> None:
+    output = OUTPUTS[distro, name]
+
+    seen = replay(distro, name)
+
+    names = output["command_interfaces"]
+    assert sorted(names) == sorted(seen.claimed)
+    at = [seen.claimed.index(name) for name in names]
+    ours = [[row[i] for i in at] for row in seen.commands]
+    expected = output["command"]
+    if first_refusal(name) is None:
+        assert len(ours) == len(expected)
+    assert_rows("command", ours, expected)
+    assert output["update_return"] == "OK"
+
+
+@pytest.mark.parametrize(("distro", "name"), REPLAYED)
+def test_controller_states_are_upstream_s(distro: str, name: str) -> None:
+    columns = dict(OUTPUTS[distro, name].get("controller_state", {}))
+    times = columns.pop("t_ns", OUTPUTS[distro, name]["t_ns"])
+
+    seen = replay(distro, name)
+
+    ours = [report.header.stamp.to_nanoseconds() for report in seen.reports]
+    assert ours == times[: len(ours)]
+    if first_refusal(name) is None:
+        assert len(ours) == len(times)
+    for column, rows in columns.items():
+        assert_rows(column, [column_of(r, column) for r in seen.reports], rows)
+    filled = {
+        f"{point}_{field}"
+        for point in ("reference", "feedback", "error", "output")
+        for field in ("positions", "velocities", "accelerations", "effort")
+        if any(getattr(getattr(r, point), field) for r in seen.reports)
+    }
+    assert filled <= set(columns)
+
+
+def summaries(event: Any) -> list[str]:
+    """Return what the action server of the reference calls our news."""
+    if isinstance(event, CancelResponse):
+        return ["canceling" if event.accepted else "cancel_rejected"]
+    if not isinstance(event, GoalEvent):
+        return []
+    if event.feedback is not None:
+        return ["feedback"]
+    if event.status is GoalStatus.EXECUTING:
+        return ["accepted", "executing"]
+    return [event.status.name.lower()]
+
+
+def name_of(event: GoalEvent | CancelResponse, goals: dict[str, SendGoal]) -> str:
+    request = event.request
+    goal = request.request if isinstance(request, CancelGoal) else request
+    return next(name for name, sent in goals.items() if sent is goal)
+
+
+def assert_feedback(ours: GoalEvent, theirs: Dict, *, has_index: bool) -> None:
+    """Compare feedback; jazzy itself always says index 0."""
+    feedback = ours.feedback
+    assert feedback is not None
+    assert feedback.header.stamp.to_nanoseconds() == theirs["stamp_ns"]
+    from_start_ns = feedback.desired.time_from_start.to_nanoseconds()
+    assert from_start_ns == theirs["desired_time_from_start_ns"]
+    if has_index:
+        assert feedback.index == theirs["index"]
+    for field in ("desired", "actual", "error"):
+        assert_rows(field, [getattr(feedback, field).positions], [theirs[field]])
+
+
+@pytest.mark.parametrize(("distro", "name"), REPLAYED)
+def test_news_of_goals_are_upstream_s(distro: str, name: str) -> None:
+    output, refusal = OUTPUTS[distro, name], first_refusal(name)
+    end_ns = math.inf if refusal is None else output["t_ns"][refusal]
+
+    seen = replay(distro, name)
+
+    ours = [
+        (time_ns, kind, event)
+        for time_ns, event in seen.news
+        for kind in summaries(event)
+    ]
+    theirs = [event for event in output["events"] if event["t_ns"] < end_ns]
+    # A client hears of a goal whose handle is dropped as of one that is cancelled.
+    dropped = "canceled_by_destructor"
+    kinds = [
+        "canceled" if event["event"] == dropped else event["event"] for event in theirs
+    ]
+    assert [
+        (time_ns, kind, name_of(event, seen.goals)) for time_ns, kind, event in ours
+    ] == [
+        (event["t_ns"], kind, event["goal"])
+        for event, kind in zip(theirs, kinds, strict=True)
+    ]
+    for (_, kind, event), row in zip(ours, theirs, strict=True):
+        if kind == "feedback":
+            assert_feedback(event, row, has_index=distro != "jazzy")
+        elif "result" in row:
+            assert event.result.error_code == row["result"]["error_code"]
+            assert event.result.error_string == row["result"]["error_string"]
+
+
+@pytest.mark.parametrize(("distro", "name"), REPLAYED)
+def test_answers_are_upstream_s(distro: str, name: str) -> None:
+    responses = OUTPUTS[distro, name]["responses"]
+    refusal = first_refusal(name)
+    if refusal is not None:
+        responses = [r for r in responses if r["cycle"] < refusal]
+    by_type = defaultdict(list)
+    for row in responses:
+        by_type[row["type"]].append(row.get("response"))
+
+    seen = replay(distro, name)
+
+    events = [event for _, event in seen.news]
+    goals = [
+        "rejected" if "rejected" in summaries(e) else "accepted"
+        for e in events
+        if {"accepted", "rejected"} & set(summaries(e))
+    ]
+    cancels = [e.accepted for e in events if isinstance(e, CancelResponse)]
+    assert goals == by_type["goal"]
+    assert cancels == [answer == "accepted" for answer in by_type["cancel"]]
+    assert seen.num_undelivered == by_type["topic"].count("no_subscription")
+    assert len(seen.answers) == len(by_type["service"])
+    for ours, theirs in zip(seen.answers, by_type["service"], strict=True):
+        assert ours.success == theirs["success"]
+        assert list(ours.name) == theirs["name"]
+        for field in ("position", "velocity", "acceleration"):
+            assert_rows(field, [getattr(ours, field)], [theirs[field]])
+
+
+@pytest.mark.parametrize(
+    ("distro", "name"),
+    [key for key in REPLAYED if first_refusal(key[1]) is not None],
+)
+def test_a_joint_named_twice_is_refused(distro: str, name: str) -> None:
+    refusal = first_refusal(name)
+    assert refusal is not None
+    player = make_player(distro, name)
+
+    player.play(refusal + 1)
+
+    reasons = [
+        event.reason if isinstance(event, TopicRejected) else event.result.error_string
+        for _, event in player.news
+        if isinstance(event, TopicRejected) or event.status is GoalStatus.REJECTED
+    ]
+    assert any("is named twice; name each joint once" in reason for reason in reasons)
+
+
+@pytest.mark.parametrize(("distro", "name"), REFUSED)
+def test_parameters_that_upstream_refuses_are_refused(distro: str, name: str) -> None:
+    with pytest.raises(ParameterError, match=r"must"):
+        load(dict(flatten(INPUTS[name]["params"])), distro)
+
+
+def test_the_outputs_of_both_distros_are_known() -> None:
+    names = {distro: {n for d, n in OUTPUTS if d == distro} for distro, _ in OUTPUTS}
+
+    assert names == {"rolling": set(INPUTS), "jazzy": set(INPUTS)}

@@ -1,0 +1,67 @@
+import pytest
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import LeafSystem
+
+from arm_drake.controllers.topics import add_events, new_messages
+from arm_drake.messages import Float64MultiArray, TopicRejected
+
+A, B, C = (Float64MultiArray([value]) for value in (1.0, 2.0, 3.0))
+
+
+class Reader(LeafSystem):
+    """Has a topic."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.topic = self.DeclareAbstractInputPort("topic", AbstractValue.Make(()))
+
+
+@pytest.mark.parametrize(
+    ("seen", "there", "new"),
+    [
+        ((), None, ()),
+        ((), A, (A,)),
+        ((A,), A, ()),
+        ((A,), (A,), ()),
+        ((A,), B, (B,)),
+        ((A,), (A, B), (B,)),
+        ((), (A, B), (A, B)),
+        ((A, B), (A, B), ()),
+        ((A, B), (C, B), (C,)),
+        ((A,), (), ()),
+    ],
+)
+def test_other_objects_than_at_the_last_tick_are_new(seen, there, new) -> None:
+    system = Reader()
+    context = system.CreateDefaultContext()
+    if there is not None:
+        system.topic.FixValue(context, there)
+
+    found, now_seen = new_messages(system.topic, context, Float64MultiArray, seen)
+
+    assert found == new
+    assert set(new) <= set(now_seen)
+    again = new_messages(system.topic, context, Float64MultiArray, now_seen)
+    assert again[0] == ()
+    assert again[1] is now_seen
+
+
+def test_a_message_that_was_away_is_new_again() -> None:
+    system = Reader()
+    context = system.CreateDefaultContext()
+    seen = (A,)
+
+    for there, new in ((A, ()), ((), ()), (A, (A,))):
+        system.topic.FixValue(context, there)
+        found, seen = new_messages(system.topic, context, Float64MultiArray, seen)
+        assert found == new
+
+
+def test_events_are_numbered_and_the_latest_are_kept() -> None:
+    news = [TopicRejected(A, str(number)) for number in range(70)]
+
+    events = add_events(add_events((), news[:1]), news[1:])
+
+    assert [number for number, _ in events] == list(range(6, 70))
+    assert events[-1] == (69, news[-1])
+    assert add_events(events, ()) is events
