@@ -437,10 +437,11 @@ class TickingController(ControllerInterface, Generic[S]):
         now = Now(context, cycle.time_ns, period_ns, cycle)
         activation = cycle.active.get(name)
         state, command, is_ok = held.state, held.command, True
+        ending: Array | None = None
         if activation != held.activation:
             if held.activation is not None:
                 state = self._deactivate(now, state)
-                command = self._command(state)
+                command = ending = self._command(state)
             if activation is not None:
                 state = self._activate(now, state)
         if activation is None:
@@ -451,6 +452,8 @@ class TickingController(ControllerInterface, Generic[S]):
             if not is_ok:
                 state, activation = self._deactivate(now, state), None
                 command = self._command(state)
+        if ending is not None:  # What a restart leaves unwritten ends.
+            command = np.where(np.isnan(command), ending, command)
         return Tick(cycle.number, activation, state, command, is_ok)
 
     def _own_cycle(self, context: Context, held: Tick[S]) -> Cycle:

@@ -58,8 +58,7 @@ class JointStateBroadcasterParameters:
     # What stands for a standard interface that isn't among `interfaces`.
     map_interface_to_joint_state: InterfaceMap = InterfaceMap()
 
-    # Whether the topics are named `~/joint_states`, below the broadcaster's own name,
-    # not `joint_states`; ports always have the broadcaster's name in front.
+    # Whether the topics' names start with the broadcaster's; a port's always does.
     use_local_topics: bool = False
 
     # Whether only joints of the description are published, if `joints` aren't given;
@@ -106,6 +105,7 @@ class JointStateBroadcaster(ControllerInterface):
     Unless it is given with ``interfaces``, rolling publishes what there is of the
     robot's joints; before, everything is read, sensors and GPIOs into the dynamic
     message alone. That one names mapped interfaces as in JointState, as upstream's.
+    ``use_local_topics`` changes the names of topics alone, and no port.
 
     It has no state: what it publishes is sampled at its rate before it gets there, and
     after the commands of the tick, so efforts are those that they cause. Inactive, and

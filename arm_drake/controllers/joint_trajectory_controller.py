@@ -28,7 +28,7 @@ from arm_drake.controllers.controller_interface import (
 from arm_drake.controllers.joint_trajectory_parameters import (
     JointTrajectoryControllerParameters,
 )
-from arm_drake.controllers.joint_trajectory_setup import find_read_only, make_rules
+from arm_drake.controllers.joint_trajectory_setup import check_change, make_rules
 from arm_drake.controllers.topics import new_messages
 from arm_drake.messages import (
     ActionRequest,
@@ -257,26 +257,14 @@ class JointTrajectoryController(
         parameters, rules = inbox.parameters, inbox.rules
         if offered is not inbox.offered and offered != ():
             try:
-                parameters, rules = self._accept(offered, parameters)
+                parameters = check_change(parameters, offered)
+                rules = self._make_rules(parameters)
             except ValueError as error:
                 last = add_events(last, ParametersRejected(str(error)))
         inbox = Inbox(
             parameters, rules, offered, seen_topics, seen_requests, seen_factors
         )
         return inbox, inputs, last
-
-    def _accept(
-        self, offered: object, present: JointTrajectoryControllerParameters
-    ) -> tuple[JointTrajectoryControllerParameters, JointTrajectoryRules]:
-        """Return new parameters and their rules; raise ValueError for bad ones."""
-        if not isinstance(offered, JointTrajectoryControllerParameters):
-            raise ValueError(
-                f"expected JointTrajectoryControllerParameters, got {offered!r}"
-            )
-        changed = find_read_only(offered, present)
-        if changed:
-            raise ValueError(f"{changed} can't change while the controller runs")
-        return offered, self._make_rules(offered)
 
     def _sense(self, now: Now) -> TickInputs:
         """Return what the tick reads besides messages."""

@@ -187,26 +187,37 @@ def _make_deceleration(
     return Deceleration(decelerations, num_points)
 
 
-def find_read_only(
-    new: JointTrajectoryControllerParameters, old: JointTrajectoryControllerParameters
-) -> str:
-    """Return the name of a parameter that changes and mustn't while it runs, or ""."""
-    for name in _READ_ONLY:
-        values = []
-        for parameters in (new, old):
-            value: object = parameters
-            for part in name.split("."):
-                value = getattr(value, part)
-            values.append(value)
-        if values[0] != values[1]:
-            return name
+def check_change(
+    old: JointTrajectoryControllerParameters, new: object
+) -> JointTrajectoryControllerParameters:
+    """Return parameters that may take the place of others while a controller runs.
+
+    Args:
+        old: Parameters in effect.
+        new: What is to take their place.
+
+    Raises:
+        ValueError: If it can't.
+    """
+    if not isinstance(new, JointTrajectoryControllerParameters):
+        raise ValueError(f"expected JointTrajectoryControllerParameters, got {new!r}")
+    changed = [name for name in _READ_ONLY if _get(new, name) != _get(old, name)]
     for joint in old.joints:
-        limits = [
-            p.constraints.joint.get(
-                joint, JointConstraints()
-            ).max_deceleration_on_cancel
-            for p in (new, old)
-        ]
-        if limits[0] != limits[1]:
-            return f"constraints.{joint}.max_deceleration_on_cancel"
-    return ""
+        was, is_ = (_decelerations(p).get(joint, 0.0) for p in (old, new))
+        if was != is_:
+            changed.append(f"constraints.{joint}.max_deceleration_on_cancel")
+    if changed:
+        raise ValueError(f"{changed[0]} can't change while the controller runs")
+    return new
+
+
+def _decelerations(parameters: JointTrajectoryControllerParameters) -> dict[str, float]:
+    by_joint = parameters.constraints.joint.items()
+    return {joint: c.max_deceleration_on_cancel for joint, c in by_joint}
+
+
+def _get(parameters: object, name: str) -> object:
+    """Return a parameter by its dotted name."""
+    for part in name.split("."):
+        parameters = getattr(parameters, part)
+    return parameters

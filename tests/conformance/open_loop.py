@@ -128,6 +128,10 @@ class OpenLoop:
         self._parameters = numbers(given["params"])
         self.system = self._make_system()
         self._chain = self._add_predecessor() if given.get("chained") else None
+        self._values = None
+        if isinstance(self.system, TickingController):
+            claims = expected["command_interfaces"]
+            self._values = self.system.add_command_values(claims)
         self.simulator = Simulator(self.system)
         self.context = self.simulator.get_mutable_context()
         self._manager = self.system.GetInputPort(interfaces.MANAGER_PORT)
@@ -220,6 +224,8 @@ class OpenLoop:
                 self.expected["state"][cycle], dtype=float
             )
         self._measured.FixValue(self.context, measured)
+        if self._values is not None:
+            self._values.FixValue(self.context, self.command)
         for port, messages in self._sent.items():
             self.system.GetInputPort(port).FixValue(self.context, messages)
         if self._chain is not None:
