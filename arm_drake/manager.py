@@ -13,9 +13,8 @@ from pydrake.systems.framework import (
 
 from arm_drake import interfaces
 from arm_drake.control.command_limits import CommandLimits
-from arm_drake.control.drive_commands import DriveCommands, DriveMode
+from arm_drake.control.drive_commands import DriveCommands
 from arm_drake.controllers.controller_interface import (
-    Array,
     Cycle,
     TickingController,
     messages_on,
@@ -29,10 +28,12 @@ from arm_drake.loaded_controllers import (
     controller_infos,
 )
 from arm_drake.manager_claims import Claimants
-from arm_drake.manager_lifecycle import (
-    Lifecycle,
-    ManagerState,
-    add_events,
+from arm_drake.manager_lifecycle import Lifecycle, ManagerState, Refusal
+from arm_drake.manager_loop import (
+    Loop,
+    Readings,
+    StoredStates,
+    initial_values,
 )
 from arm_drake.messages import NANOSECONDS, SwitchController
 from arm_drake.surroundings import Surroundings
@@ -75,7 +76,8 @@ class ControllerManager(LeafSystem):
     controllers        --    --       tuple of ControllerState, in the order of the YAML
     events             --    --       tuple of the latest (number, event), the newest
                                       last
-    claimed            --    --       frozenset of the names of command interfaces
+    claimed            --    --       tuple of the names of command interfaces, those
+                                      that were claimed last at the end
     command_values     k     rad, ..  values of all command interfaces
     drive              5n    rad, ..  what the servo of n joints is told, see
                                       DriveCommands
@@ -102,6 +104,7 @@ class ControllerManager(LeafSystem):
         drive: DriveCommands,
         surroundings: Surroundings,
         limits: CommandLimits | None = None,
+        refuse: Refusal | None = None,
         servo_plant: MultibodyPlant | None = None,
     ) -> None:
         """Create the system.
@@ -116,6 +119,7 @@ class ControllerManager(LeafSystem):
             drive: What makes the servo's input of commands.
             surroundings: Interfaces of the robot.
             limits: What commands are held to, if they are.
+            refuse: Tells why the hardware can't switch, if it ever does.
             servo_plant: Plant that the servo computes with, to be kept as long as the
                 diagram: Drake's InverseDynamics doesn't keep it.
         """
@@ -128,8 +132,6 @@ class ControllerManager(LeafSystem):
         self.log_period = log_period
         self.commands = command_order(surroundings, self.controllers)
         self._servo_plant = servo_plant
-        self._drive = drive
-        self._limits = limits
         self._update_rate = robot.controllers.update_rate
         systems = {c.name: c.system for c in self.controllers if c.system is not None}
         self._lifecycle = Lifecycle(
@@ -143,22 +145,17 @@ class ControllerManager(LeafSystem):
             drive,
             update_rate=self._update_rate,
             is_strict=robot.distro == "rolling",
+            refuse=refuse,
         )
 
         self._switch = self.DeclareAbstractInputPort(
             SWITCH_PORT, AbstractValue.Make(())
         )
-        measured = interfaces.interface_names(
-            surroundings.joint_types, interfaces.STATE_INTERFACES
-        )
+        num_measured = 3 * len(surroundings.joint_types)
         self._measured = self.DeclareVectorInputPort(
-            interfaces.STATE_PORT, len(measured)
+            interfaces.STATE_PORT, num_measured
         )
-        self._measured_at = [
-            [measured.index(f"{joint}/{name}") for joint in drive.joints]
-            for name in interfaces.STATE_INTERFACES
-        ]
-        self._claimants = Claimants(
+        claimants = Claimants(
             systems,
             self.commands,
             drive.joints,
@@ -166,6 +163,8 @@ class ControllerManager(LeafSystem):
                 f"{interfaces.COMMAND_PORT}:{name}", AbstractValue.Make(())
             ),
         )
+        self._claimants = claimants
+        self._loop = Loop(self._lifecycle, claimants, drive, limits, surroundings)
         started = [c.name for c in self.controllers if c.state == "active"]
         state = self._lifecycle.start(started)
         self._state_index = self.DeclareAbstractState(AbstractValue.Make(state))
@@ -182,33 +181,22 @@ class ControllerManager(LeafSystem):
             },
         )
         initial = surroundings.initial_positions
-        values = [
-            initial.get(name.rpartition("/")[0], 0.0)
-            if name.endswith(f"/{interfaces.POSITION}")
-            else 0.0
-            for name in self.commands
-        ]
+        values = initial_values(self.commands, drive.joints, initial)
         hold = drive.initial([initial[joint] for joint in drive.joints])
         flags = [float(c.name in state.active) for c in self.controllers]
         self._values = self.DeclareDiscreteState(values)
         self._drive_state = self.DeclareDiscreteState(hold)
         self._flags = self.DeclareDiscreteState(flags)
-        # State interfaces that only follow a command of their name, or nothing.
         self._stored = None
         if surroundings.stored:
-            order = tuple(surroundings.stored)
+            self._stored_states = StoredStates(surroundings, self.commands)
             self._stored = self.DeclareDiscreteState(list(surroundings.stored.values()))
             self.DeclareStateOutputPort(STORED_PORT, self._stored)
-            mirrored = [n for n in order if n in surroundings.command_interfaces]
-            self._mirrored = (
-                [order.index(name) for name in mirrored],
-                [self.commands.index(name) for name in mirrored],
-            )
         self._declare("controllers", self._rows)
         self._declare("events", lambda state: state.events)
         self._declare(
             interfaces.CLAIMED_PORT,
-            lambda state: frozenset(self._lifecycle.claims(state.active)),
+            lambda state: self._lifecycle.claimed(state.active),
         )
         self.DeclareStateOutputPort(interfaces.VALUES_PORT, self._values)
         self.DeclareStateOutputPort("drive", self._drive_state)
@@ -270,6 +258,15 @@ class ControllerManager(LeafSystem):
             prerequisites_of_calc={self.xa_ticket()},
         )
 
+    def _read(self, context: Context) -> Readings:
+        return Readings(
+            self._state(context),
+            messages_on(self._switch, context, SwitchController),
+            context.get_discrete_state(self._values).value(),
+            context.get_discrete_state(self._drive_state).value(),
+            lambda: self._measured.Eval(context),
+        )
+
     def _calc_cycle(self, context: Context, output: AbstractValue) -> None:
         held = self._state(context)
         ticks = context.get_time() / self.period
@@ -280,100 +277,22 @@ class ControllerManager(LeafSystem):
         rate = self._update_rate
         time_ns = number * NANOSECONDS // rate
         period_ns = time_ns - (number - 1) * NANOSECONDS // rate
-        active, chain, values = held.active, held.chained, None
-        if self._is_switching(context, held):
-            plan = self._lifecycle.switch(held, self._requests(context, held))
-            active, chain = plan.active, plan.chained
-            values, _ = self._seed(context, held, plan.mode)
-        periods = self._lifecycle.periods(held, active, time_ns)
-        cycle = Cycle(number, time_ns, period_ns, active, chain, periods, values)
-        output.set_value(cycle)
-
-    def _requests(
-        self, context: Context, held: ManagerState
-    ) -> tuple[SwitchController, ...]:
-        """Return the requests that are new."""
-        requests = messages_on(self._switch, context, SwitchController)
-        old = held.requests
-        return tuple(r for r in requests if not any(r is other for other in old))
-
-    def _is_switching(self, context: Context, held: ManagerState) -> bool:
-        return held.active is not held.cycle.active or bool(
-            self._requests(context, held)
-        )
-
-    def _seed(
-        self, context: Context, held: ManagerState, mode: DriveMode
-    ) -> tuple[Array, Array]:
-        """Return the values and the drive vector with which a mode starts."""
-        values = context.get_discrete_state(self._values).value()
-        drive = context.get_discrete_state(self._drive_state).value()
-        if held.cycle.number < 0:
-            return values, drive
-        measured = self._measured.Eval(context)
-        q, v, tau = (measured[at] for at in self._measured_at)
-        return self._drive.seed(held.mode, mode, values, drive, (q, v, tau))
+        readings = self._read(context)
+        output.set_value(self._loop.begin(readings, number, time_ns, period_ns))
 
     def _update(self, context: Context, state: State) -> None:
-        held = self._state(context)
         cycle: Cycle = self._cycle.Eval(context)
-        if cycle.number == held.cycle.number:
+        readings = self._read(context)
+        if cycle.number == readings.held.cycle.number:
             return
-        active, chain, mode = held.active, held.chained, held.mode
-        events, fresh = held.events, None
-        number = held.next_activation
-        if cycle.commands is None:
-            values = context.get_discrete_state(self._values).value().copy()
-            drive = context.get_discrete_state(self._drive_state).value()
-        else:
-            new = self._requests(context, held)
-            active, chain, mode, number, news = self._lifecycle.switch(held, new)
-            active = cycle.active  # The same, and this very object.
-            events = add_events(events, news)
-            _, drive = self._seed(context, held, mode)
-            values = cycle.commands.copy()
-            fresh = self._claimants.fresh(cycle, held.cycle)
-            flags = [float(c.name in active) for c in self.controllers]
+        written = self._loop.finish(context, readings, cycle)
+        state.get_mutable_abstract_state(self._state_index).set_value(written.state)
+        state.get_mutable_discrete_state(self._values).set_value(written.values)
+        state.get_mutable_discrete_state(self._drive_state).set_value(written.drive)
+        if cycle.commands is not None:
+            flags = [float(c.name in cycle.active) for c in self.controllers]
             state.get_mutable_discrete_state(self._flags).set_value(flags)
-        failed = self._claimants.write(context, cycle, held.cycle, values)
-        previous = held.previous
-        if self._limits is not None:
-            if fresh is not None:
-                previous = self._claimants.forget(previous, fresh)
-            new_limits = self._limits.apply(
-                self._lifecycle.claims(active),
-                values,
-                self._measured.Eval(context),
-                previous,
-                cycle.period_ns / NANOSECONDS,
-            )
-            previous = new_limits.previous
-            failed += self._claimants.owners(active, new_limits.out_of_bounds)
-        last_ns, skipped = held.last_ns, self._claimants.skipped(cycle)
-        if cycle.periods:
-            due = {n: cycle.time_ns for n, p in cycle.periods.items() if p}
-            last_ns = {**last_ns, **due}
-        drive = self._drive.write(mode, values, drive, fresh=fresh, skipped=skipped)
-        if failed:
-            active, number, news = self._lifecycle.replace(failed, active, number)
-            events, chain = add_events(events, news), self._lifecycle.chained(active)
-        state.get_mutable_abstract_state(self._state_index).set_value(
-            ManagerState(
-                cycle,
-                active,
-                chain,
-                mode,
-                number,
-                last_ns,
-                messages_on(self._switch, context, SwitchController),
-                events,
-                previous,
-            )
-        )
-        state.get_mutable_discrete_state(self._values).set_value(values)
-        state.get_mutable_discrete_state(self._drive_state).set_value(drive)
         if self._stored is not None:
-            stored = context.get_discrete_state(self._stored).value().copy()
-            here, there = self._mirrored
-            stored[here] = values[there]
-            state.get_mutable_discrete_state(self._stored).set_value(stored)
+            stored = context.get_discrete_state(self._stored).value()
+            new = self._stored_states.update(stored, written.values)
+            state.get_mutable_discrete_state(self._stored).set_value(new)

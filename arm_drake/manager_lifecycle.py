@@ -6,7 +6,7 @@ controllers take over.
 """
 
 import dataclasses as dc
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple, Self
 
@@ -38,6 +38,9 @@ class ControllerFailure:
 
 
 Event = SwitchControllerResult | ControllerFailure
+
+# Why hardware can't start and stop these command interfaces; "" if it can.
+Refusal = Callable[[Collection[str], Collection[str]], str]
 
 
 class ManagerState(NamedTuple):
@@ -94,6 +97,7 @@ class Lifecycle:
         *,
         update_rate: int,
         is_strict: bool,
+        refuse: Refusal | None = None,
     ) -> None:
         """Create it.
 
@@ -104,7 +108,9 @@ class Lifecycle:
             drive: What follows the commands.
             update_rate: Rate of the manager [Hz].
             is_strict: Whether requests that don't say so are all or nothing.
+            refuse: Tells why the hardware can't switch, if it ever does.
         """
+        self._refuse = refuse
         self._infos = infos
         self._rates = rates
         self._fallback = fallback
@@ -129,13 +135,19 @@ class Lifecycle:
     def judge(self, active: Collection[str], request: SwitchController) -> SwitchPlan:
         """Return what a request leads to when these controllers are active."""
         strictness = request.strictness
-        return plan_switch(
+        plan = plan_switch(
             self._infos,
             active,
             request.activate_controllers,
             request.deactivate_controllers,
             strict=self._is_strict if not strictness else strictness == "strict",
         )
+        if self._refuse is not None and (plan.activate or plan.deactivate):
+            start, stop = self.claims(plan.activate), self.claims(plan.deactivate)
+            fault = self._refuse(start.keys(), stop.keys())
+            if fault:
+                return SwitchPlan((), (), False, (*plan.problems, fault))
+        return plan
 
     def switch(
         self, held: ManagerState, requests: Iterable[SwitchController]
@@ -237,6 +249,10 @@ class Lifecycle:
             for name in active
             for claim in self._infos[name].command_interfaces
         }
+
+    def claimed(self, active: Mapping[str, int]) -> tuple[str, ...]:
+        """Return what controllers claim, in the order of their activation."""
+        return tuple(self.claims(sorted(active, key=active.__getitem__)))
 
     def _mode(self, active: Iterable[str]) -> DriveMode:
         return self._drive.mode(self.claims(active))

@@ -4,7 +4,8 @@ The preset `kinematic`: every block is a `GenericSystem`, whatever its plugin is
 """
 
 import dataclasses as dc
-from collections.abc import Mapping, Sequence
+import functools
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -45,7 +46,7 @@ class _Read(NamedTuple):
     measured: Array
 
     # Command interfaces that were claimed.
-    claimed: frozenset[str]
+    claimed: tuple[str, ...]
 
     def __deepcopy__(self, memo: dict[int, object]) -> Self:
         return self
@@ -70,7 +71,7 @@ class MockHardware(LeafSystem):
     port              size  unit    meaning
     ================  ====  ======  ==================================================
     command_values    k     rad,    values of all command interfaces
-    claimed           --    --      frozenset of the names of those that are claimed
+    claimed           --    --      tuple of the names of those that are claimed
     read              --    --      what the last read leaves behind
     joint_motions     2J    rad,    positions and velocities of the J joints
     joint_states      3J    rad,    the same, and efforts
@@ -123,7 +124,7 @@ class MockHardware(LeafSystem):
         ]
         self._values = self.DeclareVectorInputPort(interfaces.VALUES_PORT, len(order))
         self._claimed = self.DeclareAbstractInputPort(
-            CLAIMED_PORT, AbstractValue.Make(frozenset())
+            CLAIMED_PORT, AbstractValue.Make(())
         )
         self._state = self.DeclareAbstractState(
             AbstractValue.Make(self._start(robot.initial_positions, measured))
@@ -164,7 +165,7 @@ class MockHardware(LeafSystem):
             own = zip(block.state_interfaces, block.initial_states(), strict=True)
             states.append(block.start(np.array([positions.get(n, x) for n, x in own])))
         values = np.array([positions.get(name, 0.0) for name in measured])
-        first = _Read(-1, tuple(states), values, frozenset())
+        first = _Read(-1, tuple(states), values, ())
         return first._replace(measured=self._measure(first.measured, states))
 
     def _measure(
@@ -186,7 +187,7 @@ class MockHardware(LeafSystem):
             output.set_value(held)
             return
         values, claimed = self._values.Eval(context), self._claimed.Eval(context)
-        states, new = [], claimed - held.claimed
+        states, new = [], [name for name in claimed if name not in held.claimed]
         for block, at, state in zip(
             self._blocks, self._commands_at, held.blocks, strict=True
         ):
@@ -260,4 +261,18 @@ def add_mock_hardware(
         everything=hardware.GetOutputPort(interfaces.STATE_PORT),
         values=hardware.GetInputPort(interfaces.VALUES_PORT),
         claimed=hardware.GetInputPort(CLAIMED_PORT),
+        refuse=functools.partial(_find_objections, blocks),
     )
+
+
+def _find_objections(
+    blocks: Sequence[GenericSystem], start: Collection[str], stop: Collection[str]
+) -> str:
+    """Return why blocks can't start and stop command interfaces, "" if they can."""
+    objections = []
+    for block in blocks:
+        own = block.command_interfaces
+        started = [name for name in start if name in own]
+        stopped = [name for name in stop if name in own]
+        objections.append(block.prepare_switch(started, stopped))
+    return "; ".join(filter(None, objections))

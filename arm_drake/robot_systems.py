@@ -79,6 +79,7 @@ class RobotSystems:
                 limits=make_command_limits(
                     self.robot, surroundings, controllers, report
                 ),
+                refuse=hardware.refuse,
                 servo_plant=hardware.servo_plant,
             ),
         )

@@ -27,7 +27,7 @@ class Surroundings:
     # or follow the command interface of the same name.
     stored: Mapping[str, float] = dc.field(default_factory=dict)
 
-    # Joints that the physics moves as they are commanded, by one controller at a time.
+    # Joints that move as they are commanded, by one controller at a time.
     driven: frozenset[str] = frozenset()
 
     @property
@@ -76,7 +76,7 @@ def find_surroundings(
         tuple(states),
         initial_positions,
         {name: value for name, value in states.items() if name not in simulated},
-        frozenset() if blocks is not None else _driven(description, commands),
+        _driven(description, commands),
     )
 
 

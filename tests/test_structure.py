@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import LeafSystem
 
 import arm_drake
@@ -39,7 +40,9 @@ from arm_drake.controllers.joint_trajectory_controller import (
 from arm_drake.controllers.pid_controller import PidController
 from arm_drake.controllers.pid_parameters import PidControllerParameters
 from arm_drake.frames import LinkFrames
+from arm_drake.kinematic import KinematicPlant
 from arm_drake.manager import ControllerManager
+from arm_drake.mock_hardware import MockHardware
 from arm_drake.surroundings import Surroundings
 
 PACKAGE = Path(arm_drake.__file__).parent
@@ -63,7 +66,7 @@ LAYERS = [
     ["servo", "controllers", "placement", "dynamics_samples", "surroundings"],
     ["drives", "loaded_controllers", "kinematic"],
     ["hardware", "controller_loader", "manager_lifecycle", "manager_claims"],
-    ["controller_loading", "mock_hardware"],
+    ["controller_loading", "mock_hardware", "manager_loop"],
     ["manager", "loading"],
     ["clients", "recording", "robot_systems"],
     ["diagram", "simulation"],
@@ -262,8 +265,18 @@ def make_manager() -> ControllerManager:
     )
 
 
+def make_plant() -> MultibodyPlant:
+    plant = MultibodyPlant(0.0)
+    plant.Finalize()
+    return plant
+
+
 # How to make each system, small.
 FACTORIES: dict[type[LeafSystem], Callable[[], LeafSystem]] = {
+    MockHardware: lambda: MockHardware(
+        ad.load_robot("doosan_a0912"), [], [], [], period=0.01
+    ),
+    KinematicPlant: lambda: KinematicPlant(make_plant(), {}),
     LinkFrames: lambda: LinkFrames([0]),
     ControllerManager: make_manager,
     JointStateBroadcaster: lambda: JointStateBroadcaster(
