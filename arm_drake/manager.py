@@ -79,7 +79,7 @@ class ControllerManager(LeafSystem):
     claimed            --    --       tuple of the names of command interfaces, those
                                       that were claimed last at the end
     command_values     k     rad, ..  values of all command interfaces
-    drive              5n    rad, ..  what the servo of n joints is told, see
+    drive              6n    rad, ..  what the servo of n joints is told, see
                                       DriveCommands
     active             c     --       1 for each controller that is active, else 0
     =================  ====  =======  ==================================================

@@ -8,8 +8,9 @@ A position command becomes an effort through the robot's own dynamics::
 
 h is the plant's step, b the observer's gain, w its state, and N the matrix that takes
 the velocities of the commanded joints to those of all joints, so mimic joints follow
-their master. For a joint that follows a velocity u* is clamp(kv (v_d - v), ...); one
-that follows an effort has that effort instead of tau, and its observer rests.
+their master. A joint that follows a velocity has u* = clamp(kv (v_d - v), ...), one
+that follows an acceleration has u* = clamp(a_d, ...), one that follows an effort has
+that effort instead of tau, and its observer rests.
 Everything here is evaluated at every step of the plant, hence no Python.
 """
 
@@ -61,9 +62,10 @@ def make_joint_servo(
     port     size      unit        meaning
     =======  ========  ==========  ===================================================
     state    2m        rad, rad/s  state [q; v] of the robot's m joints
-    command  2n or 5n  rad, rad/s  desired positions, then desired velocities; with
-                                   modes also efforts [N·m], and whether the velocity
-                                   or the effort alone is followed (1 or 0)
+    command  2n or 6n  rad, rad/s  desired positions, then desired velocities; with
+                                   modes also accelerations [rad/s^2] or efforts [N·m],
+                                   and whether the velocity, the acceleration or the
+                                   effort alone is followed (1 or 0)
     effort   n         N·m         what the actuators apply, within the effort limits
     =======  ========  ==========  ===================================================
 
@@ -142,8 +144,9 @@ def _acceleration_law(
     n = len(positions_at)
     x = _variables("x", num_states)
     q_d, v_d = _variables("q_d", n), _variables("v_d", n)
-    tau_d, is_v, is_tau = (
-        _variables(name, n if has_modes else 0) for name in ("tau_d", "is_v", "is_tau")
+    a_d, is_v, is_a, is_tau = (
+        _variables(name, n if has_modes else 0)
+        for name in ("a_d", "is_v", "is_a", "is_tau")
     )
     w = _variables("w", n)
     outputs, updates = [], []
@@ -154,7 +157,7 @@ def _acceleration_law(
         u = gains.kp * error - gains.kd * v
         if has_modes:
             v_error = _clamp(v_d[i], gains.velocity_limit[i]) - v
-            u = u + is_v[i] * (gains.kv * v_error - u)
+            u = u + is_v[i] * (gains.kv * v_error - u) + is_a[i] * (a_d[i] - u)
         u = _clamp(u, gains.max_acceleration[i])
         shift = OBSERVER_GAIN / h * v
         disturbance = _clamp(w[i] - shift, gains.max_disturbance[i])
@@ -163,7 +166,7 @@ def _acceleration_law(
         updates.append(shift + ((1.0 - is_tau[i]) * gain if has_modes else gain))
     return SymbolicVectorSystem(
         state=np.array(w),
-        input=np.array([*x, *q_d, *v_d, *tau_d, *is_v, *is_tau]),
+        input=np.array([*x, *q_d, *v_d, *a_d, *is_v, *is_a, *is_tau]),
         dynamics=np.array(updates),
         output=np.array(outputs),
         time_period=h,
@@ -173,10 +176,14 @@ def _acceleration_law(
 def _effort_choice(n: int) -> SymbolicVectorSystem:
     """Return what puts an effort command in the place of the servo's effort."""
     tau, unused = _variables("tau", n), _variables("c", 2 * n)
-    tau_d, is_v, is_tau = (_variables(name, n) for name in ("tau_d", "is_v", "is_tau"))
+    tau_d, others, is_tau = (
+        _variables(name, size)
+        for name, size in (("tau_d", n), ("o", 2 * n), ("is_tau", n))
+    )
     chosen = [tau[i] + is_tau[i] * (tau_d[i] - tau[i]) for i in range(n)]
     return SymbolicVectorSystem(
-        input=np.array([*tau, *unused, *tau_d, *is_v, *is_tau]), output=np.array(chosen)
+        input=np.array([*tau, *unused, *tau_d, *others, *is_tau]),
+        output=np.array(chosen),
     )
 
 

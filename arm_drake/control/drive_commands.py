@@ -1,8 +1,8 @@
 """What the joint servo is told: the values of claimed command interfaces, by joint.
 
 A drive has n joints. Each follows a position (with the velocity that goes with it), a
-velocity or an effort: what is claimed decides, in this order, and can change at run
-time. A joint that nobody commands holds its position.
+velocity, an acceleration or an effort: what is claimed decides, in this order, and can
+change at run time. A joint that nobody commands holds its position.
 """
 
 import dataclasses as dc
@@ -19,10 +19,10 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
-# Parts of the drive vector, n each: desired position and velocity, effort, and whether
-# the joint follows the velocity or the effort alone. Without other modes than that of
-# following positions the first two are all.
-NUM_PARTS: Final = 5
+# Parts of the drive vector, n each: desired position and velocity, acceleration or
+# effort, and whether the joint follows the velocity, the acceleration or the effort
+# alone. Without other modes than that of following positions the first two are all.
+NUM_PARTS: Final = 6
 NUM_PARTS_OF_POSITIONS: Final = 2
 
 
@@ -33,6 +33,7 @@ class DriveMode(Message):
     # Exactly one of these holds for a joint that is commanded. Shape (n,).
     is_position: Mask
     is_velocity: Mask
+    is_acceleration: Mask
     is_effort: Mask
 
     # Whether a joint that follows a position is told its velocity too, shape (n,).
@@ -41,6 +42,7 @@ class DriveMode(Message):
     # Where the commands stand among the values; 0 where there is none. Shape (n,).
     position_at: Indices
     velocity_at: Indices
+    acceleration_at: Indices
     effort_at: Indices
 
     # Rate of the controller that commands the joint [Hz], shape (n,).
@@ -77,7 +79,7 @@ class DriveCommands:
         self._zeros = np.zeros((parts - NUM_PARTS_OF_POSITIONS) * len(joints))
 
     def initial(self, positions: Sequence[float]) -> Array:
-        """Return the drive vector that holds positions, shape (5 n,) or (2 n,)."""
+        """Return the drive vector that holds positions, shape (6 n,) or (2 n,)."""
         q = np.asarray(positions, dtype=float)
         return np.concatenate([q, np.zeros_like(q), self._zeros])
 
@@ -96,7 +98,9 @@ class DriveCommands:
 
         position, position_at = find(interfaces.POSITION)
         velocity, velocity_at = find(interfaces.VELOCITY)
+        acceleration, acceleration_at = find(interfaces.ACCELERATION)
         effort, effort_at = find(interfaces.EFFORT)
+        moved = position | velocity
         rates = [
             next((rate for name, rate in claims.items() if _joint(name) == joint), 0.0)
             for joint in self.joints
@@ -104,10 +108,12 @@ class DriveCommands:
         return DriveMode(
             is_position=position,
             is_velocity=velocity & ~position,
-            is_effort=effort & ~position & ~velocity,
+            is_acceleration=acceleration & ~moved,
+            is_effort=effort & ~moved & ~acceleration,
             is_guided=position & velocity,
             position_at=position_at,
             velocity_at=velocity_at,
+            acceleration_at=acceleration_at,
             effort_at=effort_at,
             rate=np.array(rates),
             is_plain=bool(position.all() and not velocity.any()),
@@ -124,26 +130,31 @@ class DriveCommands:
         """Return values and drive vector of joints whose mode changes, without a jump.
 
         A joint that comes to follow a position starts where it comes to rest, one that
-        follows a velocity with its own, one that follows an effort with that which it
-        applies.
+        follows a velocity with its own, one that follows an acceleration with none, one
+        that follows an effort with that which it applies.
 
         Args:
             old: Mode before the switch.
             new: Mode after it.
             values: Values of the command interfaces, shape (k,).
-            drive: Drive vector, shape (5 n,).
+            drive: Drive vector, shape (6 n,).
             measured: Positions, velocities and efforts of the joints, each (n,).
         """
         values, drive = values.copy(), drive.copy()
         n = len(self.joints)
         q, v, tau = measured
-        free = old.is_velocity | old.is_effort
+        free = old.is_velocity | old.is_acceleration | old.is_effort
         rest = q + self._lead * v
-        stops = free & ~(new.is_velocity | new.is_effort)
+        stops = free & ~(new.is_velocity | new.is_acceleration | new.is_effort)
         drive[:n][stops] = rest[stops]
         for is_new, at, start in (
             (new.is_position & free, new.position_at, rest),
             (new.is_velocity & ~old.is_velocity, new.velocity_at, v),
+            (
+                new.is_acceleration & ~old.is_acceleration,
+                new.acceleration_at,
+                np.zeros(n),
+            ),
             (new.is_effort & ~old.is_effort, new.effort_at, tau),
         ):
             values[at[is_new]] = start[is_new]
@@ -158,7 +169,7 @@ class DriveCommands:
         fresh: Mask | None = None,
         skipped: Mask | None = None,
     ) -> Array:
-        """Return the drive vector of a cycle, shape (5 n,).
+        """Return the drive vector of a cycle, shape (6 n,).
 
         The velocity of a joint that is commanded positions alone is their rate of
         change; after a switch it is 0, for a jump is no speed.
@@ -187,8 +198,13 @@ class DriveCommands:
             (
                 q,
                 np.where(told, values[mode.velocity_at], v),
-                np.where(mode.is_effort, values[mode.effort_at], 0.0),
+                np.where(
+                    mode.is_acceleration,
+                    values[mode.acceleration_at],
+                    np.where(mode.is_effort, values[mode.effort_at], 0.0),
+                ),
                 mode.is_velocity,
+                mode.is_acceleration,
                 mode.is_effort,
             )
         )
