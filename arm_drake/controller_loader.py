@@ -4,6 +4,7 @@ import difflib
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
+from arm_drake import interfaces
 from arm_drake.control.update_schedule import effective_rate
 from arm_drake.controllers import CONTROLLER_TYPES, find_controller_type
 from arm_drake.controllers.controller_interface import (
@@ -20,6 +21,12 @@ from arm_drake.errors import ParameterError, suggest
 from arm_drake.loaded_controllers import LoadedController, controller_infos
 from arm_drake.surroundings import Surroundings
 from arm_drake.switching import find_cycle
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Return the first few names, and how many more there are."""
+    more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+    return ", ".join(names[:3]) + more
 
 
 def _similar_type(name: str) -> str:
@@ -147,6 +154,46 @@ class ControllerLoader:
             )
         return rate
 
+    def report_unsimulated(
+        self, controller: ControllerConfig, system: ControllerInterface
+    ) -> None:
+        """Record what a controller reads or commands that the physics doesn't know."""
+        there = self._surroundings
+        if not there.has_physics:
+            return
+        mirrored = set(there.command_interfaces)
+        lines = []
+        read = [
+            name
+            for name in system.state_interfaces
+            if name in there.stored and name not in mirrored
+        ]
+        if read:
+            what = f"state interfaces aren't simulated: {_listed(read)}"
+            lines.append((what, "they stay at their initial values"))
+        idle = [
+            name
+            for name in system.command_interfaces
+            if self._is_outdone(name, system.command_interfaces)
+        ]
+        if idle:
+            what = f"beside positions or velocities, {_listed(idle)} are not acted on"
+            lines.append((what, "the joints follow positions and velocities"))
+        for what, done in lines:
+            self._add(controller, "info", "unsupported", what, done)
+
+    def _is_outdone(self, name: str, claims: Collection[str]) -> bool:
+        """Return whether the joint follows another command of the same controller."""
+        joint, _, interface = name.rpartition("/")
+        if joint not in self._surroundings.driven:
+            return False
+        stronger: tuple[str, ...] = (interfaces.POSITION, interfaces.VELOCITY)
+        if interface == interfaces.EFFORT:
+            stronger = (*stronger, interfaces.ACCELERATION)
+        elif interface != interfaces.ACCELERATION:
+            return False
+        return any(f"{joint}/{other}" in claims for other in stronger)
+
     def report_obstacle(
         self,
         controller: ControllerConfig,
@@ -177,7 +224,26 @@ class ControllerLoader:
         ):
             names = [name for name in needed if name not in known]
             problems += [self._missing(kind, n, known, others) for n in names]
+        off = [n for n in system.command_interfaces if self._is_off(n)]
+        off += [n for n in system.state_interfaces if self._is_off(n, is_state=True)]
+        if off:
+            problems.append(
+                f"{off[0]!r} belongs to hardware component {there.blocks[off[0]]!r}, "
+                "which hardware_components_initial_state leaves inactive"
+            )
         return tuple(problems)
+
+    def _is_off(self, name: str, *, is_state: bool = False) -> bool:
+        """Return whether the hardware of an interface isn't active at the start.
+
+        What is configured can be read, and no more.
+        """
+        states = self._config.hardware_components_initial_state
+        block = self._surroundings.blocks.get(name)
+        if block is None:
+            return False
+        off = states.unconfigured if is_state else states.unconfigured + states.inactive
+        return block in off or bool(states.active and block not in states.active)
 
     def _missing(
         self,

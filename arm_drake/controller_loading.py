@@ -57,6 +57,10 @@ def load_controllers(
     systems = loader.load_all()
     loaded = {n: s for n, s in systems.items() if s is not None}
     missing = {n: loader.find_missing(s, loaded) for n, s in loaded.items()}
+    configs = {c.name: c for c in config.controllers}
+    for name, system in loaded.items():
+        if not missing[name]:
+            loader.report_unsimulated(configs[name], system)
     controllers = [
         LoadedController(
             c.name,
@@ -72,7 +76,6 @@ def load_controllers(
     started: list[str] = []
     first = [c for c in config.controllers if c.name in set(active)]
     waiting = list(dict.fromkeys(c.name for c in (*first, *config.controllers)))
-    configs = {c.name: c for c in config.controllers}
     for name in [n for n in _followers_first(infos, waiting) if n in loaded]:
         if name in inactive:
             continue

@@ -30,6 +30,12 @@ class Surroundings:
     # Joints that move as they are commanded, by one controller at a time.
     driven: frozenset[str] = frozenset()
 
+    # Name of the `<ros2_control>` block that an interface belongs to.
+    blocks: Mapping[str, str] = dc.field(default_factory=dict)
+
+    # Whether states come from physics, not from commands.
+    has_physics: bool = True
+
     @property
     def measured(self) -> tuple[str, ...]:
         """Order of the vector of everything that is measured."""
@@ -77,6 +83,16 @@ def find_surroundings(
         initial_positions,
         {name: value for name, value in states.items() if name not in simulated},
         _driven(description, commands),
+        {
+            f"{component.name}/{interface.name}": block.name
+            for block in description.hardware
+            for component in (*block.joints, *block.sensors, *block.gpios)
+            for interface in (
+                *component.command_interfaces,
+                *component.state_interfaces,
+            )
+        },
+        has_physics=blocks is None,
     )
 
 

@@ -455,3 +455,17 @@ def test_a_rollout_tells_when_a_controller_wanted_something(tmp_path):
 
     assert wanted[40].tolist() == [0.2, 0.1]
     assert np.isnan(wanted[60]).all()
+
+
+@pytest.mark.parametrize("state", ["inactive", "unconfigured"])
+def test_hardware_that_starts_inactive_can_t_be_commanded(tmp_path, state):
+    off = f", hardware_components_initial_state: {{{state}: [hardware]}}"
+
+    sim = simulate(load(tmp_path, groups("position"), manager=off))
+
+    assert states(sim) == {"position": "inactive"}
+    (line,) = sim.report
+    assert line.what == (
+        "'j1/position' belongs to hardware component 'hardware', which "
+        "hardware_components_initial_state leaves inactive"
+    )

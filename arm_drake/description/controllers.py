@@ -122,7 +122,6 @@ def load_controllers(
         enforce_command_limits=_first_given("enforce_command_limits", managers),
         hardware_components_initial_state=_together(m.settings for m in managers),
     )
-    _report_unsimulated(config, report)
     return config
 
 
@@ -131,20 +130,6 @@ def _renamed(section: Section, manager: str) -> Section:
     if section.name != manager:
         return section
     return dc.replace(section, node=f"{section.namespace}/{MANAGER}")
-
-
-def _report_unsimulated(config: ControllerManagerConfig, report: LoadReport) -> None:
-    """Record what the manager is asked for and doesn't do."""
-    states = config.hardware_components_initial_state
-    if off := [*states.unconfigured, *states.inactive]:
-        report.add(
-            "warning",
-            "unsupported",
-            f"hardware components {off} start inactive",
-            "they are active",
-            where=MANAGER,
-            file=next(iter(config.files), None),
-        )
 
 
 def _namespaces(sections: Iterable[Section]) -> list[str]:

@@ -954,29 +954,3 @@ def test_a_manager_may_have_another_name(tmp_path):
 
     assert config.update_rate == 50
     assert [controller.name for controller in config.controllers] == ["arm"]
-
-
-def test_what_the_manager_does_not_do_is_said(tmp_path):
-    file = tmp_path / "a.yaml"
-    file.write_text(
-        "controller_manager:\n"
-        "  ros__parameters:\n"
-        "    update_rate: 50\n"
-        "    enforce_command_limits: true\n"
-        "    hardware_components_initial_state: {unconfigured: [a], inactive: [b]}\n"
-        "    arm: {type: a/A, fallback_controllers: [other]}\n"
-        "    other: {type: a/A}\n",
-        encoding="utf-8",
-    )
-    report = LoadReport()
-
-    load_controllers([file], {}, report)
-
-    start = f"warning: {file}: controller_manager: "
-    assert str(report).splitlines() == [
-        f"{start}enforce_command_limits: true; the joint servo limits speed and "
-        "effort, not commands",
-        f"{start}hardware components ['a', 'b'] start inactive; they are active",
-        f"{start}fallback controllers ['other'] of 'arm'; they never start by "
-        "themselves",
-    ]
