@@ -15,12 +15,16 @@ if TYPE_CHECKING:
     from arm_drake.messages import (
         FollowJointTrajectoryGoal as FollowJointTrajectoryGoal,
     )
+    from arm_drake.messages import Float64MultiArray as Float64MultiArray
     from arm_drake.messages import GoalStatus as GoalStatus
     from arm_drake.messages import Header as Header
     from arm_drake.messages import JointState as JointState
     from arm_drake.messages import JointTolerance as JointTolerance
     from arm_drake.messages import JointTrajectory as JointTrajectory
     from arm_drake.messages import JointTrajectoryPoint as JointTrajectoryPoint
+    from arm_drake.messages import MultiDOFCommand as MultiDOFCommand
+    from arm_drake.messages import SpeedScalingFactor as SpeedScalingFactor
+    from arm_drake.messages import SwitchController as SwitchController
     from arm_drake.motion import Motion as Motion
     from arm_drake.motion import load_motion as load_motion
     from arm_drake.options import SimulationOptions as SimulationOptions
@@ -32,6 +36,7 @@ if TYPE_CHECKING:
 _MODULES = {
     "ArmDrakeError": "errors",
     "ControllerHandle": "clients",
+    "Float64MultiArray": "messages",
     "FollowJointTrajectoryGoal": "messages",
     "GoalHandle": "clients",
     "GoalStatus": "messages",
@@ -42,10 +47,13 @@ _MODULES = {
     "JointTrajectoryPoint": "messages",
     "LoadReport": "description.report",
     "Motion": "motion",
+    "MultiDOFCommand": "messages",
     "Robot": "description.robot",
     "Rollout": "rollout",
     "Simulation": "simulation",
     "SimulationOptions": "options",
+    "SpeedScalingFactor": "messages",
+    "SwitchController": "messages",
     "build_diagram": "diagram",
     "load_motion": "motion",
     "load_robot": "loading",

@@ -83,16 +83,24 @@ def make_graph(robot: Robot, controllers: Sequence[LoadedController]) -> Control
         controllers: Its controllers.
     """
     hardware = _hardware(robot)
+    nodes = tuple(_controller(c, hardware, controllers) for c in controllers)
+    chains = (
+        f"{node.name} commands {', '.join(node.followers)}"
+        for node in nodes
+        if node.followers
+    )
     return ControlGraph(
         robot=robot.name,
-        controllers=tuple(_controller(c, hardware) for c in controllers),
+        controllers=nodes,
         hardware=hardware,
-        notes=tuple(_other_joints(robot, hardware)),
+        notes=(*chains, *_other_joints(robot, hardware)),
     )
 
 
 def _controller(
-    controller: LoadedController, hardware: Sequence[HardwareNode]
+    controller: LoadedController,
+    hardware: Sequence[HardwareNode],
+    others: Sequence[LoadedController],
 ) -> ControllerNode:
     states = {name for node in hardware for name in node.states}
     commands = {name for node in hardware for name in node.commands}
@@ -107,6 +115,12 @@ def _controller(
         # What is missing is why the controller isn't active, and in the report.
         reads=tuple(name for name in system.state_interfaces if name in states),
         commands=tuple(name for name in system.command_interfaces if name in commands),
+        followers=tuple(
+            other.name
+            for other in others
+            if other.system is not None
+            and set(other.system.reference_interfaces) & set(system.command_interfaces)
+        ),
     )
 
 

@@ -5,7 +5,11 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
+import arm_drake as ad
 from arm_drake.cli import main
+from arm_drake.controller_loading import load_controllers_of
+from arm_drake.graph_command import make_graph
+from arm_drake.visualization.control_graph import make_dot
 from tests.models import GRIPPER, pendulum, ros2_control, trajectory_controllers
 
 JTC = "joint_trajectory_controller"
@@ -141,3 +145,24 @@ def test_strict_refuses_a_robot_with_a_report(run, tmp_path):
     assert "arm-drake: not everything was taken as written:\n" in err
     assert "unknown_parameter" in err
     assert not file.exists()
+
+
+def test_a_chain_leads_from_controller_to_controller(tmp_path):
+    forward = "forward_command_controller/ForwardCommandController"
+    yaml = tmp_path / "controllers.yaml"
+    yaml.write_text(
+        "controller_manager: {ros__parameters: {update_rate: 100, "
+        f"top: {{type: {forward}}}, pid: {{type: pid_controller/PidController}}}}}}\n"
+        "top: {ros__parameters: {joints: [pid/joint1], interface_name: position}}\n"
+        "pid: {ros__parameters: {dof_names: [joint1], command_interface: position, "
+        "reference_and_state_interfaces: [position], gains: {joint1: {p: 1.0}}}}\n",
+        encoding="utf-8",
+    )
+    robot = ad.load_robot("doosan_a0912", controllers=yaml)
+    controllers, _ = load_controllers_of(robot)
+
+    graph = make_graph(robot, controllers)
+
+    assert [node.followers for node in graph.controllers] == [("pid",), ()]
+    assert graph.notes[0] == "top commands pid"
+    assert '"controller top" -> "controller pid";' in make_dot(graph)

@@ -23,6 +23,9 @@ class ControllerNode:
     reads: tuple[str, ...] = ()
     commands: tuple[str, ...] = ()
 
+    # Other controllers whose references it commands.
+    followers: tuple[str, ...] = ()
+
 
 @dc.dataclass(frozen=True)
 class HardwareNode:
@@ -86,6 +89,8 @@ def make_dot(graph: ControlGraph) -> str:
             lines.append(f"  {_quote(f'state {name}')} -> {own};")
         for name in controller.commands:
             lines.append(f"  {own} -> {_quote(f'command {name}')};")
+        for name in controller.followers:
+            lines.append(f"  {own} -> {_quote(f'controller {name}')};")
     notes = "\n".join((graph.robot, *graph.notes))
     return "\n".join([*lines, f"  label={_quote(notes)};", "}", ""])
 
