@@ -41,8 +41,9 @@ def make_parser() -> argparse.ArgumentParser:
     sim = commands.add_parser(
         "sim",
         help="simulate a robot with its controllers",
-        description="Exits with 0 if it ran, 1 if a goal failed or a message was "
-        "refused, 2 if something can't be used, found before the simulation starts.",
+        description="Exits with 0 if it ran, 1 if a goal or a controller failed, or "
+        "if a message or a switch was refused, 2 if something can't be used, found "
+        "before the simulation starts.",
     )
     _add_robot_arguments(sim)
     _add_sim_arguments(sim)
@@ -163,8 +164,20 @@ def _add_sim_arguments(parser: argparse.ArgumentParser) -> None:
         type=_pair("="),
         help="initial position [rad or m]; repeatable",
     )
-    add("--active", metavar="NAME", action="append", default=[], help="start first")
-    add("--inactive", metavar="NAME", action="append", default=[], help="don't start")
+    add(
+        "--active",
+        metavar="NAME",
+        action="append",
+        default=[],
+        help="controller to start before the others; repeatable",
+    )
+    add(
+        "--inactive",
+        metavar="NAME",
+        action="append",
+        default=[],
+        help="controller not to start; repeatable",
+    )
     add("--headless", action="store_true", help="no browser")
     add("--hold", action="store_true", help="keep the page until Ctrl-C")
     add(
@@ -173,6 +186,13 @@ def _add_sim_arguments(parser: argparse.ArgumentParser) -> None:
         type=_not_negative,
         help="simulated seconds per second; 0 is as fast as it goes "
         "(1 with the browser, 0 headless)",
+    )
+    add(
+        "--preset",
+        metavar="NAME",
+        default="accurate",
+        help="accurate (the default), or kinematic: joints are where their commands "
+        "say, without physics",
     )
     add("--time-step", metavar="S", type=_positive, help="largest step [s] (0.001)")
     add("--log", metavar="FILE", type=Path, help="write the rollout: .npz or .csv")

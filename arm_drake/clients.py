@@ -1,14 +1,21 @@
 """What a program holds of a controller and of a goal that it sent."""
 
 import dataclasses as dc
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from arm_drake import interfaces
+from arm_drake.controller_topics import (
+    ACTION,
+    SPEED_SCALING,
+    TOPIC,
+    ControllerTopics,
+)
 from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.errors import InputError
 from arm_drake.messages import (
-    ActionRequest,
     CancelGoal,
+    Float64MultiArray,
     FollowJointTrajectoryFeedback,
     FollowJointTrajectoryGoal,
     FollowJointTrajectoryResult,
@@ -16,14 +23,16 @@ from arm_drake.messages import (
     GoalStatus,
     JointTrajectory,
     Message,
+    QueryTrajectoryState,
     SendGoal,
+    SpeedScalingFactor,
+    Time,
+    TimeLike,
 )
+from arm_drake.motion import StepMessage
 
 if TYPE_CHECKING:
     from arm_drake.simulation import Simulation
-
-ACTION = "follow_joint_trajectory"
-TOPIC = "joint_trajectory"
 
 
 class GoalHandle:
@@ -70,7 +79,7 @@ class GoalHandle:
 
 
 class ControllerHandle:
-    """Sends to one controller, and reads it."""
+    """Sends to one controller, and reads it, whether it is active or not."""
 
     def __init__(
         self,
@@ -91,19 +100,49 @@ class ControllerHandle:
         self._simulation = simulation
         self._system = system
         self._type = type_
+        self._topics = ControllerTopics(name, type_, system)
 
-    def check(self, message: Message | None) -> None:
-        """Raise InputError if the controller takes no messages of this kind."""
-        port = TOPIC if isinstance(message, JointTrajectory) else ACTION
-        if not self._system.HasInputPort(port):
-            raise InputError(
-                f"controller {self.name!r} of type {self._type!r} has no {port}"
-            )
+    def check(self, message: StepMessage) -> None:
+        """Raise InputError if the controller takes no such message.
+
+        Args:
+            message: What a step of a motion sends.
+        """
+        if isinstance(message, Float64MultiArray):
+            self._topics.make_command(message.data)
+        elif isinstance(message, SpeedScalingFactor):
+            self._topics.check(SPEED_SCALING)
+        else:
+            is_topic = isinstance(message, JointTrajectory)
+            self._topics.check(TOPIC if is_topic else ACTION)
+
+    def command(
+        self,
+        values: Sequence[float],
+        *,
+        values_dot: Sequence[float] = (),
+        where: str = "",
+    ) -> None:
+        """Send commands, which hold from the controller's next tick on.
+
+        Args:
+            values: Command interfaces' values in the order of a forward controller, or
+                references of a PidController's degrees of freedom, in their units.
+            values_dot: Rates of change of these references, or none.
+            where: Where they come from, for messages.
+
+        Raises:
+            InputError: If the controller takes none, others, or so many.
+        """
+        port, message = self._topics.make_command(values, values_dot)
+        self._send(port, message, where)
 
     def send_goal(
         self, goal: FollowJointTrajectoryGoal | JointTrajectory, *, where: str = ""
     ) -> GoalHandle:
         """Send a goal to the controller's action; it sees it at its next tick.
+
+        A controller that isn't active rejects it.
 
         Args:
             goal: The goal, or its trajectory alone.
@@ -114,10 +153,10 @@ class ControllerHandle:
         """
         if isinstance(goal, JointTrajectory):
             goal = FollowJointTrajectoryGoal(trajectory=goal)
-        self.check(goal)
+        self._topics.check(ACTION)
         request = SendGoal(goal)
         handle = GoalHandle(self.name, request, where)
-        self._simulation.add_goal(handle)
+        self._simulation.mailbox.add_goal(handle)
         self._send(ACTION, request)
         return handle
 
@@ -131,12 +170,9 @@ class ControllerHandle:
         Raises:
             InputError: If the controller has no such topic.
         """
-        self.check(trajectory)
+        self._topics.check(TOPIC)
         # A copy: the same message once more is a new one.
-        message = dc.replace(trajectory)
-        if where:
-            self._simulation.add_message(message, where)
-        self._send(TOPIC, message)
+        self._send(TOPIC, dc.replace(trajectory), where)
 
     def cancel(self) -> None:
         """Cancel the last goal that was sent to the controller, if there is one."""
@@ -144,10 +180,80 @@ class ControllerHandle:
         if goals and not goals[-1].status.is_terminal:
             self._send(ACTION, CancelGoal(goals[-1].request))
 
+    def set_speed_scaling(self, factor: float, *, where: str = "") -> None:
+        """Let time pass faster or slower along the controller's trajectories.
+
+        Args:
+            factor: How fast, at least 0; 1 is real time, 0 pauses.
+            where: Where it comes from, for messages.
+
+        Raises:
+            InputError: If the factor is none, or the controller has no such topic.
+        """
+        self._topics.check(SPEED_SCALING)
+        message = self._topics.make_speed_scaling(factor)
+        self._send(SPEED_SCALING, message, where)
+
+    def set_parameters(self, changes: Mapping[str, Any]) -> None:
+        """Change parameters from the controller's next tick on.
+
+        Args:
+            changes: New values by name, as {"gains.joint1.p": 2.0} or nested.
+
+        Raises:
+            InputError: If the controller's parameters can't change.
+            ParameterError: If one of them can't, isn't known, or has a bad value.
+        """
+        if not self._system.HasInputPort(interfaces.PARAMETERS_PORT):
+            raise InputError(
+                f"controller {self.name!r} of type {self._type!r}: no parameter can "
+                "change while it runs"
+            )
+        simulation, system = self._simulation, self._system
+        manager, _, _ = simulation.directory.find(self.name)
+        root = simulation.simulator.get_mutable_context()
+        context = system.GetMyMutableContextFromRoot(root)
+        simulation.parameters.publish(manager.robot, system, context, changes)
+
+    def query_state(self, time: TimeLike) -> QueryTrajectoryState:
+        """Return what the controller plans for a time: the service `query_state`.
+
+        Args:
+            time: When [s].
+
+        Raises:
+            InputError: If the controller has no such service, or the time is none.
+        """
+        query = getattr(self._system, "query_state", None)
+        if query is None:
+            raise InputError(
+                f"controller {self.name!r} of type {self._type!r} has no query_state"
+            )
+        try:
+            moment = Time.of(time)
+        except (ValueError, OverflowError) as error:
+            raise InputError(f"controller {self.name!r}: time: {error}") from None
+        root = self._simulation.simulator.get_context()
+        response: QueryTrajectoryState = query(
+            self._system.GetMyContextFromRoot(root), moment
+        )
+        return response
+
     def state(self) -> Any:
-        """Return the controller's `controller_state` message, as of its last tick."""
+        """Return the controller's `controller_state` message, as of its last tick.
+
+        Raises:
+            InputError: If the controller publishes none.
+        """
+        if not self._system.HasOutputPort("controller_state"):
+            raise InputError(
+                f"controller {self.name!r} of type {self._type!r} publishes no "
+                "controller_state"
+            )
         return self._simulation.eval_output(f"{self.name}.controller_state")
 
-    def _send(self, port: str, message: JointTrajectory | ActionRequest) -> None:
+    def _send(self, port: str, message: Message, where: str = "") -> None:
+        if where:
+            self._simulation.mailbox.add_message(message, where)
         period = 1.0 / self._system.params.update_rate
         self._simulation.publish(f"{self.name}.{port}", message, period)

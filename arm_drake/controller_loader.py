@@ -113,6 +113,7 @@ class ControllerLoader:
                 state_interfaces=frozenset(self._surroundings.state_interfaces),
                 measured=self._surroundings.measured,
                 distro=self._distro,
+                velocity_limits=self._surroundings.velocity_limits,
             )
             return row.system(parameters, params)
         except ParameterError as error:

@@ -167,7 +167,8 @@ class ControllerManager(LeafSystem):
         self._loop = Loop(self._lifecycle, claimants, drive, limits, surroundings)
         started = [c.name for c in self.controllers if c.state == "active"]
         state = self._lifecycle.start(started)
-        self._state_index = self.DeclareAbstractState(AbstractValue.Make(state))
+        # Drake takes plain numbers quicker than its own kinds of index.
+        self._state_index = int(self.DeclareAbstractState(AbstractValue.Make(state)))
         self._cycle = self.DeclareAbstractOutputPort(
             "cycle",
             lambda: AbstractValue.Make(()),
@@ -184,9 +185,8 @@ class ControllerManager(LeafSystem):
         values = initial_values(self.commands, drive.joints, initial)
         hold = drive.initial([initial[joint] for joint in drive.joints])
         flags = [float(c.name in state.active) for c in self.controllers]
-        self._values = self.DeclareDiscreteState(values)
-        self._drive_state = self.DeclareDiscreteState(hold)
-        self._flags = self.DeclareDiscreteState(flags)
+        states = [self.DeclareDiscreteState(x) for x in (values, hold, flags)]
+        self._values, self._drive_state, self._flags = map(int, states)
         self._stored = None
         if surroundings.stored:
             self._stored_states = StoredStates(surroundings, self.commands)
@@ -198,9 +198,9 @@ class ControllerManager(LeafSystem):
             interfaces.CLAIMED_PORT,
             lambda state: self._lifecycle.claimed(state.active),
         )
-        self.DeclareStateOutputPort(interfaces.VALUES_PORT, self._values)
-        self.DeclareStateOutputPort("drive", self._drive_state)
-        self.DeclareStateOutputPort("active", self._flags)
+        names = (interfaces.VALUES_PORT, "drive", "active")
+        for name, index in zip(names, states, strict=True):
+            self.DeclareStateOutputPort(name, index)
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
 
     def find_problems(
@@ -258,9 +258,9 @@ class ControllerManager(LeafSystem):
             prerequisites_of_calc={self.xa_ticket()},
         )
 
-    def _read(self, context: Context) -> Readings:
+    def _read(self, context: Context, held: ManagerState) -> Readings:
         return Readings(
-            self._state(context),
+            held,
             messages_on(self._switch, context, SwitchController),
             context.get_discrete_state(self._values).value(),
             context.get_discrete_state(self._drive_state).value(),
@@ -277,14 +277,15 @@ class ControllerManager(LeafSystem):
         rate = self._update_rate
         time_ns = number * NANOSECONDS // rate
         period_ns = time_ns - (number - 1) * NANOSECONDS // rate
-        readings = self._read(context)
+        readings = self._read(context, held)
         output.set_value(self._loop.begin(readings, number, time_ns, period_ns))
 
     def _update(self, context: Context, state: State) -> None:
+        held = self._state(context)
         cycle: Cycle = self._cycle.Eval(context)
-        readings = self._read(context)
-        if cycle.number == readings.held.cycle.number:
+        if cycle.number == held.cycle.number:
             return
+        readings = self._read(context, held)
         written = self._loop.finish(context, readings, cycle)
         state.get_mutable_abstract_state(self._state_index).set_value(written.state)
         state.get_mutable_discrete_state(self._values).set_value(written.values)

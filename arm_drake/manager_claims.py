@@ -91,8 +91,8 @@ class Claimants:
                 continue
             tick: Tick[Any] = port.Eval(context)
             command = tick.command
-            # A sum is finite only if all of its terms are.
-            if math.isfinite(command.sum()):
+            # Quicker than in numpy, and without its warnings.
+            if all(map(math.isfinite, command.tolist())):
                 values[at] = command
             else:
                 written = np.isfinite(command)

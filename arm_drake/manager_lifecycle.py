@@ -211,7 +211,7 @@ class Lifecycle:
             Active controllers, number of the next activation, and the news of it.
         """
         remaining, news = dict(active), []
-        for name in failed:
+        for name in dict.fromkeys(failed):
             chain = [n for n in self._chain_of(name, active) if n in remaining]
             for other in chain:
                 del remaining[other]

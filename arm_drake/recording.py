@@ -71,9 +71,17 @@ def _references(
         manager: The robot's controller manager.
         time: When [s], shape (N,).
     """
-    values = _log(diagram, context, manager, interfaces.VALUES_PORT)
-    active = _log(diagram, context, manager, "active")
-    ticks = np.floor(time / manager.period + _TOLERANCE).astype(int)
+    values, active = (
+        np.vstack(
+            [
+                _log(diagram, context, manager, name),
+                manager.GetOutputPort(name).Eval(manager.GetMyContextFromRoot(context)),
+            ]
+        )
+        for name in (interfaces.VALUES_PORT, "active")
+    )
+    # Row k of the logs is what tick k - 1 left behind.
+    ticks = np.ceil(time / manager.period - _TOLERANCE).astype(int)
     references = {}
     for index, controller in enumerate(manager.controllers):
         is_active = active[ticks, index] > 0.0

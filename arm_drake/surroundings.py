@@ -36,6 +36,9 @@ class Surroundings:
     # Whether states come from physics, not from commands.
     has_physics: bool = True
 
+    # URDF velocity limit of joints [rad/s] or [m/s]; others have none.
+    velocity_limits: Mapping[str, float] = dc.field(default_factory=dict)
+
     @property
     def measured(self) -> tuple[str, ...]:
         """Order of the vector of everything that is measured."""
@@ -93,6 +96,11 @@ def find_surroundings(
             )
         },
         has_physics=blocks is None,
+        velocity_limits={
+            joint.name: joint.limits.velocity
+            for joint in description.movable_joints
+            if joint.limits.velocity is not None
+        },
     )
 
 

@@ -12,6 +12,7 @@ import pytest
 import arm_drake as ad
 from arm_drake.bundled import bundled_motions, configs_folder
 from arm_drake.cli import main
+from tests.robots import real_robot
 
 JTC = "joint_trajectory_controller"
 JOINTS = [f"joint{i}" for i in range(1, 7)]
@@ -312,8 +313,8 @@ def test_sim_exits_with_1_when_a_topic_message_is_refused(run, tmp_path):
 
     assert code == 1
     assert err.endswith(
-        f"arm-drake: {motion}: [0].trajectory: trajectory refused: no points; a "
-        "trajectory needs at least one\n"
+        f"arm-drake: {motion}: [0].trajectory: {JTC}: trajectory refused: no points; "
+        "a trajectory needs at least one\n"
     )
 
 
@@ -363,6 +364,15 @@ def test_sim_exits_with_1_when_a_topic_message_is_refused(run, tmp_path):
             f"no controller 'jtc'; known: joint_state_broadcaster, {JTC}",
         ),
         (
+            ["doosan_a0912", "--active", "jtc"],
+            f"no controller 'jtc'; known: joint_state_broadcaster, {JTC}",
+        ),
+        (
+            ["doosan_a0912", "--preset", "kinematics"],
+            "no preset 'kinematics'; did you mean 'kinematic'? known: accurate, "
+            "kinematic",
+        ),
+        (
             ["doosan_a0912", "--initial", "joint9=1"],
             "initial position of joint 'joint9': the robot has no such joint; did you "
             "mean 'joint6'? known: joint1, joint2, joint3, joint4, joint5, joint6",
@@ -407,6 +417,205 @@ def test_a_motion_for_an_inactive_controller_is_found_before_the_start(run):
     assert err == (
         f"arm-drake: {file}: [0].goal: controller {JTC!r} is inactive, not active\n"
     )
+
+
+PACKAGE = "ros2_control_demos/ros2_control_demo_example_3"
+FORWARD = "forward_position_controller"
+VELOCITY = "forward_velocity_controller"
+ILLEGAL = "forward_illegal1_controller"
+
+
+@pytest.fixture
+def rrbot(run):
+    """Return what simulates a real robot whose controllers compete for its joints."""
+    file = real_robot(f"{PACKAGE}/urdf/rrbot_system_multi_interface.urdf.xacro")
+    return lambda *arguments: run("sim", file, "--headless", *arguments)
+
+
+def errors(err: str) -> list[str]:
+    return [line for line in err.splitlines() if line.startswith("arm-drake: ")]
+
+
+def table(out: str) -> dict[str, str]:
+    """Return the states of the controllers by name, those printed last."""
+    rows = [line.split() for line in out.splitlines()]
+    return {row[0]: row[2] for row in rows if len(row) == 3 and "/" in row[1]}
+
+
+def test_sim_lists_the_controllers_with_their_states(rrbot):
+    code, out, _ = rrbot("--duration", 0.1)
+
+    assert code == 0
+    assert out.splitlines()[1].split() == [
+        FORWARD,
+        "forward_command_controller/ForwardCommandController",
+        "active",
+    ]
+    inactive = {name for name, state in table(out).items() if state == "inactive"}
+    assert inactive == {
+        VELOCITY,
+        "forward_acceleration_controller",
+        ILLEGAL,
+        "forward_illegal2_controller",
+    }
+    assert out.count(FORWARD) == 1
+
+
+def test_active_and_inactive_choose_the_controllers(rrbot):
+    code, out, _ = rrbot("--duration", 0.1, "--active", VELOCITY, "--json")
+    other = rrbot(
+        "--duration", 0.1, "--inactive", FORWARD, "--active", ILLEGAL,
+        "--active", "forward_illegal2_controller",
+    )  # fmt: skip
+
+    states = {row["name"]: row["state"] for row in json.loads(out)["controllers"]}
+    assert (code, other[0]) == (0, 0)
+    assert (states[VELOCITY], states[FORWARD]) == ("active", "inactive")
+    states = table(other[1])
+    assert (states[ILLEGAL], states["forward_illegal2_controller"]) == (
+        "active",
+        "active",
+    )
+    assert states[FORWARD] == "inactive"
+
+
+def test_a_motion_switches_controllers(rrbot, tmp_path):
+    motion = motion_file(
+        tmp_path,
+        f"- {{controller: {FORWARD}, commands: [0.1, 0.1]}}\n"
+        f"- {{at: 0.5, switch_controllers: {{activate: [{VELOCITY}], "
+        f"deactivate: [{FORWARD}]}}}}\n"
+        f"- {{at: 0.5, controller: {VELOCITY}, commands: [0.1, 0]}}\n",
+    )
+
+    code, out, err = rrbot("--motion", motion)
+
+    assert (code, errors(err)) == (0, [])
+    assert f"switch of controllers: activate {VELOCITY}; deactivate {FORWARD}\n" in out
+    # The table is printed again, for it has changed.
+    assert (table(out)[FORWARD], table(out)[VELOCITY]) == ("inactive", "active")
+    assert out.count(f"\n{VELOCITY} ") == 2
+
+
+CLAIMED = (
+    f"could not activate {ILLEGAL!r}: 'joint1/position' is claimed by {FORWARD!r}, "
+    "which stays active"
+)
+
+
+def test_a_refused_switch_exits_with_1_and_its_place(rrbot, tmp_path):
+    text = f"- {{at: 0.1, switch_controllers: {{activate: [{ILLEGAL}]}}}}\n"
+    motion = motion_file(tmp_path, text)
+
+    code, out, err = rrbot("--motion", motion, "--json")
+
+    line = (
+        f"{motion}: [0].switch_controllers: controller_manager: switch refused: "
+        f"{CLAIMED}"
+    )
+    assert code == 1
+    assert errors(err) == [f"arm-drake: {line}"]
+    assert json.loads(out)["failures"] == [line]
+
+
+def test_what_best_effort_leaves_out_is_a_warning(rrbot, tmp_path):
+    motion = motion_file(
+        tmp_path,
+        "- {switch_controllers: {strictness: best_effort, "
+        f"activate: [{ILLEGAL}, {FORWARD}]}}}}\n",
+    )
+
+    code, _, err = rrbot("--motion", motion)
+
+    assert (code, errors(err)) == (0, [])
+    (line,) = [line for line in err.splitlines() if "left out" in line]
+    assert line.startswith("warning: left out: ")
+    assert CLAIMED in line
+
+
+def test_an_unknown_controller_in_a_switch_is_found_before_the_start(rrbot, tmp_path):
+    text = "- {switch_controllers: {activate: [forward_position]}}\n"
+    motion = motion_file(tmp_path, text)
+
+    code, out, err = rrbot("--motion", motion)
+
+    assert (code, out) == (2, "")
+    (line,) = errors(err)
+    assert line.startswith(
+        f"arm-drake: {motion}: [0].switch_controllers: no controller "
+        f"'forward_position'; did you mean {FORWARD!r}? known: "
+    )
+
+
+def test_commands_of_a_wrong_size_are_found_before_the_start(rrbot, tmp_path):
+    motion = motion_file(tmp_path, f"- {{controller: {FORWARD}, commands: [0.1]}}\n")
+
+    code, out, err = rrbot("--motion", motion)
+
+    assert (code, out) == (2, "")
+    assert errors(err) == [
+        f"arm-drake: {motion}: [0].commands: controller {FORWARD!r}: expected 2 values "
+        "(joint1/position, joint2/position), got 1"
+    ]
+
+
+def test_commands_for_a_controller_that_was_deactivated_are_refused(rrbot, tmp_path):
+    motion = motion_file(
+        tmp_path,
+        f"- {{switch_controllers: {{deactivate: [{FORWARD}]}}}}\n"
+        f"- {{at: 0.1, controller: {FORWARD}, commands: [0.1, 0.1]}}\n",
+    )
+
+    code, _, err = rrbot("--motion", motion)
+
+    assert code == 1
+    assert errors(err) == [
+        f"arm-drake: {motion}: [1].commands: {FORWARD}: commands refused: the "
+        "controller is not active"
+    ]
+
+
+def test_a_goal_for_a_controller_that_was_deactivated_is_rejected(run, tmp_path):
+    motion = goal_file(tmp_path)
+    switch = f"- {{switch_controllers: {{deactivate: [{JTC}]}}}}\n"
+    motion.write_text(switch + motion.read_text().replace("{contr", "{at: 0.1, contr"))
+
+    code, _, err = run("sim", "doosan_a0912", "--headless", "--motion", motion)
+
+    assert code == 1
+    (line,) = errors(err)
+    assert line.startswith(
+        f"arm-drake: {motion}: [1].goal: {JTC}: goal REJECTED, error code -1: "
+    )
+
+
+def test_a_robot_of_gazebo_takes_commands(run, tmp_path):
+    package = "gazebo_ros2_control_demos/gazebo_ros2_control_demos"
+    file = real_robot(
+        f"{package}/urdf/test_vertical_cart_position_pids_in_yaml.xacro.urdf"
+    )
+    text = "- {controller: position_controller, commands: [0.5]}\n"
+    motion = motion_file(tmp_path, text)
+
+    code, out, err = run(
+        "sim", file, "--headless", "--motion", motion, "--duration", 4, "--json"
+    )
+
+    assert (code, errors(err)) == (0, [])
+    (position,) = json.loads(out)["final"].values()
+    assert position == pytest.approx(0.5, abs=0.01)
+
+
+def test_the_kinematic_preset_has_no_physics(rrbot, tmp_path):
+    text = f"- {{controller: {FORWARD}, commands: [0.5, -0.5]}}\n"
+    motion = motion_file(tmp_path, text)
+
+    code, out, _ = rrbot(
+        "--motion", motion, "--duration", 0.1, "--preset", "kinematic", "--json"
+    )
+
+    assert code == 0
+    assert json.loads(out)["final"] == {"joint1": 0.5, "joint2": -0.5}
 
 
 @pytest.mark.parametrize(

@@ -23,6 +23,7 @@ PERIOD = 1e-2
 INPUTS = [
     "joint_trajectory_controller.joint_trajectory",
     "joint_trajectory_controller.follow_joint_trajectory",
+    "joint_trajectory_controller.speed_scaling_input",
     "controller_manager.switch_controller",
 ]
 OUTPUTS = [

@@ -1,25 +1,39 @@
 """Motion files: what they say, or one message with the place."""
 
 import contextlib
+import re
 from pathlib import Path
 
 import pytest
+import yaml
 
 from arm_drake.bundled import bundled_motions, bundled_robots
 from arm_drake.errors import ArmDrakeError, MotionError
 from arm_drake.messages import (
     Duration,
+    Float64MultiArray,
     FollowJointTrajectoryGoal,
     Header,
     JointTolerance,
     JointTrajectory,
     JointTrajectoryPoint,
+    SpeedScalingFactor,
+    SwitchController,
     Time,
 )
 from arm_drake.motion import Motion, MotionStep, load_motion, parse_motion
 
 POINT = "{positions: [1, 2.5], time_from_start: 2}"
 TIME = "expected seconds or {sec: int, nanosec: int}"
+KINDS = (
+    "['cancel', 'commands', 'commands_from_to', 'goal', 'speed_scaling', "
+    "'switch_controllers', 'trajectory']"
+)
+KEYS = (
+    "at, cancel, commands, commands_from_to, controller, count, every, goal, "
+    "ping_pong, speed_scaling, switch_controllers, trajectory"
+)
+RAMP = "every: 1, count: 3, controller: a, commands_from_to"
 
 
 @pytest.fixture
@@ -97,6 +111,97 @@ def test_cancel_has_no_message(load):
     assert step == MotionStep(1.0, "arm", None, "[0].cancel")
 
 
+def test_commands_are_the_values_of_the_step(load):
+    (step,) = load("- {at: 1, controller: group, commands: [1, 2.5e-1]}").steps
+
+    assert (step.at, step.controller, step.where) == (1.0, "group", "[0].commands")
+    assert isinstance(step.message, Float64MultiArray)
+    assert step.message.data == (1.0, 0.25)
+
+
+def ramp(load, changes: str = "") -> list[tuple[float, tuple[float, ...]]]:
+    """Return times and values of a ramp from 1, 2 to 4, -4 in four messages."""
+    motion = load(
+        "- {at: 1, every: 0.5, count: 4, controller: group, "
+        f"commands_from_to: [[1, 2], [4, -4]]{changes}}}"
+    )
+    assert {step.where for step in motion.steps} == {"[0].commands_from_to"}
+    return [(step.at, step.message.data) for step in motion.steps]
+
+
+def test_a_ramp_goes_evenly_from_the_first_values_to_the_second(load):
+    values = [(1.0, 2.0), (2.0, 0.0), (3.0, -2.0), (4.0, -4.0)]
+    times = [1.0, 1.5, 2.0, 2.5]
+
+    sent = ramp(load)
+
+    assert [at for at, _ in sent] == times
+    for (_, data), expected in zip(sent, values, strict=True):
+        assert data == pytest.approx(expected, rel=1e-12, abs=1e-12)
+
+
+def test_a_ramp_goes_back_in_as_many_messages(load):
+    there = ramp(load)
+
+    sent = ramp(load, ", ping_pong: true")
+
+    # Each end is sent twice where a motion goes to and fro.
+    assert sent[:4] == there
+    assert [data for _, data in sent[4:]] == [data for _, data in reversed(there)]
+    assert [at for at, _ in sent[4:]] == [3.0, 3.5, 4.0, 4.5]
+    assert ramp(load, ", ping_pong: false") == there
+
+
+def test_a_speed_scaling_is_a_factor(load):
+    (step,) = load("- {at: 1, controller: arm, speed_scaling: 0}").steps
+
+    assert (step.controller, step.where) == ("arm", "[0].speed_scaling")
+    assert isinstance(step.message, SpeedScalingFactor)
+    assert step.message.factor == 0.0
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("{activate: [a], deactivate: [b, c]}", (("a",), ("b", "c"), "strict")),
+        ("{activate: [a], strictness: best_effort}", (("a",), (), "best_effort")),
+        ("{deactivate: [a], strictness: strict}", ((), ("a",), "strict")),
+    ],
+)
+def test_a_switch_is_for_the_controller_manager(load, text, expected):
+    (step,) = load(f"- {{at: 1, switch_controllers: {text}}}").steps
+
+    assert (step.controller, step.where) == (None, "[0].switch_controllers")
+    message = step.message
+    assert isinstance(message, SwitchController)
+    assert expected == (
+        message.activate_controllers,
+        message.deactivate_controllers,
+        message.strictness,
+    )
+
+
+def test_the_motions_of_the_docs_can_be_read():
+    docs = Path(__file__).parents[1] / "docs/motions.md"
+    blocks = re.findall(
+        r"^(?:```|~~~)yaml\n(.*?)^(?:```|~~~)$",
+        docs.read_text(encoding="utf-8"),
+        flags=re.DOTALL | re.MULTILINE,
+    )
+
+    motions = [parse_motion(yaml.safe_load(text)) for text in blocks]
+
+    kinds = {type(step.message) for motion in motions for step in motion.steps}
+    assert kinds == {
+        FollowJointTrajectoryGoal,
+        JointTrajectory,
+        Float64MultiArray,
+        SpeedScalingFactor,
+        SwitchController,
+        type(None),
+    }
+
+
 def test_a_step_is_repeated_every_so_often(load):
     motion = load("- {at: 1, every: 0.5, count: 3, controller: arm, cancel: true}")
 
@@ -123,6 +228,45 @@ def test_the_duration_is_the_end_of_the_last_trajectory(load):
     )
 
     assert motion.duration == 3.0 + 2.0
+
+
+def test_the_duration_counts_all_messages_of_a_step(load):
+    other = "- {at: 3.5, switch_controllers: {activate: [a]}}\n"
+    step = "{at: 1, every: 0.5, count: 4, controller: a, "
+
+    assert load(other).duration == 3.5
+    assert load(f"- {step} commands: [1]}}").duration == 2.5
+    there = f"- {step} commands_from_to: [[0], [1]]}}"
+    assert load(there).duration == 2.5
+    assert load(there.replace("}", ", ping_pong: true}")).duration == 4.5
+    assert load("- {at: 2, controller: a, speed_scaling: 0.5}").duration == 2.0
+
+
+@pytest.mark.parametrize(
+    ("factors", "duration"),
+    [
+        # The trajectory starts after 1 s and takes 2 s.
+        ([(0.0, 0.5)], 1.0 + 4.0),
+        ([(0.0, 2.0)], 1.0 + 1.0),
+        ([(2.0, 0.5)], 2.0 + 2.0),
+        ([(2.0, 0.0), (3.0, 1.0)], 3.0 + 1.0),
+        ([(1.0, 0.5), (2.0, 1.0)], 2.0 + 1.5),
+        ([(3.5, 0.5)], 3.5),
+        ([(2.0, 0.0)], 2.0),
+    ],
+)
+def test_the_duration_counts_the_speed_of_trajectories(load, factors, duration):
+    points = f"{{joint_names: [a, b], points: [{POINT}]}}"
+    scalings = "".join(
+        f"- {{at: {at}, controller: arm, speed_scaling: {factor}}}\n"
+        for at, factor in factors
+    )
+
+    motion = load(f"{scalings}- {{at: 1, controller: arm, goal: {points}}}\n")
+    other = load(f"{scalings}- {{at: 1, controller: leg, goal: {points}}}\n")
+
+    assert motion.duration == duration
+    assert other.duration == max(3.0, *(at for at, _ in factors), 0.0)
 
 
 def test_a_motion_without_steps_takes_no_time(load):
@@ -160,22 +304,19 @@ def test_an_error_of_a_list_in_python_has_no_file():
         ),
         (
             "- {controller: a, gaol: {}}",
-            "[0]: unknown key 'gaol'; did you mean 'goal'? "
-            "known: at, cancel, controller, count, every, goal, trajectory",
+            f"[0]: unknown key 'gaol'; did you mean 'goal'? known: {KEYS}",
         ),
         (
             "- {1: 2}",
-            "[0]: unknown key 1; "
-            "known: at, cancel, controller, count, every, goal, trajectory",
+            f"[0]: unknown key 1; known: {KEYS}",
         ),
         (
             "- {controller: a}",
-            "[0]: expected one of ['cancel', 'goal', 'trajectory'], got []",
+            f"[0]: expected one of {KINDS}, got []",
         ),
         (
             "- {controller: a, cancel: true, goal: {}}",
-            "[0]: expected one of ['cancel', 'goal', 'trajectory'], "
-            "got ['goal', 'cancel']",
+            f"[0]: expected one of {KINDS}, got ['goal', 'cancel']",
         ),
         ("- {cancel: true}", "[0].controller: expected a name, got None"),
         ("- {controller: 5, cancel: true}", "[0].controller: expected a name, got 5"),
@@ -214,6 +355,110 @@ def test_an_error_of_a_list_in_python_has_no_file():
         (
             "- {count: 2, controller: a, cancel: true}",
             f"[0].every: {TIME}, got None",
+        ),
+        (
+            "- {controller: a, commands: 1}",
+            "[0].commands: expected a list, got 1",
+        ),
+        (
+            "- {controller: a, commands: [1, .nan]}",
+            "[0].commands[1]: expected a finite number, got nan",
+        ),
+        (
+            "- {controller: a, commands: ['1']}",
+            "[0].commands[0]: expected a finite number, got '1'",
+        ),
+        (
+            f"- {{controller: a, commands: [{'9' * 400}]}}",
+            "[0].commands[0]: the number is out of range",
+        ),
+        ("- {commands: [1]}", "[0].controller: expected a name, got None"),
+        (
+            "- {controller: a, commands: [1], ping_pong: true}",
+            "[0].ping_pong: only commands_from_to has it",
+        ),
+        (
+            f"- {{{RAMP}: [[1]]}}",
+            "[0].commands_from_to: expected two lists of values, got 1",
+        ),
+        (
+            f"- {{{RAMP}: [1, 2]}}",
+            "[0].commands_from_to[0]: expected a list, got 1",
+        ),
+        (
+            f"- {{{RAMP}: [[1], [1, 2]]}}",
+            "[0].commands_from_to[1]: expected as many values as in the first list, "
+            "1, got 2",
+        ),
+        (
+            f"- {{{RAMP}: [[1], [.inf]]}}",
+            "[0].commands_from_to[1][0]: expected a finite number, got inf",
+        ),
+        (
+            f"- {{{RAMP}: [[1], [2]], ping_pong: 1}}",
+            "[0].ping_pong: expected true or false, got 1",
+        ),
+        (
+            "- {controller: a, commands_from_to: [[1], [2]]}",
+            "[0].count: expected an integer from 2 to 100000, got None",
+        ),
+        (
+            "- {every: 1, count: 1, controller: a, commands_from_to: [[1], [2]]}",
+            "[0].count: expected an integer from 2 to 100000, got 1",
+        ),
+        (
+            "- {count: 2, controller: a, commands_from_to: [[1], [2]]}",
+            f"[0].every: {TIME}, got None",
+        ),
+        (
+            "- {controller: a, speed_scaling: fast}",
+            "[0].speed_scaling: expected a finite number, got 'fast'",
+        ),
+        (
+            "- {controller: a, speed_scaling: -0.5}",
+            "[0].speed_scaling: expected at least 0, got -0.5",
+        ),
+        (
+            "- {controller: a, speed_scaling: .inf}",
+            "[0].speed_scaling: expected a finite number, got inf",
+        ),
+        ("- {speed_scaling: 1}", "[0].controller: expected a name, got None"),
+        (
+            "- {switch_controllers: [a]}",
+            "[0].switch_controllers: expected a mapping, got ['a']",
+        ),
+        (
+            "- {switch_controllers: {}}",
+            "[0].switch_controllers: expected controllers to activate or to "
+            "deactivate, got none",
+        ),
+        (
+            "- {switch_controllers: {begin: [a]}}",
+            "[0].switch_controllers: unknown key 'begin'; known: activate, "
+            "deactivate, strictness",
+        ),
+        (
+            "- {switch_controllers: {activate: a}}",
+            "[0].switch_controllers.activate: expected a list, got 'a'",
+        ),
+        (
+            "- {switch_controllers: {deactivate: [1]}}",
+            "[0].switch_controllers.deactivate: expected names, got 1",
+        ),
+        (
+            "- {switch_controllers: {activate: [a], strictness: stric}}",
+            "[0].switch_controllers.strictness: unknown strictness 'stric'; did you "
+            "mean 'strict'? known: best_effort, strict",
+        ),
+        (
+            "- {switch_controllers: {activate: [a], strictness: [strict]}}",
+            "[0].switch_controllers.strictness: unknown strictness ['strict']; did "
+            "you mean 'strict'? known: best_effort, strict",
+        ),
+        (
+            "- {controller: a, switch_controllers: {activate: [a]}}",
+            "[0].controller: switch_controllers is for the controller manager; leave "
+            "it out",
         ),
         (goal("5"), "[0].goal: expected a mapping, got 5"),
         (

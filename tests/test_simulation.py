@@ -9,8 +9,14 @@ import pytest
 
 import arm_drake as ad
 from arm_drake.errors import InputError, MotionError
-from arm_drake.messages import TopicRejected
+from arm_drake.manager_lifecycle import ControllerFailure
+from arm_drake.messages import (
+    Float64MultiArray,
+    SwitchControllerResult,
+    TopicRejected,
+)
 from arm_drake.motion import parse_motion
+from tests.robots import real_robot
 
 JTC = "joint_trajectory_controller"
 JOINTS = tuple(f"joint{i}" for i in range(1, 7))
@@ -391,3 +397,299 @@ def test_messages_wait_for_the_tick_of_a_slower_controller(robot, tmp_path):
         ad.GoalStatus.ABORTED,
         ad.GoalStatus.SUCCEEDED,
     ]
+
+
+# Switches, failures and what motions do with them
+
+
+FORWARD = "forward_position_controller"
+VELOCITY = "forward_velocity_controller"
+
+
+@pytest.fixture(scope="module")
+def multi() -> ad.Robot:
+    """Return a real robot whose controllers compete for two joints."""
+    package = "ros2_control_demos/ros2_control_demo_example_3"
+    return ad.load_robot(
+        real_robot(f"{package}/urdf/rrbot_system_multi_interface.urdf.xacro")
+    )
+
+
+@pytest.fixture
+def competing(multi) -> ad.Simulation:
+    return ad.Simulation(ad.build_diagram(multi))
+
+
+def states(sim: ad.Simulation) -> dict[str, str]:
+    return {row.name: row.state for row in sim.list_controllers()}
+
+
+def test_the_list_of_controllers_reads_as_a_table(sim):
+    listed = sim.list_controllers()
+    assert str(listed).splitlines() == [
+        "joint_state_broadcaster      joint_state_broadcaster/JointStateBroadcaster"
+        "          active",
+        "joint_trajectory_controller  joint_trajectory_controller/"
+        "JointTrajectoryController  active",
+    ]
+    assert [row.name for row in listed] == ["joint_state_broadcaster", JTC]
+    assert isinstance(listed, list)
+
+
+def test_a_switch_hands_the_joints_of_a_real_robot_over(competing):
+    sim = competing
+    sim.controller(FORWARD).command([0.3, 0.3])
+    sim.advance_to(1.5)
+
+    problems = sim.switch_controllers(activate=[VELOCITY], deactivate=[FORWARD])
+    sim.controller(VELOCITY).command([0.2, -0.2])
+    sim.advance_to(2.5)
+
+    assert problems == ()
+    assert (states(sim)[FORWARD], states(sim)[VELOCITY]) == ("inactive", "active")
+    np.testing.assert_allclose(sim.joint_states().velocity, [0.2, -0.2], atol=1e-2)
+    np.testing.assert_allclose(sim.joint_states().position, [0.5, 0.1], atol=0.03)
+    assert (sim.rejected, sim.failures) == ([], [])
+
+
+CLAIMED = (
+    "could not activate 'forward_illegal1_controller': 'joint1/position' is claimed by "
+    "'forward_position_controller', which stays active"
+)
+
+
+def test_a_strict_switch_is_refused_as_a_whole(competing):
+    with pytest.raises(InputError) as error:
+        competing.switch_controllers(
+            ["forward_illegal1_controller"], ["joint_state_broadcaster"]
+        )
+    competing.advance_to(0.1)
+
+    assert str(error.value) == CLAIMED
+    assert states(competing)["joint_state_broadcaster"] == "active"
+    assert competing.failures == []
+
+
+def test_the_result_of_a_switch_is_news(competing):
+    news = []
+    competing.on_event(news.append)
+
+    problems = competing.switch_controllers(
+        ["forward_illegal1_controller"],
+        ["joint_state_broadcaster"],
+        strictness="best_effort",
+    )
+    competing.advance_to(0.1)
+
+    assert problems == (CLAIMED,)
+    (result,) = news
+    assert isinstance(result, SwitchControllerResult)
+    # All controllers to activate were left out, so the service says no.
+    assert (result.ok, result.message) == (False, CLAIMED)
+    assert competing.failures == news
+    assert states(competing)["joint_state_broadcaster"] == "inactive"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"activate": "abc"}, "expected names of controllers, got 'abc'"),
+        ({"deactivate": "abc"}, "expected names of controllers, got 'abc'"),
+        (
+            {"strictness": "stric"},
+            "unknown strictness 'stric'; did you mean 'strict'? known: best_effort, "
+            "strict",
+        ),
+        ({"robot": "r2"}, "no robot 'r2'; known: a0912"),
+        (
+            {"activate": ["jtc"]},
+            "no controller 'jtc'; known: joint_state_broadcaster, "
+            "joint_trajectory_controller",
+        ),
+    ],
+)
+def test_a_switch_that_makes_no_sense_is_refused(sim, arguments, message):
+    with pytest.raises(InputError) as error:
+        sim.switch_controllers(**arguments)
+    assert str(error.value) == message
+
+
+def test_a_switch_of_several_robots_names_them():
+    robots = [
+        ad.load_robot("doosan_a0912", name=name, pose=[0, y, 0, 0, 0, 0])
+        for name, y in (("left", 0.5), ("right", -0.5))
+    ]
+    options = ad.SimulationOptions(time_step=0.01)
+    sim = ad.Simulation(ad.build_diagram(robots, options=options))
+
+    sim.switch_controllers(deactivate=[f"right/{JTC}"])
+    sim.switch_controllers(deactivate=["joint_state_broadcaster"], robot="left")
+    sim.advance_to(0.1)
+
+    assert states(sim) == {
+        "left/joint_state_broadcaster": "inactive",
+        f"left/{JTC}": "active",
+        "right/joint_state_broadcaster": "active",
+        f"right/{JTC}": "inactive",
+    }
+
+
+def test_a_controller_that_fails_is_news(competing):
+    news = []
+    competing.on_event(news.append)
+    # Past the handle, which would have found it.
+    message = Float64MultiArray([1.0])
+    competing.publish(f"{FORWARD}.commands", message, 0.01)
+
+    competing.advance_to(0.1)
+
+    rejected, failure = news
+    assert (competing.rejected, competing.failures) == ([rejected], [failure])
+    assert isinstance(failure, ControllerFailure)
+    assert (failure.controller, failure.deactivated) == (FORWARD, (FORWARD,))
+    assert states(competing)[FORWARD] == "inactive"
+    assert [competing.mailbox.describe(event) for event in news] == [
+        f"{FORWARD}: commands refused: data must have 2 values (joint1/position, "
+        "joint2/position), got 1; the update fails",
+        f"{FORWARD}: the update failed, the controller is deactivated",
+    ]
+
+
+def test_a_reset_forgets_failures(competing):
+    competing.publish(f"{FORWARD}.commands", Float64MultiArray([1.0]), 0.01)
+    competing.advance_to(0.1)
+    competing.reset()
+    assert (competing.rejected, competing.failures) == ([], [])
+    competing.advance_to(0.1)
+    assert (competing.rejected, competing.failures) == ([], [])
+    assert states(competing)[FORWARD] == "active"
+
+
+def test_a_motion_commands_and_switches_controllers(competing):
+    motion = parse_motion(
+        [
+            {"at": 0.0, "controller": FORWARD, "commands": [0.1, 0.1]},
+            {
+                "at": 1.0,
+                "every": 0.02,
+                "count": 51,
+                "controller": FORWARD,
+                "commands_from_to": [[0.1, 0.1], [0.6, -0.4]],
+            },
+            {
+                "at": 3.0,
+                "switch_controllers": {"activate": [VELOCITY], "deactivate": [FORWARD]},
+            },
+            {"at": 3.0, "controller": VELOCITY, "commands": [-0.1, 0.1]},
+        ]
+    )
+
+    for _ in range(2):  # A motion can be played again.
+        competing.run(3.0, motion)
+        position, time = competing.rollout().position, competing.rollout().time
+        middle = position[time.searchsorted(1.5)]
+        np.testing.assert_allclose(middle, [0.35, -0.15], atol=0.03)
+        np.testing.assert_allclose(position[-1], [0.6, -0.4], atol=1e-3)
+        assert states(competing)[VELOCITY] == "inactive"
+        competing.reset()
+
+    competing.run(4.0, motion)
+    assert states(competing)[VELOCITY] == "active"
+    np.testing.assert_allclose(
+        competing.joint_states().velocity, [-0.1, 0.1], atol=0.01
+    )
+    assert (competing.rejected, competing.failures) == ([], [])
+
+
+def test_a_motion_scales_the_speed(sim):
+    point = {"positions": [0.2] * 6, "time_from_start": 1.0}
+    message = {"joint_names": list(JOINTS), "points": [point]}
+    motion = parse_motion(
+        [
+            {"at": 0.0, "controller": JTC, "speed_scaling": 0.5},
+            {"at": 0.0, "controller": JTC, "goal": message},
+        ]
+    )
+    sim.run(1.0, motion)
+    (goal,) = sim.goals
+    np.testing.assert_allclose(sim.joint_states().position, 0.1, atol=0.01)
+
+    sim.advance_to(motion.duration + 0.5)
+
+    assert motion.duration == 2.0
+    assert goal.status is ad.GoalStatus.SUCCEEDED
+
+
+def test_a_switch_that_a_motion_is_refused_is_a_failure_with_its_place(competing):
+    switch = {"activate": ["forward_illegal1_controller"]}
+    competing.run(0.1, parse_motion([{"at": 0.02, "switch_controllers": switch}]))
+
+    (failure,) = competing.failures
+    assert competing.mailbox.describe(failure) == (
+        f"[0].switch_controllers: controller_manager: switch refused: {CLAIMED}"
+    )
+
+
+ACTIVATE = {
+    "at": 0.5,
+    "switch_controllers": {"activate": [VELOCITY], "deactivate": [FORWARD]},
+}
+
+
+@pytest.mark.parametrize(
+    ("steps", "message"),
+    [
+        (
+            [{"controller": FORWARD, "commands": [1]}],
+            f"[0].commands: controller {FORWARD!r}: expected 2 values "
+            "(joint1/position, joint2/position), got 1",
+        ),
+        (
+            [{"controller": VELOCITY, "commands": [1, 2]}],
+            f"[0].commands: controller {VELOCITY!r} is inactive, not active",
+        ),
+        (
+            [{"controller": VELOCITY, "commands": [1, 2]}, ACTIVATE],
+            f"[0].commands: controller {VELOCITY!r} is inactive, not active",
+        ),
+        (
+            [{"at": 1.0, "controller": VELOCITY, "commands": [1]}, ACTIVATE],
+            f"[0].commands: controller {VELOCITY!r}: expected 2 values "
+            "(joint1/velocity, joint2/velocity), got 1",
+        ),
+        (
+            [{"controller": "joint_state_broadcaster", "commands": [1]}],
+            "[0].commands: controller 'joint_state_broadcaster' of type "
+            "'joint_state_broadcaster/JointStateBroadcaster' has no commands",
+        ),
+        (
+            [{"controller": FORWARD, "speed_scaling": 1}],
+            f"[0].speed_scaling: controller {FORWARD!r} of type "
+            "'forward_command_controller/ForwardCommandController' has no "
+            "speed_scaling_input; it takes commands",
+        ),
+        (
+            [{"switch_controllers": {"deactivate": ["forward_position_control"]}}],
+            "[0].switch_controllers: no controller 'forward_position_control'; "
+            "did you mean 'forward_position_controller'? known: "
+            "forward_acceleration_controller, forward_illegal1_controller, forward_illegal2_controller, "
+            "forward_position_controller, forward_velocity_controller, "
+            "joint_state_broadcaster",
+        ),
+    ],
+)
+def test_a_motion_that_can_not_go_is_found_before_the_start(competing, steps, message):
+    with pytest.raises(MotionError) as error:
+        competing.run(1.0, parse_motion(steps))
+    assert str(error.value) == message
+    assert competing.time == 0.0
+
+
+def test_a_kinematic_simulation_takes_the_same_messages(multi):
+    options = ad.SimulationOptions(preset="kinematic")
+    sim = ad.Simulation(ad.build_diagram(multi, options=options))
+
+    sim.controller(FORWARD).command([0.3, -0.3])
+    sim.advance_to(0.1)
+
+    assert sim.joint_states().position == (0.3, -0.3)

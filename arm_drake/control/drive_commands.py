@@ -129,9 +129,10 @@ class DriveCommands:
     ) -> tuple[Array, Array]:
         """Return values and drive vector of joints whose mode changes, without a jump.
 
-        A joint that comes to follow a position starts where it comes to rest, one that
-        follows a velocity with its own, one that follows an acceleration with none, one
-        that follows an effort with that which it applies.
+        A joint that comes to follow a position starts where it comes to rest or is
+        held, and without a velocity; one that follows a velocity with its own, one that
+        follows an acceleration with none, one that follows an effort with that which it
+        applies.
 
         Args:
             old: Mode before the switch.
@@ -142,19 +143,17 @@ class DriveCommands:
         """
         values, drive = values.copy(), drive.copy()
         n = len(self.joints)
+        zeros = np.zeros(n)
         q, v, tau = measured
         free = old.is_velocity | old.is_acceleration | old.is_effort
         rest = q + self._lead * v
         stops = free & ~(new.is_velocity | new.is_acceleration | new.is_effort)
         drive[:n][stops] = rest[stops]
         for is_new, at, start in (
-            (new.is_position & free, new.position_at, rest),
+            (new.is_position & ~old.is_position, new.position_at, drive[:n]),
+            (new.is_guided & ~old.is_guided, new.velocity_at, zeros),
             (new.is_velocity & ~old.is_velocity, new.velocity_at, v),
-            (
-                new.is_acceleration & ~old.is_acceleration,
-                new.acceleration_at,
-                np.zeros(n),
-            ),
+            (new.is_acceleration & ~old.is_acceleration, new.acceleration_at, zeros),
             (new.is_effort & ~old.is_effort, new.effort_at, tau),
         ):
             values[at[is_new]] = start[is_new]

@@ -73,16 +73,15 @@ def make_command(
         output = pid.command
         if rules.ff_velocity_scale is not None and ahead.velocity is not None:
             output = rules.ff_velocity_scale * ahead.velocity + output
-        is_effort = rules.carries_effort and rules.command_interfaces == ("effort",)
-        if is_effort and ahead.effort is not None:
+        if rules.command_interfaces == ("effort",) and ahead.effort is not None:
             output = output + ahead.effort
         vectors: list[Array | None] = [output]
     else:
         vectors = [
             _open_loop(name, desired, ahead) for name in rules.command_interfaces
         ]
-    unknown = np.full(len(rules.joints), math.nan)
-    values = [unknown if vector is None else vector for vector in vectors]
+    n = len(rules.joints)
+    values = [np.full(n, math.nan) if v is None else v for v in vectors]
     if rules.commanded_joints is not None:
         at = list(rules.commanded_joints)
         values = [vector[at] for vector in values]

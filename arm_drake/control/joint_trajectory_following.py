@@ -7,6 +7,7 @@ those of the present; what stops a motion acts from the next tick on.
 One quirk is kept: when `cmd_timeout` stops a motion with a goal, the goal succeeds.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +22,7 @@ from arm_drake.control.joint_trajectory_state import (
     present_commands,
 )
 from arm_drake.control.joint_trajectory_stop import repeat_last_point, stop_motion
-from arm_drake.control.tolerances import Array, exceeds
+from arm_drake.control.tolerances import Array, StateTolerances, exceeds
 from arm_drake.control.trajectory import (
     Sample,
     StateBefore,
@@ -114,7 +115,8 @@ def follow(
         command = output = ahead.position
     else:
         command, pid = make_command(rules, state, inputs, desired, ahead, error)
-        if np.isfinite(command).all():
+        # A sum is finite only if all of its terms are.
+        if math.isfinite(command.sum()):
             output = command
     new = JointTrajectoryState(
         plan,
@@ -167,15 +169,25 @@ def _judge(
     is_off_path = is_off_goal = is_late = False
     path, goal = tolerances.path, tolerances.goal
     if path.is_checked and checks_path:
-        errors = errors_of(rules, inputs, desired, error)
-        is_off_path = exceeds(*errors, path)
+        is_off_path = _exceeds(rules, inputs, desired, error, path)
     if late is not None and goal.is_checked:
-        errors = errors_of(rules, inputs, desired, error)
-        is_off_goal = exceeds(*errors, goal)
+        is_off_goal = _exceeds(rules, inputs, desired, error, goal)
         is_late = is_off_goal and 0.0 != tolerances.goal_time < late
     if not (is_off_path or is_off_goal):
         return _FINE
     return _Verdict(False, is_off_path, is_off_goal, is_late, late or 0.0)
+
+
+def _exceeds(
+    rules: JointTrajectoryRules,
+    inputs: TickInputs,
+    desired: Sample,
+    error: Array,
+    tolerances: StateTolerances,
+) -> bool:
+    if tolerances.is_position_only:
+        return exceeds(error, None, None, tolerances)
+    return exceeds(*errors_of(rules, inputs, desired, error), tolerances)
 
 
 def _conclude(

@@ -205,6 +205,7 @@ def _cancel(
     state = state._replace(goal=dc.replace(goal, is_canceling=True))
     if not has_ended:
         state = conclude(state, GoalStatus.CANCELED, 0, "")
-        if state.plan.is_active and state.position is not None:
-            state = stop_motion(rules, state, state.position, state.velocity)
+        # Whoever has accepted a goal is active, and knows where its joints are.
+        assert state.position is not None
+        state = stop_motion(rules, state, state.position, state.velocity)
     return add_events(state, CancelResponse(request, True))

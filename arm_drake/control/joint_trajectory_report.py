@@ -4,7 +4,9 @@ The rules are those of ros2_controllers' joint_trajectory_controller (`publish_s
 `query_state_service`, version 6.9.0). Messages are made when someone looks at them.
 """
 
-from typing import NamedTuple
+import dataclasses as dc
+import functools
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -87,13 +89,58 @@ def make_controller_state(
 ) -> JointTrajectoryControllerState:
     """Return the message of what the last tick saw and commanded.
 
-    Its `output` are the last values of the command interfaces that were all finite, 0
-    before; a joint that isn't commanded has NaN.
+    It is made when a field is asked for. Its `output` are the last values of the
+    command interfaces that were all finite, 0 before; a joint that isn't commanded has
+    NaN.
 
     Args:
         rules: Numbers of the controller.
         state: State after a tick.
     """
+    return _Report(rules, state)
+
+
+class _Report(JointTrajectoryControllerState):
+    """A message that is made when someone looks at it."""
+
+    _source: tuple[JointTrajectoryRules, JointTrajectoryState]
+
+    def __new__(cls, *source: Any, **fields: Any) -> Any:
+        # What dataclasses.replace asks for is an ordinary message.
+        return (
+            JointTrajectoryControllerState(**fields) if fields else super().__new__(cls)
+        )
+
+    def __init__(
+        self, rules: JointTrajectoryRules, state: JointTrajectoryState
+    ) -> None:
+        object.__setattr__(self, "_source", (rules, state))
+
+    @functools.cached_property
+    def _message(self) -> JointTrajectoryControllerState:
+        return _make_message(*self._source)
+
+    def __getattribute__(self, name: str) -> Any:
+        if name in _FIELDS:
+            return getattr(self._message, name)
+        return super().__getattribute__(name)
+
+    def __eq__(self, other: object) -> bool:
+        return self._message == (other._message if type(other) is _Report else other)
+
+    def __hash__(self) -> int:
+        return hash(self._message)
+
+    def __repr__(self) -> str:
+        return repr(self._message)
+
+
+_FIELDS = frozenset(f.name for f in dc.fields(JointTrajectoryControllerState))
+
+
+def _make_message(
+    rules: JointTrajectoryRules, state: JointTrajectoryState
+) -> JointTrajectoryControllerState:
     snapshot = take_snapshot(state)
     if snapshot is None:
         return JointTrajectoryControllerState(joint_names=rules.joints)

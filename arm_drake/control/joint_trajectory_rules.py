@@ -68,7 +68,7 @@ class JointTrajectoryRules(Message):
     # Whether the last command counts from its own time, not from the new trajectory's.
     starts_at_last_command: bool = True
 
-    # Whether trajectories carry efforts: from the last command to those of points.
+    # Whether trajectories lead from the last commanded efforts to those of points.
     carries_effort: bool = True
 
     # Whether it starts from what was commanded before its activation.

@@ -27,7 +27,8 @@ _ARRAYS: Final = (
     *("p", "i", "d", "u_clamp_max", "u_clamp_min", "i_clamp_max", "i_clamp_min"),
     "error_deadband",
 )
-_EPSILON: Final = float(np.finfo(float).eps)
+# Steps up to this take no time [s].
+EPSILON: Final = float(np.finfo(float).eps)
 
 
 class PidState(NamedTuple):
@@ -180,7 +181,7 @@ class Pid(Message):
         Raises:
             ValueError: If `dt` is negative or NaN.
         """
-        if not dt > _EPSILON:
+        if not dt > EPSILON:
             return self._hold(state, dt, where)
         # Copies, for the state keeps them and the caller may reuse its arrays.
         error, last = np.array(error, dtype=float), state.error_last
@@ -209,9 +210,16 @@ class Pid(Message):
             error_rate=np.where(is_seen, rate, state.error_rate),
         )
 
+    def step_finite(
+        self, state: PidState, error: Array, dt: float, error_rate: Array
+    ) -> PidState:
+        """Do a step of finite numbers in arrays that nobody changes; `dt` > 0."""
+        command, i_term = self._advance(state.i_term, error, error_rate, dt)
+        return PidState(i_term, state.error_last, command, error, error_rate)
+
     def _hold(self, state: PidState, dt: float, where: Mask | None) -> PidState:
         """Return the state after a step that takes no time."""
-        if not dt >= -_EPSILON:
+        if not dt >= -EPSILON:
             raise ValueError(f"dt must be at least 0, got {dt}")
         if not self.is_humble:
             return state
@@ -256,7 +264,7 @@ class Pid(Message):
     ) -> Array:
         """Return what integral terms gain, given how far commands are limited."""
         if self._conditional is not None:
-            winds_up = (np.abs(excess) > _EPSILON) & (error * command > 0.0)
+            winds_up = (np.abs(excess) > EPSILON) & (error * command > 0.0)
             gained = np.where(self._conditional & winds_up, 0.0, gained)
         if self._back is not None:
             is_on = self._back & (np.abs(error) > self.error_deadband)

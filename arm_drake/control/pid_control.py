@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_drake.control.pid import Pid, PidState
+from arm_drake.control.pid import EPSILON, Pid, PidState
 from arm_drake.control.trajectory import shortest_angular_distance
 from arm_drake.messages import Message
 
@@ -125,7 +125,7 @@ class PidControl(Message):
             measured: As many.
             dt: Time since the last tick [s].
         """
-        n = len(self.save_i_term)
+        n, has_rate = len(self.save_i_term), self.has_rate
         error = references - measured
         if self.angle_wraparound is not None:
             with np.errstate(invalid="ignore"):
@@ -134,11 +134,14 @@ class PidControl(Message):
         # The quickest way to see that all are finite.
         if not math.isfinite(sum(error.tolist())):
             return self._step_some(state, references, measured, error, dt)
-        rate = error[n:] if self.has_rate else None
-        pid = self.pid.step(state.pid, error[:n], dt, rate)
+        if has_rate and dt > EPSILON:
+            pid = self.pid.step_finite(state.pid, error[:n], dt, error[n:])
+        else:
+            rate = error[n:] if has_rate else None
+            pid = self.pid.step(state.pid, error[:n], dt, rate)
         command = pid.command
         if self.feedforward_gain is not None:
-            source = references[n:] if self.has_rate else references
+            source = references[n:] if has_rate else references
             command = command + self.feedforward_gain * source
         return PidControlState(pid, references, measured, error, command, command)
 

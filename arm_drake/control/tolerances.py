@@ -46,7 +46,7 @@ class StateTolerances(Message):
 
     # Whether that is positions alone, and what the sum of their squared errors may be
     # for none of them to be too large.
-    _is_position_only: bool = dc.field(init=False, repr=False)
+    is_position_only: bool = dc.field(init=False, repr=False)
     _safe_sum: float = dc.field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -62,7 +62,7 @@ class StateTolerances(Message):
         position = limits[0]
         derived = {
             "is_checked": any(limit is not None for limit in limits),
-            "_is_position_only": limits[1] is None and limits[2] is None,
+            "is_position_only": limits[1] is None and limits[2] is None,
             # A little less, for sums are rounded.
             "_safe_sum": np.inf if position is None else _SAFE * position.min() ** 2,
         }
@@ -185,7 +185,7 @@ def exceeds(
     tolerances: StateTolerances,
 ) -> bool:
     """Return whether any joint is off by more than its tolerances, see `violates`."""
-    if tolerances._is_position_only and (
+    if tolerances.is_position_only and (
         float(error_position.dot(error_position)) <= tolerances._safe_sum
     ):
         return False

@@ -61,6 +61,9 @@ class ControllerInterfaceParams:
     # Distribution whose behaviour holds.
     distro: str = "jazzy"
 
+    # URDF velocity limit of joints [rad/s] or [m/s]; others have none.
+    velocity_limits: Mapping[str, float] = dc.field(default_factory=dict)
+
 
 class Cycle(NamedTuple):
     """What the manager tells its controllers in a cycle."""
@@ -276,15 +279,19 @@ class TickingController(ControllerInterface, Generic[S]):
             exported_interfaces=exported_interfaces,
         )
         k = len(command_interfaces)
+        # What is active where there is no manager.
+        self._always_active = {params.controller_name: 1}
         # Values of all command interfaces, and where those of this one stand there.
         self._values: InputPort | None = None
         self._values_at: list[tuple[int, int]] = []
         # Of each controller that may command references: its port, and where its
         # commands stand among them.
         self._predecessors: list[tuple[str, InputPort, list[int], list[int]]] = []
-        # An immutable Python object goes into the Context as it is.
+        self._no_references = np.full(len(reference_interfaces), np.nan)
+        # An immutable Python object goes into the Context as it is. Drake takes a plain
+        # number quicker than its own kind of index.
         first: Tick[S] = Tick(None, None, initial, np.full(k, np.nan))
-        self._ticks = self.DeclareAbstractState(AbstractValue.Make(first))
+        self._ticks = int(self.DeclareAbstractState(AbstractValue.Make(first)))
         self._tick_port = self.DeclareAbstractOutputPort(
             interfaces.COMMAND_PORT, lambda: AbstractValue.Make(()), self._calc_tick
         )
@@ -397,7 +404,7 @@ class TickingController(ControllerInterface, Generic[S]):
         """
         if self.params.controller_name not in now.cycle.chained:
             return None
-        references = np.full(len(self.reference_interfaces), np.nan)
+        references = self._no_references.copy()
         for name, port, here, there in self._predecessors:
             if name in now.cycle.active:
                 references[here] = port.Eval(now.context).command[there]
@@ -458,14 +465,13 @@ class TickingController(ControllerInterface, Generic[S]):
 
     def _own_cycle(self, context: Context, held: Tick[S]) -> Cycle:
         """Return a cycle of a controller that has no manager."""
-        number = round(context.get_time() / self.params.period)
-        if abs(context.get_time() - number * self.params.period) > (
-            _TOLERANCE * self.params.period
-        ):
+        ticks = context.get_time() / self.params.period
+        number = round(ticks)
+        if abs(ticks - number) > _TOLERANCE:
             number = -1 if held.number is None else held.number
         time_ns = self._tick_time(number)
         period_ns = time_ns - self._tick_time(number - 1)
-        return Cycle(number, time_ns, period_ns, {self.params.controller_name: 1})
+        return Cycle(number, time_ns, period_ns, self._always_active)
 
     def _update_state(self, context: Context, state: State) -> None:
         tick = self._tick_port.Eval(context)

@@ -144,7 +144,7 @@ class JointTrajectoryController(
             make_rules,
             update_rate=params.update_rate,
             joint_types=params.joint_types,
-            velocity_limits=getattr(params, "velocity_limits", {}),
+            velocity_limits=params.velocity_limits,
             distro=params.distro,
         )
         rules = self._make_rules(parameters)

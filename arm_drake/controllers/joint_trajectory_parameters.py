@@ -33,6 +33,12 @@ _COMMANDS = (
 # Of these, what a PID computes.
 _COMMANDS_OF_PID = ({"velocity"}, {"effort"})
 
+# Groups of parameters, and what they act on.
+_GROUPS = {
+    "gains": ("gains act on 'velocity' or 'effort'", _COMMANDS_OF_PID),
+    "speed_scaling": ("speed_scaling acts on 'position'", ({"position"},)),
+}
+
 # And what needs to know the measured velocity too.
 _COMMANDS_WITH_FEEDBACK = (*_COMMANDS_OF_PID, {"position", "effort"})
 
@@ -220,23 +226,25 @@ class JointTrajectoryControllerParameters:
                 new["open_loop_control"] = is_open_loop
             given.replace("open_loop_control", new)
         commands = given.get("command_interfaces", tuple[CommandInterface, ...])
-        gains = given.first_of("gains")
-        if gains and commands and set(commands) not in _COMMANDS_OF_PID:
-            what = f"gains act on 'velocity' or 'effort' alone, not on {list(commands)}"
-            given.add(gains, "info", "ignored", what, "none of them has an effect")
+        for group, (what, choices) in _GROUPS.items():
+            name = given.first_of(group)
+            if name and commands and set(commands) not in choices:
+                what = f"{what} alone, not on {list(commands)}"
+                given.add(name, "info", "ignored", what, "none of them has an effect")
+        timeout = given.get("cmd_timeout", float) or 0.0
+        goal_time = given.get("constraints.goal_time", float) or 0.0
+        if 0.0 < timeout <= goal_time:
+            what = f"it must exceed constraints.goal_time, {goal_time}"
+            given.add("cmd_timeout", "warning", "ignored", what, "there is no timeout")
         if given.distro == "humble":
             if set(commands or ()) == {"position", "effort"}:
-                given.reject(
-                    "command_interfaces",
-                    f"humble takes 'effort' alone only, got {list(commands)}",
-                )
+                what = f"humble takes 'effort' alone only, got {list(commands)}"
+                given.reject("command_interfaces", what)
             joints = given.get("joints", tuple[str, ...])
             own = given.get("command_joints", tuple[str, ...])
             if joints and own and len(own) != len(joints):
-                given.reject(
-                    "command_joints",
-                    f"humble takes as many as joints only, got {list(own)}",
-                )
+                what = f"humble takes as many as joints only, got {list(own)}"
+                given.reject("command_joints", what)
 
     def __post_init__(self) -> None:
         """Reject what the types alone can't express."""

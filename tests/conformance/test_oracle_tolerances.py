@@ -7,6 +7,7 @@ import pytest
 
 from arm_drake.control.tolerances import (
     StateTolerances,
+    exceeds,
     make_default_tolerances,
     resolve_tolerances,
     violates,
@@ -58,9 +59,11 @@ def test_errors_violate_tolerances_as_upstream(case: dict[str, Any]) -> None:
     limits = [np.array([number(limit)]) for limit in case["input"]["tol"]]
     tolerances = StateTolerances(*limits)
 
-    allowed = []
+    allowed, not_exceeded = [], []
     for error in case["input"]["errors"]:
         fields = [None if e is None else np.array([number(e)]) for e in error]
         allowed.append(not violates(*fields, tolerances).any())
+        not_exceeded.append(not exceeds(*fields, tolerances))
 
+    assert not_exceeded == allowed
     assert allowed == case["output"]["ok"]

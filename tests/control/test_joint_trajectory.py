@@ -1,36 +1,34 @@
 import dataclasses as dc
-import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from math import inf, pi
-from typing import Any
 
 import numpy as np
 import pytest
 
 from arm_drake.control.joint_trajectory import tick
-from arm_drake.control.joint_trajectory_rules import JointTrajectoryRules
 from arm_drake.control.joint_trajectory_state import JointTrajectoryState, TickInputs
-from arm_drake.control.tolerances import make_default_tolerances
-from arm_drake.control.trajectory_validation import TrajectoryRules
 from arm_drake.messages import (
-    ActionRequest,
     CancelGoal,
-    FollowJointTrajectoryGoal,
     FollowJointTrajectoryResult,
-    GoalEvent,
     GoalStatus,
-    Header,
-    JointTrajectory,
-    JointTrajectoryPoint,
-    SendGoal,
-    Time,
+    JointTolerance,
     TopicRejected,
 )
-
-JOINTS = ("joint1", "joint2", "joint3")
-START = (1.1, 2.1, 3.1)
-PERIOD_NS = 10_000_000
-MONITOR_NS = 50_000_000
+from tests.control.joint_trajectory_runs import (
+    JOINTS,
+    PERIOD_NS,
+    START,
+    commands,
+    feedback,
+    lag,
+    make_goal,
+    make_message,
+    make_rules,
+    news,
+    references,
+    run,
+    stick,
+)
 
 SUCCEEDED = FollowJointTrajectoryResult(0, "Goal successfully reached!")
 CANCELED = FollowJointTrajectoryResult(0, "")
@@ -38,122 +36,6 @@ PREEMPTED = FollowJointTrajectoryResult(
     -1, "Current goal preempted by new incoming action."
 )
 OFF_PATH = FollowJointTrajectoryResult(-4, "Aborted due to path tolerance violation")
-
-# From the measured positions before a tick and the command in it to those after it.
-Plant = Callable[[np.ndarray, np.ndarray], np.ndarray]
-
-
-def follow(measured: np.ndarray, command: np.ndarray) -> np.ndarray:
-    return command
-
-
-def stick(measured: np.ndarray, command: np.ndarray) -> np.ndarray:
-    return measured
-
-
-def lag(measured: np.ndarray, command: np.ndarray) -> np.ndarray:
-    return measured + 0.5 * (command - measured)
-
-
-def make_rules(
-    joints: tuple[str, ...] = JOINTS,
-    *,
-    path: float = 0.0,
-    goal: float = 0.0,
-    goal_time: float = 0.0,
-    allow: Sequence[str] = (),
-    **changes: Any,
-) -> JointTrajectoryRules:
-    n = len(joints)
-    tolerances = make_default_tolerances(
-        [path] * n, [goal] * n, stopped_velocity_tolerance=0.01, goal_time=goal_time
-    )
-    allowed = TrajectoryRules(joints, **{f"allow_{what}": True for what in allow})
-    rules = JointTrajectoryRules(allowed, tolerances, PERIOD_NS, MONITOR_NS)
-    return dc.replace(rules, **changes)
-
-
-def make_message(
-    *points: tuple[float, Sequence[float]],
-    joints: tuple[str, ...] = JOINTS,
-    velocities: Sequence[float] = (),
-    stamp: float = 0.0,
-) -> JointTrajectory:
-    """Return a message; a point is its time [s] and its positions."""
-    return JointTrajectory(
-        Header(stamp=Time.of(stamp)),
-        joints,
-        [JointTrajectoryPoint(q, velocities, time_from_start=t) for t, q in points],
-    )
-
-
-def make_goal(message: JointTrajectory, **fields: Any) -> SendGoal:
-    return SendGoal(FollowJointTrajectoryGoal(message, **fields))
-
-
-def run(
-    rules: JointTrajectoryRules,
-    until: float,
-    *,
-    plant: Plant = follow,
-    start: Sequence[float] = START,
-    velocity: Sequence[float] | None = None,
-    topic: dict[float, JointTrajectory] | None = None,
-    requests: dict[float, ActionRequest] | None = None,
-) -> list[JointTrajectoryState]:
-    """Return the states after the ticks 0, 0.01 s, ... with messages by time [s]."""
-    state, measured = JointTrajectoryState(), np.array(start)
-    speed = None if velocity is None else np.array(velocity)
-    held = np.full(len(measured), np.nan)
-    states = []
-    for k in range(round(until * 100) + 1):
-        message, request = (topic or {}).get(k / 100), (requests or {}).get(k / 100)
-        inputs = TickInputs(
-            k * PERIOD_NS,
-            PERIOD_NS,
-            measured,
-            speed,
-            commands=functools.partial(np.array, held),
-            topics=() if message is None else (message,),
-            requests=() if request is None else (request,),
-        )
-        state = tick(rules, state, inputs)
-        states.append(state)
-        held = np.where(np.isnan(state.command), held, state.command)
-        measured = plant(measured, held)
-    return states
-
-
-def commands(states: Sequence[JointTrajectoryState]) -> np.ndarray:
-    return np.array([state.command for state in states])
-
-
-def references(states: Sequence[JointTrajectoryState]) -> np.ndarray:
-    return np.array([state.desired.position for state in states])
-
-
-def news(states: Sequence[JointTrajectoryState], goal: SendGoal) -> list[Any]:
-    """Return (tick, status, result) of all news of a goal but feedback."""
-    found: dict[int, Any] = {}
-    for k, state in enumerate(states):
-        for number, event in state.events:
-            if isinstance(event, GoalEvent) and event.request is goal:
-                found.setdefault(number, (k, event))
-    return [
-        (k, event.status, event.result)
-        for k, event in found.values()
-        if event.feedback is None
-    ]
-
-
-def feedback(states: Sequence[JointTrajectoryState]) -> list[Any]:
-    """Return (tick, feedback)."""
-    found: dict[int, Any] = {}
-    for k, state in enumerate(states):
-        for number, event in state.events:
-            if isinstance(event, GoalEvent) and event.feedback is not None:
-                found.setdefault(number, (k, event.feedback))
-    return list(found.values())
 
 
 def test_the_joints_are_held_where_they_are_at_activation() -> None:
@@ -705,3 +587,44 @@ def test_ticks_change_no_state_that_was_before() -> None:
     assert commands([once]).tolist() == commands([again]).tolist()
     assert once.clock_ns == again.clock_ns
     assert states[-1].clock_ns == 20 * PERIOD_NS
+
+
+def test_a_refused_message_of_a_moving_controller_changes_nothing() -> None:
+    good, bad = make_message((0.5, (2.1, 3.1, 4.1))), make_message((0.5, (1.0,)))
+
+    states = run(make_rules(), 0.5, topic={0.0: good, 0.1: bad})
+
+    assert (
+        commands(states) == commands(run(make_rules(), 0.5, topic={0.0: good}))
+    ).all()
+
+
+def test_messages_are_judged_by_the_rules_of_the_last_tick() -> None:
+    strict, lax = make_rules(), make_rules(allow=["partial_joints_goal"])
+    partial = make_message((0.5, (1.0,)), joints=("joint1",))
+    measured = np.array(START)
+    state = tick(strict, JointTrajectoryState(), TickInputs(0, PERIOD_NS, measured))
+
+    reasons = []
+    for k in (1, 2):
+        inputs = TickInputs(k * PERIOD_NS, PERIOD_NS, measured, topics=(partial,))
+        state = tick(lax, state, inputs)
+        reasons.append(len(state.events))
+
+    assert reasons == [1, 1]
+    assert state.plan.trajectory.message.points[0].positions[0] == 1.0
+
+
+def test_tolerances_of_a_goal_stay_for_the_topic_after_it() -> None:
+    there = make_message((0.0, START))
+    goal = make_goal(there, path_tolerance=[JointTolerance("joint1", 0.05)])
+    away = make_message((0.2, (2.1, 2.1, 3.1)))
+
+    checked = run(
+        make_rules(), 0.8, plant=stick, requests={0.0: goal}, topic={0.5: away}
+    )
+    unchecked = run(make_rules(), 0.8, plant=stick, topic={0.5: away})
+
+    # 0.05 rad off after 10 ms.
+    assert commands(checked)[-1].tolist() == list(START)
+    assert commands(unchecked)[-1].tolist() == [2.1, 2.1, 3.1]

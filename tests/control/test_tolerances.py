@@ -5,6 +5,7 @@ import pytest
 
 from arm_drake.control.tolerances import (
     StateTolerances,
+    exceeds,
     make_default_tolerances,
     resolve_tolerances,
     violates,
@@ -183,3 +184,40 @@ def test_tolerances_can_not_change():
     assert tolerances.position == [0.1]
     assert not tolerances.position.flags.writeable
     assert copy.deepcopy(tolerances) is tolerances
+
+
+@pytest.mark.parametrize(
+    ("error", "expected"),
+    [
+        ((0.1, 0.2, 0.0), False),
+        ((0.1, 0.1, 0.3), False),
+        ((0.1001, 0.0, 0.0), True),
+        ((0.0, 0.2001, 0.0), True),
+        ((-0.1001, 0.0, 0.0), True),
+        # The third joint is not checked; NaN never violates.
+        ((0.0, 0.0, 100.0), False),
+        ((np.nan, 0.0, 0.0), False),
+        ((np.nan, 0.3, 0.0), True),
+    ],
+)
+def test_exceeding_is_violating_for_any_joint(error, expected):
+    tolerances = StateTolerances([0.1, 0.2, 0.0], [0.0] * 3, [0.0] * 3)
+    position = np.array(error)
+
+    assert exceeds(position, None, None, tolerances) is expected
+    assert violates(position, None, None, tolerances).any() == expected
+
+
+def test_exceeding_looks_at_velocities_too():
+    tolerances = StateTolerances([0.1], [0.2], [0.0])
+    there = np.zeros(1)
+
+    assert exceeds(there, np.array([0.3]), None, tolerances)
+    assert not exceeds(there, np.array([0.1]), None, tolerances)
+    assert not exceeds(there, None, None, tolerances)
+
+
+def test_nothing_exceeds_tolerances_that_check_nothing():
+    tolerances = StateTolerances([0.0], [0.0], [0.0])
+
+    assert not exceeds(np.array([1e9]), np.array([1e9]), None, tolerances)

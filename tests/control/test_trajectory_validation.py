@@ -4,7 +4,11 @@ from typing import Any
 
 import pytest
 
-from arm_drake.control.trajectory_validation import TrajectoryRules, find_fault
+from arm_drake.control.trajectory_validation import (
+    TrajectoryRules,
+    find_fault,
+    needed_fields,
+)
 from arm_drake.messages import (
     NANOSECONDS,
     Header,
@@ -251,4 +255,52 @@ def test_good_trajectories_are_taken(
 def test_bad_trajectories_are_refused(
     message: JointTrajectory, changes: dict[str, Any], fault: str
 ) -> None:
+    assert find_fault(message, make_rules(**changes), NOW_NS) == fault
+
+
+@pytest.mark.parametrize(
+    ("commands", "expected"),
+    [
+        (["position"], ("positions",)),
+        (["velocity"], ("positions", "velocities")),
+        (
+            ["position", "velocity", "acceleration"],
+            ("positions", "velocities", "accelerations"),
+        ),
+        (["effort"], ("positions", "velocities", "effort")),
+    ],
+)
+def test_points_that_are_commanded_as_they_are_need_what_is_commanded(
+    commands: list[str], expected: tuple[str, ...]
+) -> None:
+    assert needed_fields(commands, "none") == expected
+    assert needed_fields(commands, "splines") == ()
+
+
+NONE = {"needed": ("positions", "velocities"), "known_at_start": ("positions",)}
+MEASURED = {**NONE, "known_at_start": ("positions", "velocities")}
+MISSING = (
+    "points[{}] has no velocities; with interpolation_method 'none' every point needs "
+    "positions, velocities"
+)
+AT_1, AT_2 = without("velocities"), without("velocities", time_from_start=2.0)
+FULL_AT_2 = {"velocities": (0.0, 0.0, 0.0), "time_from_start": 2.0}
+
+
+@pytest.mark.parametrize(
+    ("points", "changes", "fault"),
+    [
+        ((AT_1, FULL_AT_2), NONE, MISSING.format(0)),
+        # What is measured leads to the first point.
+        ((AT_1, FULL_AT_2), MEASURED, None),
+        ((FULL_AT_2 | {"time_from_start": 1.0}, AT_2), MEASURED, MISSING.format(1)),
+        # Such a point is the end, where velocities are 0.
+        ((without("velocities", time_from_start=0.0),), NONE, None),
+    ],
+)
+def test_upstream_s_crash_is_a_refusal(
+    points: tuple[dict[str, Any], ...], changes: dict[str, Any], fault: str | None
+) -> None:
+    message = make_message(*points)
+
     assert find_fault(message, make_rules(**changes), NOW_NS) == fault

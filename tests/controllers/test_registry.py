@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pydrake.systems.framework import Context
 
 import arm_drake as ad
 from arm_drake import controllers
 from arm_drake.controllers import ControllerType
 from arm_drake.controllers.controller_interface import (
+    ControllerInterface,
     ControllerInterfaceParams,
+    Now,
     TickingController,
 )
 from arm_drake.messages import NANOSECONDS
@@ -53,13 +54,53 @@ class Wave(TickingController[float]):
         claims = tuple(f"{joint}/position" for joint in parameters.joints)
         super().__init__(params, 0.0, state_interfaces=(), command_interfaces=claims)
 
-    def _tick(
-        self, context: Context, state: float, time_ns: int, period_ns: int
-    ) -> float:
-        return time_ns / NANOSECONDS
+    def _update(self, now: Now, state: float) -> float:
+        return now.time_ns / NANOSECONDS
 
     def _command(self, state: float) -> Any:
         return np.full(self._size, self._amplitude * math.sin(2.0 * math.pi * state))
+
+
+class Counter(TickingController[dict[str, int]]):
+    """Counts its calls by kind."""
+
+    def __init__(
+        self, parameters: WaveParameters, params: ControllerInterfaceParams
+    ) -> None:
+        super().__init__(params, {})
+        self._declare_topic("calls", lambda calls: calls)
+
+    def _update(self, now: Now, state: dict[str, int]) -> dict[str, int]:
+        return count(state, "update")
+
+    def _activate(self, now: Now, state: dict[str, int]) -> dict[str, int]:
+        return count(state, "activate")
+
+    def _deactivate(self, now: Now, state: dict[str, int]) -> dict[str, int]:
+        return count(state, "deactivate")
+
+    def _idle(self, now: Now, state: dict[str, int]) -> dict[str, int]:
+        return count(state, "idle")
+
+
+def count(calls: dict[str, int], kind: str) -> dict[str, int]:
+    return {**calls, kind: calls.get(kind, 0) + 1}
+
+
+class Watcher(ControllerInterface):
+    """Shows the positions of joints, and has no tick."""
+
+    def __init__(
+        self, parameters: WaveParameters, params: ControllerInterfaceParams
+    ) -> None:
+        names = tuple(f"{joint}/position" for joint in parameters.joints)
+        super().__init__(params, state_interfaces=names)
+        self.DeclareVectorOutputPort(
+            "positions",
+            len(names),
+            lambda context, output: output.SetFromVector(self._read(context)),
+            prerequisites_of_calc={self._measured.ticket()},
+        )
 
 
 @pytest.fixture(autouse=True)
@@ -69,9 +110,13 @@ def own_types(monkeypatch):
     monkeypatch.setattr(controllers, "CONTROLLER_TYPES", types)
 
 
-def simulate(folder: Path) -> ad.Rollout:
+def make_simulation(folder: Path) -> ad.Simulation:
     robot = models.load(folder, models.pendulum(), YAML)
-    simulation = ad.Simulation(ad.build_diagram(robot))
+    return ad.Simulation(ad.build_diagram(robot))
+
+
+def simulate(folder: Path) -> ad.Rollout:
+    simulation = make_simulation(folder)
     simulation.advance_to(2.0)
     return simulation.rollout()
 
@@ -84,6 +129,29 @@ def test_a_type_of_ones_own_moves_the_robot(tmp_path):
     late = rollout.position[100:, 0]
     assert late.max() == pytest.approx(0.2, abs=0.01)
     assert late.min() == pytest.approx(-0.2, abs=0.01)
+
+
+def test_the_life_of_a_controller_calls_its_hooks(tmp_path):
+    ad.register_controller(TYPE, WaveParameters, Counter)
+    simulation = make_simulation(tmp_path)
+
+    simulation.advance_to(0.095)
+    simulation.switch_controllers(deactivate=["wave"])
+    simulation.advance_to(0.145)
+
+    # Ten cycles from 0 on, then five.
+    expected = {"activate": 1, "update": 10, "deactivate": 1, "idle": 5}
+    assert simulation.eval_output("wave.calls") == expected
+
+
+def test_a_type_of_ones_own_needs_no_tick(tmp_path):
+    ad.register_controller(TYPE, WaveParameters, Watcher)
+    simulation = make_simulation(tmp_path)
+
+    simulation.advance_to(0.05)
+
+    measured = simulation.joint_states().position
+    assert tuple(simulation.eval_output("wave.positions")) == measured
 
 
 def test_without_it_the_type_is_unknown(tmp_path):

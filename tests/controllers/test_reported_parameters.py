@@ -9,8 +9,6 @@ import yaml
 
 from arm_drake.controller_loading import load_controllers
 from arm_drake.controllers import CONTROLLER_TYPES
-from arm_drake.controllers.controller_interface import ControllerInterfaceParams
-from arm_drake.controllers.joint_trajectory_controller import JointTrajectoryController
 from arm_drake.description.controllers import (
     ControllerConfig,
     ControllerManagerConfig,
@@ -23,7 +21,7 @@ from arm_drake.surroundings import Surroundings
 from tests.controllers.parameters import (
     ACKERMANN,
     DIFF_DRIVE,
-    FORWARD,
+    GPIO,
     JSB,
     JTC,
     MINIMAL,
@@ -36,49 +34,31 @@ from tests.controllers.parameters import (
 from tests.robots import robots_folder
 
 
-def not_acted_on(name: str, value: Any, only: Any) -> str:
-    return (
-        f"warning: {name}: {value!r} is not acted on yet; the controller acts as with "
-        f"{only!r}"
-    )
-
-
 @pytest.mark.parametrize(
-    ("type_", "name", "value", "only"),
+    ("type_", "name", "value"),
     [
-        (JTC, "speed_scaling.state_interface", "s/factor", ""),
-        (JTC, "speed_scaling.command_interface", "s/factor", ""),
-        (JTC, "speed_scaling.initial_scaling_factor", 0.5, 1.0),
-        (JTC, "constraints.decelerate_on_cancel", True, False),
-        (JSB, "map_interface_to_joint_state.position", "angle", "position"),
-        (JSB, "map_interface_to_joint_state.velocity", "speed", "velocity"),
-        (JSB, "map_interface_to_joint_state.effort", "torque", "effort"),
-        (JSB, "publish_dynamic_joint_states", True, False),
+        (JTC, "speed_scaling.state_interface", "s/factor"),
+        (JTC, "speed_scaling.command_interface", "s/factor"),
+        (JTC, "speed_scaling.initial_scaling_factor", 0.5),
+        (JTC, "constraints.decelerate_on_cancel", True),
+        (JTC, "command_joints", ["b"]),
+        (JSB, "map_interface_to_joint_state.position", "angle"),
+        (JSB, "map_interface_to_joint_state.velocity", "speed"),
+        (JSB, "map_interface_to_joint_state.effort", "torque"),
+        (JSB, "publish_dynamic_joint_states", True),
     ],
 )
-def test_what_a_controller_does_not_act_on_yet_is_reported(type_, name, value, only):
-    assert report_of(type_, {name: value}) == [not_acted_on(name, value, only)]
-    assert report_of(type_, {name: only}) == []
+def test_what_a_controller_acts_on_is_not_reported(type_, name, value):
+    assert report_of(type_, {name: value}) == []
 
 
-def test_other_joints_to_command_are_refused():
-    params = ControllerInterfaceParams(
-        controller_name="c",
-        update_rate=100,
-        period=0.01,
-        joint_types={"a": "revolute", "b": "revolute"},
-        command_interfaces=frozenset(),
-        state_interfaces=frozenset(),
-        measured=(),
-        initial_commands={},
-    )
+def test_the_only_value_that_acts_is_named():
+    name = "start_with_holding"
 
-    with pytest.raises(ParameterError) as caught:
-        JointTrajectoryController(load(JTC, {"command_joints": ["b"]}), params)
-
-    assert str(caught.value) == (
-        "command_joints other than joints are not acted on yet, got ['b']"
-    )
+    assert report_of(JTC, {name: False}, distro="humble") == [
+        f"warning: {name}: False is not acted on yet; the controller acts as with True"
+    ]
+    assert report_of(JTC, {name: True}, distro="humble") == []
 
 
 def test_gains_without_a_pid_are_reported_once():
@@ -101,7 +81,6 @@ def test_the_name_of_the_scaled_controllers_factor_is_taken():
     assert report_of(SCALED_JTC, {name: factor}) == [
         f"info: {name}: older parameter; later: speed_scaling.state_interface: "
         f"{factor}; taken as that",
-        not_acted_on("speed_scaling.state_interface", factor, ""),
     ]
 
 
@@ -187,21 +166,14 @@ def loaded_by_manager(type_: str, **given: Any) -> tuple[list[str], list[str], b
 
 def test_a_type_that_is_not_simulated_has_its_parameters_checked():
     done = "the controller does not run"
+    what = f"error: c.yaml:3: c: controller type {GPIO!r} is not simulated yet; {done}"
 
-    assert loaded_by_manager(FORWARD) == (
+    assert loaded_by_manager(GPIO) == (["unconfigured"], [what], False)
+    assert loaded_by_manager(GPIO, gpios=[]) == (
         ["unconfigured"],
         [
-            f"error: c.yaml:3: c: controller type {FORWARD!r} is not simulated yet; "
-            f"{done}"
-        ],
-        False,
-    )
-    assert loaded_by_manager(FORWARD, joints=[]) == (
-        ["unconfigured"],
-        [
-            f"error: c.yaml:3: c: controller type {FORWARD!r} is not simulated yet; "
-            f"{done}",
-            f"error: c.yaml: c: joints must have at least one element; {done}",
+            what,
+            f"error: c.yaml: c: gpios must have at least one element; {done}",
         ],
         False,
     )

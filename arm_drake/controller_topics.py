@@ -1,0 +1,125 @@
+"""What a controller can be sent: its topics, and messages as it takes them."""
+
+import dataclasses as dc
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from arm_drake import interfaces
+from arm_drake.controllers.controller_interface import ControllerInterface
+from arm_drake.errors import InputError
+from arm_drake.messages import (
+    Float64MultiArray,
+    MultiDOFCommand,
+    SpeedScalingFactor,
+)
+
+# Input ports of controllers.
+ACTION = "follow_joint_trajectory"
+TOPIC = "joint_trajectory"
+COMMANDS = "commands"
+REFERENCE = "reference"
+SPEED_SCALING = "speed_scaling_input"
+
+
+@dc.dataclass(frozen=True)
+class ControllerTopics:
+    """Makes messages for one controller, or an error that says what it takes."""
+
+    # Name of the controller with its robot's prefix, and its ros2_control type.
+    name: str
+    type: str
+
+    system: ControllerInterface
+
+    def check(self, port: str) -> None:
+        """Raise InputError if the controller has no such input port."""
+        if self.system.HasInputPort(port):
+            return
+        names = [
+            self.system.get_input_port(index).get_name()
+            for index in range(self.system.num_input_ports())
+        ]
+        topics = ", ".join(name for name in names if not interfaces.is_internal(name))
+        takes = f"; it takes {topics}" if topics else ""
+        raise InputError(
+            f"controller {self.name!r} of type {self.type!r} has no {port}{takes}"
+        )
+
+    def make_command(
+        self, values: Sequence[float], values_dot: Sequence[float] = ()
+    ) -> tuple[str, Float64MultiArray | MultiDOFCommand]:
+        """Return the port on which the controller takes commands, and the message.
+
+        Args:
+            values: Commands of its interfaces, or references, in its order.
+            values_dot: Rates of change of references, or none.
+
+        Raises:
+            InputError: If it takes none, others, or another number of them.
+        """
+        system = self.system
+        if system.HasInputPort(COMMANDS):
+            if len(values_dot):
+                raise self._error("it takes no rates (values_dot)")
+            data = self._check_values(values, system.command_interfaces)
+            return COMMANDS, Float64MultiArray(data)
+        if not system.HasInputPort(REFERENCE):
+            self.check(COMMANDS)
+        # All names of the first interface come first.
+        prefix = f"{system.params.controller_name}/"
+        references = [n.removeprefix(prefix) for n in system.reference_interfaces]
+        num_dofs = len(system.command_interfaces)
+        dofs, rates = references[:num_dofs], references[num_dofs:]
+        data = self._check_values(values, dofs)
+        data_dot: tuple[float, ...] = ()
+        if len(values_dot):
+            if not rates:
+                second = "a second one of reference_and_state_interfaces"
+                raise self._error(f"it takes no rates (values_dot) without {second}")
+            data_dot = self._check_values(values_dot, rates)
+        names = tuple(dof.rpartition("/")[0] for dof in dofs)
+        return REFERENCE, MultiDOFCommand(names, data, data_dot)
+
+    def make_speed_scaling(self, factor: float) -> SpeedScalingFactor:
+        """Return a speed scaling.
+
+        Args:
+            factor: How fast time passes, at least 0.
+
+        Raises:
+            InputError: If it is something else.
+        """
+        if not _is_finite(factor) or factor < 0.0:
+            raise self._error(
+                f"expected a speed scaling factor of at least 0, got {factor!r}"
+            )
+        return SpeedScalingFactor(float(factor))
+
+    def _check_values(
+        self, values: Sequence[float], names: Sequence[str]
+    ) -> tuple[float, ...]:
+        """Return finite numbers, one for each name."""
+        noun = "value" if len(names) == 1 else "values"
+        expected = f"expected {len(names)} {noun} ({', '.join(names)})"
+        try:
+            given = list(values)
+        except TypeError:
+            raise self._error(f"{expected}, got {values!r}") from None
+        if len(given) != len(names):
+            raise self._error(f"{expected}, got {len(given)}")
+        for name, value in zip(names, given, strict=True):
+            if not _is_finite(value):
+                raise self._error(f"{name}: expected a finite number, got {value!r}")
+        return tuple(map(float, given))
+
+    def _error(self, problem: str) -> InputError:
+        return InputError(f"controller {self.name!r}: {problem}")
+
+
+def _is_finite(value: Any) -> bool:
+    """Return whether a value is a finite number."""
+    try:
+        return not isinstance(value, bool) and math.isfinite(value)
+    except (TypeError, OverflowError):
+        return False

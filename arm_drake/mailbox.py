@@ -1,0 +1,188 @@
+"""What goes into a running diagram as messages, and what comes out as news."""
+
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple, TypeAlias
+
+from pydrake.common.value import AbstractValue
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Diagram, OutputPort
+
+from arm_drake.clients import GoalHandle
+from arm_drake.manager import MANAGER, ControllerManager
+from arm_drake.manager_lifecycle import ControllerFailure
+from arm_drake.messages import (
+    CancelResponse,
+    Float64MultiArray,
+    GoalEvent,
+    JointTrajectory,
+    Message,
+    MultiDOFCommand,
+    ParametersRejected,
+    SpeedScalingFactor,
+    SwitchControllerResult,
+    TopicRejected,
+)
+
+Rejection: TypeAlias = TopicRejected | ParametersRejected
+Failure: TypeAlias = ControllerFailure | SwitchControllerResult
+News: TypeAlias = GoalHandle | Rejection | CancelResponse | Failure
+
+
+class _Source(NamedTuple):
+    """A port of a controller or manager on which numbered events are."""
+
+    port: OutputPort
+
+    # Name of the controller with its robot's prefix, or this prefix alone.
+    name: str
+
+
+class Mailbox:
+    """Puts messages on the ports of a diagram, and collects the news."""
+
+    def __init__(
+        self,
+        diagram: Diagram,
+        simulator: Simulator,
+        managers: Iterable[ControllerManager],
+    ) -> None:
+        """Create it, with nothing sent.
+
+        Args:
+            diagram: The diagram.
+            simulator: What runs it.
+            managers: Its controller managers.
+        """
+        self._diagram = diagram
+        self._simulator = simulator
+        self._sources = []
+        for manager in managers:
+            self._sources += [
+                _Source(
+                    controller.system.GetOutputPort("events"),
+                    f"{manager.prefix}{controller.name}",
+                )
+                for controller in manager.controllers
+                if controller.system is not None
+                and controller.system.HasOutputPort("events")
+            ]
+            self._sources.append(
+                _Source(manager.GetOutputPort("events"), manager.prefix)
+            )
+        self._next_event = [0] * len(self._sources)
+
+        # What lies on the ports, and since when [s].
+        self._published: dict[str, list[tuple[float, Message]]] = {}
+
+        # Goals, and other messages with the place that they come from, by their id.
+        self._handles: dict[int, GoalHandle] = {}
+        self._places: dict[int, tuple[Message, str]] = {}
+
+        # Name of the source of each rejection and failure, by its id.
+        self._names: dict[int, str] = {}
+
+        self.goals: list[GoalHandle] = []
+        self.rejected: list[Rejection] = []
+        self.failures: list[Failure] = []
+
+    def add_goal(self, goal: GoalHandle) -> None:
+        """Take note of a goal that is being sent."""
+        self._handles[id(goal.request)] = goal
+        self.goals.append(goal)
+
+    def add_message(self, message: Message, where: str) -> None:
+        """Take note of where a message that is being sent comes from."""
+        self._places[id(message)] = (message, where)
+
+    def publish(self, port: str, message: Message, period: float) -> None:
+        """Put a message on a port; those of before stay while they may be unseen.
+
+        Args:
+            port: Input port of the diagram.
+            message: What to put there.
+            period: Period of who reads it [s].
+        """
+        context = self._simulator.get_mutable_context()
+        time = context.get_time()
+        recent = [
+            (sent, other)
+            for sent, other in self._published.get(port, ())
+            if sent > time - 2.0 * period
+        ]
+        self._published[port] = [*recent, (time, message)]
+        messages = tuple(message for _, message in self._published[port])
+        value = AbstractValue.Make(messages)
+        self._diagram.GetInputPort(port).FixValue(context, value)
+
+    def collect(self) -> Iterator[News]:
+        """Yield the news since the last time, one source after the other.
+
+        A goal's handle knows no more than what was told so far.
+        """
+        root = self._simulator.get_context()
+        for index, (port, name) in enumerate(self._sources):
+            events = port.Eval(port.get_system().GetMyContextFromRoot(root))
+            first = self._next_event[index]
+            self._next_event[index] = events[-1][0] + 1 if events else 0
+            # If the last one is older than what was seen, the context is one of before.
+            if events and events[-1][0] >= first:
+                for number, event in events:
+                    if number >= first:
+                        yield from self._take(event, name)
+
+    def _take(
+        self, event: GoalEvent | Rejection | CancelResponse | Failure, name: str
+    ) -> list[News]:
+        """Take note of an event; return it, or nothing if nobody waits for it."""
+        if isinstance(event, GoalEvent):
+            handle = self._handles.get(id(event.request))
+            if handle is None:  # Sent past the Simulation, by a system of the user's.
+                return []
+            handle.update(event)
+            return [handle]
+        if isinstance(event, TopicRejected | ParametersRejected):
+            self._names[id(event)] = name
+            self.rejected.append(event)
+        elif isinstance(event, ControllerFailure) or (
+            isinstance(event, SwitchControllerResult) and not event.ok
+        ):
+            self._names[id(event)] = name
+            self.failures.append(event)
+        return [event]
+
+    def describe(self, event: Rejection | Failure) -> str:
+        """Return one line about a rejection or a failure: where, who, what, why."""
+        name = self._names.get(id(event), "")
+        if isinstance(event, ControllerFailure):
+            return f"{name}{event.controller}: {_describe_failure(event)}"
+        if isinstance(event, ParametersRejected):
+            return f"{name}: parameters refused: {event.reason}"
+        if isinstance(event, SwitchControllerResult):
+            place = self._place(event.request)
+            return f"{place}{name}{MANAGER}: switch refused: {event.message}"
+        kind = _KINDS.get(type(event.message), "message")
+        return f"{self._place(event.message)}{name}: {kind} refused: {event.reason}"
+
+    def _place(self, message: Message) -> str:
+        """Return the start of a line about a message: where it comes from."""
+        _, where = self._places.get(id(message), (None, ""))
+        return f"{where}: " if where else ""
+
+
+# What messages are called.
+_KINDS: dict[type[Message], str] = {
+    JointTrajectory: "trajectory",
+    Float64MultiArray: "commands",
+    MultiDOFCommand: "commands",
+    SpeedScalingFactor: "speed scaling",
+}
+
+
+def _describe_failure(event: ControllerFailure) -> str:
+    others = [repr(name) for name in event.deactivated if name != event.controller]
+    text = "the update failed, the controller is deactivated"
+    if others:
+        text += f", its chain too: {', '.join(others)}"
+    if event.activated:
+        text += f"; active in its place: {', '.join(map(repr, event.activated))}"
+    return text

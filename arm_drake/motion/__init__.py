@@ -1,0 +1,6 @@
+"""Motion files: what is sent to the controllers, and when; see `docs/motions.md`."""
+
+from arm_drake.motion.files import load_motion, parse_motion
+from arm_drake.motion.timeline import Motion, MotionStep, StepMessage
+
+__all__ = ["Motion", "MotionStep", "StepMessage", "load_motion", "parse_motion"]

@@ -1,0 +1,98 @@
+"""The steps of a motion, and how long they take."""
+
+import dataclasses as dc
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TypeAlias
+
+from arm_drake.messages import (
+    Float64MultiArray,
+    FollowJointTrajectoryGoal,
+    JointTrajectory,
+    SpeedScalingFactor,
+    SwitchController,
+)
+
+# None cancels the controller's goal. Numbers are for any controller that takes
+# commands, also for one that takes them as another message.
+StepMessage: TypeAlias = (
+    FollowJointTrajectoryGoal
+    | JointTrajectory
+    | Float64MultiArray
+    | SpeedScalingFactor
+    | SwitchController
+    | None
+)
+
+
+@dc.dataclass(frozen=True)
+class MotionStep:
+    """Something that is sent to a controller, or to the controller manager."""
+
+    # When, from the start of the motion [s].
+    at: float
+
+    # Name of the controller; None is the controller manager.
+    controller: str | None
+
+    message: StepMessage
+
+    # Place in the file, for messages.
+    where: str
+
+
+@dc.dataclass(frozen=True)
+class Motion:
+    """The steps of a motion file, in the order of their times."""
+
+    file: Path | None
+    steps: tuple[MotionStep, ...]
+
+    @property
+    def duration(self) -> float:
+        """When the last step is done, trajectories at their scaled speed [s]."""
+        factors: dict[str | None, list[tuple[float, float]]] = {}
+        for step in self.steps:
+            if isinstance(step.message, SpeedScalingFactor):
+                change = (step.at, step.message.factor)
+                factors.setdefault(step.controller, []).append(change)
+        ends = (_end(step, factors.get(step.controller, ())) for step in self.steps)
+        return max(ends, default=0.0)
+
+    def place(self, step: MotionStep) -> str:
+        """Return where a step stands, for messages."""
+        return f"{self.file}: {step.where}" if self.file else step.where
+
+
+def _end(step: MotionStep, factors: Iterable[tuple[float, float]]) -> float:
+    """Return when a step is done [s], given its controller's changes of speed."""
+    message = step.message
+    if isinstance(message, FollowJointTrajectoryGoal):
+        message = message.trajectory
+    if not isinstance(message, JointTrajectory) or not message.points:
+        return step.at
+    # A stamp counts from the start of the simulation.
+    start = max(step.at, message.header.stamp.to_seconds())
+    length = message.points[-1].time_from_start.to_seconds()
+    return _scaled_end(start, max(0.0, length), factors)
+
+
+def _scaled_end(
+    start: float, length: float, factors: Iterable[tuple[float, float]]
+) -> float:
+    """Return when a trajectory ends [s]; if it stops for ever, when it does.
+
+    Args:
+        start: When it starts [s].
+        length: How long it takes at full speed [s].
+        factors: From when [s] its time passes how fast, in the order of the times.
+    """
+    now, speed = start, 1.0
+    for at, factor in factors:
+        if at > now:
+            done = (at - now) * speed
+            if done >= length:
+                break
+            now, length = at, length - done
+        speed = factor
+    return now + length / speed if speed > 0.0 else now

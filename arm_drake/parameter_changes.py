@@ -1,0 +1,192 @@
+"""Parameters of a controller that change while it runs.
+
+They are read as the loader reads a YAML. Which ones may change is that of
+ros2_controllers' parameter declarations (version 6.9.0, `read_only`).
+"""
+
+import dataclasses as dc
+import fnmatch
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import Context
+
+from arm_drake import interfaces
+from arm_drake.controllers import find_controller_type
+from arm_drake.controllers.controller_interface import ControllerInterface
+from arm_drake.controllers.joint_trajectory_parameters import (
+    JointTrajectoryControllerParameters,
+)
+from arm_drake.controllers.pid_parameters import PidControllerParameters
+from arm_drake.description.controllers import ControllerConfig
+from arm_drake.description.parameters import Parameter, Parameters, load_parameters
+from arm_drake.description.report import LoadReport
+from arm_drake.description.robot import Robot
+from arm_drake.errors import ParameterError
+
+# Of a type that isn't here the controller itself decides.
+_CHANGEABLE: dict[type, tuple[str, ...]] = {
+    PidControllerParameters: (
+        "enable_feedforward",
+        "gains.*",
+        "set_current_state_as_first_setpoint",
+    ),
+    JointTrajectoryControllerParameters: (
+        "allow_integration_in_goal_trajectories",
+        "allow_nonzero_velocity_at_trajectory_end",
+        "allow_partial_joints_goal",
+        "allow_trajectory_replacement",
+        "cmd_timeout",
+        "constraints.*.goal",
+        "constraints.*.trajectory",
+        "constraints.goal_time",
+        "constraints.stopped_velocity_tolerance",
+        "gains.*",
+        "set_last_command_interface_value_as_state_on_activation",
+    ),
+}
+
+# What the manager takes from a controller's parameters, once.
+_OF_THE_MANAGER = ("update_rate", "use_sim_time")
+
+_FIXED = "can't change while the controller runs"
+
+# Where values come from that no file holds.
+_NO_FILE = Path()
+
+
+class ParameterChanges:
+    """Puts changed parameters on the controllers' ports, one change upon the other."""
+
+    def __init__(self) -> None:
+        """Create it, with nothing changed."""
+        # What was put there, and all changes in it.
+        self._published: dict[str, list[tuple[object, Parameters]]] = {}
+
+    def publish(
+        self,
+        robot: Robot,
+        system: ControllerInterface,
+        context: Context,
+        changes: Mapping[str, Any],
+    ) -> None:
+        """Change parameters of a controller.
+
+        Args:
+            robot: Whose controller it is.
+            system: The controller.
+            context: Its Context.
+            changes: New values by their names, dotted or nested.
+
+        Raises:
+            ParameterError: If a parameter is unknown, can't change, or has a bad value.
+        """
+        name = system.params.controller_name
+        config = next(c for c in robot.controllers.controllers if c.name == name)
+        port = system.GetInputPort(interfaces.PARAMETERS_PORT)
+        present = port.Eval(context) if port.HasValue(context) else None
+        # The context may be one of before: what is there counts, not what came last.
+        history = self._published.setdefault(f"{robot.name}/{name}", [])
+        earlier = next((c for p, c in reversed(history) if p == present), {})
+        parameters, changed = change_parameters(
+            config, earlier, changes, distro=robot.distro
+        )
+        history.append((parameters, changed))
+        port.FixValue(context, AbstractValue.Make(parameters))
+
+
+def change_parameters(
+    config: ControllerConfig,
+    earlier: Parameters,
+    changes: Mapping[str, Any],
+    *,
+    distro: str,
+) -> tuple[Any, Parameters]:
+    """Return a controller's parameters with some changed.
+
+    Args:
+        config: What the YAML configures.
+        earlier: What was changed before, by dotted names.
+        changes: New values by their names, dotted or nested.
+        distro: Distribution whose parameters and defaults hold.
+
+    Returns:
+        The parameters as a dataclass, and all that was changed by now.
+
+    Raises:
+        ParameterError: If a parameter is unknown, can't change, or has a bad value.
+    """
+    new = {name: Parameter(value, _NO_FILE, 0) for name, value in _flatten(changes, "")}
+    for name in _OF_THE_MANAGER:
+        if name in new:
+            raise ParameterError(_FIXED, where=f"{config.name}.{name}")
+    base = {n: p for n, p in config.parameters.items() if n not in _OF_THE_MANAGER}
+    changed = {**earlier, **new}
+    before, _ = _load(config, {**base, **earlier}, distro)
+    after, report = _load(config, {**base, **changed}, distro)
+    for entry in report:
+        name = entry.where.removeprefix(f"{config.name}.")
+        if name in new and entry.kind != "repair":
+            raise ParameterError(entry.what, where=entry.where)
+    _check_changes(config.name, before, after)
+    return after, changed
+
+
+def _load(
+    config: ControllerConfig, parameters: Parameters, distro: str
+) -> tuple[Any, LoadReport]:
+    row = find_controller_type(config.type)
+    assert row is not None  # It could be loaded.
+    report = LoadReport()
+    try:
+        loaded: Any = load_parameters(
+            row.parameters, parameters, config.name, config.file, report, distro=distro
+        )
+    except ParameterError as error:  # What is in the file is as it was.
+        raise ParameterError(error.problem, where=error.where) from None
+    return loaded, report
+
+
+def _check_changes(controller: str, before: Any, after: Any) -> None:
+    """Raise ParameterError if something changes that mustn't."""
+    old, new = dict(_leaves(before, "")), dict(_leaves(after, ""))
+    for schema, changeable in _CHANGEABLE.items():
+        if not isinstance(after, schema):
+            continue
+        for name, value in new.items():
+            if value != old.get(name) and not any(
+                fnmatch.fnmatchcase(name, pattern) for pattern in changeable
+            ):
+                raise ParameterError(
+                    f"{_FIXED}; these can: {', '.join(changeable)}",
+                    where=f"{controller}.{name}",
+                )
+
+
+def _flatten(changes: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
+    """Yield the values of nested mappings by their dotted names."""
+    for name, value in changes.items():
+        if isinstance(value, Mapping):
+            yield from _flatten(value, f"{prefix}{name}.")
+        elif isinstance(value, np.ndarray | np.generic):
+            yield f"{prefix}{name}", value.tolist()
+        else:
+            is_sequence = isinstance(value, tuple)
+            yield f"{prefix}{name}", list(value) if is_sequence else value
+
+
+def _leaves(value: Any, name: str) -> Iterator[tuple[str, Any]]:
+    """Yield the values of a parameters dataclass by their dotted names."""
+    if dc.is_dataclass(value):
+        for field in dc.fields(value):
+            # The name of a group per element isn't part of its elements' names.
+            own = "" if "per_element_of" in field.metadata else f".{field.name}"
+            yield from _leaves(getattr(value, field.name), f"{name}{own}")
+    elif isinstance(value, dict):
+        for key, below in cast("dict[str, Any]", value).items():
+            yield from _leaves(below, f"{name}.{key}")
+    else:
+        yield name.lstrip("."), value

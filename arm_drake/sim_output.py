@@ -1,0 +1,162 @@
+"""What `arm-drake sim` says: how it goes, what failed, and how it ended."""
+
+import sys
+from typing import Any
+
+from arm_drake.clients import GoalHandle
+from arm_drake.description.robot import Robot
+from arm_drake.mailbox import News
+from arm_drake.messages import GoalStatus, SwitchControllerResult
+from arm_drake.rollout import Rollout
+from arm_drake.simulation import Simulation
+
+_FAILED = (GoalStatus.REJECTED, GoalStatus.ABORTED)
+
+
+class Speaker:
+    """Says how it goes: lines on standard output, progress on standard error."""
+
+    def __init__(self, *, is_quiet: bool) -> None:
+        """Create it.
+
+        Args:
+            is_quiet: Whether nothing else than JSON is to be on standard output.
+        """
+        self._is_quiet = is_quiet
+        self._is_terminal = sys.stderr.isatty()
+        self._next_report = 0.0
+        self._news = ""
+
+    def line(self, text: str) -> None:
+        """Say something, if it isn't empty."""
+        if text and not self._is_quiet:
+            if self._is_terminal:
+                sys.stderr.write("\r\033[K")
+            print(text, flush=True)
+
+    def page(self, text: str) -> None:
+        """Say something about the page: also beside JSON, on standard error."""
+        if self._is_quiet:
+            print(text, file=sys.stderr, flush=True)
+        else:
+            self.line(text)
+
+    def progress(self, simulated: float) -> None:
+        """Show the simulated time: in place on a terminal, else once a second."""
+        text = f"{simulated:7.2f} s  {self._news}"
+        if self._is_terminal:
+            sys.stderr.write(f"\r\033[K{text}")
+            sys.stderr.flush()
+        elif simulated >= self._next_report and not self._is_quiet:
+            print(text, file=sys.stderr, flush=True)
+            self._next_report = simulated + 1.0 - 1e-6
+
+    def event(self, news: News) -> None:
+        """Tell news of goals and switches; what fails is told at the end."""
+        if isinstance(news, SwitchControllerResult) and news.ok:
+            self._switched(news)
+        elif isinstance(news, GoalHandle):
+            self._goal(news)
+
+    def _switched(self, news: SwitchControllerResult) -> None:
+        lists = {
+            "activate": news.request.activate_controllers,
+            "deactivate": news.request.deactivate_controllers,
+        }
+        asked = "; ".join(f"{k} {', '.join(v)}" for k, v in lists.items() if v)
+        self.line(f"switch of controllers: {asked}")
+        if news.message:
+            print(f"warning: left out: {news.message}", file=sys.stderr)
+
+    def _goal(self, news: GoalHandle) -> None:
+        if news.status is GoalStatus.EXECUTING:
+            if news.feedback:
+                errors = news.feedback[-1].error.positions
+                largest = max((abs(error) for error in errors), default=0.0)
+                self._news = f"{news.controller}: error {1e3 * largest:.1f} mrad"
+            else:
+                self.line(f"{news.controller}: goal accepted")
+                if news.note:
+                    print(f"warning: {news.controller}: {news.note}", file=sys.stderr)
+        elif news.result is not None:
+            self._news = ""
+            text = f"{news.status.value}, error code {int(news.result.error_code)}"
+            if news.result.error_string:
+                text += f": {news.result.error_string}"
+            self.line(f"{news.controller}: {text}")
+
+
+def list_failures(simulation: Simulation) -> list[str]:
+    """Return a line for all that failed: goals, messages, switches, controllers.
+
+    Args:
+        simulation: A simulation that has run.
+    """
+    lines = []
+    for goal in simulation.goals:
+        if goal.status in _FAILED and goal.result is not None:
+            place = f"{goal.where}: " if goal.where else ""
+            lines.append(
+                f"{place}{goal.controller}: goal {goal.status.value}, "
+                f"error code {int(goal.result.error_code)}: {goal.result.error_string}"
+            )
+    events = (*simulation.rejected, *simulation.failures)
+    return lines + [simulation.mailbox.describe(event) for event in events]
+
+
+def summarize(
+    simulation: Simulation, robot: Robot, rollout: Rollout, wall_time: float
+) -> dict[str, Any]:
+    """Return what `--json` prints.
+
+    Args:
+        simulation: A simulation that has run.
+        robot: Its robot.
+        rollout: What was recorded.
+        wall_time: How long it took [s].
+    """
+    final = simulation.joint_states()
+    return {
+        "robot": robot.name,
+        "joints": list(rollout.joint_names),
+        "duration": simulation.time,
+        "wall_time": wall_time,
+        "real_time_factor": simulation.time / wall_time if wall_time else None,
+        "controllers": [row._asdict() for row in simulation.list_controllers()],
+        "goals": [
+            {
+                "controller": goal.controller,
+                "status": goal.status.value,
+                "error_code": None if goal.result is None else goal.result.error_code,
+                "error_string": "" if goal.result is None else goal.result.error_string,
+            }
+            for goal in simulation.goals
+        ],
+        "failures": list_failures(simulation),
+        "effort_saturation": rollout.effort_saturation(),
+        "final": dict(zip(final.name, final.position, strict=True)),
+        "report": simulation.report.to_json(),
+    }
+
+
+def print_summary(
+    simulation: Simulation, rollout: Rollout, wall_time: float, say: Speaker
+) -> None:
+    """Say how a simulation ended.
+
+    Args:
+        simulation: A simulation that has run.
+        rollout: What was recorded.
+        wall_time: How long it took [s].
+        say: What says it.
+    """
+    factor = simulation.time / wall_time if wall_time else 0.0
+    say.line(
+        f"simulated {simulation.time:.2f} s in {wall_time:.2f} s "
+        f"({factor:.1f} x real time)"
+    )
+    for goal in simulation.goals:
+        if not goal.status.is_terminal:
+            say.line(f"{goal.controller}: goal is still {goal.status.value}")
+    for name, seconds in rollout.effort_saturation().items():
+        say.line(f"{name} was at its effort limit for {seconds:.2f} s")

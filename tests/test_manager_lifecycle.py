@@ -1,0 +1,485 @@
+"""What a controller manager decides in a cycle, without a diagram around it."""
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from arm_drake.control.drive_commands import DriveCommands
+from arm_drake.controllers.controller_interface import Cycle, Tick
+from arm_drake.manager_claims import Claimants
+from arm_drake.manager_lifecycle import (
+    ControllerFailure,
+    Lifecycle,
+    ManagerState,
+    Refusal,
+    add_events,
+)
+from arm_drake.manager_loop import Readings, StoredStates, initial_values
+from arm_drake.messages import SwitchController, SwitchControllerResult
+from arm_drake.surroundings import Surroundings
+from arm_drake.switching import ControllerInfo
+
+JOINTS = ("a", "b")
+ORDER = ("a/position", "a/velocity", "b/position", "b/velocity", "low/a/position")
+
+# Two that exclude each other, a chain of two, and one of another joint.
+INFOS = {
+    info.name: info
+    for info in (
+        ControllerInfo("arm", ("a/position",), joints=("a",)),
+        ControllerInfo("speed", ("a/velocity",), joints=("a",)),
+        ControllerInfo("top", ("low/a/position",)),
+        ControllerInfo(
+            "low", ("a/position",), reference_interfaces=("low/a/position",)
+        ),
+        ControllerInfo("hand", ("b/position",)),
+        ControllerInfo("broken", is_configured=False),
+    )
+}
+RATES = dict.fromkeys(INFOS, 100) | {"hand": 50}
+
+
+def make_lifecycle(
+    *,
+    fallback: Mapping[str, Sequence[str]] | None = None,
+    is_strict: bool = False,
+    refuse: Refusal | None = None,
+) -> Lifecycle:
+    return Lifecycle(
+        INFOS,
+        RATES,
+        fallback or {},
+        DriveCommands(JOINTS, ORDER, velocity_lead=0.05),
+        update_rate=100,
+        is_strict=is_strict,
+        refuse=refuse,
+    )
+
+
+def after_a_cycle(state: ManagerState, time_ns: int = 0) -> ManagerState:
+    """Return the state after a cycle in which nothing happens."""
+    cycle = Cycle(state.cycle.number + 1, time_ns, 10_000_000, state.active)
+    return state._replace(cycle=cycle)
+
+
+def test_at_first_those_that_start_are_active_in_their_order():
+    state = make_lifecycle().start(["low", "top", "hand"])
+
+    assert list(state.active) == ["low", "top", "hand"]
+    assert len(set(state.active.values())) == 3
+    assert state.next_activation > max(state.active.values())
+    assert state.chained == {"low"}
+    assert state.cycle.number == -1
+    assert not state.cycle.active
+    assert state.mode.is_position.tolist() == [True, True]
+
+
+def test_a_switch_numbers_activations_anew():
+    lifecycle = make_lifecycle()
+    held = after_a_cycle(lifecycle.start(["arm", "hand"]))
+    request = SwitchController(("hand",), ("arm", "hand"))
+
+    done = lifecycle.switch(held, [request])
+
+    assert list(done.active) == ["hand"]
+    assert done.active["hand"] not in held.active.values()
+    assert done.next_activation > done.active["hand"]
+    assert done.events == (SwitchControllerResult(request, True, ""),)
+    assert done.mode.is_position.tolist() == [False, True]
+    # What was held is as before.
+    assert list(held.active) == ["arm", "hand"]
+
+
+def test_requests_are_met_one_after_the_other():
+    lifecycle = make_lifecycle()
+    held = after_a_cycle(lifecycle.start(["arm"]))
+    requests = [
+        SwitchController((), ("arm",), "strict"),
+        SwitchController(("speed",), (), "strict"),
+        SwitchController(("arm",), (), "strict"),
+    ]
+
+    done = lifecycle.switch(held, requests)
+
+    assert list(done.active) == ["speed"]
+    assert [event.ok for event in done.events] == [True, True, False]
+    assert [event.request for event in done.events] == requests
+    assert done.mode.is_velocity.tolist() == [True, False]
+
+
+def test_without_requests_what_is_active_stays():
+    lifecycle = make_lifecycle()
+    held = after_a_cycle(lifecycle.start(["arm", "hand"]))
+
+    done = lifecycle.switch(held, [])
+
+    assert done.active == held.active
+    assert done.next_activation == held.next_activation
+    assert done.events == ()
+
+
+def test_a_follower_restarts_when_its_predecessor_comes_and_goes():
+    lifecycle = make_lifecycle()
+    held = after_a_cycle(lifecycle.start(["low"]))
+
+    chained = lifecycle.switch(held, [SwitchController(("top",))])
+    alone = lifecycle.switch(
+        held._replace(active=chained.active, next_activation=chained.next_activation),
+        [SwitchController((), ("top",))],
+    )
+
+    assert (chained.chained, alone.chained) == ({"low"}, frozenset())
+    numbers = [a["low"] for a in (held.active, chained.active, alone.active)]
+    assert numbers == sorted(set(numbers))
+
+
+@pytest.mark.parametrize(
+    ("is_strict", "strictness", "activated"),
+    [
+        (False, "", ["hand"]),
+        (True, "", []),
+        (True, "best_effort", ["hand"]),
+        (False, "strict", []),
+    ],
+)
+def test_a_request_that_does_not_say_how_strict_it_is_follows_the_manager(
+    is_strict, strictness, activated
+):
+    lifecycle = make_lifecycle(is_strict=is_strict)
+    request = SwitchController(("hand", "broken"), (), strictness)
+
+    plan = lifecycle.judge([], request)
+
+    assert list(plan.activate) == activated
+    assert plan.problems == ("could not activate 'broken': it is not configured",)
+
+
+def test_what_hardware_refuses_is_not_done():
+    asked = []
+
+    def refuse(start: Collection[str], stop: Collection[str]) -> str:
+        asked.append((set(start), set(stop)))
+        return "the hardware is busy"
+
+    lifecycle = make_lifecycle(refuse=refuse)
+
+    plan = lifecycle.judge(["arm"], SwitchController(("speed",), ("arm",)))
+
+    assert asked == [({"a/velocity"}, {"a/position"})]
+    assert (plan.activate, plan.deactivate, plan.ok) == ((), (), False)
+    assert plan.problems == ("the hardware is busy",)
+
+
+def test_hardware_is_not_asked_where_nothing_changes():
+    def refuse(start: Collection[str], stop: Collection[str]) -> str:
+        raise AssertionError((start, stop))
+
+    lifecycle = make_lifecycle(refuse=refuse)
+
+    plan = lifecycle.judge(["arm"], SwitchController(("elsewhere",), (), "strict"))
+
+    assert plan.problems[0].startswith("no controller 'elsewhere'; ")
+
+
+def test_only_those_with_a_rate_of_their_own_have_periods():
+    lifecycle = make_lifecycle()
+    held = after_a_cycle(lifecycle.start(["arm", "hand"]))._replace(
+        last_ns={"hand": 100_000_000}
+    )
+
+    at = {ms: lifecycle.periods(held, held.active, ms * 1_000_000) for ms in (110, 120)}
+
+    assert at == {110: {"hand": 0}, 120: {"hand": 20_000_000}}
+    assert lifecycle.periods(held, {"arm": 0}, 120_000_000) == {}
+
+
+def test_a_new_activation_ticks_at_once():
+    lifecycle = make_lifecycle()
+    held = after_a_cycle(lifecycle.start(["hand"]))._replace(
+        last_ns={"hand": 100_000_000}
+    )
+
+    periods = lifecycle.periods(held, {"hand": 7}, 110_000_000)
+
+    assert periods == {"hand": 20_000_000}
+
+
+def test_one_that_fails_ends_with_its_chain_and_others_take_over():
+    lifecycle = make_lifecycle(fallback={"top": ["speed"]})
+    active = {"low": 0, "top": 1, "hand": 2}
+
+    remaining, number, news = lifecycle.replace(["top"], active, 3)
+
+    assert remaining == {"hand": 2, "speed": 3}
+    assert number == 4
+    (failure,) = news
+    assert failure.controller == "top"
+    assert sorted(failure.deactivated) == ["low", "top"]
+    assert failure.activated == ("speed",)
+    assert active == {"low": 0, "top": 1, "hand": 2}
+
+
+def test_a_fallback_that_can_not_start_is_left_out():
+    lifecycle = make_lifecycle(fallback={"arm": ["broken", "hand"]})
+
+    remaining, number, news = lifecycle.replace(["arm"], {"arm": 0, "hand": 1}, 2)
+
+    assert (remaining, number) == ({"hand": 1}, 2)
+    assert news == (ControllerFailure("arm", ("arm",)),)
+
+
+def test_one_that_fails_twice_in_a_cycle_is_told_once():
+    lifecycle = make_lifecycle()
+
+    _, _, news = lifecycle.replace(["arm", "arm"], {"arm": 0}, 1)
+
+    assert news == (ControllerFailure("arm", ("arm",)),)
+
+
+def test_of_a_chain_that_fails_each_is_told_and_ends_once():
+    lifecycle = make_lifecycle()
+
+    remaining, _, news = lifecycle.replace(["top", "low"], {"low": 0, "top": 1}, 2)
+
+    assert remaining == {}
+    assert [failure.controller for failure in news] == ["top", "low"]
+    ended = [name for failure in news for name in failure.deactivated]
+    assert sorted(ended) == ["low", "top"]
+
+
+def test_claims_have_the_rates_of_their_controllers():
+    claims = make_lifecycle().claims(["hand", "top"])
+
+    assert claims == {"b/position": 50.0, "low/a/position": 100.0}
+
+
+def test_what_is_claimed_is_in_the_order_of_activation():
+    claimed = make_lifecycle().claimed({"hand": 5, "top": 9, "low": 2})
+
+    assert claimed == ("a/position", "b/position", "low/a/position")
+
+
+def test_the_latest_64_events_are_kept_with_their_numbers():
+    news = [ControllerFailure(str(number), ()) for number in range(100)]
+
+    one_by_one = ()
+    for event in news:
+        one_by_one = add_events(one_by_one, [event])
+    at_once = add_events((), news)
+
+    assert one_by_one == at_once == tuple(enumerate(news))[-64:]
+    assert add_events(at_once, ()) == at_once
+
+
+def readings(state: ManagerState, requests: tuple[SwitchController, ...]) -> Readings:
+    def measure() -> np.ndarray:
+        raise AssertionError("not needed")
+
+    return Readings(state, requests, np.zeros(5), np.zeros(12), measure)
+
+
+def test_a_request_counts_once_and_an_equal_one_again():
+    old, equal = (SwitchController(("hand",)) for _ in range(2))
+    held = after_a_cycle(make_lifecycle().start(["arm"]))._replace(requests=(old,))
+
+    again = readings(held, (old,))
+    another = readings(held, (old, equal))
+
+    assert (again.new_requests, again.is_switching) == ((), False)
+    assert another.is_switching
+    (new,) = another.new_requests
+    assert new is equal
+
+
+def test_what_starts_with_the_first_cycle_is_a_switch():
+    state = make_lifecycle().start(["arm"])
+
+    assert readings(state, ()).is_switching
+    assert not readings(after_a_cycle(state), ()).is_switching
+
+
+class Port:
+    """Stands for an input port with a tick on it."""
+
+    def __init__(self) -> None:
+        self.tick: Tick[Any] | None = None
+
+    def Eval(self, context: object) -> Tick[Any]:
+        assert self.tick is not None, "not to be read"
+        return self.tick
+
+
+class Claims:
+    """Claimants of some controllers, with ports on which ticks can be put."""
+
+    def __init__(self, **claims: tuple[str, ...]) -> None:
+        self.ports: dict[str, Port] = {}
+
+        def declare(name: str) -> Any:
+            return self.ports.setdefault(name, Port())
+
+        systems: Any = {
+            name: SimpleNamespace(command_interfaces=names)
+            for name, names in claims.items()
+        }
+        self.claimants = Claimants(systems, ORDER, JOINTS, declare)
+
+    def write(
+        self,
+        active: Collection[str],
+        last: Collection[str] | None = None,
+        *,
+        commands: bool = False,
+        failed: Collection[str] = (),
+        **ticks: Sequence[float],
+    ) -> tuple[list[float], list[str]]:
+        """Return values that were all 9, and who failed, after a cycle."""
+        for name, port in self.ports.items():
+            port.tick = (
+                Tick(1, 0, None, np.array(ticks[name]), name not in failed)
+                if name in ticks
+                else None
+            )
+        values = np.full(len(ORDER), 9.0)
+        cycle = make_cycle(active)
+        if commands:
+            cycle = cycle._replace(commands=np.zeros(len(ORDER)))
+        before = make_cycle(active if last is None else last)
+        faults = self.claimants.write(Any, cycle, before, values)
+        return values.tolist(), faults
+
+
+def make_cycle(active: Collection[str], **periods: int) -> Cycle:
+    numbers = {name: number for number, name in enumerate(active)}
+    return Cycle(1, 0, 10_000_000, numbers, periods=periods)
+
+
+def test_only_those_that_claim_something_have_a_port():
+    claims = Claims(arm=("a/position",), broadcaster=())
+
+    assert set(claims.ports) == {"arm"}
+    assert claims.claimants.port("arm") is claims.ports["arm"]
+    assert claims.claimants.port("broadcaster") is None
+
+
+def test_active_controllers_write_their_claims():
+    claims = Claims(arm=("b/position", "a/position"), top=("low/a/position",), no=ORDER)
+
+    values, failed = claims.write(["arm", "top"], arm=[2.0, 1.0], top=[3.0])
+
+    assert values == [1.0, 9.0, 2.0, 9.0, 3.0]
+    assert failed == []
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_a_command_that_is_not_finite_is_not_written(bad):
+    claims = Claims(arm=("a/position", "b/position"))
+
+    values, failed = claims.write(["arm"], arm=[bad, 0.5])
+
+    assert values == [9.0, 9.0, 0.5, 9.0, 9.0]
+    assert failed == []
+
+
+@pytest.mark.parametrize(
+    ("commands", "written"),
+    [((math.inf, -math.inf), (9.0, 9.0)), ((1.5e308, 1.5e308), (1.5e308, 1.5e308))],
+)
+def test_commands_are_finite_or_not_each_by_itself(commands, written):
+    claims = Claims(arm=("a/position", "b/position"))
+
+    values, _ = claims.write(["arm"], arm=commands)
+
+    assert values == [written[0], 9.0, written[1], 9.0, 9.0]
+
+
+def test_what_a_controller_writes_when_it_ends_is_overwritten_by_the_next():
+    claims = Claims(new=("a/velocity", "b/velocity"), old=("a/velocity", "b/velocity"))
+
+    values, _ = claims.write(
+        ["new"], ["old"], commands=True, old=[0.0, 0.0], new=[0.7, math.nan]
+    )
+
+    assert values == [9.0, 0.7, 9.0, 0.0, 9.0]
+
+
+def test_those_whose_update_fails_are_named_and_write_all_the_same():
+    claims = Claims(arm=("a/velocity",), hand=("b/velocity",))
+
+    values, failed = claims.write(
+        ["arm", "hand"], failed=["arm"], arm=[0.0], hand=[0.5]
+    )
+
+    assert failed == ["arm"]
+    assert values == [9.0, 0.0, 9.0, 0.5, 9.0]
+
+
+@pytest.mark.parametrize(
+    ("joints", "owners"), [(["a"], ["arm"]), (["b", "a"], ["arm", "hand"]), ([], [])]
+)
+def test_the_owner_of_a_joint_is_who_commands_it(joints, owners):
+    claims = Claims(
+        arm=("a/position",), hand=("b/position",), idle=("a/velocity", "b/velocity")
+    ).claimants
+
+    assert claims.owners(["arm", "hand"], joints) == owners
+
+
+def test_joints_whose_controller_started_or_ended_are_fresh():
+    claims = Claims(arm=("a/position",), hand=("b/position",), top=("low/a/position",))
+    idle, both = make_cycle([]), make_cycle(["arm", "hand"])
+    restarted = both._replace(active={"arm": 0, "hand": 5})
+
+    found = [
+        claims.claimants.fresh(now, last).tolist()
+        for now, last in ((both, idle), (both, both), (idle, both), (restarted, both))
+    ]
+
+    assert found == [[True, True], [False, False], [True, True], [False, True]]
+    # A reference of another controller is no joint.
+    chained = make_cycle(["top"])
+    assert claims.claimants.fresh(chained, idle).tolist() == [False, False]
+
+
+def test_joints_whose_controller_does_not_tick_are_skipped():
+    claims = Claims(arm=("a/position",), hand=("b/position",)).claimants
+
+    assert claims.skipped(make_cycle(["arm", "hand"])) is None
+    found = [claims.skipped(make_cycle(["hand"], hand=ns)) for ns in (0, 20_000_000)]
+    assert [mask.tolist() for mask in found] == [[False, True], [False, False]]
+
+
+def test_of_joints_with_a_new_controller_nothing_is_remembered():
+    claims = Claims(arm=("a/position",)).claimants
+    previous: Any = {"a": 1, "b": 2, "wheel": 3}
+
+    kept = claims.forget(previous, np.array([True, False]))
+
+    assert kept == {"b": 2, "wheel": 3}
+
+
+def test_stored_states_follow_commands_of_their_name():
+    stored = {"tool/out": math.nan, "imu/x": 0.5, "tool/level": 2.0}
+    surroundings = Surroundings({}, (), (), {}, stored)
+    states = StoredStates(surroundings, ("a/position", "tool/level", "tool/out"))
+
+    before = np.array([*stored.values()])
+    first = states.update(before, np.array([7.0, math.nan, 1.5]))
+    second = states.update(first, np.array([7.0, 3.0, math.nan]))
+
+    assert first.tolist() == [1.5, 0.5, 2.0]
+    assert second.tolist() == [1.5, 0.5, 3.0]
+    np.testing.assert_array_equal(before, [math.nan, 0.5, 2.0])
+
+
+def test_command_interfaces_of_joints_start_where_they_hold():
+    names = ("a/position", "a/velocity", "b/effort", "tool/out", "low/a/position")
+
+    values = initial_values(names, JOINTS, {"a": 0.3, "b": -0.2})
+
+    unknown = pytest.approx(math.nan, nan_ok=True)
+    assert values == [0.3, 0.0, 0.0, unknown, unknown]
