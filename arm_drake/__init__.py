@@ -12,10 +12,10 @@ if TYPE_CHECKING:
     from arm_drake.diagram import build_diagram as build_diagram
     from arm_drake.errors import ArmDrakeError as ArmDrakeError
     from arm_drake.loading import load_robot as load_robot
+    from arm_drake.messages import Float64MultiArray as Float64MultiArray
     from arm_drake.messages import (
         FollowJointTrajectoryGoal as FollowJointTrajectoryGoal,
     )
-    from arm_drake.messages import Float64MultiArray as Float64MultiArray
     from arm_drake.messages import GoalStatus as GoalStatus
     from arm_drake.messages import Header as Header
     from arm_drake.messages import JointState as JointState

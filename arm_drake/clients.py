@@ -30,6 +30,7 @@ from arm_drake.messages import (
     TimeLike,
 )
 from arm_drake.motion import StepMessage
+from arm_drake.parameter_changes import publish_parameters
 
 if TYPE_CHECKING:
     from arm_drake.simulation import Simulation
@@ -213,7 +214,7 @@ class ControllerHandle:
         manager, _, _ = simulation.directory.find(self.name)
         root = simulation.simulator.get_mutable_context()
         context = system.GetMyMutableContextFromRoot(root)
-        simulation.parameters.publish(manager.robot, system, context, changes)
+        publish_parameters(manager.robot, system, context, changes)
 
     def query_state(self, time: TimeLike) -> QueryTrajectoryState:
         """Return what the controller plans for a time: the service `query_state`.

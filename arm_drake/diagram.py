@@ -162,10 +162,10 @@ def _add_mirrored_robots(
         controllers, report = load_controllers_of(
             robot, system.period, system.options, there
         )
-        for name, block in zip(robot.description.hardware, blocks, strict=True):
+        for info, block in zip(robot.description.hardware, blocks, strict=True):
+            done, where = "as mock_components has it", f"ros2_control {info.name!r}"
             for text in block.warnings:
-                where = f"ros2_control {name.name!r}"
-                report.add("warning", "ignored", text, "as mock_components has it", where=where)
+                report.add("warning", "ignored", text, done, where=where)
         order = command_order(there, controllers)
         hardware = add_mock_hardware(
             builder, robot, blocks, order, there, system.prefix, system.period

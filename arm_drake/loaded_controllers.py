@@ -4,9 +4,7 @@ import dataclasses as dc
 from collections.abc import Iterable
 from typing import Literal, NamedTuple
 
-from arm_drake.controllers.controller_interface import (
-    ControllerInterface,
-)
+from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.description.robot import Robot
 from arm_drake.surroundings import Surroundings
 from arm_drake.switching import ControllerInfo

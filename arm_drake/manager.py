@@ -14,11 +14,8 @@ from pydrake.systems.framework import (
 from arm_drake import interfaces
 from arm_drake.control.command_limits import CommandLimits
 from arm_drake.control.drive_commands import DriveCommands
-from arm_drake.controllers.controller_interface import (
-    Cycle,
-    TickingController,
-    messages_on,
-)
+from arm_drake.controllers.cycles import Cycle, messages_on
+from arm_drake.controllers.ticking_controller import TickingController
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.loaded_controllers import (

@@ -10,12 +10,8 @@ from pydrake.systems.framework import Context, InputPort
 
 from arm_drake.control.command_limits import Previous
 from arm_drake.control.drive_commands import Mask
-from arm_drake.controllers.controller_interface import (
-    Array,
-    ControllerInterface,
-    Cycle,
-    Tick,
-)
+from arm_drake.controllers.controller_interface import ControllerInterface
+from arm_drake.controllers.cycles import Array, Cycle, Tick
 
 
 class _Claimant(NamedTuple):

@@ -13,7 +13,7 @@ from typing import NamedTuple, Self
 from arm_drake.control.command_limits import Previous
 from arm_drake.control.drive_commands import DriveCommands, DriveMode
 from arm_drake.control.update_schedule import due_period
-from arm_drake.controllers.controller_interface import Cycle
+from arm_drake.controllers.cycles import Cycle
 from arm_drake.messages import NANOSECONDS, SwitchController, SwitchControllerResult
 from arm_drake.switching import (
     ControllerInfo,

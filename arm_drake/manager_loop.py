@@ -10,7 +10,7 @@ from pydrake.systems.framework import Context
 from arm_drake import interfaces
 from arm_drake.control.command_limits import CommandLimits
 from arm_drake.control.drive_commands import DriveCommands, DriveMode
-from arm_drake.controllers.controller_interface import Array, Cycle
+from arm_drake.controllers.cycles import Array, Cycle
 from arm_drake.manager_claims import Claimants
 from arm_drake.manager_lifecycle import Lifecycle, ManagerState, add_events
 from arm_drake.messages import NANOSECONDS, SwitchController

@@ -6,7 +6,7 @@ ros2_controllers' parameter declarations (version 6.9.0, `read_only`).
 
 import dataclasses as dc
 import fnmatch
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, cast
 
@@ -58,81 +58,76 @@ _FIXED = "can't change while the controller runs"
 _NO_FILE = Path()
 
 
-class ParameterChanges:
-    """Puts changed parameters on the controllers' ports, one change upon the other."""
-
-    def __init__(self) -> None:
-        """Create it, with nothing changed."""
-        # What was put there, and all changes in it.
-        self._published: dict[str, list[tuple[object, Parameters]]] = {}
-
-    def publish(
-        self,
-        robot: Robot,
-        system: ControllerInterface,
-        context: Context,
-        changes: Mapping[str, Any],
-    ) -> None:
-        """Change parameters of a controller.
-
-        Args:
-            robot: Whose controller it is.
-            system: The controller.
-            context: Its Context.
-            changes: New values by their names, dotted or nested.
-
-        Raises:
-            ParameterError: If a parameter is unknown, can't change, or has a bad value.
-        """
-        name = system.params.controller_name
-        config = next(c for c in robot.controllers.controllers if c.name == name)
-        port = system.GetInputPort(interfaces.PARAMETERS_PORT)
-        present = port.Eval(context) if port.HasValue(context) else None
-        # The context may be one of before: what is there counts, not what came last.
-        history = self._published.setdefault(f"{robot.name}/{name}", [])
-        earlier = next((c for p, c in reversed(history) if p == present), {})
-        parameters, changed = change_parameters(
-            config, earlier, changes, distro=robot.distro
-        )
-        history.append((parameters, changed))
-        port.FixValue(context, AbstractValue.Make(parameters))
-
-
-def change_parameters(
-    config: ControllerConfig,
-    earlier: Parameters,
+def publish_parameters(
+    robot: Robot,
+    system: ControllerInterface,
+    context: Context,
     changes: Mapping[str, Any],
-    *,
-    distro: str,
-) -> tuple[Any, Parameters]:
-    """Return a controller's parameters with some changed.
+) -> None:
+    """Put changed parameters on a controller's port, upon what was changed before.
 
     Args:
-        config: What the YAML configures.
-        earlier: What was changed before, by dotted names.
+        robot: Whose controller it is.
+        system: The controller.
+        context: Its Context; it alone knows what was changed before.
         changes: New values by their names, dotted or nested.
-        distro: Distribution whose parameters and defaults hold.
-
-    Returns:
-        The parameters as a dataclass, and all that was changed by now.
 
     Raises:
         ParameterError: If a parameter is unknown, can't change, or has a bad value.
     """
-    new = {name: Parameter(value, _NO_FILE, 0) for name, value in _flatten(changes, "")}
+    name = system.params.controller_name
+    config = next(c for c in robot.controllers.controllers if c.name == name)
+    port = system.GetInputPort(interfaces.PARAMETERS_PORT)
+    present = port.Eval(context) if port.HasValue(context) else None
+    parameters = change_parameters(config, present, changes, distro=robot.distro)
+    port.FixValue(context, AbstractValue.Make(parameters))
+
+
+def change_parameters(
+    config: ControllerConfig,
+    present: Any,
+    changes: Mapping[str, Any],
+    *,
+    distro: str,
+) -> Any:
+    """Return a controller's parameters with some changed.
+
+    Args:
+        config: What the YAML configures.
+        present: Its parameters as they are; None is as the YAML configures them.
+        changes: New values by their names, dotted or nested.
+        distro: Distribution whose parameters and defaults hold.
+
+    Raises:
+        ParameterError: If a parameter is unknown, can't change, or has a bad value.
+    """
+    if not isinstance(changes, Mapping):
+        problem = f"expected parameters by name, got {changes!r}"
+        raise ParameterError(problem, where=config.name)
+    new = _as_parameters(_flatten(changes, ""))
     for name in _OF_THE_MANAGER:
         if name in new:
             raise ParameterError(_FIXED, where=f"{config.name}.{name}")
     base = {n: p for n, p in config.parameters.items() if n not in _OF_THE_MANAGER}
-    changed = {**earlier, **new}
-    before, _ = _load(config, {**base, **earlier}, distro)
-    after, report = _load(config, {**base, **changed}, distro)
+    first, _ = _load(config, base, distro)
+    present = first if present is None else present
+    old = dict(_leaves(first, ""))
+    earlier = _as_parameters(
+        (name, _plain(value))
+        for name, value in _leaves(present, "")
+        if name in old and value != old[name]
+    )
+    changed, report = _load(config, {**base, **earlier, **new}, distro)
     for entry in report:
         name = entry.where.removeprefix(f"{config.name}.")
         if name in new and entry.kind != "repair":
             raise ParameterError(entry.what, where=entry.where)
-    _check_changes(config.name, before, after)
-    return after, changed
+    _check_changes(config.name, present, changed)
+    return changed
+
+
+def _as_parameters(values: Iterable[tuple[str, Any]]) -> dict[str, Parameter]:
+    return {name: Parameter(value, _NO_FILE, 0) for name, value in values}
 
 
 def _load(
@@ -171,11 +166,17 @@ def _flatten(changes: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any
     for name, value in changes.items():
         if isinstance(value, Mapping):
             yield from _flatten(value, f"{prefix}{name}.")
-        elif isinstance(value, np.ndarray | np.generic):
-            yield f"{prefix}{name}", value.tolist()
         else:
-            is_sequence = isinstance(value, tuple)
-            yield f"{prefix}{name}", list(value) if is_sequence else value
+            yield f"{prefix}{name}", _plain(value)
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as a YAML would give it."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return value
 
 
 def _leaves(value: Any, name: str) -> Iterator[tuple[str, Any]]:

@@ -157,13 +157,15 @@ def _acceleration_law(
         u = gains.kp * error - gains.kd * v
         if has_modes:
             v_error = _clamp(v_d[i], gains.velocity_limit[i]) - v
-            u = u + is_v[i] * (gains.kv * v_error - u) + is_a[i] * (a_d[i] - u)
+            u = (1.0 - is_v[i] - is_a[i]) * u
+            u = u + is_v[i] * gains.kv * v_error + is_a[i] * a_d[i]
         u = _clamp(u, gains.max_acceleration[i])
         shift = OBSERVER_GAIN / h * v
         disturbance = _clamp(w[i] - shift, gains.max_disturbance[i])
         gain = disturbance + OBSERVER_GAIN * u
-        outputs.append(u + disturbance)
-        updates.append(shift + ((1.0 - is_tau[i]) * gain if has_modes else gain))
+        rests = 1.0 - is_tau[i] if has_modes else 1.0
+        outputs.append(rests * (u + disturbance))
+        updates.append(shift + rests * gain)
     return SymbolicVectorSystem(
         state=np.array(w),
         input=np.array([*x, *q_d, *v_d, *a_d, *is_v, *is_a, *is_tau]),
@@ -180,7 +182,8 @@ def _effort_choice(n: int) -> SymbolicVectorSystem:
         _variables(name, size)
         for name, size in (("tau_d", n), ("o", 2 * n), ("is_tau", n))
     )
-    chosen = [tau[i] + is_tau[i] * (tau_d[i] - tau[i]) for i in range(n)]
+    # A sum of products, for it is exact.
+    chosen = [(1.0 - is_tau[i]) * tau[i] + is_tau[i] * tau_d[i] for i in range(n)]
     return SymbolicVectorSystem(
         input=np.array([*tau, *unused, *tau_d, *others, *is_tau]),
         output=np.array(chosen),

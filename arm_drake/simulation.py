@@ -23,7 +23,6 @@ from arm_drake.messages import (
     SwitchController,
 )
 from arm_drake.motion import Motion
-from arm_drake.parameter_changes import ParameterChanges
 from arm_drake.playback import check_motion, send_step
 from arm_drake.recording import read_rollout
 from arm_drake.rollout import Rollout
@@ -61,7 +60,6 @@ class Simulation:
         self.simulator.Initialize()
         managers = self.directory.managers.values()
         self.mailbox = Mailbox(self.diagram, self.simulator, managers)
-        self.parameters = ParameterChanges()
 
     @property
     def time(self) -> float:

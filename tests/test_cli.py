@@ -12,6 +12,8 @@ import pytest
 import arm_drake as ad
 from arm_drake.bundled import bundled_motions, configs_folder
 from arm_drake.cli import main
+from arm_drake.messages import Float64MultiArray
+from arm_drake.sim_output import list_failures
 from tests.robots import real_robot
 
 JTC = "joint_trajectory_controller"
@@ -587,6 +589,20 @@ def test_a_goal_for_a_controller_that_was_deactivated_is_rejected(run, tmp_path)
     assert line.startswith(
         f"arm-drake: {motion}: [1].goal: {JTC}: goal REJECTED, error code -1: "
     )
+
+
+def test_a_controller_that_fails_is_a_line_of_its_own():
+    file = real_robot(f"{PACKAGE}/urdf/rrbot_system_multi_interface.urdf.xacro")
+    sim = ad.Simulation(ad.build_diagram(ad.load_robot(file)))
+    # Past the motion, where it would have been found.
+    sim.publish(f"{FORWARD}.commands", Float64MultiArray((1.0,)), 0.01)
+    sim.advance_to(0.1)
+
+    assert list_failures(sim) == [
+        f"{FORWARD}: commands refused: data must have 2 values (joint1/position, "
+        "joint2/position), got 1; the update fails",
+        f"{FORWARD}: the update failed, the controller is deactivated",
+    ]
 
 
 def test_a_robot_of_gazebo_takes_commands(run, tmp_path):

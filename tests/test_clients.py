@@ -10,6 +10,7 @@ from arm_drake.messages import (
     MultiDOFCommand,
     ParametersRejected,
 )
+from arm_drake.motion import parse_motion
 from tests.models import load, pendulum, ros2_control
 from tests.robots import real_robot
 
@@ -224,6 +225,12 @@ def test_a_controller_without_a_topic_says_what_it_takes(sim, following):
         assert str(error.value) == message
 
 
+def test_a_motion_commands_a_pid_controller(servoed):
+    steps = [{"at": 0.5, "controller": "pid", "commands": [0.5]}]
+    servoed.run(6.0, parse_motion(steps))
+    assert servoed.joint_states().position[0] == pytest.approx(0.5, abs=1e-3)
+
+
 # Goals
 
 
@@ -327,6 +334,17 @@ def test_changes_are_those_of_the_context(servoed):
     assert (gains.p, gains.d) == (1.0, 3.0)
 
 
+def test_changes_outlive_the_diagram_in_their_context(servoed):
+    servoed.controller("pid").set_parameters({"gains.swing.p": 1.0})
+    rebuilt = ad.Simulation(ad.build_diagram(servoed.robots["pendulum"]))
+    rebuilt.simulator.reset_context(servoed.simulator.get_context().Clone())
+
+    rebuilt.controller("pid").set_parameters({"gains.swing.d": 3.0})
+
+    gains = parameters_of(rebuilt, "pid").gains.dof["swing"]
+    assert (gains.p, gains.d) == (1.0, 3.0)
+
+
 def test_a_reset_takes_changes_back(servoed):
     controller = servoed.controller("pid")
     controller.set_parameters({"gains.swing.p": 1.0})
@@ -365,6 +383,7 @@ PID_CAN = "enable_feedforward, gains.*, set_current_state_as_first_setpoint"
             "pid.command_interface: can't change while the controller runs; these "
             f"can: {PID_CAN}",
         ),
+        (5, "pid: expected parameters by name, got 5"),
         (
             {"update_rate": 50},
             "pid.update_rate: can't change while the controller runs",

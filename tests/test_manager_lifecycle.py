@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from arm_drake.control.drive_commands import DriveCommands
-from arm_drake.controllers.controller_interface import Cycle, Tick
+from arm_drake.controllers.cycles import Cycle, Tick
 from arm_drake.manager_claims import Claimants
 from arm_drake.manager_lifecycle import (
     ControllerFailure,

@@ -193,7 +193,7 @@ LEAKS = {"ticks": (leak_ticks, list), "bytes": (leak_bytes, bytearray)}
 
 def measure_leak(num_ticks: int, name: str) -> Slopes:
     """Return what a tick leaves behind when controllers leak."""
-    from arm_drake.controllers.controller_interface import TickingController
+    from arm_drake.controllers.ticking_controller import TickingController
 
     make, container = LEAKS[name]
     update = make(container(), TickingController._update_state)

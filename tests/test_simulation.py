@@ -672,7 +672,8 @@ ACTIVATE = {
             [{"switch_controllers": {"deactivate": ["forward_position_control"]}}],
             "[0].switch_controllers: no controller 'forward_position_control'; "
             "did you mean 'forward_position_controller'? known: "
-            "forward_acceleration_controller, forward_illegal1_controller, forward_illegal2_controller, "
+            "forward_acceleration_controller, forward_illegal1_controller, "
+            "forward_illegal2_controller, "
             "forward_position_controller, forward_velocity_controller, "
             "joint_state_broadcaster",
         ),

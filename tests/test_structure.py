@@ -101,7 +101,7 @@ WITHOUT_DRAKE = [
 # form in which all parameters are declared, not the robot's.
 KNOWN_TO_CONTROLLERS = re.compile(
     r"errors|interfaces|messages(\..*)?|control(\..*)?"
-    r"|controllers\.(controller_interface|forward_controllers_base"
+    r"|controllers\.(controller_interface|ticking_controller|cycles|forward_controllers_base"
     r"|joint_trajectory_(parameters|setup)|pid_gains|pid_parameters|speed_limits|topics"
     r"|validation)|description\.(parameters|given)"
 )

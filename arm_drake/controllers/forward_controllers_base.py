@@ -11,11 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 
-from arm_drake.controllers.controller_interface import (
-    ControllerInterfaceParams,
-    Now,
-    TickingController,
-)
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.cycles import Now
+from arm_drake.controllers.ticking_controller import TickingController
 from arm_drake.controllers.topics import Events, add_events, new_messages
 from arm_drake.messages import Float64MultiArray, TopicRejected
 

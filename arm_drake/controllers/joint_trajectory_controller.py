@@ -20,15 +20,13 @@ from arm_drake.control.joint_trajectory_state import (
     TickInputs,
     add_events,
 )
-from arm_drake.controllers.controller_interface import (
-    ControllerInterfaceParams,
-    Now,
-    TickingController,
-)
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.cycles import Now
 from arm_drake.controllers.joint_trajectory_parameters import (
     JointTrajectoryControllerParameters,
 )
 from arm_drake.controllers.joint_trajectory_setup import check_change, make_rules
+from arm_drake.controllers.ticking_controller import TickingController
 from arm_drake.controllers.topics import new_messages
 from arm_drake.messages import (
     ActionRequest,

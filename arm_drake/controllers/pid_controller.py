@@ -13,12 +13,10 @@ from pydrake.common.value import AbstractValue
 from arm_drake import interfaces
 from arm_drake.control.dof_messages import find_fault, make_state, sort_values
 from arm_drake.control.pid_control import PidControl, PidControlState
-from arm_drake.controllers.controller_interface import (
-    ControllerInterfaceParams,
-    Now,
-    TickingController,
-)
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.cycles import Now
 from arm_drake.controllers.pid_parameters import DofGains, PidControllerParameters
+from arm_drake.controllers.ticking_controller import TickingController
 from arm_drake.controllers.topics import Events, Rejection, add_events, new_messages
 from arm_drake.messages import (
     NANOSECONDS,

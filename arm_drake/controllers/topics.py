@@ -5,7 +5,7 @@ from typing import TypeAlias, TypeVar
 
 from pydrake.systems.framework import Context, InputPort
 
-from arm_drake.controllers.controller_interface import messages_on
+from arm_drake.controllers.cycles import messages_on
 from arm_drake.messages import Message, ParametersRejected, TopicRejected
 
 M = TypeVar("M", bound=Message)

@@ -45,9 +45,9 @@ from arm_drake.controllers import CONTROLLER_TYPES
 from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
-    Cycle,
-    TickingController,
 )
+from arm_drake.controllers.cycles import Cycle
+from arm_drake.controllers.ticking_controller import TickingController
 from arm_drake.hardware import Hardware, make_drive_commands
 from arm_drake.messages import (
     Float64MultiArray,

@@ -24,10 +24,8 @@ from arm_drake.control.joint_trajectory import (
     tick,
 )
 from arm_drake.control.joint_trajectory_state import JointTrajectoryState, TickInputs
-from arm_drake.controllers.controller_interface import (
-    ControllerInterfaceParams,
-    Cycle,
-)
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.cycles import Cycle
 from arm_drake.controllers.joint_trajectory_controller import JointTrajectoryController
 from arm_drake.controllers.joint_trajectory_parameters import (
     JointTrajectoryControllerParameters,

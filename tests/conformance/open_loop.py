@@ -29,10 +29,9 @@ from arm_drake.controllers import CONTROLLER_TYPES
 from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
-    Cycle,
-    Tick,
-    TickingController,
 )
+from arm_drake.controllers.cycles import Cycle, Tick
+from arm_drake.controllers.ticking_controller import TickingController
 from arm_drake.description.parameters import Parameter, load_parameters
 from arm_drake.description.report import LoadReport
 from arm_drake.messages import Float64MultiArray, Message, MultiDOFCommand

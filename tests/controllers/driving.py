@@ -10,10 +10,9 @@ from arm_drake import interfaces
 from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
-    Cycle,
-    Tick,
-    TickingController,
 )
+from arm_drake.controllers.cycles import Cycle, Tick
+from arm_drake.controllers.ticking_controller import TickingController
 
 NAME = "controller"
 

@@ -7,7 +7,8 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, ZeroOrderHold
 
 from arm_drake import interfaces
-from arm_drake.controllers.controller_interface import ControllerInterfaceParams, Cycle
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.cycles import Cycle
 from arm_drake.controllers.joint_state_broadcaster import (
     InterfaceMap,
     JointStateBroadcaster,

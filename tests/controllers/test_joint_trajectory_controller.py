@@ -733,3 +733,19 @@ def test_a_timeout_that_exceeds_the_goal_time_is_not_reported() -> None:
     load(report=report, cmd_timeout=1.5, constraints__goal_time=1.0)
 
     assert list(report) == []
+
+
+def test_points_that_are_commanded_as_they_are_need_their_velocities() -> None:
+    driven = drive(**VELOCITY, interpolation_method="none")
+
+    driven.run(on("joint_trajectory", make_message(1.0, 2.0, 3.0)))
+    points = [JointTrajectoryPoint((2.0, 3.0), time_from_start=t) for t in (1.0, 2.0)]
+    driven.run(
+        on("joint_trajectory", JointTrajectory(joint_names=JOINTS, points=points))
+    )
+
+    # The velocity that is measured leads to the first point.
+    assert driven.reasons() == [
+        "points[1] has no velocities; with interpolation_method 'none' every point "
+        "needs positions, velocities"
+    ]

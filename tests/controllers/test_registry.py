@@ -15,9 +15,9 @@ from arm_drake.controllers import ControllerType
 from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
-    Now,
-    TickingController,
 )
+from arm_drake.controllers.cycles import Now
+from arm_drake.controllers.ticking_controller import TickingController
 from arm_drake.messages import NANOSECONDS
 from tests import models
 

@@ -43,9 +43,7 @@ def test_what_drake_reads_stays():
 
 
 def test_tags_of_hardware_and_gazebo_are_reported_by_those_who_read_them():
-    text, lines = cleaned(
-        "<gazebo/><ros2_control/><joint><safety_controller/></joint>"
-    )
+    text, lines = cleaned("<gazebo/><ros2_control/><joint><safety_controller/></joint>")
 
     assert text == "<joint />"
     assert lines == []

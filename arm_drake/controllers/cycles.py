@@ -1,0 +1,102 @@
+"""What manager and controllers tell each other in a cycle."""
+
+from collections.abc import Mapping
+from typing import Generic, NamedTuple, Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.framework import (
+    Context,
+    InputPort,
+)
+
+from arm_drake.messages import Message
+
+Array = NDArray[np.float64]
+S = TypeVar("S")
+M = TypeVar("M", bound=Message)
+
+
+class Cycle(NamedTuple):
+    """What the manager tells its controllers in a cycle."""
+
+    # Number of the cycle, its time, and the time since the last one [ns].
+    number: int
+    time_ns: int
+    period_ns: int
+
+    # Active controllers, and the number of their activation.
+    active: Mapping[str, int]
+
+    # Those whose references are commanded by another controller.
+    chained: frozenset[str] = frozenset()
+
+    # Time since the last tick of controllers with a rate of their own [ns]; 0 if they
+    # don't tick in this cycle.
+    periods: Mapping[str, int] = {}
+
+    # Values of the command interfaces if a switch has changed them, shape (k,).
+    commands: Array | None = None
+
+    def __deepcopy__(self, memo: dict[int, object]) -> Self:
+        return self
+
+
+class Tick(NamedTuple, Generic[S]):
+    """What a tick of a controller leaves behind."""
+
+    # Number of the cycle; None before the first one.
+    number: int | None
+
+    # Number of the activation; None if the controller is inactive.
+    activation: int | None
+
+    # State of the controller.
+    state: S
+
+    # Values of its command interfaces, shape (k,); NaN is left as it is.
+    command: Array
+
+    # Whether the tick went well; a controller that fails is deactivated.
+    is_ok: bool = True
+
+    def __deepcopy__(self, memo: dict[int, object]) -> Self:
+        return self
+
+
+class Now(NamedTuple):
+    """When and where a tick happens."""
+
+    # Where inputs are read.
+    context: Context
+
+    time_ns: int
+
+    # Time since the last tick [ns].
+    period_ns: int
+
+    cycle: Cycle
+
+
+def messages_on(port: InputPort, context: Context, expected: type[M]) -> tuple[M, ...]:
+    """Return the messages on an abstract port: one, a tuple of them, or nothing.
+
+    Args:
+        port: The port.
+        context: Context of its system.
+        expected: Type of the messages.
+
+    Raises:
+        TypeError: If something else is there.
+    """
+    if not port.HasValue(context):
+        return ()
+    value = port.Eval(context)
+    messages = value if isinstance(value, tuple) else (value,)
+    for message in messages:
+        if not isinstance(message, expected):
+            raise TypeError(
+                f"{port.get_system().get_name()}.{port.get_name()}: expected a "
+                f"{expected.__name__}, got {message!r}"
+            )
+    return messages
