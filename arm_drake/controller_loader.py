@@ -207,7 +207,8 @@ class ControllerLoader:
             return
         done = "the controller stays inactive"
         for problem in problems:
-            self._add(controller, "warning", "ignored", problem, done)
+            what = problem.removeprefix(f"could not activate {controller.name!r}: ")
+            self._add(controller, "warning", "ignored", what, done)
 
     def find_missing(
         self, system: ControllerInterface, others: Mapping[str, ControllerInterface]

@@ -10,7 +10,14 @@ h is the plant's step, b the observer's gain, w its state, and N the matrix that
 the velocities of the commanded joints to those of all joints, so mimic joints follow
 their master. A joint that follows a velocity has u* = clamp(kv (v_d - v), ...), one
 that follows an acceleration has u* = clamp(a_d, ...), one that follows an effort has
-that effort instead of tau, and its observer rests.
+that effort instead of tau, and its observer rests. The other joints feel its
+acceleration through the mass matrix; of that they are told, with the filter gain f::
+
+    a = (1 + kd h/f) r - kd (v - s)     s[+] = s + f (v - s)
+                                        r[+] = r + f (f (v - s)/h - r)
+
+Slow changes are its acceleration. Fast ones are as if it were braked like the others: a
+light joint that gave way would multiply their gains.
 Everything here is evaluated at every step of the plant, hence no Python.
 """
 
@@ -36,6 +43,9 @@ from arm_drake.control.servo import (
     FrictionGains,
     ServoGains,
 )
+
+# Share of a change that the filters of an acceleration take over at each step, f.
+_FELT_GAIN = 0.1
 
 
 def make_joint_servo(
@@ -140,16 +150,16 @@ def _acceleration_law(
     *,
     has_modes: bool,
 ) -> SymbolicVectorSystem:
-    """Return u* + I of the module's docstring, with the observer's state w."""
+    """Return u* + I of the module's docstring, or a; with the states w, s and r."""
     n = len(positions_at)
     x = _variables("x", num_states)
     q_d, v_d = _variables("q_d", n), _variables("v_d", n)
-    a_d, is_v, is_a, is_tau = (
+    a_d, is_v, is_a, is_tau, s, r = (
         _variables(name, n if has_modes else 0)
-        for name in ("a_d", "is_v", "is_a", "is_tau")
+        for name in ("a_d", "is_v", "is_a", "is_tau", "s", "r")
     )
     w = _variables("w", n)
-    outputs, updates = [], []
+    outputs, updates, lags, rates = [], [], [], []
     for i in range(n):
         q, v = x[positions_at[i]], x[velocities_at[i]]
         error = q_d[i] + gains.velocity_lead * v_d[i] - q
@@ -163,13 +173,21 @@ def _acceleration_law(
         shift = OBSERVER_GAIN / h * v
         disturbance = _clamp(w[i] - shift, gains.max_disturbance[i])
         gain = disturbance + OBSERVER_GAIN * u
-        rests = 1.0 - is_tau[i] if has_modes else 1.0
-        outputs.append(rests * (u + disturbance))
-        updates.append(shift + rests * gain)
+        if not has_modes:
+            outputs.append(u + disturbance)
+            updates.append(shift + gain)
+            continue
+        lag = v - s[i]
+        felt = (1.0 + gains.kd * h / _FELT_GAIN) * r[i] - gains.kd * lag
+        felt = _clamp(felt, gains.max_acceleration[i])
+        outputs.append(u + disturbance + is_tau[i] * (felt - u - disturbance))
+        updates.append(shift + (1.0 - is_tau[i]) * gain)
+        lags.append(s[i] + _FELT_GAIN * lag)
+        rates.append(r[i] + _FELT_GAIN * (_FELT_GAIN / h * lag - r[i]))
     return SymbolicVectorSystem(
-        state=np.array(w),
+        state=np.array([*w, *s, *r]),
         input=np.array([*x, *q_d, *v_d, *a_d, *is_v, *is_a, *is_tau]),
-        dynamics=np.array(updates),
+        dynamics=np.array([*updates, *lags, *rates]),
         output=np.array(outputs),
         time_period=h,
     )

@@ -334,17 +334,6 @@ def test_changes_are_those_of_the_context(servoed):
     assert (gains.p, gains.d) == (1.0, 3.0)
 
 
-def test_changes_outlive_the_diagram_in_their_context(servoed):
-    servoed.controller("pid").set_parameters({"gains.swing.p": 1.0})
-    rebuilt = ad.Simulation(ad.build_diagram(servoed.robots["pendulum"]))
-    rebuilt.simulator.reset_context(servoed.simulator.get_context().Clone())
-
-    rebuilt.controller("pid").set_parameters({"gains.swing.d": 3.0})
-
-    gains = parameters_of(rebuilt, "pid").gains.dof["swing"]
-    assert (gains.p, gains.d) == (1.0, 3.0)
-
-
 def test_a_reset_takes_changes_back(servoed):
     controller = servoed.controller("pid")
     controller.set_parameters({"gains.swing.p": 1.0})

@@ -369,8 +369,8 @@ def test_building_a_diagram_leaves_the_robots_report_alone(tmp_path):
     ):
         sim = ad.Simulation(ad.build_diagram(robot, options=options))
         assert str(sim.report) == (
-            f"warning: {yaml}:{4 + (inactive == 'b')}: {inactive}: could not activate "
-            f"{inactive!r}: 'joint1/position' is claimed by {active!r}, which stays "
+            f"warning: {yaml}:{4 + (inactive == 'b')}: {inactive}: "
+            f"'joint1/position' is claimed by {active!r}, which stays "
             "active; the controller stays inactive"
         )
     assert len(robot.report) == 0

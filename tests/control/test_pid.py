@@ -331,6 +331,17 @@ def test_gains_are_what_was_given() -> None:
         assert list(values) == [getattr(gains, name) for gains in given]
 
 
+def test_a_copy_has_the_gains_and_no_history() -> None:
+    pid = make_pid(p=1, i=1, d=1)
+    _, _, state = run(pid, [2.0, 3.0])
+
+    other = copy.deepcopy(pid)
+
+    assert [other.p, other.i, other.d] == [pid.p, pid.i, pid.d] == [1.0, 1.0, 1.0]
+    assert other.initial() == PidState(*np.zeros((len(state), 1)))
+    assert run(other, [2.0])[0] == [4.0]
+
+
 @pytest.mark.parametrize(
     ("gains", "constant"),
     [

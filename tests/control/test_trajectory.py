@@ -70,6 +70,7 @@ REST_TO_REST = [
     (t, {"positions": t, "velocities": 0, "accelerations": 0}) for t in (1, 2)
 ]
 MIXED = [(1, {"positions": 1, "velocities": 1}), (2, {"positions": 2})]
+REST_THEN_LINE = [(1, {"positions": 1, "velocities": 0}), (2, {"positions": 2})]
 
 
 @pytest.mark.parametrize(
@@ -81,6 +82,7 @@ MIXED = [(1, {"positions": 1, "velocities": 1}), (2, {"positions": 2})]
         (LINES, ZERO, 1.5, 1.5, 1, 0, (0, 1)),
         (LINES, ZERO, 2.5, 2.5, 1, 0, (1, 2)),
         (LINES, ZERO, 3, 3, 0, 0, (2, 3)),
+        (LINES, ZERO, 3.125, 3, 0, 0, (2, 3)),
         (LINES, ZERO, 30, 3, 0, 0, (2, 3)),
         (VELOCITIES, REST, 0, 0, 0, 1, LEAD),
         (VELOCITIES, REST, 0.5, 0.125, 0.5, 1, LEAD),
@@ -89,12 +91,16 @@ MIXED = [(1, {"positions": 1, "velocities": 1}), (2, {"positions": 2})]
         (VELOCITIES, REST, 2, 2, 2, -1, (1, 2)),
         (VELOCITIES, REST, 2.5, 2.875, 1.5, -1, (1, 2)),
         (VELOCITIES, REST, 3, 3.5, 1, 0, (2, 3)),
+        (VELOCITIES, REST, 3.125, 3.5, 1, 0, (2, 3)),
+        (VELOCITIES, ZERO, 0, 0, 0, 1, LEAD),
         (VELOCITIES, ZERO, 0.5, 0.125, 0.5, 1, LEAD),
+        (VELOCITIES, ZERO, 1, 0.5, 1, 1, (0, 1)),
         (ACCELERATIONS, REST, 0, 0, 0, 0, LEAD),
         (ACCELERATIONS, REST, 0.5, 0.0625, 0.28125, 0.5, LEAD),
         (ACCELERATIONS, REST, 1, 0.25, 0.5, 1, (0, 1)),
         (ACCELERATIONS, REST, 2, 1.5, 2, 2, (1, 2)),
         (ACCELERATIONS, REST, 3, 4.25, 3.5, 1, (2, 3)),
+        (ACCELERATIONS, REST, 3.125, 4.25, 3.5, 1, (2, 3)),
         (CUBIC, ZERO, 1, 0, -2, 0, (0, 1)),
         (CUBIC, ZERO, 1.5, -0.875, -1.25, 3, (0, 1)),
         (CUBIC, ZERO, 2, -1, 1, 6, (0, 1)),
@@ -103,10 +109,13 @@ MIXED = [(1, {"positions": 1, "velocities": 1}), (2, {"positions": 2})]
         (QUINTIC, ZERO, 1.5, 3.28125, -4.4375, -22.5, (0, 1)),
         (QUINTIC, ZERO, 2, 0, -6, 10, (0, 1)),
         (QUINTIC, ZERO, 2.5, -1.40625, 0.5625, 12.5, (0, 1)),
+        (REST_TO_REST, ZERO, 0, 0, 0, 0, LEAD),
         (REST_TO_REST, ZERO, 0.25, 0.103515625, 1.0546875, 5.625, LEAD),
         (REST_TO_REST, ZERO, 0.5, 0.5, 1.875, 0, LEAD),
         (MIXED, REST | {"velocities": 1.0}, 0.5, 0.5, 1, 0, LEAD),
         (MIXED, REST, 1.25, 1.25, 1, 0, (0, 1)),
+        (REST_THEN_LINE, REST, 0.5, 0.5, 1.5, 0, LEAD),
+        (REST_THEN_LINE, REST, 1.25, 1.25, 1, 0, (0, 1)),
     ],
 )
 def test_samples_follow_the_documented_curves(points, before, time, q, v, a, segment):
@@ -119,6 +128,21 @@ def test_samples_follow_the_documented_curves(points, before, time, q, v, a, seg
     assert sample.velocity == pytest.approx([v], abs=tolerance)
     assert sample.acceleration == pytest.approx([a], abs=tolerance)
     assert (sample.segment_start, sample.segment_end) == segment
+
+
+@pytest.mark.parametrize(
+    ("points", "q", "v", "a"), [(CUBIC, 4, 10, 12), (QUINTIC, 0, 4, 0)]
+)
+def test_a_curve_ends_in_its_second_point(points, q, v, a):
+    trajectory = make_trajectory(*points, **ZERO)
+
+    sample = trajectory.sample(ns(3) - 1)
+
+    # In 1 ns the numbers change by less than this.
+    tolerance = 1e-6
+    assert sample.position == pytest.approx([q], abs=tolerance)
+    assert sample.velocity == pytest.approx([v], abs=tolerance)
+    assert sample.acceleration == pytest.approx([a], abs=tolerance)
 
 
 @pytest.mark.parametrize(
@@ -137,15 +161,17 @@ def test_without_interpolation_a_sample_is_the_next_point(time, q, segment):
     assert (sample.segment_start, sample.segment_end) == segment
 
 
-def test_without_interpolation_the_end_is_complete():
+@pytest.mark.parametrize("time", [3, 3.125])
+def test_without_interpolation_the_end_is_complete(time):
     trajectory = Trajectory.from_message(
         make_message(*LINES), make_state(**ZERO), now_ns=0, interpolation="none"
     )
 
-    sample = trajectory.sample(ns(3))
+    sample = trajectory.sample(ns(time))
 
     values = (sample.position, sample.velocity, sample.acceleration, sample.effort)
     assert values == ([3], [0], [0], [0])
+    assert (sample.segment_start, sample.segment_end) == (2, 3)
 
 
 def test_without_interpolation_the_last_position_is_integrated():
@@ -183,6 +209,14 @@ def test_without_interpolation_a_single_position_is_not_integrated():
 @pytest.mark.parametrize("points", [LINES, VELOCITIES, ACCELERATIONS])
 def test_nothing_is_sampled_before_the_start_state(points):
     trajectory = make_trajectory(*points, **ZERO)
+
+    assert trajectory.sample(ns(-0.5)) is None
+
+
+def test_without_interpolation_nothing_is_sampled_before_the_start_state():
+    trajectory = Trajectory.from_message(
+        make_message(*LINES), make_state(**ZERO), now_ns=0, interpolation="none"
+    )
 
     assert trajectory.sample(ns(-0.5)) is None
 
@@ -230,9 +264,11 @@ def test_a_last_segment_between_two_samples_still_counts():
         **ZERO,
     )
 
-    sample = trajectory.sample(ns(3))
+    samples = [trajectory.sample(ns(t)) for t in (0, 1.5, 2, 3)]
 
-    assert sample.position == pytest.approx([1.001])
+    # By 1 s at a velocity of 1, and 1 ms more.
+    q = [sample.position.item() for sample in samples]
+    assert q == pytest.approx([0.0, 0.5, 1.0, 1.001])
 
 
 def test_velocities_without_any_position_are_no_trajectory():
@@ -477,6 +513,20 @@ def test_spline_velocities_make_accelerations_continuous():
         left, right = (trajectory.sample(ns(time) + d) for d in (-1, 0))
         jump = right.acceleration - left.acceleration
         np.testing.assert_allclose(jump, 0, atol=1e-4)  # 1 ns of jerk
+
+
+def test_a_spline_through_a_sine_has_continuous_accelerations():
+    times = np.arange(7) / 10
+    q = (0.1 + 0.4 * np.sin(pi * times))[:, None]
+    v = fill_cubic_spline_velocities(times, q)
+
+    # Of the cubic from A to B: 2 (3 (q_B - q_A) / h - 2 v_A - v_B) / h at A, and
+    # alike at B.
+    h, rise = 0.1, np.diff(q, axis=0) / 0.1
+    at_start = 2.0 / h * (3.0 * rise - 2.0 * v[:-1] - v[1:])
+    at_end = 2.0 / h * (v[:-1] + 2.0 * v[1:] - 3.0 * rise)
+
+    np.testing.assert_allclose(at_end[:-1], at_start[1:], atol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -1,9 +1,11 @@
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
+import arm_drake as ad
 from arm_drake.controllers import CONTROLLER_TYPES
 from arm_drake.controllers.forward_command_controller import (
     ForwardCommandController,
@@ -12,7 +14,9 @@ from arm_drake.controllers.forward_command_controller import (
     MultiInterfaceForwardCommandController,
     MultiInterfaceForwardCommandControllerParameters,
 )
+from arm_drake.errors import InputError
 from arm_drake.messages import Float64MultiArray, TopicRejected
+from tests import models
 from tests.controllers.driving import Driven, make_params
 
 JOINTS = ("joint1", "joint2", "joint3")
@@ -46,6 +50,36 @@ def send(driven: Driven, *messages: list[float], **how: Any) -> bool:
     sent = tuple(Float64MultiArray(data) for data in messages)
     topic = sent[0] if len(sent) == 1 else sent
     return driven.run({"commands": topic}, **how).is_ok
+
+
+@pytest.mark.parametrize(
+    ("section", "missing"),
+    [
+        ("joints: [swing], interface_name: kp", "kp"),
+        ("joints: [elbow], interface_name: position", "elbow"),
+    ],
+)
+def test_an_interface_that_is_missing_is_named(  # G3
+    tmp_path: Path, section: str, missing: str
+) -> None:
+    yaml = f"""
+controller_manager:
+  ros__parameters:
+    good: {{type: position_controllers/JointGroupPositionController}}
+    bad: {{type: forward_command_controller/ForwardCommandController}}
+good: {{ros__parameters: {{joints: [swing]}}}}
+bad: {{ros__parameters: {{{section}}}}}
+"""
+    robot = models.load(tmp_path, models.pendulum(), yaml)
+
+    simulation = ad.Simulation(ad.build_diagram(robot))
+
+    states = {c.name: c.state for c in simulation.list_controllers()}
+    assert states == {"good": "active", "bad": "inactive"}
+    (line,) = [text for text in str(simulation.report).splitlines() if "bad:" in text]
+    assert missing in line
+    with pytest.raises(InputError, match=missing):
+        simulation.switch_controllers(activate=["bad"])
 
 
 def test_without_a_message_commands_stay_as_they_are() -> None:  # G4

@@ -1,3 +1,4 @@
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -6,6 +7,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, ZeroOrderHold
 
+import arm_drake as ad
 from arm_drake import interfaces
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Cycle
@@ -16,6 +18,7 @@ from arm_drake.controllers.joint_state_broadcaster import (
 )
 from arm_drake.errors import ParameterError
 from arm_drake.messages import DynamicJointState, Header, JointState, Time
+from tests import models
 
 # In the order of the robot's description.
 ROBOT = ("joint3", "joint1", "joint2")
@@ -29,6 +32,7 @@ def make_broadcaster(
     *,
     distro: str = "jazzy",
     update_rate: int = 100,
+    joint_type: str = "revolute",
     **parameters: Any,
 ) -> JointStateBroadcaster:
     """Return a broadcaster below a manager of 100 Hz."""
@@ -36,7 +40,7 @@ def make_broadcaster(
         controller_name="broadcaster",
         update_rate=update_rate,
         period=0.01,
-        joint_types=dict.fromkeys(ROBOT, "revolute"),
+        joint_types=dict.fromkeys(ROBOT, joint_type),
         command_interfaces=frozenset(),
         state_interfaces=frozenset(there),
         measured=(*MEASURED, *(name for name in there if name not in MEASURED)),
@@ -193,6 +197,39 @@ def test_without_any_interface_there_is_nothing_to_publish() -> None:
         make_broadcaster(())
 
     assert str(error.value) == "no state interface to publish; the hardware has none"
+
+
+def test_rolling_needs_joints_that_it_knows() -> None:  # J14
+    with pytest.raises(ParameterError, match="no state interface to publish"):
+        make_broadcaster(distro="rolling", joint_type="floating")
+
+
+@pytest.mark.parametrize("is_local", [False, True])
+def test_local_topics_change_no_port_and_no_message(is_local: bool) -> None:  # J13
+    broadcaster = make_broadcaster(use_local_topics=is_local)
+
+    outputs = [
+        broadcaster.get_output_port(i).get_name()
+        for i in range(broadcaster.num_output_ports())
+    ]
+
+    # A port stands below the broadcaster's name: "<broadcaster>.joint_states".
+    assert outputs == ["joint_states", "dynamic_joint_states"]
+    assert publish(broadcaster).name == ALL
+
+
+def test_what_can_t_be_measured_is_nan_and_nothing_else() -> None:  # J18
+    broadcaster = make_broadcaster()
+    context = broadcaster.CreateDefaultContext()
+    context.SetTime(0.005)
+    values = np.arange(1.0, 10.0)
+    values[MEASURED.index("joint2/velocity")] = np.nan
+    broadcaster.GetInputPort("state_interfaces").FixValue(context, values)
+
+    message = broadcaster.GetOutputPort("joint_states").Eval(context)
+
+    # The robot has joint3, joint1 and joint2 in this order.
+    assert_fields(message, [2.0, 3.0, 1.0], [5.0, np.nan, 4.0], [8.0, 9.0, 7.0])
 
 
 def test_extra_joints_follow_with_zeros_unless_they_exist() -> None:
@@ -369,3 +406,36 @@ def test_ports_are_named_and_sized_as_documented() -> None:
     assert broadcaster.HasOutputPort("joint_states")
     assert broadcaster.HasOutputPort("dynamic_joint_states")
     assert broadcaster.CreateDefaultContext().is_stateless()
+
+
+BOOL = """
+  <ros2_control name="hardware" type="system">
+    <hardware><plugin>mock_components/GenericSystem</plugin></hardware>
+    <joint name="swing">
+      <command_interface name="position"/>
+      <state_interface name="position"/>
+    </joint>
+    <gpio name="tool">
+      <state_interface name="is_on" data_type="bool"/>
+      <state_interface name="level"/>
+    </gpio>
+  </ros2_control>"""
+
+
+@pytest.mark.parametrize("preset", ["accurate", "kinematic"])
+def test_bools_are_left_out(tmp_path: Path, preset: str) -> None:  # J15
+    yaml = """
+controller_manager:
+  ros__parameters:
+    jsb: {type: joint_state_broadcaster/JointStateBroadcaster}
+"""
+    robot = models.load(tmp_path, models.pendulum(control=BOOL), yaml)
+    options = ad.SimulationOptions(preset=preset)
+    simulation = ad.Simulation(ad.build_diagram(robot, options=options))
+
+    simulation.advance_to(0.05)
+
+    message = simulation.eval_output("jsb.dynamic_joint_states")
+    by_name = dict(zip(message.joint_names, message.interface_values, strict=True))
+    assert by_name["tool"].interface_names == ("level",)
+    assert simulation.eval_output("jsb.joint_states").name == ("swing",)

@@ -126,6 +126,25 @@ def test_gains_can_change_at_run_time() -> None:  # Q7
     assert driven.reasons() == []
 
 
+@pytest.mark.parametrize(
+    "bad",
+    [
+        pytest.param({"u_clamp_max": -1.0, "u_clamp_min": 1.0}, id="P5"),
+        pytest.param({"i_clamp_max": -1.0, "i_clamp_min": 1.0}, id="P6"),
+    ],
+)
+def test_gains_that_no_pid_can_have_are_no_parameters(bad: dict[str, float]) -> None:
+    driven = drive(gains=P_ALONE, enable_feedforward=False)
+
+    with pytest.raises(ValueError, match="clamp_min"):
+        make_parameters(gains=bad)
+    driven.run({"parameters": bad})
+
+    assert refer(driven, 5.0) == pytest.approx([1.95])
+    (reason,) = driven.reasons()
+    assert reason.startswith("expected PidControllerParameters, got {")
+
+
 def test_a_change_of_gains_keeps_the_integral() -> None:
     driven = drive(gains={"p": 0.0, "d": 0.0})
     refer(driven, 2.1)
