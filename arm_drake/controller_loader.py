@@ -112,6 +112,7 @@ class ControllerLoader:
                 command_interfaces=frozenset(self._surroundings.command_interfaces),
                 state_interfaces=frozenset(self._surroundings.state_interfaces),
                 measured=self._surroundings.measured,
+                other_types=self._surroundings.other_types,
                 distro=self._distro,
                 velocity_limits=self._surroundings.velocity_limits,
             )

@@ -33,6 +33,9 @@ class Surroundings:
     # Name of the `<ros2_control>` block that an interface belongs to.
     blocks: Mapping[str, str] = dc.field(default_factory=dict)
 
+    # State interfaces that hold anything but a double, such as a bool.
+    other_types: frozenset[str] = frozenset()
+
     # Whether states come from physics, not from commands.
     has_physics: bool = True
 
@@ -95,6 +98,13 @@ def find_surroundings(
                 *component.state_interfaces,
             )
         },
+        other_types=frozenset(
+            f"{component.name}/{interface.name}"
+            for block in description.hardware
+            for component in (*block.joints, *block.sensors, *block.gpios)
+            for interface in component.state_interfaces
+            if interface.data_type != "double"
+        ),
         has_physics=blocks is None,
         velocity_limits={
             joint.name: joint.limits.velocity

@@ -6,6 +6,7 @@ no folder of all cases beside the project either, a subset in `tests/data` is re
 
 import gzip
 import json
+import lzma
 import os
 from pathlib import Path
 from typing import Any
@@ -25,17 +26,20 @@ def oracle_folder() -> Path:
 
 
 def oracle_cases(name: str) -> Any:
-    """Return the cases of the file `<name>.json` or `<name>.json.gz`.
+    """Return the cases of the file `<name>.json`, which may be packed (.gz, .xz).
 
     The module's tests are skipped if there is no such file in the folder. Without the
     folder they fail if ARM_DRAKE_NO_SKIP is 1.
     """
     folder = oracle_folder()
-    packed, plain = folder / f"{name}.json.gz", folder / f"{name}.json"
-    if packed.exists():
-        return json.loads(gzip.decompress(packed.read_bytes()))
-    if plain.exists():
-        return json.loads(plain.read_text())
+    for suffix, unpack in (
+        ("", bytes),
+        (".gz", gzip.decompress),
+        (".xz", lzma.decompress),
+    ):
+        file = folder / f"{name}.json{suffix}"
+        if file.exists():
+            return json.loads(unpack(file.read_bytes()))
     reason = f"no reference cases {name!r}; ARM_DRAKE_ORACLE names their folder"
     # Whoever names a folder of some of the files means these.
     if not folder.is_dir() and os.environ.get("ARM_DRAKE_NO_SKIP") == "1":

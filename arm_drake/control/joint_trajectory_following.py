@@ -22,6 +22,7 @@ from arm_drake.control.joint_trajectory_state import (
     present_commands,
 )
 from arm_drake.control.joint_trajectory_stop import repeat_last_point, stop_motion
+from arm_drake.control.pid import PidState
 from arm_drake.control.tolerances import Array, StateTolerances, exceeds
 from arm_drake.control.trajectory import (
     Sample,
@@ -55,6 +56,16 @@ class _Verdict(NamedTuple):
 _FINE = _Verdict()
 
 
+class _Commands(NamedTuple):
+    """What a tick commands: fields of the state of the same names, in their order."""
+
+    commanded: Sample | StateBefore | None
+    commanded_ns: int
+    command: Array | None
+    output: Array | None
+    pid: PidState | None
+
+
 def follow(
     rules: JointTrajectoryRules,
     state: JointTrajectoryState,
@@ -69,22 +80,15 @@ def follow(
         inputs: What the tick reads.
         is_first: Whether this is the trajectory's first tick.
     """
-    plan, clock_ns, cursor = state.plan, state.clock_ns, state.cursor
-    trajectory, measured = plan.trajectory, inputs.position
+    plan, trajectory, measured = state.plan, state.plan.trajectory, inputs.position
     if trajectory is None:
         return state
+    clock_ns = state.clock_ns
     if not is_first:
         factor, period_ns = state.scaling_factor, inputs.period_ns
         clock_ns += period_ns if factor == 1.0 else scaled(period_ns, factor)
-
-    # What the last tick saw ahead is the present, unless the search has moved on.
-    desired = state.ahead
-    if desired is None or state.ahead_ns != clock_ns or desired.segment_start < cursor:
-        desired = trajectory.sample(clock_ns, cursor)
-    if desired is not None and desired.segment_start > cursor:
-        cursor = desired.segment_start
     ahead_ns = clock_ns + rules.look_ahead_ns
-    ahead = trajectory.sample(ahead_ns, cursor)
+    desired, ahead, cursor = _sample(state, trajectory, clock_ns, ahead_ns)
     if desired is None or ahead is None:
         return state._replace(
             time_ns=inputs.time_ns, clock_ns=clock_ns, ahead_ns=-1, ahead=None
@@ -102,22 +106,13 @@ def follow(
         late = _since_last_point(trajectory, clock_ns) if is_finished else None
         checks_path = is_first or not is_finished
         verdict = _judge(rules, plan, inputs, desired, error, checks_path, late)
-
-    commanded: Sample | StateBefore | None = ahead
-    commanded_ns = inputs.time_ns
-    command, output, pid = state.command, state.output, state.pid
     if verdict.is_off_path or verdict.is_late:
-        commanded, commanded_ns = state.commanded, state.commanded_ns
-        present = present_commands(rules, inputs)
-        if np.isfinite(present).all():
-            output = present
+        commands = _leave(rules, state, inputs)
     elif rules.is_plain:
-        command = output = ahead.position
+        values = ahead.position
+        commands = _Commands(ahead, inputs.time_ns, values, values, state.pid)
     else:
-        command, pid = make_command(rules, state, inputs, desired, ahead, error)
-        # A sum is finite only if all of its terms are.
-        if math.isfinite(command.sum()):
-            output = command
+        commands = _command(rules, state, inputs, desired, ahead, error)
     new = JointTrajectoryState(
         plan,
         state.goal,
@@ -131,16 +126,51 @@ def follow(
         error,
         ahead_ns,
         ahead,
-        commanded,
-        commanded_ns,
-        command,
-        output,
-        pid,
+        *commands,
         state.scaling_factor,
     )
     if verdict is _FINE and (state.goal is None or not is_finished):
         return new
     return _conclude(rules, new, inputs, trajectory, verdict, is_finished)
+
+
+def _sample(
+    state: JointTrajectoryState, trajectory: Trajectory, clock_ns: int, ahead_ns: int
+) -> tuple[Sample | None, Sample | None, int]:
+    """Return the trajectory at present and ahead, and where to search next."""
+    cursor, desired = state.cursor, state.ahead
+    # What the last tick saw ahead is the present, unless the search has moved on.
+    if desired is None or state.ahead_ns != clock_ns or desired.segment_start < cursor:
+        desired = trajectory.sample(clock_ns, cursor)
+    if desired is not None and desired.segment_start > cursor:
+        cursor = desired.segment_start
+    return desired, trajectory.sample(ahead_ns, cursor), cursor
+
+
+def _leave(
+    rules: JointTrajectoryRules, state: JointTrajectoryState, inputs: TickInputs
+) -> _Commands:
+    """Return the commands of a tick that gives none."""
+    output, present = state.output, present_commands(rules, inputs)
+    if np.isfinite(present).all():
+        output = present
+    last, last_ns = state.commanded, state.commanded_ns
+    return _Commands(last, last_ns, state.command, output, state.pid)
+
+
+def _command(
+    rules: JointTrajectoryRules,
+    state: JointTrajectoryState,
+    inputs: TickInputs,
+    desired: Sample,
+    ahead: Sample,
+    error: Array,
+) -> _Commands:
+    """Return the commands of what isn't positions of all joints alone."""
+    command, pid = make_command(rules, state, inputs, desired, ahead, error)
+    # A sum is finite only if all of its terms are.
+    output = command if math.isfinite(command.sum()) else state.output
+    return _Commands(ahead, inputs.time_ns, command, output, pid)
 
 
 def _since_last_point(trajectory: Trajectory, time_ns: int) -> float:

@@ -38,6 +38,9 @@ class ControllerInterfaceParams:
     # Order of the vector of all measured quantities.
     measured: tuple[str, ...]
 
+    # State interfaces that hold anything but a double.
+    other_types: frozenset[str] = frozenset()
+
     # Distribution whose behaviour holds.
     distro: str = "jazzy"
 

@@ -281,6 +281,7 @@ def _find_claims(
                     f"no state interface {claim}; it has {sorted(there)}"
                 )
         return claims
+    there = there - params.other_types
     joints = sorted(params.joint_types)
     if params.distro == "rolling":
         joints = [name for name in joints if params.joint_types[name] in _JOINT_TYPES]

@@ -51,7 +51,14 @@ def follow(distro: str, **fields: Any) -> Mirrored:
     """Return a trajectory controller of one joint; `__` in a name stands for a dot."""
     how = {
         name: fields.pop(name)
-        for name in ("joints", "joint_type", "velocity_limit", "states", "separate")
+        for name in (
+            "joints",
+            "joint_type",
+            "velocity_limit",
+            "states",
+            "commands",
+            "separate",
+        )
         if name in fields
     }
     joints = how.pop("joints", ("a",))
@@ -137,15 +144,15 @@ def check_open_loop_without_pid(distro: str, folder: Path) -> None:
         separate=True,
         open_loop_control=True,
         command_interfaces=["velocity"],
-        gains__a__p=10.0,
+        gains__a__p=7.0,
     )
 
     loop.tick()
     loop.run(0.11, joint_trajectory=trajectory((1.0, 1.0)))
 
-    # The velocity of the trajectory; or ten times its position after 0.1 s, which
+    # The velocity of the trajectory; or seven times its position after 0.1 s, which
     # starts from the last command, a period earlier.
-    expected = 1.0 if distro == "humble" else 10.0 * 0.11 / 1.01
+    expected = 1.0 if distro == "humble" else 7.0 * 0.11 / 1.01
     assert loop.rows[-1] == pytest.approx([expected], abs=1e-9)
 
 
@@ -300,19 +307,32 @@ def check_search_cursor(distro: str, folder: Path) -> None:
     assert reference == pytest.approx(1.0 if distro == "jazzy" else 0.96, abs=1e-6)
 
 
-# Efforts beside positions are those of the present.
+# Humble commands efforts alone, made by a PID; later points may have efforts too, which
+# start from the last command. Those beside positions are of the present.
 @row("F12")
-def check_position_and_effort(distro: str, folder: Path) -> None:
+def check_efforts(distro: str, folder: Path) -> None:
     both = ["position", "effort"]
+    alone = follow(
+        distro,
+        separate=True,
+        command_interfaces=["effort"],
+        gains__a__p=7.0,
+        commands={"a/effort": 4.0},
+    )
+
+    alone.run(0.11, joint_trajectory=trajectory((1.0, 1.0)))
+    carried = 0.0 if distro == "humble" else 4.0 * (1.0 - 0.11)
+    assert alone.rows[-1] == pytest.approx([0.7 + carried], abs=1e-9)
+    alone.tick(joint_trajectory=trajectory((1.0, 1.0), effort=0.3))
+    assert len(alone.news) == (distro == "humble")
+
     if distro == "humble":
         with pytest.raises(ad.ArmDrakeError, match="humble takes 'effort' alone only"):
             follow(distro, command_interfaces=both)
         return
     loop = follow(distro, command_interfaces=both)
-
     loop.tick()
     loop.run(0.11, joint_trajectory=trajectory((1.0, 1.0), effort=0.3))
-
     assert loop.rows[-1] == pytest.approx([0.11, 0.03], abs=1e-9)
 
 
