@@ -45,6 +45,7 @@ bench: setup
 	$(BIN)/python -m tests.benchmarks.overhead $(ARGS)
 	$(BIN)/python -m tests.benchmarks.ticks
 	$(BIN)/python -m tests.benchmarks.loading
+	$(BIN)/python -m pytest -m long
 
 # For those who change the dependencies; needs uv.
 lock:

@@ -2,12 +2,43 @@
 
 import argparse
 import importlib.metadata
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+_XACRO = ":="
+
+
+def parse_arguments(arguments: Sequence[str] | None = None) -> argparse.Namespace:
+    """Return what a command line says; `command` is the name of the command.
+
+    Xacro arguments may stand anywhere after ROBOT. Ends the process with exit code 2
+    for words that can't be used.
+
+    Args:
+        arguments: Words of the command line; by default those of the process.
+    """
+    parser = make_parser()
+    # Argparse takes positional words from one place only and leaves the others.
+    options, words = parser.parse_known_args(arguments)
+    if hasattr(options, "xacro_args"):
+        # An option of several values takes whatever follows.
+        positions = getattr(options, "position", [])
+        words = [*[word for word in positions if _XACRO in word], *words]
+        positions[:] = [word for word in positions if _XACRO not in word]
+        xacro = [w for w in words if _XACRO in w and not w.startswith("-")]
+        words = [word for word in words if word not in xacro]
+        try:
+            options.xacro_args += map(_pair(_XACRO), xacro)
+        except argparse.ArgumentTypeError as error:
+            parser.error(str(error))
+    if words:
+        parser.error(f"unrecognized arguments: {' '.join(words)}")
+    return options
+
 
 def make_parser() -> argparse.ArgumentParser:
-    """Return what parses the command line; `command` is the name of the command."""
+    """Return what parses the command line, but for xacro arguments after options."""
     parser = argparse.ArgumentParser(
         prog="arm-drake",
         description="ROS 2 robot packages in Drake: the same files, no ROS.",
@@ -85,7 +116,7 @@ def _add_robot_arguments(parser: argparse.ArgumentParser) -> None:
         "xacro_args",
         metavar="NAME:=VALUE",
         nargs="*",
-        type=_pair(":="),
+        type=_pair(_XACRO),
         help="xacro arguments",
     )
     parser.add_argument(

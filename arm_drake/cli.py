@@ -11,7 +11,7 @@ import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from arm_drake.arguments import make_parser
+from arm_drake.arguments import parse_arguments
 from arm_drake.errors import ArmDrakeError, InputError
 
 _USAGE_ERROR = 2
@@ -27,7 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # Units such as "N·m" must not end in an error where only ASCII is understood.
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
-    options = make_parser().parse_args(arguments)
+    options = parse_arguments(arguments)
     try:
         return _COMMANDS[options.command](options)
     except ArmDrakeError as error:

@@ -66,7 +66,7 @@ class ControllerLoader:
     def load_all(self) -> dict[str, ControllerInterface | None]:
         """Return the systems of all controllers; none commands itself by a detour."""
         configs = {c.name: c for c in self._config.controllers}
-        systems = {name: self.load(config) for name, config in configs.items()}
+        systems = {n: None if c.problem else self.load(c) for n, c in configs.items()}
         while True:
             loaded = [
                 LoadedController(name, "", "inactive", system)
@@ -234,7 +234,7 @@ class ControllerLoader:
                 f"{off[0]!r} belongs to hardware component {there.blocks[off[0]]!r}, "
                 "which hardware_components_initial_state leaves inactive"
             )
-        return tuple(problems)
+        return tuple(dict.fromkeys(problems))  # A joint may lack several times.
 
     def _is_off(self, name: str, *, is_state: bool = False) -> bool:
         """Return whether the hardware of an interface isn't active at the start.
@@ -256,7 +256,7 @@ class ControllerLoader:
         others: Mapping[str, ControllerInterface],
     ) -> str:
         joint, _, interface = name.rpartition("/")
-        has = sorted(n.removeprefix(f"{joint}/") for n in known if n.startswith(joint))
+        has = sorted(n[len(joint) + 1 :] for n in known if n.startswith(f"{joint}/"))
         if joint.partition("/")[0] in others:
             owner = joint.partition("/")[0]
             offered = sorted(n for n in known if n.startswith(f"{owner}/"))

@@ -8,6 +8,7 @@ active controller.
 import dataclasses as dc
 from collections.abc import Iterable, Mapping, Sequence
 
+from arm_drake import interfaces
 from arm_drake.controller_loader import ControllerLoader
 from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.description.controllers import (
@@ -82,6 +83,9 @@ def load_controllers(
         problems: Sequence[str] = missing[name]
         if judges_claims:
             problems = plan_switch(infos, started, [name], [], strict=True).problems
+            if not problems and surroundings.refuse is not None:
+                fault = surroundings.refuse(infos[name].command_interfaces, ())
+                problems = [fault] if fault else []
         if problems:
             loader.report_obstacle(configs[name], missing[name], problems)
         else:
@@ -133,7 +137,10 @@ def _driven(
 ) -> tuple[str, ...]:
     """Return the joints of the drive that a controller moves."""
     claims = () if system is None else system.command_interfaces
-    joints = dict.fromkeys(name.rpartition("/")[0] for name in claims)
+    parts = [name.rpartition("/") for name in claims]
+    joints = dict.fromkeys(
+        joint for joint, _, name in parts if name in interfaces.MOTIONS
+    )
     return tuple(joint for joint in joints if joint in surroundings.driven)
 
 

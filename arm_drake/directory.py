@@ -61,14 +61,15 @@ class Directory:
         """
         if robot is None:
             return next(iter(self.managers.values()))
-        if robot not in self.managers:
-            raise InputError(f"no robot {robot!r}; {suggest(robot, self.managers)}")
+        if not isinstance(robot, str) or robot not in self.managers:
+            hint = suggest(str(robot), self.managers)
+            raise InputError(f"no robot {robot!r}; {hint}")
         return self.managers[robot]
 
     def check_name(self, name: str) -> None:
         """Raise InputError if there is no controller of this name."""
-        if name not in self._controllers:
-            hint = suggest(name, self._controllers)
+        if not isinstance(name, str) or name not in self._controllers:
+            hint = suggest(str(name), self._controllers)
             raise InputError(f"no controller {name!r}; {hint}")
 
     def find(
@@ -110,8 +111,10 @@ class Directory:
             robot: Name of the robot.
 
         Raises:
-            InputError: If there is no such robot.
+            InputError: If there is no such robot, or it is no such request.
         """
+        if not isinstance(request, SwitchController):
+            raise InputError(f"expected a SwitchController, got {request!r}")
         lists = (request.activate_controllers, request.deactivate_controllers)
         manager, prefix = self.manager(robot), ""
         if robot is None:

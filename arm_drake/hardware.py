@@ -6,7 +6,7 @@ joint.
 """
 
 import dataclasses as dc
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -72,9 +72,6 @@ class Hardware:
     # Values of all command interfaces, and which of them are claimed, if it is told.
     values: InputPort | None = None
     claimed: InputPort | None = None
-
-    # Why it can't start and stop command interfaces, "" if it can; None: it always can.
-    refuse: Callable[[Collection[str], Collection[str]], str] | None = None
 
 
 def add_hardware(

@@ -16,6 +16,9 @@ EFFORT: Final = "effort"  # N·m or N
 # What a simulated joint reports, in the order of the `joint_states` vector.
 STATE_INTERFACES: Final = (POSITION, VELOCITY, EFFORT)
 
+# What a joint can be told to do, one at a time.
+MOTIONS: Final = (POSITION, VELOCITY, ACCELERATION, EFFORT)
+
 _ANGULAR_UNITS = {POSITION: "rad", VELOCITY: "rad/s", EFFORT: "N·m"}
 _LINEAR_UNITS = {POSITION: "m", VELOCITY: "m/s", EFFORT: "N"}
 
@@ -28,6 +31,9 @@ COMMAND_PORT: Final = "command_interfaces"
 VALUES_PORT: Final = "command_values"
 MANAGER_PORT: Final = "controller_manager"
 EXPORT_PORT: Final = "exported_state_interfaces"
+
+# Time of the tick in which a slow controller's state interfaces were sampled.
+TICK_PORT: Final = "tick_time"
 
 # Names of the command interfaces that are claimed.
 CLAIMED_PORT: Final = "claimed"
@@ -42,7 +48,7 @@ CHAIN_PORT: Final = "chain:"
 def is_internal(port: str) -> bool:
     """Return whether a port of a controller is none of its topics."""
     own = (STATE_PORT, COMMAND_PORT, VALUES_PORT, MANAGER_PORT, PARAMETERS_PORT)
-    return port in own or port.startswith((EXPORT_PORT, CHAIN_PORT))
+    return port in (*own, TICK_PORT) or port.startswith((EXPORT_PORT, CHAIN_PORT))
 
 
 def interface_names(joints: Iterable[str], names: Iterable[str]) -> tuple[str, ...]:

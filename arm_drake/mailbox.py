@@ -9,7 +9,7 @@ from pydrake.systems.framework import Diagram, OutputPort
 
 from arm_drake.clients import GoalHandle
 from arm_drake.manager import MANAGER, ControllerManager
-from arm_drake.manager_lifecycle import ControllerFailure
+from arm_drake.manager_lifecycle import CommandLimited, ControllerFailure
 from arm_drake.messages import (
     CancelResponse,
     Float64MultiArray,
@@ -25,7 +25,8 @@ from arm_drake.messages import (
 
 Rejection: TypeAlias = TopicRejected | ParametersRejected
 Failure: TypeAlias = ControllerFailure | SwitchControllerResult
-News: TypeAlias = GoalHandle | Rejection | CancelResponse | Failure
+
+News: TypeAlias = GoalHandle | Rejection | CancelResponse | Failure | CommandLimited
 
 
 class _Source(NamedTuple):
@@ -131,7 +132,9 @@ class Mailbox:
                         yield from self._take(event, name)
 
     def _take(
-        self, event: GoalEvent | Rejection | CancelResponse | Failure, name: str
+        self,
+        event: GoalEvent | Rejection | CancelResponse | Failure | CommandLimited,
+        name: str,
     ) -> list[News]:
         """Take note of an event; return it, or nothing if nobody waits for it."""
         if isinstance(event, GoalEvent):
@@ -143,6 +146,8 @@ class Mailbox:
         if isinstance(event, TopicRejected | ParametersRejected):
             self._names[id(event)] = name
             self.rejected.append(event)
+        elif isinstance(event, CommandLimited):
+            self._names[id(event)] = name
         elif isinstance(event, ControllerFailure) or (
             isinstance(event, SwitchControllerResult) and not event.ok
         ):
@@ -150,9 +155,11 @@ class Mailbox:
             self.failures.append(event)
         return [event]
 
-    def describe(self, event: Rejection | Failure) -> str:
+    def describe(self, event: Rejection | Failure | CommandLimited) -> str:
         """Return one line about a rejection or a failure: where, who, what, why."""
         name = self._names.get(id(event), "")
+        if isinstance(event, CommandLimited):
+            return f"{name}joint {event.joint!r}: commands are held to its limits"
         if isinstance(event, ControllerFailure):
             return f"{name}{event.controller}: {_describe_failure(event)}"
         if isinstance(event, ParametersRejected):
@@ -180,9 +187,11 @@ _KINDS: dict[type[Message], str] = {
 
 def _describe_failure(event: ControllerFailure) -> str:
     others = [repr(name) for name in event.deactivated if name != event.controller]
-    text = "the update failed, the controller is deactivated"
+    reason = f" ({event.reason})" if event.reason else ""
+    text = f"the update failed{reason}"
+    text += ", the controller is deactivated" if event.deactivated else ""
     if others:
         text += f", its chain too: {', '.join(others)}"
     if event.activated:
         text += f"; active in its place: {', '.join(map(repr, event.activated))}"
-    return text
+    return "; ".join((text, *event.problems))

@@ -25,7 +25,7 @@ from arm_drake.loaded_controllers import (
     controller_infos,
 )
 from arm_drake.manager_claims import Claimants
-from arm_drake.manager_lifecycle import Lifecycle, ManagerState, Refusal
+from arm_drake.manager_lifecycle import Lifecycle, ManagerState
 from arm_drake.manager_loop import (
     Loop,
     Readings,
@@ -101,7 +101,6 @@ class ControllerManager(LeafSystem):
         drive: DriveCommands,
         surroundings: Surroundings,
         limits: CommandLimits | None = None,
-        refuse: Refusal | None = None,
         servo_plant: MultibodyPlant | None = None,
     ) -> None:
         """Create the system.
@@ -116,7 +115,6 @@ class ControllerManager(LeafSystem):
             drive: What makes the servo's input of commands.
             surroundings: Interfaces of the robot.
             limits: What commands are held to, if they are.
-            refuse: Tells why the hardware can't switch, if it ever does.
             servo_plant: Plant that the servo computes with, to be kept as long as the
                 diagram: Drake's InverseDynamics doesn't keep it.
         """
@@ -141,8 +139,8 @@ class ControllerManager(LeafSystem):
             },
             drive,
             update_rate=self._update_rate,
-            is_strict=robot.distro == "rolling",
-            refuse=refuse,
+            distro=robot.distro,
+            refuse=surroundings.refuse,
         )
 
         self._switch = self.DeclareAbstractInputPort(
@@ -264,6 +262,14 @@ class ControllerManager(LeafSystem):
             lambda: self._measured.Eval(context),
         )
 
+    def _time_ns(self, number: int) -> int:
+        """Return the time of a cycle [ns]."""
+        rate = self._update_rate
+        if abs(rate * self.period - 1.0) < _TOLERANCE:
+            return number * NANOSECONDS // rate
+        # Another robot's manager has the say about the steps.
+        return round(number * self.period * NANOSECONDS)
+
     def _calc_cycle(self, context: Context, output: AbstractValue) -> None:
         held = self._state(context)
         ticks = context.get_time() / self.period
@@ -271,9 +277,8 @@ class ControllerManager(LeafSystem):
         if number == held.cycle.number or abs(ticks - number) > _TOLERANCE:
             output.set_value(held.cycle)
             return
-        rate = self._update_rate
-        time_ns = number * NANOSECONDS // rate
-        period_ns = time_ns - (number - 1) * NANOSECONDS // rate
+        time_ns = self._time_ns(number)
+        period_ns = time_ns - self._time_ns(number - 1)
         readings = self._read(context, held)
         output.set_value(self._loop.begin(readings, number, time_ns, period_ns))
 

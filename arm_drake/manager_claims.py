@@ -27,6 +27,9 @@ class _Claimant(NamedTuple):
     at: NDArray[np.intp]
     joints: Mask
 
+    # All joints that they are for.
+    names: frozenset[str]
+
 
 class Claimants:
     """All controllers of a robot that write command interfaces."""
@@ -60,6 +63,7 @@ class Claimants:
                     declare(name),
                     np.array(indices, dtype=np.intp),
                     self._mask(claimed),
+                    frozenset(claimed),
                 )
                 self._claimants.append(claimant)
 
@@ -69,21 +73,28 @@ class Claimants:
 
     def write(
         self, context: Context, cycle: Cycle, last: Cycle, values: Array
-    ) -> list[str]:
+    ) -> dict[str, str]:
         """Write what controllers command in a cycle; return those that failed.
+
+        A controller that doesn't tick leaves what it wrote, which may be limited since.
 
         Args:
             context: Context of the manager.
             cycle: The cycle.
             last: The one before; what a controller commands when it ends counts too.
             values: Command values, shape (k,), changed in place.
+
+        Returns:
+            Names of controllers whose update failed, and why.
         """
-        failed = []
+        failed = {}
         claimants: Iterable[_Claimant] = self._claimants
         if cycle.commands is not None:  # Those that end are first.
             claimants = sorted(claimants, key=lambda c: c.name in cycle.active)
-        for name, port, at, _ in claimants:
+        for name, port, at, _, _ in claimants:
             if name not in cycle.active and name not in last.active:
+                continue
+            if cycle.periods and cycle.periods.get(name) == 0:
                 continue
             tick: Tick[Any] = port.Eval(context)
             command = tick.command
@@ -94,17 +105,36 @@ class Claimants:
                 written = np.isfinite(command)
                 values[at[written]] = command[written]
             if not tick.is_ok:
-                failed.append(name)
+                failed[name] = tick.fault
         return failed
 
-    def owners(self, active: Collection[str], joints: Collection[str]) -> list[str]:
-        """Return the active controllers that command joints."""
-        wanted = self._mask(joints)
-        return [
-            claimant.name
+    def restore(self, values: Array, before: Array, names: Collection[str]) -> None:
+        """Undo what controllers have written.
+
+        Args:
+            values: Command values, shape (k,), changed in place.
+            before: Command values before the cycle.
+            names: The controllers.
+        """
+        for claimant in self._claimants:
+            if claimant.name in names:
+                values[claimant.at] = before[claimant.at]
+
+    def owners(
+        self, active: Collection[str], joints: Mapping[str, str]
+    ) -> dict[str, str]:
+        """Return the active controllers that command joints, and a joint's text.
+
+        Args:
+            active: Controllers that are active.
+            joints: Texts by the names of joints.
+        """
+        return {
+            claimant.name: text
             for claimant in self._claimants
-            if claimant.name in active and (claimant.joints & wanted).any()
-        ]
+            for joint, text in joints.items()
+            if claimant.name in active and joint in claimant.names
+        }
 
     def fresh(self, cycle: Cycle, last: Cycle) -> Mask:
         """Return the joints of the drive whose controller has just started."""
@@ -124,10 +154,19 @@ class Claimants:
                 skipped |= claimant.joints
         return skipped
 
-    def forget(self, previous: Previous, fresh: Mask) -> Previous:
-        """Return what is remembered of joints that keep their controller."""
+    def forget(self, previous: Previous, cycle: Cycle, last: Cycle) -> Previous:
+        """Return what is remembered of joints that keep their controller.
+
+        Args:
+            previous: What is remembered, by joint.
+            cycle: The cycle.
+            last: The one before.
+        """
         new = {
-            joint for joint, is_new in zip(self._joints, fresh, strict=True) if is_new
+            joint
+            for claimant in self._claimants
+            if cycle.active.get(claimant.name) != last.active.get(claimant.name)
+            for joint in claimant.names
         }
         return {j: data for j, data in previous.items() if j not in new}
 

@@ -6,7 +6,7 @@ controllers take over.
 """
 
 import dataclasses as dc
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping
 from types import MappingProxyType
 from typing import NamedTuple, Self
 
@@ -36,8 +36,19 @@ class ControllerFailure:
     deactivated: tuple[str, ...]
     activated: tuple[str, ...] = ()
 
+    # Why it failed, and why fallback controllers could not be activated.
+    reason: str = ""
+    problems: tuple[str, ...] = ()
 
-Event = SwitchControllerResult | ControllerFailure
+
+@dc.dataclass(frozen=True)
+class CommandLimited:
+    """News that a command went beyond a limit of its joint, told once a joint."""
+
+    joint: str
+
+
+Event = SwitchControllerResult | ControllerFailure | CommandLimited
 
 # Why hardware can't start and stop these command interfaces; "" if it can.
 Refusal = Callable[[Collection[str], Collection[str]], str]
@@ -71,6 +82,12 @@ class ManagerState(NamedTuple):
     # What is remembered of joints whose commands are limited.
     previous: Previous = MappingProxyType({})
 
+    # Joints that were commanded beyond a limit so far.
+    limited: frozenset[str] = frozenset()
+
+    # Controllers whose update failed in the last cycle.
+    failing: frozenset[str] = frozenset()
+
     def __deepcopy__(self, memo: dict[int, object]) -> Self:
         return self
 
@@ -92,11 +109,11 @@ class Lifecycle:
         self,
         infos: Mapping[str, ControllerInfo],
         rates: Mapping[str, int],
-        fallback: Mapping[str, Sequence[str]],
+        fallback: Mapping[str, tuple[str, ...]],
         drive: DriveCommands,
         *,
         update_rate: int,
-        is_strict: bool,
+        distro: str = "jazzy",
         refuse: Refusal | None = None,
     ) -> None:
         """Create it.
@@ -107,7 +124,7 @@ class Lifecycle:
             fallback: Controllers that start when one fails, by its name.
             drive: What follows the commands.
             update_rate: Rate of the manager [Hz].
-            is_strict: Whether requests that don't say so are all or nothing.
+            distro: Distribution whose behaviour holds.
             refuse: Tells why the hardware can't switch, if it ever does.
         """
         self._refuse = refuse
@@ -117,7 +134,9 @@ class Lifecycle:
         self._drive = drive
         self._update_rate = update_rate
         self._period_ns = NANOSECONDS // update_rate
-        self._is_strict = is_strict
+        self._distro = distro
+        # Whether requests that don't say so are all or nothing.
+        self._is_strict = distro == "rolling"
         self._slow = {name for name, rate in rates.items() if rate < update_rate}
 
     def start(self, started: Iterable[str]) -> ManagerState:
@@ -197,30 +216,49 @@ class Lifecycle:
             periods[name] = due or 0
         return periods
 
+    @property
+    def ends_failed(self) -> bool:
+        """Whether a controller whose update fails is deactivated; humble's isn't."""
+        return self._distro != "humble"
+
     def replace(
-        self, failed: Sequence[str], active: Mapping[str, int], number: int
+        self, failed: Mapping[str, str], active: Mapping[str, int], number: int
     ) -> tuple[Mapping[str, int], int, tuple[Event, ...]]:
         """Return what is active after updates failed.
 
         Args:
-            failed: Controllers whose update failed.
+            failed: Controllers whose update failed, and why.
             active: Which controllers were active.
             number: Number of the next activation.
 
         Returns:
             Active controllers, number of the next activation, and the news of it.
         """
+        if not self.ends_failed:
+            told = (ControllerFailure(n, (), reason=why) for n, why in failed.items())
+            return active, number, tuple(told)
         remaining, news = dict(active), []
-        for name in dict.fromkeys(failed):
-            chain = [n for n in self._chain_of(name, active) if n in remaining]
+        for name, reason in failed.items():
+            # Up to kilted its chain stays active without it.
+            chain = [name]
+            if self._distro == "rolling":
+                chain = self._chain_of(name, active)
+            chain = [other for other in chain if other in remaining]
             for other in chain:
                 del remaining[other]
-            wanted = self._fallback.get(name, ())
-            plan = plan_switch(self._infos, remaining, wanted, (), strict=False)
+            request = SwitchController(
+                activate_controllers=self._fallback.get(name, ()),
+                strictness="best_effort",
+            )
+            plan = self.judge(remaining, request)
             for other in plan.activate:
                 remaining[other] = number
                 number += 1
-            news.append(ControllerFailure(name, tuple(chain), tuple(plan.activate)))
+            news.append(
+                ControllerFailure(
+                    name, tuple(chain), tuple(plan.activate), reason, plan.problems
+                )
+            )
         return remaining, number, tuple(news)
 
     def chained(self, active: Collection[str]) -> frozenset[str]:

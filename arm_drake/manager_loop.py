@@ -12,7 +12,12 @@ from arm_drake.control.command_limits import CommandLimits
 from arm_drake.control.drive_commands import DriveCommands, DriveMode
 from arm_drake.controllers.cycles import Array, Cycle
 from arm_drake.manager_claims import Claimants
-from arm_drake.manager_lifecycle import Lifecycle, ManagerState, add_events
+from arm_drake.manager_lifecycle import (
+    CommandLimited,
+    Lifecycle,
+    ManagerState,
+    add_events,
+)
 from arm_drake.messages import NANOSECONDS, SwitchController
 from arm_drake.surroundings import Surroundings
 
@@ -130,26 +135,34 @@ class Loop:
                 self._claimants.fresh(cycle, held.cycle),
             )
         failed = self._claimants.write(context, cycle, held.cycle, values)
-        previous = held.previous
+        previous, all_limited = held.previous, held.limited
         if self._limits is not None:
             if fresh is not None:
-                previous = self._claimants.forget(previous, fresh)
-            previous, _, lost = self._limits.apply(
+                previous = self._claimants.forget(previous, cycle, held.cycle)
+            previous, limited, lost = self._limits.apply(
                 self._lifecycle.claims(active),
                 values,
                 readings.measure(),
                 previous,
                 cycle.period_ns / NANOSECONDS,
             )
-            failed += self._claimants.owners(active, lost)
+            if lost:
+                owners = self._claimants.owners(active, lost)
+                self._claimants.restore(values, readings.values, owners)
+                failed |= owners
+            news = [CommandLimited(j) for j in limited if j not in held.limited]
+            if news:
+                events = add_events(events, news)
+                all_limited |= {event.joint for event in news}
         last_ns, skipped = held.last_ns, self._claimants.skipped(cycle)
         if cycle.periods:
             due = {n: cycle.time_ns for n, p in cycle.periods.items() if p}
             last_ns = {**last_ns, **due}
         drive = self._drive.write(mode, values, drive, fresh=fresh, skipped=skipped)
-        if failed:
-            active, number, news = self._lifecycle.replace(failed, active, number)
-            events, chain = add_events(events, news), self._lifecycle.chained(active)
+        failing = frozenset(failed)
+        if failed and (failing != held.failing or self._lifecycle.ends_failed):
+            active, number, told = self._lifecycle.replace(failed, active, number)
+            events, chain = add_events(events, told), self._lifecycle.chained(active)
         state = ManagerState(
             cycle,
             active,
@@ -160,6 +173,8 @@ class Loop:
             readings.requests,
             events,
             previous,
+            all_limited,
+            failing,
         )
         return Written(state, values, drive)
 

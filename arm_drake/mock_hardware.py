@@ -4,8 +4,7 @@ The preset `kinematic`: every block is a `GenericSystem`, whatever its plugin is
 """
 
 import dataclasses as dc
-import functools
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -261,18 +260,4 @@ def add_mock_hardware(
         everything=hardware.GetOutputPort(interfaces.STATE_PORT),
         values=hardware.GetInputPort(interfaces.VALUES_PORT),
         claimed=hardware.GetInputPort(CLAIMED_PORT),
-        refuse=functools.partial(_find_objections, blocks),
     )
-
-
-def _find_objections(
-    blocks: Sequence[GenericSystem], start: Collection[str], stop: Collection[str]
-) -> str:
-    """Return why blocks can't start and stop command interfaces, "" if they can."""
-    objections = []
-    for block in blocks:
-        own = block.command_interfaces
-        started = [name for name in start if name in own]
-        stopped = [name for name in stop if name in own]
-        objections.append(block.prepare_switch(started, stopped))
-    return "; ".join(filter(None, objections))

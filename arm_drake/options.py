@@ -61,3 +61,15 @@ class SimulationOptions:
             )
         if self.log_rate is not None and not self.log_rate > 0.0:
             raise InputError(f"log_rate must be positive, got {self.log_rate!r}")
+        for field in ("active", "inactive"):
+            names = getattr(self, field)
+            if isinstance(names, str):
+                raise InputError(
+                    f"{field}: expected names of controllers, got {names!r}"
+                )
+        both = [name for name in self.active if name in self.inactive]
+        if both:
+            raise InputError(
+                f"controller {both[0]!r} can't be both active and inactive; "
+                "name it once"
+            )

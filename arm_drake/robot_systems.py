@@ -65,6 +65,16 @@ class RobotSystems:
             drive: What the hardware is told.
         """
         builder, prefix = self.builder, self.prefix
+        rate = self.robot.controllers.update_rate
+        if abs(rate * self.period - 1.0) > 1e-6:
+            report.add(
+                "warning",
+                "repair",
+                f"update_rate {rate} Hz doesn't fit those of the other robots",
+                f"its cycles come at {1.0 / self.period:.6g} Hz",
+                where=MANAGER,
+                file=next(iter(self.robot.controllers.files), None),
+            )
         manager = builder.AddNamedSystem(
             f"{prefix}{MANAGER}",
             ControllerManager(
@@ -79,7 +89,6 @@ class RobotSystems:
                 limits=make_command_limits(
                     self.robot, surroundings, controllers, report
                 ),
-                refuse=hardware.refuse,
                 servo_plant=hardware.servo_plant,
             ),
         )

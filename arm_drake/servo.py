@@ -179,9 +179,9 @@ def _acceleration_law(
             continue
         lag = v - s[i]
         felt = (1.0 + gains.kd * h / _FELT_GAIN) * r[i] - gains.kd * lag
-        felt = _clamp(felt, gains.max_acceleration[i])
-        outputs.append(u + disturbance + is_tau[i] * (felt - u - disturbance))
-        updates.append(shift + (1.0 - is_tau[i]) * gain)
+        acts = 1.0 - is_tau[i]
+        outputs.append(acts * (u + disturbance) + is_tau[i] * felt)
+        updates.append(shift + acts * gain)
         lags.append(s[i] + _FELT_GAIN * lag)
         rates.append(r[i] + _FELT_GAIN * (_FELT_GAIN / h * lag - r[i]))
     return SymbolicVectorSystem(

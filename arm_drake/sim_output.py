@@ -6,6 +6,7 @@ from typing import Any
 from arm_drake.clients import GoalHandle
 from arm_drake.description.robot import Robot
 from arm_drake.mailbox import News
+from arm_drake.manager_lifecycle import CommandLimited
 from arm_drake.messages import GoalStatus, SwitchControllerResult
 from arm_drake.rollout import Rollout
 from arm_drake.simulation import Simulation
@@ -55,6 +56,9 @@ class Speaker:
         """Tell news of goals and switches; what fails is told at the end."""
         if isinstance(news, SwitchControllerResult) and news.ok:
             self._switched(news)
+        elif isinstance(news, CommandLimited):
+            text = f"commands of joint {news.joint!r} go beyond its limits"
+            print(f"warning: {text}; they are held to them", file=sys.stderr)
         elif isinstance(news, GoalHandle):
             self._goal(news)
 

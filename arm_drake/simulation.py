@@ -135,13 +135,14 @@ class Simulation:
         Raises:
             InputError: If it is strict and can't be done.
         """
-        for names in (activate, deactivate):
-            if isinstance(names, str):
-                raise InputError(f"expected names of controllers, got {names!r}")
         if strictness not in _STRICTNESS:
             hint = suggest(str(strictness), _STRICTNESS)
             raise InputError(f"unknown strictness {strictness!r}; {hint}")
-        request = SwitchController(tuple(activate), tuple(deactivate), strictness)
+        names: Any = (activate, deactivate)  # The request checks them.
+        try:
+            request = SwitchController(*names, strictness)
+        except ValueError as error:
+            raise InputError(str(error)) from None
         manager, local = self.directory.address(request, robot)
         problems = manager.find_problems(self.simulator.get_context(), local)
         if problems and strictness == "strict":

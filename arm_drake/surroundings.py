@@ -2,7 +2,8 @@
 
 import dataclasses as dc
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from functools import partial
 
 from arm_drake import interfaces
 from arm_drake.control.generic_system import GenericSystem
@@ -27,7 +28,7 @@ class Surroundings:
     # or follow the command interface of the same name.
     stored: Mapping[str, float] = dc.field(default_factory=dict)
 
-    # Joints that move as they are commanded, by one controller at a time.
+    # Joints that the physics moves as they are commanded, by one controller at a time.
     driven: frozenset[str] = frozenset()
 
     # Name of the `<ros2_control>` block that an interface belongs to.
@@ -38,6 +39,10 @@ class Surroundings:
 
     # Whether states come from physics, not from commands.
     has_physics: bool = True
+
+    # Why the hardware can't start and stop these command interfaces, "" if it can; None
+    # if it always can.
+    refuse: Callable[[Collection[str], Collection[str]], str] | None = None
 
     # URDF velocity limit of joints [rad/s] or [m/s]; others have none.
     velocity_limits: Mapping[str, float] = dc.field(default_factory=dict)
@@ -88,7 +93,7 @@ def find_surroundings(
         tuple(states),
         initial_positions,
         {name: value for name, value in states.items() if name not in simulated},
-        _driven(description, commands),
+        _driven(description, commands) if blocks is None else frozenset(),
         {
             f"{component.name}/{interface.name}": block.name
             for block in description.hardware
@@ -106,6 +111,7 @@ def find_surroundings(
             if interface.data_type != "double"
         ),
         has_physics=blocks is None,
+        refuse=None if blocks is None else partial(_find_objections, blocks),
         velocity_limits={
             joint.name: joint.limits.velocity
             for joint in description.movable_joints
@@ -119,3 +125,16 @@ def _driven(description: RobotDescription, commands: Iterable[str]) -> frozenset
     commanded = {name.rpartition("/")[0] for name in commands}
     joints = [j.name for j in description.movable_joints if j.mimic is None]
     return frozenset(commanded.intersection(joints))
+
+
+def _find_objections(
+    blocks: Sequence[GenericSystem], start: Collection[str], stop: Collection[str]
+) -> str:
+    """Return why blocks can't start and stop command interfaces, "" if they can."""
+    objections = []
+    for block in blocks:
+        own = block.command_interfaces
+        started = [name for name in start if name in own]
+        stopped = [name for name in stop if name in own]
+        objections.append(block.prepare_switch(started, stopped))
+    return "; ".join(filter(None, objections))

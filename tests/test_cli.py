@@ -601,7 +601,8 @@ def test_a_controller_that_fails_is_a_line_of_its_own():
     assert list_failures(sim) == [
         f"{FORWARD}: commands refused: data must have 2 values (joint1/position, "
         "joint2/position), got 1; the update fails",
-        f"{FORWARD}: the update failed, the controller is deactivated",
+        f"{FORWARD}: the update failed (data must have 2 values (joint1/position, "
+        "joint2/position), got 1), the controller is deactivated",
     ]
 
 

@@ -69,7 +69,11 @@ def load(folder, text, yaml=YAML, **options):
 
 
 def simulate(robot):
-    return ad.Simulation(ad.build_diagram(robot, options=KINEMATIC))
+    """Return a simulation; positions are commanded first where there is a choice."""
+    names = {controller.name for controller in robot.controllers.controllers}
+    inactive = tuple(names & {"velocity", "both"})
+    options = ad.SimulationOptions(preset="kinematic", inactive=inactive)
+    return ad.Simulation(ad.build_diagram(robot, options=options))
 
 
 def command(sim, controller, *values):
@@ -219,7 +223,7 @@ def test_a_saved_state_continues_in_a_rebuilt_diagram_to_the_same_bits(tmp_path)
     saved = sim.simulator.get_context().Clone()
     sim.advance_to(0.2)
 
-    diagram = ad.build_diagram(robot, options=KINEMATIC)
+    diagram = simulate(robot).diagram
     other = Simulator(diagram)
     other.get_mutable_context().SetTimeStateAndParametersFrom(saved)
     other.AdvanceTo(0.2)
@@ -244,3 +248,53 @@ def test_two_robots_stand_beside_each_other():
 def test_an_unknown_preset_is_an_error():
     with pytest.raises(InputError, match="no preset 'quick'; known: accurate, kin"):
         ad.SimulationOptions(preset="quick")
+
+
+def test_interfaces_of_one_joint_can_be_commanded_by_several_controllers(tmp_path):
+    robot = load(tmp_path, arm(*BOTH))
+
+    sim = ad.Simulation(ad.build_diagram(robot, options=KINEMATIC))
+    command(sim, "position", 0.4, 0.3)
+    command(sim, "velocity", 0.5, 0.6)
+    sim.advance_to(0.1)
+
+    assert sim.joint_states().position == (0.4, 0.3)
+    assert sim.joint_states().velocity == (0.5, 0.6)
+
+
+def test_a_controller_that_the_hardware_refuses_does_not_start(tmp_path):
+    dynamics = '<param name="calculate_dynamics">true</param>'
+    yaml = """
+controller_manager:
+  ros__parameters:
+    update_rate: 100
+    both: {type: forward_command_controller/MultiInterfaceForwardCommandController}
+both: {ros__parameters: {joint: j1, interface_names: [position, velocity]}}
+"""
+    robot = load(tmp_path, arm(*BOTH, hardware=dynamics), yaml)
+
+    sim = ad.Simulation(ad.build_diagram(robot, options=KINEMATIC))
+
+    assert [row.state for row in sim.list_controllers()] == ["inactive"]
+    assert any("exactly one of position, velocity" in e.what for e in sim.report)
+
+
+def test_commands_are_held_to_limits_anew_after_a_switch(tmp_path):
+    dynamics = '<param name="calculate_dynamics">true</param>'
+    robot = load(tmp_path, arm(*BOTH, hardware=dynamics), distro="rolling")
+    sim = simulate(robot)
+    command(sim, "position", 0.5, 0.0)
+    sim.advance_to(1.0)
+    sim.switch_controllers(["velocity"], ["position"])
+    command(sim, "velocity", -1.0, 0.0)
+    sim.advance_to(1.5)
+    sim.switch_controllers(["position"], ["velocity"])
+    sim.advance_to(1.5 + PERIOD)
+    start = sim.joint_states().position[0]
+
+    command(sim, "position", 1.0, 0.0)
+    sim.advance_to(1.5 + 3.5 * PERIOD)
+
+    # 10 rad/s at most, in the two cycles that are read by then.
+    moved = sim.joint_states().position[0] - start
+    assert 0.0 < moved <= 10.0 * 2 * PERIOD + 1e-9

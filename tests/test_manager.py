@@ -1,5 +1,6 @@
 """The controller manager: switches, chains, rates, failures, limits, saved states."""
 
+import dataclasses as dc
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ from pydrake.systems.analysis import Simulator
 
 import arm_drake as ad
 from arm_drake.errors import InputError
-from arm_drake.manager_lifecycle import ControllerFailure
+from arm_drake.manager_lifecycle import CommandLimited, ControllerFailure
 from arm_drake.messages import (
     Float64MultiArray,
     SwitchController,
@@ -56,11 +57,14 @@ def pid(*dofs: str, command: str, gain: float = 1.0) -> str:
 
 
 def load(
-    folder: Path, controllers: dict[str, tuple[str, str]], **options: object
+    folder: Path,
+    controllers: dict[str, tuple[str, str]],
+    text: str = ROBOT,
+    **options: object,
 ) -> ad.Robot:
     """Return the robot with controllers of a type and parameters, by name."""
     urdf, yaml = folder / "arm.urdf", folder / "controllers.yaml"
-    urdf.write_text(ROBOT, encoding="utf-8")
+    urdf.write_text(text, encoding="utf-8")
     extra = str(options.pop("manager", ""))
     rows = "".join(f", {name}: {{{row}}}" for name, (row, _) in controllers.items())
     lines = [
@@ -381,17 +385,103 @@ def test_a_controller_that_fails_is_replaced(tmp_path):
     sim.advance_to(3 * PERIOD)
 
     assert states(sim) == {"position": "inactive", "spare": "active"}
-    assert events(sim) == [ControllerFailure("position", ("position",), ("spare",))]
+    reason = "data must have 2 values (j1/position, j2/position), got 1"
+    assert events(sim) == [
+        ControllerFailure("position", ("position",), ("spare",), reason)
+    ]
 
 
-def test_the_chain_of_a_controller_that_fails_ends_with_it(tmp_path):
-    sim = simulate(load(tmp_path, CHAIN))
+@pytest.mark.parametrize(
+    ("distro", "active"),
+    [("rolling", set()), ("jazzy", {"middle", "low"}), ("humble", set(CHAIN))],
+)
+def test_what_a_failure_ends_depends_on_the_distro(tmp_path, distro, active):
+    sim = simulate(load(tmp_path, CHAIN, distro=distro))
     sim.advance_to(PERIOD)
 
     command(sim, "top", 0.1)
-    sim.advance_to(3 * PERIOD)
+    sim.advance_to(4 * PERIOD)
 
-    assert set(states(sim).values()) == {"inactive"}
+    assert {name for name, state in states(sim).items() if state == "active"} == active
+    (failure,) = events(sim)
+    assert set(failure.deactivated) == set(CHAIN) - active
+
+
+def test_a_joint_far_out_of_its_limits_is_not_commanded(tmp_path):
+    limits = '<param name="min">-1</param><param name="max">1</param>'
+    text = ROBOT.replace(
+        '<command_interface name="position"/>',
+        f'<command_interface name="position">{limits}</command_interface>',
+    )
+    initial = {"j1": 1.5}
+    robot = load(
+        tmp_path, groups("position"), text, distro="rolling", initial_positions=initial
+    )
+    sim = simulate(robot)
+
+    command(sim, "position", 0.5, 0.5)
+    sim.advance_to(1.0)
+
+    assert states(sim) == {"position": "inactive"}
+    np.testing.assert_allclose(sim.joint_states().position, [1.5, 0.0], atol=1e-3)
+    (failure,) = (e for e in events(sim) if isinstance(e, ControllerFailure))
+    assert failure.reason.startswith("joint 'j1': the joint is at 1.5")
+
+
+def test_a_slow_controller_is_limited_by_its_own_commands(tmp_path):
+    slow = {
+        "slow": (f"type: {TYPES['position']}", "{joints: [j1, j2], update_rate: 10}")
+    }
+    sim = simulate(load(tmp_path, slow, distro="rolling"))
+
+    command(sim, "slow", 3.0, 0.0)
+    sim.advance_to(0.95)
+
+    # Ten updates, each of which may move the command by one cycle of 10 rad/s.
+    assert values(sim)["j1/position"] == pytest.approx(10 * 10.0 * PERIOD)
+
+
+def test_commands_beyond_limits_are_told_once_a_joint(tmp_path):
+    sim = simulate(load(tmp_path, groups("position"), distro="rolling"))
+
+    command(sim, "position", 5.0, 0.0)
+    sim.advance_to(1.0)
+
+    assert events(sim) == [CommandLimited("j1")]
+
+
+def test_an_interface_of_its_own_can_be_commanded_by_another_controller(tmp_path):
+    gain = '<command_interface name="gain"/><state_interface name="gain"/>'
+    both = groups("position") | {
+        "gains": (f"type: {FORWARD}", "{joints: [j1], interface_name: gain}")
+    }
+    text = ROBOT.replace(
+        '<joint name="j1"><command', f'<joint name="j1">{gain}<command'
+    )
+    sim = simulate(load(tmp_path, both, text=text))
+
+    assert set(states(sim).values()) == {"active"}
+
+
+def test_managers_that_no_common_step_fits_are_told(tmp_path):
+    robots = []
+    for name, rate in (("one", 500), ("two", 333)):
+        (tmp_path / name).mkdir()
+        yaml = tmp_path / name
+        robot = load(yaml, groups("position"))
+        config = dc.replace(robot.controllers, update_rate=rate)
+        robots.append(dc.replace(robot, name=name, controllers=config))
+    diagram = ad.build_diagram(robots, options=ad.SimulationOptions(time_step=2e-3))
+    sim = ad.Simulation(diagram)
+    second = diagram.GetSubsystemByName("two/controller_manager")
+
+    sim.advance_to(1.0)
+
+    lines = [entry.what for entry in second.report]
+    assert lines == ["update_rate 333 Hz doesn't fit those of the other robots"]
+    context = second.GetMyContextFromRoot(sim.simulator.get_context())
+    cycle = second.GetOutputPort("cycle").Eval(context)
+    assert cycle.time_ns == pytest.approx(1e9, abs=1e9 * second.period)
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """What a controller manager decides in a cycle, without a diagram around it."""
 
+import copy
 import math
 from collections.abc import Collection, Mapping, Sequence
 from types import SimpleNamespace
@@ -45,17 +46,18 @@ RATES = dict.fromkeys(INFOS, 100) | {"hand": 50}
 
 def make_lifecycle(
     *,
-    fallback: Mapping[str, Sequence[str]] | None = None,
-    is_strict: bool = False,
+    fallback: Mapping[str, tuple[str, ...]] | None = None,
+    distro: str = "jazzy",
     refuse: Refusal | None = None,
+    infos: Mapping[str, ControllerInfo] = INFOS,
 ) -> Lifecycle:
     return Lifecycle(
-        INFOS,
+        infos,
         RATES,
         fallback or {},
         DriveCommands(JOINTS, ORDER, velocity_lead=0.05),
         update_rate=100,
-        is_strict=is_strict,
+        distro=distro,
         refuse=refuse,
     )
 
@@ -138,18 +140,18 @@ def test_a_follower_restarts_when_its_predecessor_comes_and_goes():
 
 
 @pytest.mark.parametrize(
-    ("is_strict", "strictness", "activated"),
+    ("distro", "strictness", "activated"),
     [
-        (False, "", ["hand"]),
-        (True, "", []),
-        (True, "best_effort", ["hand"]),
-        (False, "strict", []),
+        ("jazzy", "", ["hand"]),
+        ("rolling", "", []),
+        ("rolling", "best_effort", ["hand"]),
+        ("jazzy", "strict", []),
     ],
 )
 def test_a_request_that_does_not_say_how_strict_it_is_follows_the_manager(
-    is_strict, strictness, activated
+    distro, strictness, activated
 ):
-    lifecycle = make_lifecycle(is_strict=is_strict)
+    lifecycle = make_lifecycle(distro=distro)
     request = SwitchController(("hand", "broken"), (), strictness)
 
     plan = lifecycle.judge([], request)
@@ -209,10 +211,10 @@ def test_a_new_activation_ticks_at_once():
 
 
 def test_one_that_fails_ends_with_its_chain_and_others_take_over():
-    lifecycle = make_lifecycle(fallback={"top": ["speed"]})
+    lifecycle = make_lifecycle(fallback={"top": ("speed",)}, distro="rolling")
     active = {"low": 0, "top": 1, "hand": 2}
 
-    remaining, number, news = lifecycle.replace(["top"], active, 3)
+    remaining, number, news = lifecycle.replace({"top": ""}, active, 3)
 
     assert remaining == {"hand": 2, "speed": 3}
     assert number == 4
@@ -224,31 +226,83 @@ def test_one_that_fails_ends_with_its_chain_and_others_take_over():
 
 
 def test_a_fallback_that_can_not_start_is_left_out():
-    lifecycle = make_lifecycle(fallback={"arm": ["broken", "hand"]})
+    lifecycle = make_lifecycle(fallback={"arm": ("broken", "hand")})
 
-    remaining, number, news = lifecycle.replace(["arm"], {"arm": 0, "hand": 1}, 2)
+    remaining, number, news = lifecycle.replace(
+        dict.fromkeys(["arm"], ""), {"arm": 0, "hand": 1}, 2
+    )
 
     assert (remaining, number) == ({"hand": 1}, 2)
-    assert news == (ControllerFailure("arm", ("arm",)),)
+    (failure,) = news
+    assert (failure.deactivated, failure.activated) == (("arm",), ())
+    assert [problem.partition(":")[2] for problem in failure.problems] == [
+        " it is not configured",
+        " it is already active",
+    ]
 
 
-def test_one_that_fails_twice_in_a_cycle_is_told_once():
-    lifecycle = make_lifecycle()
+@pytest.mark.parametrize("distro", ["jazzy", "kilted"])
+def test_up_to_kilted_a_chain_stays_without_the_one_that_fails(distro):
+    lifecycle = make_lifecycle(distro=distro)
 
-    _, _, news = lifecycle.replace(["arm", "arm"], {"arm": 0}, 1)
+    remaining, _, news = lifecycle.replace({"top": ""}, {"low": 0, "top": 1}, 2)
 
-    assert news == (ControllerFailure("arm", ("arm",)),)
+    assert remaining == {"low": 0}
+    assert news == (ControllerFailure("top", ("top",)),)
+
+
+def test_in_humble_one_that_fails_stays_active():
+    lifecycle = make_lifecycle(distro="humble")
+
+    remaining, number, news = lifecycle.replace({"arm": "why"}, {"arm": 0}, 1)
+
+    assert (remaining, number) == ({"arm": 0}, 1)
+    assert news == (ControllerFailure("arm", (), reason="why"),)
 
 
 def test_of_a_chain_that_fails_each_is_told_and_ends_once():
-    lifecycle = make_lifecycle()
+    lifecycle = make_lifecycle(distro="rolling")
 
-    remaining, _, news = lifecycle.replace(["top", "low"], {"low": 0, "top": 1}, 2)
+    remaining, _, news = lifecycle.replace(
+        dict.fromkeys(["top", "low"], ""), {"low": 0, "top": 1}, 2
+    )
 
     assert remaining == {}
     assert [failure.controller for failure in news] == ["top", "low"]
     ended = [name for failure in news for name in failure.deactivated]
     assert sorted(ended) == ["low", "top"]
+
+
+CHAIN_OF_FOUR = {
+    str(k): ControllerInfo(
+        str(k), (f"{k + 1}/x",), reference_interfaces=(f"{k}/x",) if k else ()
+    )
+    for k in range(4)
+}
+
+
+@pytest.mark.parametrize("failed", CHAIN_OF_FOUR)
+def test_a_chain_ends_whole_whoever_fails(failed):
+    lifecycle = make_lifecycle(infos={**INFOS, **CHAIN_OF_FOUR}, distro="rolling")
+    active = {"hand": 0} | dict.fromkeys(CHAIN_OF_FOUR, 1)
+
+    remaining, _, (failure,) = lifecycle.replace({failed: ""}, active, 2)
+
+    assert remaining == {"hand": 0}
+    assert sorted(failure.deactivated) == list(CHAIN_OF_FOUR)
+
+
+def test_those_that_another_one_commands_are_chained():
+    lifecycle = make_lifecycle()
+
+    assert lifecycle.chained(["low", "top", "hand"]) == {"low"}
+    assert lifecycle.chained(["low", "hand"]) == frozenset()
+
+
+def test_a_state_of_the_manager_is_not_copied():
+    state = make_lifecycle().start(["arm"])
+
+    assert copy.deepcopy(state) is state
 
 
 def test_claims_have_the_rates_of_their_controllers():
@@ -336,7 +390,7 @@ class Claims:
         commands: bool = False,
         failed: Collection[str] = (),
         **ticks: Sequence[float],
-    ) -> tuple[list[float], list[str]]:
+    ) -> tuple[list[float], dict[str, str]]:
         """Return values that were all 9, and who failed, after a cycle."""
         for name, port in self.ports.items():
             port.tick = (
@@ -372,7 +426,7 @@ def test_active_controllers_write_their_claims():
     values, failed = claims.write(["arm", "top"], arm=[2.0, 1.0], top=[3.0])
 
     assert values == [1.0, 9.0, 2.0, 9.0, 3.0]
-    assert failed == []
+    assert failed == {}
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
@@ -382,7 +436,7 @@ def test_a_command_that_is_not_finite_is_not_written(bad):
     values, failed = claims.write(["arm"], arm=[bad, 0.5])
 
     assert values == [9.0, 9.0, 0.5, 9.0, 9.0]
-    assert failed == []
+    assert failed == {}
 
 
 @pytest.mark.parametrize(
@@ -414,7 +468,7 @@ def test_those_whose_update_fails_are_named_and_write_all_the_same():
         ["arm", "hand"], failed=["arm"], arm=[0.0], hand=[0.5]
     )
 
-    assert failed == ["arm"]
+    assert list(failed) == ["arm"]
     assert values == [9.0, 0.0, 9.0, 0.5, 9.0]
 
 
@@ -426,7 +480,9 @@ def test_the_owner_of_a_joint_is_who_commands_it(joints, owners):
         arm=("a/position",), hand=("b/position",), idle=("a/velocity", "b/velocity")
     ).claimants
 
-    assert claims.owners(["arm", "hand"], joints) == owners
+    found = claims.owners(["arm", "hand"], dict.fromkeys(joints, "lost"))
+
+    assert sorted(found) == owners
 
 
 def test_joints_whose_controller_started_or_ended_are_fresh():
@@ -454,12 +510,21 @@ def test_joints_whose_controller_does_not_tick_are_skipped():
 
 
 def test_of_joints_with_a_new_controller_nothing_is_remembered():
-    claims = Claims(arm=("a/position",)).claimants
+    claims = Claims(arm=("a/position",), hand=("b/position",)).claimants
     previous: Any = {"a": 1, "b": 2, "wheel": 3}
 
-    kept = claims.forget(previous, np.array([True, False]))
+    kept = claims.forget(previous, make_cycle(["hand", "arm"]), make_cycle(["hand"]))
 
     assert kept == {"b": 2, "wheel": 3}
+
+
+def test_what_controllers_wrote_can_be_undone():
+    claims = Claims(arm=("a/position",), hand=("b/position",)).claimants
+    values, before = np.full(5, 9.0), np.arange(5.0)
+
+    claims.restore(values, before, {"hand"})
+
+    assert values.tolist() == [9.0, 9.0, 2.0, 9.0, 9.0]
 
 
 def test_stored_states_follow_commands_of_their_name():

@@ -551,7 +551,8 @@ def test_a_controller_that_fails_is_news(competing):
     assert [competing.mailbox.describe(event) for event in news] == [
         f"{FORWARD}: commands refused: data must have 2 values (joint1/position, "
         "joint2/position), got 1; the update fails",
-        f"{FORWARD}: the update failed, the controller is deactivated",
+        f"{FORWARD}: the update failed (data must have 2 values (joint1/position, "
+        "joint2/position), got 1), the controller is deactivated",
     ]
 
 

@@ -135,6 +135,31 @@ def test_joints_that_are_commanded_are_driven_unless_they_follow_others(tmp_path
     assert found == [{"turn", "slide"}, {"turn"}, {"turn", "slide"}, {"turn"}]
 
 
+def test_interfaces_know_their_block(tmp_path):
+    text = arm(
+        component("joint", "turn", *POSITION),
+        component("gpio", "tool", "command:out", "state:level"),
+    )
+
+    found = find(tmp_path, text)
+
+    assert dict(found.blocks) == {
+        "turn/position": "block0",
+        "turn/velocity": "block0",
+        "tool/out": "block1",
+        "tool/level": "block1",
+    }
+
+
+def test_states_that_are_no_doubles_are_known(tmp_path):
+    gpio = component("gpio", "tool", "command:out", "state:out", "state:level")
+    level = '<state_interface name="level"'
+    assert level in gpio
+    text = arm(gpio.replace(level, f'{level} data_type="bool"'))
+
+    assert find(tmp_path, text).other_types == {"tool/level"}
+
+
 def test_velocity_limits_are_those_of_the_joints_that_have_one(tmp_path):
     text = arm(component("joint", "turn", *POSITION)).replace(
         'velocity="10"', 'velocity="0"', 1
@@ -174,7 +199,7 @@ def test_of_a_mirror_there_is_what_it_mirrors(tmp_path):
     assert found.state_interfaces == ("turn/position", "slide/speed", "tool/out")
     unknown = pytest.approx(math.nan, nan_ok=True)
     assert found.stored == {"slide/speed": 0.2, "tool/out": unknown}
-    assert found.driven == {"turn", "slide"}
+    assert found.driven == frozenset()
     assert not found.has_physics
 
 

@@ -34,8 +34,9 @@ class LimitedCommands(NamedTuple):
     # Joints that a command would have led beyond a limit.
     limited: tuple[str, ...]
 
-    # Joints that are so far outside their limits that they can't be commanded.
-    out_of_bounds: tuple[str, ...]
+    # Joints that are so far outside their limits that they can't be commanded, and what
+    # is the matter with them, in words.
+    out_of_bounds: Mapping[str, str]
 
 
 class CommandLimits:
@@ -77,7 +78,8 @@ class CommandLimits:
             dt: Time since the last cycle [s].
         """
         remembered = dict(previous)
-        limited, lost = [], []
+        limited: list[str] = []
+        lost: dict[str, str] = {}
         for joint, (limits, soft_limits) in self._limits.items():
             fields = {
                 name: at
@@ -103,11 +105,11 @@ class CommandLimits:
                 new = limit(limits, soft_limits, before, state, desired, dt)
             except PositionOutOfBoundsError as error:
                 remembered[joint] = error.previous
-                lost.append(joint)
+                lost[joint] = f"joint {joint!r}: {error}"
                 continue
             remembered[joint] = new.previous
             if new.is_limited:
                 limited.append(joint)
             for name, at in fields.items():
                 values[at] = getattr(new.command, name)
-        return LimitedCommands(remembered, tuple(limited), tuple(lost))
+        return LimitedCommands(remembered, tuple(limited), lost)

@@ -60,6 +60,9 @@ class Tick(NamedTuple, Generic[S]):
     # Whether the tick went well; a controller that fails is deactivated.
     is_ok: bool = True
 
+    # Why it didn't.
+    fault: str = ""
+
     def __deepcopy__(self, memo: dict[int, object]) -> Self:
         return self
 

@@ -10,26 +10,27 @@ from typing import Literal
 from arm_drake import interfaces
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.forward_controllers_base import ForwardControllersBase
-from arm_drake.controllers.validation import check_not_empty
+from arm_drake.controllers.validation import check_not_empty, check_unique
 
 
 @dc.dataclass(frozen=True)
 class JointGroupControllerParameters:
     """Parameters of a JointGroup{Position,Velocity,Effort}Controller."""
 
-    # Joints to command, in the order of the values; at least one.
+    # Joints to command, in the order of the values; at least one, unique.
     joints: tuple[str, ...]
 
     def __post_init__(self) -> None:
         """Reject what the types alone can't express."""
         check_not_empty(self, "joints")
+        check_unique(self, "joints")
 
 
 @dc.dataclass(frozen=True)
 class ForwardCommandControllerParameters:
     """Parameters of a ForwardCommandController."""
 
-    # Joints to command, in the order of the values; at least one.
+    # Joints to command, in the order of the values; at least one, unique.
     joints: tuple[str, ...]
 
     # Interface to claim on each joint.
@@ -38,6 +39,7 @@ class ForwardCommandControllerParameters:
     def __post_init__(self) -> None:
         """Reject what the types alone can't express."""
         check_not_empty(self, "joints", "interface_name")
+        check_unique(self, "joints")
 
 
 @dc.dataclass(frozen=True)
@@ -47,12 +49,13 @@ class MultiInterfaceForwardCommandControllerParameters:
     # Joint to command.
     joint: str
 
-    # Interfaces to claim on it, in the order of the values; at least one.
+    # Interfaces to claim on it, in the order of the values; at least one, unique.
     interface_names: tuple[str, ...]
 
     def __post_init__(self) -> None:
         """Reject what the types alone can't express."""
         check_not_empty(self, "joint", "interface_names")
+        check_unique(self, "interface_names")
 
 
 class ForwardCommandController(ForwardControllersBase):

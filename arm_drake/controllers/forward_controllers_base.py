@@ -122,3 +122,7 @@ class ForwardControllersBase(TickingController[ForwardCommandState]):
 
     def _is_ok(self, state: ForwardCommandState) -> bool:
         return state.is_ok
+
+    def _fault(self, state: ForwardCommandState) -> str:
+        reason = state.events[-1][1].reason if state.events else ""
+        return reason.removesuffix("; the update fails")

@@ -10,7 +10,7 @@ from operator import itemgetter
 from typing import Annotated, Any
 
 from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import Context
+from pydrake.systems.framework import Context, InputPort
 
 from arm_drake import interfaces
 from arm_drake.controllers.controller_interface import (
@@ -20,7 +20,6 @@ from arm_drake.controllers.controller_interface import (
 from arm_drake.description.parameters import Rule
 from arm_drake.errors import ParameterError
 from arm_drake.messages import (
-    NANOSECONDS,
     DynamicJointState,
     Header,
     InterfaceValue,
@@ -107,9 +106,12 @@ class JointStateBroadcaster(ControllerInterface):
     message alone. That one names mapped interfaces as in JointState, as upstream's.
     ``use_local_topics`` changes the names of topics alone, and no port.
 
-    It has no state: what it publishes is sampled at its rate before it gets there, and
+    It has no state: what it publishes is sampled in its ticks before it gets there, and
     after the commands of the tick, so efforts are those that they cause. Inactive, and
     before the first tick, its messages are empty.
+
+    Slower than the manager, it has a further input port, `tick_time`, with the time of
+    its last tick [ns]; else it ticks in every cycle.
     """
 
     is_sampled = True
@@ -135,9 +137,8 @@ class JointStateBroadcaster(ControllerInterface):
         self._names, self._rows = layout.names, layout.rows
         self._components, self._values = layout.components, layout.values
         self._frame_id = parameters.frame_id
-        # Its own ticks are some of the manager's.
-        self._divisor = max(1, round(1.0 / (params.period * params.update_rate)))
-        self._manager_rate = round(1.0 / params.period)
+        # The port with the time of the last tick, if it doesn't tick in every cycle.
+        self._tick_times: list[InputPort] = []
         outputs: dict[str, tuple[Any, Callable[[Context, AbstractValue], None]]] = {
             "joint_states": (JointState(), self._calc_joint_states)
         }
@@ -155,6 +156,12 @@ class JointStateBroadcaster(ControllerInterface):
                     self.time_ticket(),
                 },
             )
+
+    def add_tick_time(self) -> InputPort:
+        """Declare the port with the time of its last tick, if it is a slow one."""
+        port = self.DeclareVectorInputPort(interfaces.TICK_PORT, 1)
+        self._tick_times.append(port)
+        return port
 
     def _calc_joint_states(self, context: Context, output: AbstractValue) -> None:
         header = self._header(context)
@@ -184,14 +191,19 @@ class JointStateBroadcaster(ControllerInterface):
 
     def _header(self, context: Context) -> Header | None:
         """Return the header of the last tick, or None if there is nothing to say."""
+        if not self._is_active(context):
+            return None
+        for port in self._tick_times:
+            time_ns = float(port.Eval(context)[0])
+            if math.isnan(time_ns):
+                return None
+            return Header(Time.from_nanoseconds(int(time_ns)), self._frame_id)
         # The tick of this very instant, if it is one, hasn't run.
         cycles = context.get_time() / self.params.period
         cycle = math.ceil(cycles - _TICK_TOLERANCE) - 1
-        if cycle < 0 or not self._is_active(context):
+        if cycle < 0:
             return None
-        cycle -= cycle % self._divisor
-        sec, rest = divmod(cycle, self._manager_rate)
-        stamp = Time(sec, rest * NANOSECONDS // self._manager_rate)
+        stamp = Time.from_nanoseconds(self._tick_time(cycle))
         return Header(stamp, self._frame_id)
 
     def _read_values(self, context: Context) -> list[float]:

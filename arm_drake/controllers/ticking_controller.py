@@ -77,6 +77,8 @@ class TickingController(ControllerInterface, Generic[S]):
         # Values of all command interfaces, and where those of this one stand there.
         self._values: InputPort | None = None
         self._values_at: list[tuple[int, int]] = []
+        # Humble's manager goes on with a controller whose update fails.
+        self._ends_on_failure = params.distro != "humble"
         # Of each controller that may command references: its port, and where its
         # commands stand among them.
         self._predecessors: list[tuple[str, InputPort, list[int], list[int]]] = []
@@ -164,6 +166,11 @@ class TickingController(ControllerInterface, Generic[S]):
         del state
         return np.full(len(self.exported_interfaces), np.nan)
 
+    def _fault(self, state: S) -> str:
+        """Return why the last tick went wrong, in words."""
+        del state
+        return ""
+
     def _is_ok(self, state: S) -> bool:
         """Return whether the last tick went well."""
         del state
@@ -236,7 +243,7 @@ class TickingController(ControllerInterface, Generic[S]):
             period_ns = cycle.periods.get(name, period_ns)
         now = Now(context, cycle.time_ns, period_ns, cycle)
         activation = cycle.active.get(name)
-        state, command, is_ok = held.state, held.command, True
+        state, command, is_ok, fault = held.state, held.command, True, ""
         ending: Array | None = None
         if activation != held.activation:
             if held.activation is not None:
@@ -250,11 +257,13 @@ class TickingController(ControllerInterface, Generic[S]):
             state = self._update(now, state)
             command, is_ok = self._command(state), self._is_ok(state)
             if not is_ok:
-                state, activation = self._deactivate(now, state), None
-                command = self._command(state)
+                fault = self._fault(state)
+                if self._ends_on_failure:
+                    state, activation = self._deactivate(now, state), None
+                    command = self._command(state)
         if ending is not None:  # What a restart leaves unwritten ends.
             command = np.where(np.isnan(command), ending, command)
-        return Tick(cycle.number, activation, state, command, is_ok)
+        return Tick(cycle.number, activation, state, command, is_ok, fault)
 
     def _own_cycle(self, context: Context, held: Tick[S]) -> Cycle:
         """Return a cycle of a controller that has no manager."""

@@ -2,9 +2,10 @@
 
 import dataclasses as dc
 import os
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection
 from pathlib import Path
 
+from arm_drake.description.controller_manager_nodes import Nodes, merge
 from arm_drake.description.controller_manager_parameters import (
     CONTROLLER_KEYS,
     MANAGER,
@@ -19,6 +20,9 @@ from arm_drake.description.report import Kind, LoadReport, Severity
 from arm_drake.description.ros_parameters import ParameterReader, Section
 from arm_drake.errors import PackageError, ParameterError, suggest
 
+# What becomes of a controller that can't be loaded.
+_IDLE = "the controller does not run"
+
 
 @dc.dataclass(frozen=True)
 class ControllerConfig:
@@ -27,6 +31,7 @@ class ControllerConfig:
     name: str
 
     # ros2_control type, such as "forward_command_controller/ForwardCommandController".
+    # What is no type at all is kept as text.
     type: str
 
     # Its parameters by dotted name, without those that the manager reads.
@@ -39,88 +44,8 @@ class ControllerConfig:
     # Controllers to activate when an update of this one fails.
     fallback_controllers: tuple[str, ...] = ()
 
-
-class Nodes:
-    """Which sections reach which node."""
-
-    def __init__(self, sections: Sequence[Section], namespaces: Sequence[str]) -> None:
-        """Create it.
-
-        Args:
-            sections: Sections of all files.
-            namespaces: Name spaces of the controller managers.
-        """
-        self.sections = tuple(sections)
-        self._namespaces = tuple(namespaces)
-        self._reached: set[int] = set()
-        self._named: dict[str, list[int]] = {}
-        for index, section in enumerate(self.sections):
-            name = "*" if "*" in section.name else section.name
-            self._named.setdefault(name, []).append(index)
-
-    def is_reached(self, section: Section, namespace: str, name: str) -> bool:
-        """Return whether a node gets a section's parameters.
-
-        A launch file may add name spaces: one that no manager has is taken for any.
-        """
-        if section.matches(f"{namespace}/{name}"):
-            return True
-        is_free = "*" not in section.node and section.namespace not in self._namespaces
-        return section.name == name and (is_free or len(self._namespaces) == 1)
-
-    def parameters(self, namespace: str, name: str) -> dict[str, Parameter]:
-        """Return the parameters of a node."""
-        named = {*self._named.get(name, ()), *self._named.get("*", ())}
-        reaching = [
-            index
-            for index in sorted(named)
-            if self.is_reached(self.sections[index], namespace, name)
-        ]
-        self._reached |= set(reaching)
-        return merge(self.sections[index] for index in reaching)
-
-    def typed(self, namespace: str) -> list[str]:
-        """Return the names of the nodes that sections of their own give a type."""
-        is_first = namespace == self._namespaces[0]
-        return [
-            section.name
-            for section in self.sections
-            if "type" in section.parameters
-            and section.name not in (MANAGER, "*", "**")
-            and (
-                section.matches(f"{namespace}/{section.name}")
-                or (is_first and self.is_reached(section, namespace, section.name))
-            )
-        ]
-
-    def report_unused(self, names: Collection[str], report: LoadReport) -> None:
-        """Report sections that have reached no node.
-
-        Args:
-            names: Names of the nodes.
-            report: Where they are recorded.
-        """
-        for index, section in enumerate(self.sections):
-            if index in self._reached:
-                continue
-            report.add(
-                "warning",
-                "ignored",
-                "no controller of this name; "
-                f"{suggest(section.node.strip('/'), names)}",
-                "the section has no effect",
-                where=section.node.lstrip("/"),
-                file=section.file,
-                line=section.line,
-            )
-
-
-def merge(sections: Iterable[Section]) -> dict[str, Parameter]:
-    """Return the parameters of sections, of which later ones override earlier ones."""
-    merged: dict[str, Parameter] = {}
-    for section in sections:
-        merged.update(section.parameters)
-    return merged
+    # Why it can't be loaded, which the report says too; empty if it can.
+    problem: str = ""
 
 
 class ManagedControllers:
@@ -144,7 +69,7 @@ class ManagedControllers:
             report: Where what has no effect is recorded.
 
         Raises:
-            ParameterError: If a parameter can't be used.
+            ParameterError: If a parameter of its own can't be used.
         """
         self.namespace = namespace
         self.node = f"{namespace}/{MANAGER}".lstrip("/")
@@ -159,7 +84,11 @@ class ManagedControllers:
         listed = [group for group, _, rest in groups if rest in CONTROLLER_KEYS]
         self._names = tuple(dict.fromkeys(listed + nodes.typed(namespace)))
         loaded = {name: self._load(name) for name in self._names}
-        self.controllers = {n: c for n, c in loaded.items() if c is not None}
+        known = {n: c for n, c in loaded.items() if c is not None}
+        self.controllers = {
+            n: self._with_fallback(c, [k for k in known if k != n])
+            for n, c in known.items()
+        }
         self._report_foreign()
 
     @property
@@ -184,34 +113,76 @@ class ManagedControllers:
 
     def _load(self, name: str) -> ControllerConfig | None:
         own = self._nodes.parameters(self.namespace, name)
-        own |= merge(self._further_sections(name))
+        sections, problem = self._further_sections(name)
+        own |= merge(sections)
         parameters = {k: p for k, p in own.items() if not self._is_own(k, p)}
-        type_ = parameters.pop("type", None)
-        type_ = self.parameters.get(f"{name}.type", type_)
+        type_, where = self._choose(name, "type", parameters.pop("type", None))
         if type_ is None:
             members = (p for k, p in self.parameters.items() if _is_below(k, name))
-            self._complain(name, next(members), "no 'type' is given", "warning")
+            what, where = "no 'type' is given", f"{self.node}.{name}"
+            self._complain(where, next(members), what, "warning", "it is not spawned")
             return None
         if not isinstance(type_.value, str):
-            raise ParameterError(
-                f"expected a controller type, got {type_.value!r}",
-                file=type_.file,
-                line=type_.line,
-                where=f"{name}.type",
-            )
-        remaps = self.parameters.get(f"{name}.node_options_args")
+            what = f"expected a controller type, got {type_.value!r}"
+            self._complain(where, type_, what, "error", _IDLE)
+            problem = problem or what
+        remaps, where = self._choose(name, "node_options_args", None)
         if remaps is not None:
-            key = f"{name}.node_options_args"
             what = "options of nodes are not simulated"
-            self._complain(key, remaps, what, "info", "it has no effect")
-        fallback = parameters.pop("fallback_controllers", None)
-        fallback = self.parameters.get(f"{name}.fallback_controllers", fallback)
-        names = texts_of(fallback, f"{name}.fallback_controllers")
-        if fallback is not None and name in names:
-            self._complain(name, fallback, "it is its own fallback", "error")
-            return None
+            self._complain(where, remaps, what, "info", "it has no effect")
         return ControllerConfig(
-            name, type_.value, parameters, type_.file, type_.line, names
+            name,
+            str(type_.value),
+            parameters,
+            type_.file,
+            type_.line,
+            problem=problem,
+        )
+
+    def _choose(
+        self, name: str, key: str, own: Parameter | None
+    ) -> tuple[Parameter | None, str]:
+        """Return what the manager is told about a controller, and its full name.
+
+        Args:
+            name: Name of the controller.
+            key: Name of the parameter below it.
+            own: What the controller's own section says, which holds if that of the
+                manager says nothing.
+        """
+        given = self.parameters.get(f"{name}.{key}")
+        if given is None:
+            return own, f"{name}.{key}"
+        return given, f"{self.node}.{name}.{key}"
+
+    def _with_fallback(
+        self, controller: ControllerConfig, others: Collection[str]
+    ) -> ControllerConfig:
+        """Return a controller with its fallback controllers, of the names given."""
+        name, parameters = controller.name, dict(controller.parameters)
+        own = parameters.pop("fallback_controllers", None)
+        given, where = self._choose(name, "fallback_controllers", own)
+        if given is None:
+            return controller
+        names: tuple[str, ...] = ()
+        problem = ""
+        try:
+            names = texts_of(given, where)
+        except ParameterError as error:
+            problem = error.problem
+        if name in names:
+            problem = "it is its own fallback"
+        if problem:
+            self._complain(where, given, problem, "error", _IDLE)
+        for other in () if problem else names:
+            if other not in others:
+                what = f"no controller {other!r}; {suggest(other, others)}"
+                self._complain(where, given, what, "warning", "it is left out")
+        return dc.replace(
+            controller,
+            parameters=parameters,
+            fallback_controllers=tuple(n for n in names if n in others),
+            problem=controller.problem or problem,
         )
 
     def _is_own(self, key: str, parameter: Parameter) -> bool:
@@ -220,12 +191,18 @@ class ManagedControllers:
             return False
         return is_managers(key) or key.partition(".")[0] in self._names
 
-    def _further_sections(self, name: str) -> Iterator[Section]:
-        """Yield what the files of a controller give it."""
-        key = f"{name}.params_file"
-        given = self.parameters.get(key)
-        for text in texts_of(given, f"{self.node}.{key}"):
-            assert given is not None
+    def _further_sections(self, name: str) -> tuple[list[Section], str]:
+        """Return what the files of a controller give it, and why it can't be loaded."""
+        given, where = self._choose(name, "params_file", None)
+        sections: list[Section] = []
+        if given is None:
+            return sections, ""
+        try:
+            texts = texts_of(given, where)
+        except ParameterError as error:
+            self._complain(where, given, error.problem, "error", "it is ignored")
+            return sections, ""
+        for text in texts:
             try:
                 path = self._resolve(text, given.file.parent)
                 # Unlike that of Path, it takes names that no file can have.
@@ -234,12 +211,20 @@ class ManagedControllers:
             except PackageError as error:
                 problem = error.problem
             if problem:
-                self._complain(key, given, problem, "error", "it is left out")
+                self._complain(where, given, problem, "error", "it is left out")
                 continue
             self.files.append(path)
-            for section in self._reader.read(path):
-                if self._nodes.is_reached(section, self.namespace, name):
-                    yield section
+            try:
+                read = self._reader.read(path)
+            except ParameterError as error:
+                self._complain(where, given, str(error), "error", _IDLE)
+                return sections, str(error)
+            sections += [
+                section
+                for section in read
+                if self._nodes.is_reached(section, self.namespace, name)
+            ]
+        return sections, ""
 
     def _resolve(self, text: str, folder: Path) -> Path:
         if self._packages is None:
@@ -248,11 +233,11 @@ class ManagedControllers:
 
     def _complain(
         self,
-        key: str,
+        where: str,
         parameter: Parameter,
         what: str,
         severity: Severity,
-        done: str = "it is not spawned",
+        done: str,
     ) -> None:
         kinds: dict[Severity, Kind] = {"info": "unsupported", "warning": "missing"}
         self._report.add(
@@ -260,7 +245,7 @@ class ManagedControllers:
             kinds.get(severity, "invalid"),
             what,
             done,
-            where=f"{self.node}.{key}",
+            where=where,
             file=parameter.file,
             line=parameter.line,
         )

@@ -13,8 +13,8 @@ from typing import Any
 from arm_drake.description.controller_manager import (
     ControllerConfig,
     ManagedControllers,
-    Nodes,
 )
+from arm_drake.description.controller_manager_nodes import Nodes
 from arm_drake.description.controller_manager_parameters import (
     DEFAULT_UPDATE_RATE,
     MANAGER,

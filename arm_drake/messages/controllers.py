@@ -1,11 +1,13 @@
 """Commands and states of controllers other than trajectories, and of their manager."""
 
 import dataclasses as dc
-from typing import Literal
+from collections.abc import Iterable
+from typing import Any, Literal
 
 from arm_drake.messages.base import Header, Message, to_floats
 
 Strictness = Literal["strict", "best_effort"]
+_STRICTNESS = ("strict", "best_effort", "")
 
 
 @dc.dataclass(frozen=True, eq=False)
@@ -101,9 +103,14 @@ class SwitchController(Message):
     strictness: Strictness | Literal[""] = ""
 
     def __post_init__(self) -> None:
-        """Take sequences as they come."""
+        """Take sequences as they come, and refuse what no service would get."""
         for field in ("activate_controllers", "deactivate_controllers"):
-            object.__setattr__(self, field, tuple(getattr(self, field)))
+            object.__setattr__(self, field, _to_names(getattr(self, field), field))
+        if self.strictness not in _STRICTNESS:
+            raise ValueError(
+                f"strictness: expected one of {', '.join(map(repr, _STRICTNESS))}, "
+                f"got {self.strictness!r}"
+            )
 
 
 @dc.dataclass(frozen=True)
@@ -115,3 +122,12 @@ class SwitchControllerResult(Message):
 
     # Why not, or what was left out; empty if there is nothing to say.
     message: str = ""
+
+
+def _to_names(values: Any, field: str) -> tuple[str, ...]:
+    """Return names as a tuple; raise ValueError for anything else."""
+    names = tuple(values) if isinstance(values, Iterable) else ()
+    is_text = isinstance(values, str) or not isinstance(values, Iterable)
+    if is_text or not all(isinstance(name, str) for name in names):
+        raise ValueError(f"{field}: expected names of controllers, got {values!r}")
+    return names

@@ -43,7 +43,7 @@ def test_commands_within_the_limits_pass():
     found = run(values)
 
     assert values.tolist() == [0.01, 0.5, 0.2, -2.0, 99.0]
-    assert (found.limited, found.out_of_bounds) == ((), ())
+    assert (found.limited, found.out_of_bounds) == ((), {})
 
 
 def test_each_joint_is_held_to_its_own_limits():
@@ -54,7 +54,7 @@ def test_each_joint_is_held_to_its_own_limits():
     # a moves by 2 rad/s for 10 ms at most; b has no such limit.
     assert values.tolist() == [pytest.approx(2.0 * DT), 2.0, 0.5, -3.0, 99.0]
     assert found.limited == ("a", "b")
-    assert found.out_of_bounds == ()
+    assert found.out_of_bounds == {}
 
 
 def test_what_nobody_claims_is_left_alone():
@@ -72,7 +72,7 @@ def test_a_claim_without_a_value_is_left_alone():
 
     found = run(values, claimed={"a/effort"})
 
-    assert found == LimitedCommands({}, (), ())
+    assert found == LimitedCommands({}, (), {})
 
 
 def test_a_command_starts_from_the_one_before():
@@ -120,10 +120,16 @@ def test_a_joint_far_out_of_bounds_is_named_and_the_others_are_limited():
         previous={"a": Data(position=0.9)},
     )
 
-    assert found.out_of_bounds == ("a",)
+    assert list(found.out_of_bounds) == ["a"]
     assert found.limited == ("b",)
     assert values.tolist() == [0.7, 9.0, 0.5, 0.0, 0.0]
     assert found.previous["a"] == Data(position=0.9)
+
+
+def test_a_joint_that_starts_out_of_bounds_is_remembered_where_it_is():
+    found = run(np.full(5, 0.7), claimed={"a/position"}, measured={"a/position": 1.2})
+
+    assert found.previous == {"a": Data(position=1.2)}
 
 
 def test_soft_limits_are_those_of_the_joint():
@@ -173,4 +179,4 @@ def test_what_is_not_measured_is_unknown():
     found = limits.apply({"b/position"}, values, np.array([9.0]), {}, DT)
 
     assert values[2] == 0.5
-    assert (found.limited, found.out_of_bounds) == (("b",), ())
+    assert (found.limited, found.out_of_bounds) == (("b",), {})

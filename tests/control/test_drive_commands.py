@@ -239,8 +239,9 @@ def seed(
 @pytest.mark.parametrize("old", ["velocity", "acceleration", "effort"])
 @pytest.mark.parametrize("new", KINDS)
 def test_a_new_kind_of_command_starts_with_what_the_joint_does(old, new):
-    values, _ = seed(mode_of(f"a/{old}"), mode_of(f"a/{new}"))
+    values, told = seed(mode_of(f"a/{old}"), mode_of(f"a/{new}"))
 
+    assert told[0] == [REST[0] if new == "position" else 0.1, 0.2]
     # Those that aren't followed stay as they are, and so does what goes on.
     expected = dict.fromkeys(ORDER, 99.0)
     if new != old:
@@ -285,6 +286,14 @@ def test_a_velocity_that_comes_with_a_position_starts_from_zero(old):
     values, _ = seed(mode_of(*old), mode_of("a/position", "a/velocity"))
 
     assert values["a/velocity"] == 0.0
+
+
+def test_a_velocity_that_goes_on_with_a_position_stays():
+    guided = mode_of("a/position", "a/velocity")
+
+    values, _ = seed(guided, guided)
+
+    assert values == dict.fromkeys(ORDER, 99.0)
 
 
 def test_a_velocity_that_came_with_a_position_becomes_the_measured_one():

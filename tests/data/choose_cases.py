@@ -9,22 +9,25 @@ chosen for pairs of features, up to a size. Cases stay whole.
 
     python tests/data/choose_cases.py FOLDER_OF_ALL_CASES
 
-The same input gives the same bytes, and removes what isn't chosen any more.
+The same input gives the same bytes. Files of before are removed; `sources.json` says of
+which files the cases are a choice.
 """
 
 import gzip
+import hashlib
 import itertools
 import json
 import lzma
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 Case = dict[str, Any]
 
 OUT = Path(__file__).parent / "oracle"
+SOURCES = OUT.with_name("sources.json")
 
 JTC = "jtc_scenarios"
 JAZZY = "jtc_scenarios_jazzy_4.42.1"
@@ -61,13 +64,22 @@ SERIES = {"command", "state", "reference", "exported_state", "controller_state",
 IGNORED = {"name", "urdf", "stamp", "stamp_ns", "cycle", "log_count"}
 
 
+def find(folder: Path, name: str) -> Path:
+    """Return the file `<name>.json`, `.json.gz` or `.json.xz`."""
+    (file,) = folder.glob(f"{name}.json*")
+    return file
+
+
 def read(folder: Path, name: str) -> Any:
-    """Return what is in the file `<name>.json.xz`, `.json.gz` or `.json`."""
-    for suffix, unpack in ((".xz", lzma.decompress), (".gz", gzip.decompress)):
-        packed = folder / f"{name}.json{suffix}"
-        if packed.exists():
-            return json.loads(unpack(packed.read_bytes()))
-    return json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
+    """Return what is in a file."""
+    file = find(folder, name)
+    unpack = {".gz": gzip.decompress, ".xz": lzma.decompress}.get(file.suffix, bytes)
+    return json.loads(unpack(file.read_bytes()))
+
+
+def digest(folder: Path, name: str) -> str:
+    """Return what tells a file from others."""
+    return hashlib.sha256(find(folder, name).read_bytes()).hexdigest()
 
 
 def pack(value: Any, name: str) -> bytes:
@@ -256,14 +268,16 @@ def write(files: dict[str, Any], out: Path) -> None:
         (out / f"{name}.json.{suffix}").write_bytes(pack(value, name))
 
 
-def main(folder: Path, out: Path = OUT, tell: Callable[[str], None] = print) -> None:
+def main(folder: Path) -> None:
     """Choose cases, and tell how many and how large they are."""
     files = choose(folder)
-    write(files, out)
-    for path in sorted(out.iterdir()):
+    write(files, OUT)
+    sources = {name: digest(folder, name) for name in sorted(files)}
+    SOURCES.write_text(json.dumps(sources, indent=2) + "\n", encoding="utf-8")
+    for path in sorted(OUT.iterdir()):
         count = len(files[path.name.partition(".json")[0]])
-        tell(f"{path.stat().st_size:8d} bytes, {count:4d} cases  {path.name}")
-    tell(f"{sum(path.stat().st_size for path in out.iterdir()):8d} bytes")
+        print(f"{path.stat().st_size:8d} bytes, {count:4d} cases  {path.name}")
+    print(f"{sum(path.stat().st_size for path in OUT.iterdir()):8d} bytes")
 
 
 if __name__ == "__main__":
