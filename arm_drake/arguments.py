@@ -23,15 +23,16 @@ def parse_arguments(arguments: Sequence[str] | None = None) -> argparse.Namespac
     options, words = parser.parse_known_args(arguments)
     if hasattr(options, "xacro_args"):
         # An option of several values takes whatever follows.
-        positions = getattr(options, "position", [])
-        words = [*[word for word in positions if _XACRO in word], *words]
-        positions[:] = [word for word in positions if _XACRO not in word]
+        if hasattr(options, "position"):
+            words = [*(w for w in options.position if _XACRO in w), *words]
+            options.position = [w for w in options.position if _XACRO not in w]
         xacro = [w for w in words if _XACRO in w and not w.startswith("-")]
         words = [word for word in words if word not in xacro]
         try:
-            options.xacro_args += map(_pair(_XACRO), xacro)
+            parsed = [_pair(_XACRO)(word) for word in xacro]
         except argparse.ArgumentTypeError as error:
             parser.error(str(error))
+        options.xacro_args = [*options.xacro_args, *parsed]
     if words:
         parser.error(f"unrecognized arguments: {' '.join(words)}")
     return options
@@ -116,6 +117,7 @@ def _add_robot_arguments(parser: argparse.ArgumentParser) -> None:
         "xacro_args",
         metavar="NAME:=VALUE",
         nargs="*",
+        default=[],
         type=_pair(_XACRO),
         help="xacro arguments",
     )

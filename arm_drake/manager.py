@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 
+import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import (
@@ -25,13 +26,14 @@ from arm_drake.loaded_controllers import (
     controller_infos,
 )
 from arm_drake.manager_claims import Claimants
-from arm_drake.manager_lifecycle import Lifecycle, ManagerState
+from arm_drake.manager_lifecycle import Lifecycle
 from arm_drake.manager_loop import (
     Loop,
     Readings,
     StoredStates,
     initial_values,
 )
+from arm_drake.manager_state import ManagerState
 from arm_drake.messages import NANOSECONDS, SwitchController
 from arm_drake.surroundings import Surroundings
 
@@ -160,9 +162,11 @@ class ControllerManager(LeafSystem):
         )
         self._claimants = claimants
         self._loop = Loop(self._lifecycle, claimants, drive, limits, surroundings)
+        initial = surroundings.initial_positions
+        values = np.array(initial_values(self.commands, drive.joints, initial))
+        hold = drive.initial([initial[joint] for joint in drive.joints])
         started = [c.name for c in self.controllers if c.state == "active"]
-        state = self._lifecycle.start(started)
-        # Drake takes plain numbers quicker than its own kinds of index.
+        state = self._lifecycle.start(started, values, hold)
         self._state_index = int(self.DeclareAbstractState(AbstractValue.Make(state)))
         self._cycle = self.DeclareAbstractOutputPort(
             "cycle",
@@ -176,9 +180,6 @@ class ControllerManager(LeafSystem):
                 self.input_port_ticket(self._measured.get_index()),
             },
         )
-        initial = surroundings.initial_positions
-        values = initial_values(self.commands, drive.joints, initial)
-        hold = drive.initial([initial[joint] for joint in drive.joints])
         flags = [float(c.name in state.active) for c in self.controllers]
         states = [self.DeclareDiscreteState(x) for x in (values, hold, flags)]
         self._values, self._drive_state, self._flags = map(int, states)
@@ -257,8 +258,6 @@ class ControllerManager(LeafSystem):
         return Readings(
             held,
             messages_on(self._switch, context, SwitchController),
-            context.get_discrete_state(self._values).value(),
-            context.get_discrete_state(self._drive_state).value(),
             lambda: self._measured.Eval(context),
         )
 
@@ -288,14 +287,14 @@ class ControllerManager(LeafSystem):
         if cycle.number == held.cycle.number:
             return
         readings = self._read(context, held)
-        written = self._loop.finish(context, readings, cycle)
-        state.get_mutable_abstract_state(self._state_index).set_value(written.state)
-        state.get_mutable_discrete_state(self._values).set_value(written.values)
-        state.get_mutable_discrete_state(self._drive_state).set_value(written.drive)
+        new = self._loop.finish(context, readings, cycle)
+        state.get_mutable_abstract_state(self._state_index).set_value(new)
+        state.get_mutable_discrete_state(self._values).set_value(new.values)
+        state.get_mutable_discrete_state(self._drive_state).set_value(new.drive)
         if cycle.commands is not None:
             flags = [float(c.name in cycle.active) for c in self.controllers]
             state.get_mutable_discrete_state(self._flags).set_value(flags)
         if self._stored is not None:
             stored = context.get_discrete_state(self._stored).value()
-            new = self._stored_states.update(stored, written.values)
-            state.get_mutable_discrete_state(self._stored).set_value(new)
+            stored = self._stored_states.update(stored, new.values)
+            state.get_mutable_discrete_state(self._stored).set_value(stored)

@@ -5,15 +5,13 @@ controller whose update fails is deactivated with its chain, and its fallback
 controllers take over.
 """
 
-import dataclasses as dc
 from collections.abc import Callable, Collection, Iterable, Mapping
-from types import MappingProxyType
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
-from arm_drake.control.command_limits import Previous
 from arm_drake.control.drive_commands import DriveCommands, DriveMode
 from arm_drake.control.update_schedule import due_period
-from arm_drake.controllers.cycles import Cycle
+from arm_drake.controllers.cycles import Array, Cycle
+from arm_drake.manager_state import ControllerFailure, Event, ManagerState
 from arm_drake.messages import NANOSECONDS, SwitchController, SwitchControllerResult
 from arm_drake.switching import (
     ControllerInfo,
@@ -22,74 +20,8 @@ from arm_drake.switching import (
     plan_switch,
 )
 
-# How many events are kept for those who don't look at every cycle.
-_NUM_EVENTS = 64
-
-
-@dc.dataclass(frozen=True)
-class ControllerFailure:
-    """News of a controller that was deactivated because its update failed."""
-
-    controller: str
-
-    # What was deactivated, its chain included, and what was activated in its place.
-    deactivated: tuple[str, ...]
-    activated: tuple[str, ...] = ()
-
-    # Why it failed, and why fallback controllers could not be activated.
-    reason: str = ""
-    problems: tuple[str, ...] = ()
-
-
-@dc.dataclass(frozen=True)
-class CommandLimited:
-    """News that a command went beyond a limit of its joint, told once a joint."""
-
-    joint: str
-
-
-Event = SwitchControllerResult | ControllerFailure | CommandLimited
-
 # Why hardware can't start and stop these command interfaces; "" if it can.
 Refusal = Callable[[Collection[str], Collection[str]], str]
-
-
-class ManagerState(NamedTuple):
-    """State of the manager between two cycles."""
-
-    # The last cycle; its number is -1 before the first one.
-    cycle: Cycle
-
-    # Active controllers from the next cycle on, and the number of their activation.
-    active: Mapping[str, int]
-    chained: frozenset[str]
-
-    # Which command interfaces the joints follow.
-    mode: DriveMode
-
-    # Number of the next activation.
-    next_activation: int
-
-    # Time of the last tick of controllers with a rate of their own [ns].
-    last_ns: Mapping[str, int]
-
-    # The requests seen last.
-    requests: tuple[SwitchController, ...] = ()
-
-    # The latest news, numbered, the newest last.
-    events: tuple[tuple[int, Event], ...] = ()
-
-    # What is remembered of joints whose commands are limited.
-    previous: Previous = MappingProxyType({})
-
-    # Joints that were commanded beyond a limit so far.
-    limited: frozenset[str] = frozenset()
-
-    # Controllers whose update failed in the last cycle.
-    failing: frozenset[str] = frozenset()
-
-    def __deepcopy__(self, memo: dict[int, object]) -> Self:
-        return self
 
 
 class Activation(NamedTuple):
@@ -139,8 +71,16 @@ class Lifecycle:
         self._is_strict = distro == "rolling"
         self._slow = {name for name, rate in rates.items() if rate < update_rate}
 
-    def start(self, started: Iterable[str]) -> ManagerState:
-        """Return the state before the first cycle, in which controllers start."""
+    def start(
+        self, started: Iterable[str], values: Array, drive: Array
+    ) -> ManagerState:
+        """Return the state before the first cycle, in which controllers start.
+
+        Args:
+            started: Names of the controllers.
+            values: Values of the command interfaces, shape (k,).
+            drive: What the drive is told.
+        """
         active = {name: number for number, name in enumerate(started)}
         return ManagerState(
             cycle=Cycle(-1, 0, 0, {}),
@@ -148,6 +88,8 @@ class Lifecycle:
             chained=chained(self._infos, active),
             mode=self._mode(active),
             next_activation=len(active),
+            values=values,
+            drive=drive,
             last_ns={},
         )
 
@@ -294,11 +236,3 @@ class Lifecycle:
 
     def _mode(self, active: Iterable[str]) -> DriveMode:
         return self._drive.mode(self.claims(active))
-
-
-def add_events(
-    events: tuple[tuple[int, Event], ...], news: Iterable[Event]
-) -> tuple[tuple[int, Event], ...]:
-    """Return the latest events with some news."""
-    first = events[-1][0] + 1 if events else 0
-    return (*events, *enumerate(news, start=first))[-_NUM_EVENTS:]

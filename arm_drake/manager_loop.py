@@ -12,12 +12,8 @@ from arm_drake.control.command_limits import CommandLimits
 from arm_drake.control.drive_commands import DriveCommands, DriveMode
 from arm_drake.controllers.cycles import Array, Cycle
 from arm_drake.manager_claims import Claimants
-from arm_drake.manager_lifecycle import (
-    CommandLimited,
-    Lifecycle,
-    ManagerState,
-    add_events,
-)
+from arm_drake.manager_lifecycle import Lifecycle
+from arm_drake.manager_state import CommandLimited, ManagerState, add_events
 from arm_drake.messages import NANOSECONDS, SwitchController
 from arm_drake.surroundings import Surroundings
 
@@ -29,10 +25,6 @@ class Readings(NamedTuple):
 
     # What lies on the port for requests, old and new.
     requests: tuple[SwitchController, ...]
-
-    # Values of the command interfaces, shape (k,), and what the drive is told.
-    values: Array
-    drive: Array
 
     # Returns positions, velocities and efforts of all joints, shape (3 J,).
     measure: Callable[[], Array]
@@ -50,14 +42,6 @@ class Readings(NamedTuple):
         return held.active is not held.cycle.active or (
             self.requests is not held.requests and bool(self.new_requests)
         )
-
-
-class Written(NamedTuple):
-    """What a cycle leaves behind."""
-
-    state: ManagerState
-    values: Array
-    drive: Array
 
 
 class Loop:
@@ -110,7 +94,9 @@ class Loop:
         periods = self._lifecycle.periods(held, active, time_ns)
         return Cycle(number, time_ns, period_ns, active, chain, periods, values)
 
-    def finish(self, context: Context, readings: Readings, cycle: Cycle) -> Written:
+    def finish(
+        self, context: Context, readings: Readings, cycle: Cycle
+    ) -> ManagerState:
         """Return what a cycle leads to, once controllers have ticked.
 
         Args:
@@ -121,7 +107,7 @@ class Loop:
         held = readings.held
         active, chain, mode = held.active, held.chained, held.mode
         events, number = held.events, held.next_activation
-        values, drive, fresh = readings.values, readings.drive, None
+        values, drive, fresh = held.values, held.drive, None
         if cycle.commands is None:
             values = values.copy()
         else:
@@ -148,7 +134,7 @@ class Loop:
             )
             if lost:
                 owners = self._claimants.owners(active, lost)
-                self._claimants.restore(values, readings.values, owners)
+                self._claimants.restore(values, held.values, owners)
                 failed |= owners
             news = [CommandLimited(j) for j in limited if j not in held.limited]
             if news:
@@ -163,12 +149,14 @@ class Loop:
         if failed and (failing != held.failing or self._lifecycle.ends_failed):
             active, number, told = self._lifecycle.replace(failed, active, number)
             events, chain = add_events(events, told), self._lifecycle.chained(active)
-        state = ManagerState(
+        return ManagerState(
             cycle,
             active,
             chain,
             mode,
             number,
+            values,
+            drive,
             last_ns,
             readings.requests,
             events,
@@ -176,11 +164,11 @@ class Loop:
             all_limited,
             failing,
         )
-        return Written(state, values, drive)
 
     def _seed(self, readings: Readings, mode: DriveMode) -> tuple[Array, Array]:
         """Return the values and the drive vector with which a mode starts."""
-        held, values, drive = readings.held, readings.values, readings.drive
+        held = readings.held
+        values, drive = held.values, held.drive
         if held.cycle.number < 0:
             return values, drive
         measured = readings.measure()

@@ -10,6 +10,7 @@ from pydrake.systems.primitives import Multiplexer, VectorLogSink, ZeroOrderHold
 from arm_drake import interfaces
 from arm_drake.control.drive_commands import DriveCommands
 from arm_drake.controllers.controller_interface import ControllerInterface
+from arm_drake.controllers.sampled_states import SampledStates
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.frames import LinkFrames
@@ -144,10 +145,11 @@ class RobotSystems:
         self.builder.AddNamedSystem(f"{full_name}:" if is_taken else full_name, system)
         measured = everything if system.reads_all else hardware.joint_motions
         if system.is_sampled:
-            params, period = system.params, self.period
-            divisor = max(1, round(1.0 / (params.update_rate * period)))
-            kind = ":all" if everything is not hardware.joint_states else ""
-            measured = self._sample(measured, divisor * period, kind)
+            if system.params.update_rate < self.robot.controllers.update_rate:
+                measured = self._sample_ticks(system, measured, f"{full_name}:sample")
+            else:
+                kind = ":all" if everything is not hardware.joint_states else ""
+                measured = self._sample(measured, self.period, kind)
         self.builder.Connect(measured, system.GetInputPort(interfaces.STATE_PORT))
 
     def _all_states(
@@ -174,6 +176,22 @@ class RobotSystems:
         # itself would compute the servo with the old command, once more.
         sample = self._sample(joint_states, period)
         self._log(sample, "joint_states", period)
+
+    def _sample_ticks(
+        self, system: ControllerInterface, measured: OutputPort, name: str
+    ) -> OutputPort:
+        """Return states, sampled in the ticks of a slow controller and held."""
+        sample = self.builder.AddNamedSystem(
+            name,
+            SampledStates(system.params.controller_name, measured.size(), self.period),
+        )
+        cycle = self.builder.GetSubsystemByName(f"{self.prefix}{MANAGER}")
+        told = sample.GetInputPort(interfaces.MANAGER_PORT)
+        self.builder.Connect(cycle.GetOutputPort("cycle"), told)
+        self.builder.Connect(measured, sample.GetInputPort(interfaces.STATE_PORT))
+        tick_time = sample.GetOutputPort(interfaces.TICK_PORT)
+        self.builder.Connect(tick_time, system.add_tick_time())
+        return sample.GetOutputPort(interfaces.STATE_PORT)
 
     def _sample(self, states: OutputPort, period: float, kind: str = "") -> OutputPort:
         """Return states, sampled and held; one system per kind and period."""

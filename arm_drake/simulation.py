@@ -138,9 +138,9 @@ class Simulation:
         if strictness not in _STRICTNESS:
             hint = suggest(str(strictness), _STRICTNESS)
             raise InputError(f"unknown strictness {strictness!r}; {hint}")
-        names: Any = (activate, deactivate)  # The request checks them.
+        given: Any = (activate, deactivate, strictness)  # The request checks them.
         try:
-            request = SwitchController(*names, strictness)
+            request = SwitchController(*given)
         except ValueError as error:
             raise InputError(str(error)) from None
         manager, local = self.directory.address(request, robot)

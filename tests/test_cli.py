@@ -73,6 +73,19 @@ def test_check_of_a_clean_robot_exits_with_0(run):
     assert "report: nothing" in out
 
 
+def test_a_xacro_argument_after_an_option_reaches_the_description(run, tmp_path):
+    file = tmp_path / "robot.urdf.xacro"
+    file.write_text(
+        '<robot name="$(arg name)" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+        '<xacro:arg name="name" default="r"/><link name="base"/></robot>'
+    )
+
+    code, out, err = run("check", file, "--json", "name:=bob", "--strict")
+
+    assert (code, err) == (0, "")
+    assert json.loads(out)["robot"] == "bob"
+
+
 def test_check_exits_with_1_for_a_controller_that_does_not_load(run, tmp_path):
     yaml = (configs_folder() / "doosan_a0912/controllers.yaml").read_text()
     broken = tmp_path / "controllers.yaml"
@@ -368,6 +381,10 @@ def test_sim_exits_with_1_when_a_topic_message_is_refused(run, tmp_path):
         (
             ["doosan_a0912", "--active", "jtc"],
             f"no controller 'jtc'; known: joint_state_broadcaster, {JTC}",
+        ),
+        (
+            ["doosan_a0912", "--active", JTC, "--inactive", JTC],
+            f"controller {JTC!r} can't be both active and inactive; name it once",
         ),
         (
             ["doosan_a0912", "--preset", "kinematics"],

@@ -16,6 +16,7 @@ from arm_drake.description import entry
 from arm_drake.errors import (
     ArmDrakeError,
 )
+from tests.models import TWO_LINKS, load, trajectory_controllers
 
 KNOWN_ROBOTS = ", ".join(bundled_robots())
 
@@ -578,6 +579,39 @@ def test_a_controller_that_cant_run_is_reported_with_its_place(package, changes,
     robot = ad.load_robot(package)
 
     assert lines(robot) == [f"error: {file}{line}; the controller does not run"]
+
+
+@pytest.mark.parametrize(
+    ("entry", "what"),
+    [
+        ("{type: 3}", "type: expected a controller type, got 3"),
+        (
+            f"{{type: {JTC}, fallback_controllers: [1]}}",
+            "fallback_controllers: expected a text or a list of texts, got [1]",
+        ),
+        (
+            f"{{type: {JTC}, fallback_controllers: [arm]}}",
+            "fallback_controllers: it is its own fallback",
+        ),
+    ],
+)
+def test_a_bad_entry_of_the_managers_list_stops_its_controller_alone(
+    tmp_path, entry, what
+):
+    text = trajectory_controllers({"arm": ["shoulder"], "other": ["elbow"]})
+    text = text.replace(f"arm:\n      type: {JTC}", f"arm: {entry}")
+
+    robot = load(tmp_path, TWO_LINKS, text)
+
+    rows = ad.Simulation(ad.build_diagram(robot)).list_controllers()
+    assert [(row.name, row.state) for row in rows] == [
+        ("arm", "unconfigured"),
+        ("other", "active"),
+    ]
+    assert [str(error) for error in robot.report.errors] == [
+        f"error: {tmp_path}/controllers.yaml:5: controller_manager.arm.{what}; "
+        "the controller does not run"
+    ]
 
 
 def test_an_unknown_controller_type_is_reported_with_the_nearest(package):

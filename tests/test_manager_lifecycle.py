@@ -12,14 +12,9 @@ import pytest
 from arm_drake.control.drive_commands import DriveCommands
 from arm_drake.controllers.cycles import Cycle, Tick
 from arm_drake.manager_claims import Claimants
-from arm_drake.manager_lifecycle import (
-    ControllerFailure,
-    Lifecycle,
-    ManagerState,
-    Refusal,
-    add_events,
-)
+from arm_drake.manager_lifecycle import Lifecycle, Refusal
 from arm_drake.manager_loop import Readings, StoredStates, initial_values
+from arm_drake.manager_state import ControllerFailure, ManagerState, add_events
 from arm_drake.messages import SwitchController, SwitchControllerResult
 from arm_drake.surroundings import Surroundings
 from arm_drake.switching import ControllerInfo
@@ -62,6 +57,10 @@ def make_lifecycle(
     )
 
 
+def start(lifecycle: Lifecycle, names: list[str]) -> ManagerState:
+    return lifecycle.start(names, np.zeros(len(ORDER)), np.zeros(6 * len(JOINTS)))
+
+
 def after_a_cycle(state: ManagerState, time_ns: int = 0) -> ManagerState:
     """Return the state after a cycle in which nothing happens."""
     cycle = Cycle(state.cycle.number + 1, time_ns, 10_000_000, state.active)
@@ -69,7 +68,7 @@ def after_a_cycle(state: ManagerState, time_ns: int = 0) -> ManagerState:
 
 
 def test_at_first_those_that_start_are_active_in_their_order():
-    state = make_lifecycle().start(["low", "top", "hand"])
+    state = start(make_lifecycle(), ["low", "top", "hand"])
 
     assert list(state.active) == ["low", "top", "hand"]
     assert len(set(state.active.values())) == 3
@@ -82,7 +81,7 @@ def test_at_first_those_that_start_are_active_in_their_order():
 
 def test_a_switch_numbers_activations_anew():
     lifecycle = make_lifecycle()
-    held = after_a_cycle(lifecycle.start(["arm", "hand"]))
+    held = after_a_cycle(start(lifecycle, ["arm", "hand"]))
     request = SwitchController(("hand",), ("arm", "hand"))
 
     done = lifecycle.switch(held, [request])
@@ -98,7 +97,7 @@ def test_a_switch_numbers_activations_anew():
 
 def test_requests_are_met_one_after_the_other():
     lifecycle = make_lifecycle()
-    held = after_a_cycle(lifecycle.start(["arm"]))
+    held = after_a_cycle(start(lifecycle, ["arm"]))
     requests = [
         SwitchController((), ("arm",), "strict"),
         SwitchController(("speed",), (), "strict"),
@@ -115,7 +114,7 @@ def test_requests_are_met_one_after_the_other():
 
 def test_without_requests_what_is_active_stays():
     lifecycle = make_lifecycle()
-    held = after_a_cycle(lifecycle.start(["arm", "hand"]))
+    held = after_a_cycle(start(lifecycle, ["arm", "hand"]))
 
     done = lifecycle.switch(held, [])
 
@@ -126,7 +125,7 @@ def test_without_requests_what_is_active_stays():
 
 def test_a_follower_restarts_when_its_predecessor_comes_and_goes():
     lifecycle = make_lifecycle()
-    held = after_a_cycle(lifecycle.start(["low"]))
+    held = after_a_cycle(start(lifecycle, ["low"]))
 
     chained = lifecycle.switch(held, [SwitchController(("top",))])
     alone = lifecycle.switch(
@@ -189,7 +188,7 @@ def test_hardware_is_not_asked_where_nothing_changes():
 
 def test_only_those_with_a_rate_of_their_own_have_periods():
     lifecycle = make_lifecycle()
-    held = after_a_cycle(lifecycle.start(["arm", "hand"]))._replace(
+    held = after_a_cycle(start(lifecycle, ["arm", "hand"]))._replace(
         last_ns={"hand": 100_000_000}
     )
 
@@ -201,7 +200,7 @@ def test_only_those_with_a_rate_of_their_own_have_periods():
 
 def test_a_new_activation_ticks_at_once():
     lifecycle = make_lifecycle()
-    held = after_a_cycle(lifecycle.start(["hand"]))._replace(
+    held = after_a_cycle(start(lifecycle, ["hand"]))._replace(
         last_ns={"hand": 100_000_000}
     )
 
@@ -300,7 +299,7 @@ def test_those_that_another_one_commands_are_chained():
 
 
 def test_a_state_of_the_manager_is_not_copied():
-    state = make_lifecycle().start(["arm"])
+    state = start(make_lifecycle(), ["arm"])
 
     assert copy.deepcopy(state) is state
 
@@ -333,12 +332,12 @@ def readings(state: ManagerState, requests: tuple[SwitchController, ...]) -> Rea
     def measure() -> np.ndarray:
         raise AssertionError("not needed")
 
-    return Readings(state, requests, np.zeros(5), np.zeros(12), measure)
+    return Readings(state, requests, measure)
 
 
 def test_a_request_counts_once_and_an_equal_one_again():
     old, equal = (SwitchController(("hand",)) for _ in range(2))
-    held = after_a_cycle(make_lifecycle().start(["arm"]))._replace(requests=(old,))
+    held = after_a_cycle(start(make_lifecycle(), ["arm"]))._replace(requests=(old,))
 
     again = readings(held, (old,))
     another = readings(held, (old, equal))
@@ -350,7 +349,7 @@ def test_a_request_counts_once_and_an_equal_one_again():
 
 
 def test_what_starts_with_the_first_cycle_is_a_switch():
-    state = make_lifecycle().start(["arm"])
+    state = start(make_lifecycle(), ["arm"])
 
     assert readings(state, ()).is_switching
     assert not readings(after_a_cycle(state), ()).is_switching

@@ -19,6 +19,7 @@ from arm_drake.messages import (
     JointTrajectoryControllerState,
     JointTrajectoryPoint,
     SendGoal,
+    SwitchController,
     Time,
 )
 
@@ -183,3 +184,42 @@ def test_a_goal_is_done_unless_it_waits_or_runs():
     running = {status for status in GoalStatus if not status.is_terminal}
 
     assert running == {GoalStatus.PENDING, GoalStatus.EXECUTING}
+
+
+def test_a_switch_takes_sequences_of_names():
+    request = SwitchController(["a"], (name for name in "bc"), "best_effort")
+
+    assert request.activate_controllers == ("a",)
+    assert request.deactivate_controllers == ("b", "c")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            {"activate_controllers": "abc"},
+            "activate_controllers: expected names of controllers, got 'abc'",
+        ),
+        (
+            {"activate_controllers": None},
+            "activate_controllers: expected names of controllers, got None",
+        ),
+        (
+            {"deactivate_controllers": [1]},
+            "deactivate_controllers: expected names of controllers, got [1]",
+        ),
+        (
+            {"strictness": "bogus"},
+            "strictness: expected one of 'strict', 'best_effort', '', got 'bogus'",
+        ),
+        (
+            {"strictness": [1]},
+            "strictness: expected one of 'strict', 'best_effort', '', got [1]",
+        ),
+    ],
+)
+def test_a_switch_refuses_what_no_service_would_get(arguments, message):
+    with pytest.raises(ValueError) as caught:  # noqa: PT011  the message is compared.
+        SwitchController(**arguments)
+
+    assert str(caught.value) == message

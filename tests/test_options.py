@@ -5,6 +5,7 @@ import math
 import pytest
 
 import arm_drake as ad
+from arm_drake.errors import InputError
 
 
 @pytest.mark.parametrize("value", [0.0, -1e-3, math.inf, math.nan])
@@ -41,3 +42,20 @@ def test_defaults_are_a_millisecond_of_full_physics_without_self_collision() -> 
     assert not options.self_collision
     assert options.log_rate is None
     assert options.active == options.inactive == ()
+
+
+def test_a_controller_is_not_active_and_inactive() -> None:
+    with pytest.raises(InputError) as caught:
+        ad.SimulationOptions(active=("b", "a"), inactive=("a",))
+
+    assert str(caught.value) == (
+        "controller 'a' can't be both active and inactive; name it once"
+    )
+
+
+@pytest.mark.parametrize("field", ["active", "inactive"])
+def test_a_text_is_no_list_of_controllers(field: str) -> None:
+    with pytest.raises(InputError) as caught:
+        ad.SimulationOptions(**{field: "jtc"})
+
+    assert str(caught.value) == f"{field}: expected names of controllers, got 'jtc'"

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydrake.systems.framework import Context
 
 import arm_drake as ad
 from arm_drake.messages import Float64MultiArray
@@ -206,3 +207,149 @@ def test_a_simulation_that_starts_over_is_recorded_anew(tmp_path):
 
     assert rollout.time.tolist() == [0.0, 0.01]
     np.testing.assert_allclose(rollout.position, [[0.4, 0.0]] * 2, atol=1e-12)
+
+
+def restore(sim: ad.Simulation, saved: Context) -> None:
+    """Put a simulation into a saved state."""
+    sim.simulator.get_mutable_context().SetTimeStateAndParametersFrom(saved)
+    sim.simulator.Initialize()
+
+
+def halves(folder: Path, **options: object) -> tuple[ad.Simulation, Context]:
+    """Return a simulation up to 0.05 s that follows commands, and a copy there."""
+    sim = simulate(folder, BOTH, **options)
+    command(sim, "position", 0.3, -0.2)
+    sim.advance_to(0.05)
+    return sim, sim.simulator.get_context().Clone()
+
+
+FIELDS = ("time", "position", "velocity", "effort")
+
+
+@pytest.mark.parametrize("rate", [None, 400.0, 30.0])
+def test_a_rebuilt_diagram_has_the_ticks_since_its_restore(tmp_path, rate):
+    sim, saved = halves(tmp_path, log_rate=rate, time_step=2.5e-3)
+    sim.advance_to(0.1)
+    whole = sim.rollout()
+    other = simulate(tmp_path, BOTH, log_rate=rate, time_step=2.5e-3)
+
+    restore(other, saved)
+    other.advance_to(0.1)
+
+    rollout = other.rollout()
+    # The tick before 0.05 s is in the saved state.
+    period = 0.01 if rate is None else 1.0 / rate
+    first = round(np.ceil(0.05 / period - 1e-6)) - 1
+    assert len(rollout.time) == len(whole.time) - first
+    for name in FIELDS:
+        np.testing.assert_array_equal(
+            getattr(rollout, name), getattr(whole, name)[first:]
+        )
+
+
+def test_references_that_were_not_recorded_are_nan(tmp_path):
+    _, saved = halves(tmp_path)
+    other = simulate(tmp_path, BOTH)
+
+    restore(other, saved)
+    other.advance_to(0.08)
+
+    rollout = other.rollout()
+    assert rollout.time.tolist() == [0.04, 0.05, 0.06, 0.07]
+    wanted = rollout.references["position"].position
+    # What was wanted at 0.04 s is what tick 3 commanded, before the restore.
+    np.testing.assert_array_equal(wanted, [[np.nan] * 2] + [[0.3, -0.2]] * 3)
+
+
+def test_a_rebuilt_diagram_between_ticks_has_its_last_tick_at_once(tmp_path):
+    sim, _ = halves(tmp_path)
+    sim.advance_to(0.053)
+    other = simulate(tmp_path, BOTH)
+
+    restore(other, sim.simulator.get_context().Clone())
+
+    rollout, whole = other.rollout(), sim.rollout()
+    assert rollout.time.tolist() == [0.05]
+    for name in FIELDS:
+        np.testing.assert_array_equal(getattr(rollout, name), getattr(whole, name)[-1:])
+
+
+def test_after_going_back_the_new_rows_count(tmp_path):
+    sim, saved = halves(tmp_path)
+    command(sim, "position", -0.5, 0.5)
+    sim.advance_to(0.1)
+    straight, _ = halves(tmp_path)
+    for each in (sim, straight):
+        if each is sim:
+            restore(sim, saved)
+        command(each, "position", 0.6, 0.6)
+        each.advance_to(0.095)
+
+    rollout, expected = sim.rollout(), straight.rollout()
+
+    assert len(rollout.time) == 10
+    for name in FIELDS:
+        np.testing.assert_array_equal(getattr(rollout, name), getattr(expected, name))
+    wanted = rollout.references["position"].position
+    np.testing.assert_array_equal(wanted, expected.references["position"].position)
+    # The message is seen at 0.05 s.
+    assert wanted[:, 0].tolist() == [0.0] + [0.3] * 5 + [0.6] * 4
+
+
+@pytest.mark.parametrize("time", [0.05, 0.047])
+def test_the_future_that_was_left_does_not_count(tmp_path, time):
+    sim = simulate(tmp_path, BOTH)
+    command(sim, "position", 0.3, -0.2)
+    sim.advance_to(time)
+    saved, before = sim.simulator.get_context().Clone(), sim.rollout()
+    sim.advance_to(0.1)
+
+    sim.simulator.get_mutable_context().SetTimeStateAndParametersFrom(saved)
+
+    after = sim.rollout()
+    assert len(after.time) == 5
+    for name in FIELDS:
+        np.testing.assert_array_equal(getattr(after, name), getattr(before, name))
+    assert len(after.references["position"].position) == 5
+
+
+def test_ticks_that_were_jumped_over_are_left_out(tmp_path):
+    _, saved = halves(tmp_path)
+    other = simulate(tmp_path, BOTH)
+    # That of 0.02 s isn't logged yet.
+    other.advance_to(0.025)
+
+    restore(other, saved)
+    other.advance_to(0.07)
+
+    assert other.rollout().time.tolist() == [0.0, 0.01, 0.04, 0.05, 0.06]
+
+
+def test_rows_that_a_program_logs_besides_change_nothing(tmp_path):
+    sim, _ = halves(tmp_path)
+    plain = sim.rollout()
+    other = simulate(tmp_path, BOTH)
+    command(other, "position", 0.3, -0.2)
+    for time in (0.0, 0.004, 0.01, 0.013, 0.017, 0.05):
+        other.advance_to(time)
+        other.diagram.ForcedPublish(other.simulator.get_context())
+
+    rollout = other.rollout()
+
+    for name in FIELDS:
+        np.testing.assert_array_equal(getattr(rollout, name), getattr(plain, name))
+
+
+def test_a_tick_that_was_already_run_is_not_taken_for_the_one_before(tmp_path):
+    sim, _ = halves(tmp_path)
+    # The very time of an event, which is rounded upwards.
+    sim.advance_to(7 * sim.directory.manager(None).period)
+    before, states = sim.rollout(), sim.joint_states()
+
+    sim.simulator.AdvancePendingEvents()
+
+    after = sim.rollout()
+    for name in FIELDS:
+        np.testing.assert_array_equal(getattr(after, name), getattr(before, name))
+    # Its time has come: the plant's next step is done.
+    assert sim.joint_states() != states

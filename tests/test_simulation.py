@@ -9,7 +9,7 @@ import pytest
 
 import arm_drake as ad
 from arm_drake.errors import InputError, MotionError
-from arm_drake.manager_lifecycle import ControllerFailure
+from arm_drake.manager_state import ControllerFailure
 from arm_drake.messages import (
     Float64MultiArray,
     SwitchControllerResult,
@@ -493,14 +493,22 @@ def test_the_result_of_a_switch_is_news(competing):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"activate": "abc"}, "expected names of controllers, got 'abc'"),
-        ({"deactivate": "abc"}, "expected names of controllers, got 'abc'"),
+        *(
+            (
+                {name: value},
+                f"{name}_controllers: expected names of controllers, got {value!r}",
+            )
+            for name in ("activate", "deactivate")
+            for value in ("abc", None, 1, [1], [["a"]])
+        ),
         (
             {"strictness": "stric"},
             "unknown strictness 'stric'; did you mean 'strict'? known: best_effort, "
             "strict",
         ),
+        ({"strictness": ""}, "unknown strictness ''; known: best_effort, strict"),
         ({"robot": "r2"}, "no robot 'r2'; known: a0912"),
+        ({"robot": ["r2"]}, "no robot ['r2']; known: a0912"),
         (
             {"activate": ["jtc"]},
             "no controller 'jtc'; known: joint_state_broadcaster, "
@@ -512,6 +520,17 @@ def test_a_switch_that_makes_no_sense_is_refused(sim, arguments, message):
     with pytest.raises(InputError) as error:
         sim.switch_controllers(**arguments)
     assert str(error.value) == message
+
+
+def test_a_request_to_switch_is_one(sim):
+    with pytest.raises(InputError) as error:
+        sim.request_switch(None)
+    assert str(error.value) == "expected a SwitchController, got None"
+
+
+def test_a_controller_is_found_by_its_name_alone(sim):
+    with pytest.raises(InputError, match=r"^no controller \[1\]; known: joint_state"):
+        sim.controller([1])
 
 
 def test_a_switch_of_several_robots_names_them():

@@ -39,6 +39,7 @@ from arm_drake.controllers.joint_trajectory_controller import (
 )
 from arm_drake.controllers.pid_controller import PidController
 from arm_drake.controllers.pid_parameters import PidControllerParameters
+from arm_drake.controllers.sampled_states import SampledStates
 from arm_drake.frames import LinkFrames
 from arm_drake.kinematic import KinematicPlant
 from arm_drake.manager import ControllerManager
@@ -71,7 +72,8 @@ LAYERS = [
         "controller_topics",
         "parameter_changes",
     ],
-    ["hardware", "controller_loader", "manager_lifecycle", "manager_claims"],
+    ["hardware", "controller_loader", "manager_state"],
+    ["manager_lifecycle", "manager_claims"],
     ["controller_loading", "mock_hardware", "manager_loop"],
     ["manager", "loading"],
     ["clients", "directory", "recording", "robot_systems"],
@@ -284,6 +286,7 @@ FACTORIES: dict[type[LeafSystem], Callable[[], LeafSystem]] = {
     KinematicPlant: lambda: KinematicPlant(make_plant(), {}),
     LinkFrames: lambda: LinkFrames([0]),
     ControllerManager: make_manager,
+    SampledStates: lambda: SampledStates("controller", 3, 0.01),
     JointStateBroadcaster: lambda: JointStateBroadcaster(
         JointStateBroadcasterParameters(), controller_params()
     ),

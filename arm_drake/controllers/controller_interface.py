@@ -53,7 +53,8 @@ class ControllerInterface(LeafSystem):
 
     A controller that reads no efforts is given none: its port ends after the
     velocities. Efforts take the servo's whole computation. A controller without an
-    update of its own, `is_sampled`, is given everything, held from tick to tick.
+    update of its own, `is_sampled`, is given everything, held from tick to tick; if it
+    is slower than its manager, with the time of the tick.
     """
 
     is_sampled = False
@@ -100,6 +101,14 @@ class ControllerInterface(LeafSystem):
         self._read_at = _positions(state_interfaces, params.measured)
         # Ports of controllers that export state interfaces, and where these go.
         self._exporters: list[tuple[InputPort, list[int], list[int]]] = []
+        # At most one port with the time of the last tick.
+        self._tick_times: list[InputPort] = []
+
+    def add_tick_time(self) -> InputPort:
+        """Declare the port with the time [ns] of what is sampled; NaN is nothing."""
+        port = self.DeclareVectorInputPort(interfaces.TICK_PORT, 1)
+        self._tick_times.append(port)
+        return port
 
     def add_exporter(self, controller: "ControllerInterface") -> InputPort:
         """Declare the port of a controller some of whose state this one reads.

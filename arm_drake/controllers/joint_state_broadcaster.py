@@ -10,7 +10,7 @@ from operator import itemgetter
 from typing import Annotated, Any
 
 from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import Context, InputPort
+from pydrake.systems.framework import Context
 
 from arm_drake import interfaces
 from arm_drake.controllers.controller_interface import (
@@ -137,8 +137,6 @@ class JointStateBroadcaster(ControllerInterface):
         self._names, self._rows = layout.names, layout.rows
         self._components, self._values = layout.components, layout.values
         self._frame_id = parameters.frame_id
-        # The port with the time of the last tick, if it doesn't tick in every cycle.
-        self._tick_times: list[InputPort] = []
         outputs: dict[str, tuple[Any, Callable[[Context, AbstractValue], None]]] = {
             "joint_states": (JointState(), self._calc_joint_states)
         }
@@ -150,18 +148,9 @@ class JointStateBroadcaster(ControllerInterface):
                 name,
                 lambda default=default: AbstractValue.Make(default),
                 calc,
-                prerequisites_of_calc={
-                    self._measured.ticket(),
-                    self._manager.ticket(),
-                    self.time_ticket(),
-                },
+                # Time and input ports, for there is no state.
+                prerequisites_of_calc={self.all_sources_ticket()},
             )
-
-    def add_tick_time(self) -> InputPort:
-        """Declare the port with the time of its last tick, if it is a slow one."""
-        port = self.DeclareVectorInputPort(interfaces.TICK_PORT, 1)
-        self._tick_times.append(port)
-        return port
 
     def _calc_joint_states(self, context: Context, output: AbstractValue) -> None:
         header = self._header(context)

@@ -1,4 +1,4 @@
-"""What is measured, sampled in the ticks of a controller that is slower than its manager."""
+"""What is measured, sampled in the ticks of a slow controller."""
 
 import math
 

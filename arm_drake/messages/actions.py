@@ -5,10 +5,12 @@ import enum
 from collections.abc import Callable
 
 from arm_drake.messages.base import Message
+from arm_drake.messages.checks import check_type
 from arm_drake.messages.trajectories import (
     FollowJointTrajectoryFeedback,
     FollowJointTrajectoryGoal,
     FollowJointTrajectoryResult,
+    JointTrajectory,
 )
 
 
@@ -38,12 +40,23 @@ class SendGoal(ActionRequest):
 
     goal: FollowJointTrajectoryGoal
 
+    def __post_init__(self) -> None:
+        """Refuse anything but a goal."""
+        hint = ""
+        if isinstance(self.goal, JointTrajectory):
+            hint = "FollowJointTrajectoryGoal(trajectory) is one"
+        check_type(self.goal, FollowJointTrajectoryGoal, "goal", hint=hint)
+
 
 @dc.dataclass(frozen=True, eq=False)
 class CancelGoal(ActionRequest):
     """Cancel a goal that was sent before."""
 
     request: SendGoal
+
+    def __post_init__(self) -> None:
+        """Refuse anything but the request that sent the goal."""
+        check_type(self.request, SendGoal, "request")
 
 
 @dc.dataclass(frozen=True, eq=False)

@@ -1,10 +1,10 @@
 """Commands and states of controllers other than trajectories, and of their manager."""
 
 import dataclasses as dc
-from collections.abc import Iterable
-from typing import Any, Literal
+from typing import Literal
 
-from arm_drake.messages.base import Header, Message, to_floats
+from arm_drake.messages.base import Header, Message
+from arm_drake.messages.checks import to_floats, to_names
 
 Strictness = Literal["strict", "best_effort"]
 _STRICTNESS = ("strict", "best_effort", "")
@@ -34,7 +34,7 @@ class MultiDOFCommand(Message):
 
     def __post_init__(self) -> None:
         """Take sequences as they come."""
-        object.__setattr__(self, "dof_names", tuple(self.dof_names))
+        object.__setattr__(self, "dof_names", to_names(self.dof_names, "dof_names"))
         for field in ("values", "values_dot"):
             object.__setattr__(self, field, to_floats(getattr(self, field), field))
 
@@ -105,7 +105,8 @@ class SwitchController(Message):
     def __post_init__(self) -> None:
         """Take sequences as they come, and refuse what no service would get."""
         for field in ("activate_controllers", "deactivate_controllers"):
-            object.__setattr__(self, field, _to_names(getattr(self, field), field))
+            names = to_names(getattr(self, field), field, noun="names of controllers")
+            object.__setattr__(self, field, names)
         if self.strictness not in _STRICTNESS:
             raise ValueError(
                 f"strictness: expected one of {', '.join(map(repr, _STRICTNESS))}, "
@@ -122,12 +123,3 @@ class SwitchControllerResult(Message):
 
     # Why not, or what was left out; empty if there is nothing to say.
     message: str = ""
-
-
-def _to_names(values: Any, field: str) -> tuple[str, ...]:
-    """Return names as a tuple; raise ValueError for anything else."""
-    names = tuple(values) if isinstance(values, Iterable) else ()
-    is_text = isinstance(values, str) or not isinstance(values, Iterable)
-    if is_text or not all(isinstance(name, str) for name in names):
-        raise ValueError(f"{field}: expected names of controllers, got {values!r}")
-    return names

@@ -3,7 +3,17 @@
 import dataclasses as dc
 import enum
 
-from arm_drake.messages.base import Duration, Header, Message, to_floats
+from arm_drake.messages.base import Duration, Header, Message, to_duration
+from arm_drake.messages.checks import (
+    check_name,
+    check_type,
+    to_float,
+    to_floats,
+    to_messages,
+    to_names,
+)
+
+_VECTORS = ("positions", "velocities", "accelerations", "effort")
 
 
 @dc.dataclass(frozen=True)
@@ -27,9 +37,14 @@ class JointTrajectoryPoint(Message):
 
     def __post_init__(self) -> None:
         """Take sequences and seconds as they come."""
-        for field in ("positions", "velocities", "accelerations", "effort"):
-            object.__setattr__(self, field, to_floats(getattr(self, field), field))
-        object.__setattr__(self, "time_from_start", Duration.of(self.time_from_start))
+        # Quicker than the attributes: controllers report points at every tick.
+        fields = self.__dict__
+        for name in _VECTORS:
+            if fields[name] != ():
+                fields[name] = to_floats(fields[name], name)
+        time = fields["time_from_start"]
+        if type(time) is not Duration:
+            fields["time_from_start"] = to_duration(time, "time_from_start")
 
 
 @dc.dataclass(frozen=True)
@@ -46,8 +61,11 @@ class JointTrajectory(Message):
 
     def __post_init__(self) -> None:
         """Take sequences as they come."""
-        object.__setattr__(self, "joint_names", tuple(self.joint_names))
-        object.__setattr__(self, "points", tuple(self.points))
+        check_type(self.header, Header, "header")
+        names = to_names(self.joint_names, "joint_names")
+        points = to_messages(self.points, JointTrajectoryPoint, "points")
+        object.__setattr__(self, "joint_names", names)
+        object.__setattr__(self, "points", points)
 
 
 @dc.dataclass(frozen=True)
@@ -67,8 +85,9 @@ class JointTolerance(Message):
 
     def __post_init__(self) -> None:
         """Take numbers as they come."""
+        check_name(self.name, "name")
         for field in ("position", "velocity", "acceleration"):
-            (number,) = to_floats([getattr(self, field)], field)
+            number = to_float(getattr(self, field), field)
             object.__setattr__(self, field, number)
 
 
@@ -87,10 +106,12 @@ class FollowJointTrajectoryGoal(Message):
 
     def __post_init__(self) -> None:
         """Take sequences and seconds as they come."""
-        object.__setattr__(self, "path_tolerance", tuple(self.path_tolerance))
-        object.__setattr__(self, "goal_tolerance", tuple(self.goal_tolerance))
-        tolerance = Duration.of(self.goal_time_tolerance)
-        object.__setattr__(self, "goal_time_tolerance", tolerance)
+        check_type(self.trajectory, JointTrajectory, "trajectory")
+        for field in ("path_tolerance", "goal_tolerance"):
+            tolerances = to_messages(getattr(self, field), JointTolerance, field)
+            object.__setattr__(self, field, tolerances)
+        late = to_duration(self.goal_time_tolerance, "goal_time_tolerance")
+        object.__setattr__(self, "goal_time_tolerance", late)
 
 
 class FollowJointTrajectoryErrorCode(enum.IntEnum):
@@ -147,6 +168,10 @@ class SpeedScalingFactor(Message):
     """How fast time is to pass along trajectories; 0 pauses (`control_msgs`)."""
 
     factor: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Take numbers as they come."""
+        object.__setattr__(self, "factor", to_float(self.factor, "factor"))
 
 
 @dc.dataclass(frozen=True)

@@ -31,14 +31,13 @@ def make_broadcaster(
     there: tuple[str, ...] = MEASURED,
     *,
     distro: str = "jazzy",
-    update_rate: int = 100,
     joint_type: str = "revolute",
     **parameters: Any,
 ) -> JointStateBroadcaster:
     """Return a broadcaster below a manager of 100 Hz."""
     params = ControllerInterfaceParams(
         controller_name="broadcaster",
-        update_rate=update_rate,
+        update_rate=100,
         period=0.01,
         joint_types=dict.fromkeys(ROBOT, joint_type),
         command_interfaces=frozenset(),
@@ -258,15 +257,6 @@ def test_the_stamp_is_the_time_of_the_last_tick(until: float, stamp_ns: int) -> 
 
 def test_by_default_the_frame_has_no_name_as_in_jazzy() -> None:
     assert publish(make_broadcaster()).header.frame_id == ""
-
-
-@pytest.mark.parametrize(("until", "tick"), [(0.05, 0), (0.055, 1), (0.13, 2)])
-def test_a_slower_broadcaster_publishes_at_ticks_of_its_own(
-    until: float, tick: int
-) -> None:
-    message = publish(make_broadcaster(update_rate=20), until)
-
-    assert message.header.stamp == Time.from_nanoseconds(tick * 50_000_000)
 
 
 def test_before_the_first_tick_the_messages_are_empty() -> None:

@@ -45,10 +45,11 @@ STATE_CHOICES = (
 NINE = "must have 9 elements, got 1: [1.0]"
 SIX = "must have 6 elements, got 1: [1.0]"
 ONE = "must have at least one element"
+TWICE = "joints must not repeat elements, got ['a', 'a']"
 
 CASES: list[tuple[str, dict[str, Any], str]] = [
     (JTC, {"joints": []}, f"joints {ONE}"),
-    (JTC, {"joints": ["a", "a"]}, "joints must not repeat elements, got ['a', 'a']"),
+    (JTC, {"joints": ["a", "a"]}, TWICE),
     (JTC, {"command_interfaces": []}, f"command_interfaces {ONE}"),
     *(
         (
@@ -150,10 +151,17 @@ CASES: list[tuple[str, dict[str, Any], str]] = [
         )
     ),
     (FORWARD, {"joints": []}, f"joints {ONE}"),
+    (FORWARD, {"joints": ["a", "a"]}, TWICE),
     (FORWARD, {"interface_name": ""}, "interface_name must not be empty, got ''"),
     (MULTI, {"joint": ""}, "joint must not be empty, got ''"),
     (MULTI, {"interface_names": []}, f"interface_names {ONE}"),
+    (
+        MULTI,
+        {"interface_names": ["effort", "effort"]},
+        "interface_names must not repeat elements, got ['effort', 'effort']",
+    ),
     *((group, {"joints": []}, f"joints {ONE}") for group in GROUPS),
+    *((group, {"joints": ["a", "a"]}, TWICE) for group in GROUPS),
     *(
         (gripper, given, message)
         for gripper in (GRIPPER, EFFORT_GRIPPER, PARALLEL_GRIPPER)

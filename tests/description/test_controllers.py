@@ -18,6 +18,8 @@ from arm_drake.errors import ParameterError
 
 JTC = "joint_trajectory_controller/JointTrajectoryController"
 
+IDLE = "the controller does not run"
+
 MANAGER = """\
 controller_manager:
   ros__parameters:
@@ -61,6 +63,10 @@ def problem(load, tmp_path):
 def values(config: ControllerManagerConfig, name: str = "arm") -> Mapping[str, Any]:
     (controller,) = (c for c in config.controllers if c.name == name)
     return {key: parameter.value for key, parameter in controller.parameters.items()}
+
+
+def problems(config: ControllerManagerConfig) -> Mapping[str, str]:
+    return {controller.name: controller.problem for controller in config.controllers}
 
 
 def read_value(load, text: str) -> Any:
@@ -501,14 +507,23 @@ def test_a_bad_update_rate_is_an_error(problem, rate):
 
 
 @pytest.mark.parametrize(
-    ("value", "shown"), [("5", "5"), ("true", "True"), ("[a/A]", "['a/A']")]
+    ("value", "shown"), [("5", "5"), ("true", "True"), ("[b/B]", "['b/B']")]
 )
-def test_a_type_that_is_no_text_is_an_error(problem, value, shown):
-    message = problem(
-        f"controller_manager:\n  ros__parameters:\n    arm:\n      type: {value}\n"
-    )
+def test_a_type_that_is_no_text_stops_its_controller_alone(load, value, shown):
+    what = f"expected a controller type, got {shown}"
 
-    assert message == f"0.yaml:4: arm.type: expected a controller type, got {shown}"
+    config, lines = load(f"{MANAGER}    leg:\n      type: {value}\n")
+
+    assert problems(config) == {"arm": "", "leg": what}
+    assert lines == [f"error: 0.yaml:6: controller_manager.leg.type: {what}; {IDLE}"]
+
+
+def test_a_type_that_is_no_text_is_named_where_it_stands(load):
+    _, lines = load(f"{MANAGER}leg: {{ros__parameters: {{type: 5}}}}\n")
+
+    assert lines == [
+        f"error: 0.yaml:5: leg.type: expected a controller type, got 5; {IDLE}"
+    ]
 
 
 def test_aliases_that_multiply_end_in_an_error_at_once(problem):
@@ -629,14 +644,6 @@ def test_humbles_names_of_initial_states_are_mapped(load):
             "activate_components_on_start: [1]",
             "activate_components_on_start: expected str, got 1",
         ),
-        (
-            "arm.params_file: 1",
-            "arm.params_file: expected a text or a list of texts, got 1",
-        ),
-        (
-            "arm.params_file: [1.5]",
-            "arm.params_file: expected a text or a list of texts, got [1.5]",
-        ),
     ],
 )
 def test_a_managers_parameter_of_another_type_is_an_error(problem, text, message):
@@ -735,11 +742,69 @@ def test_a_controller_is_not_its_own_fallback(load):
         f"{MANAGER}    leg: {{type: b/B}}\n    arm.fallback_controllers: [leg, arm]\n"
     )
 
-    assert [c.name for c in config.controllers] == ["leg"]
+    assert problems(config) == {"arm": "it is its own fallback", "leg": ""}
     assert lines == [
-        "error: 0.yaml:6: controller_manager.arm: it is its own fallback; "
-        "it is not spawned"
+        "error: 0.yaml:6: controller_manager.arm.fallback_controllers: "
+        f"it is its own fallback; {IDLE}"
     ]
+
+
+def test_a_controller_alone_that_is_its_own_fallback_is_configured(load):
+    config, lines = load(f"{MANAGER}    arm.fallback_controllers: [arm]\n")
+
+    assert [c.name for c in config.controllers] == ["arm"]
+    assert len(lines) == 1
+
+
+@pytest.mark.parametrize("value", ["1", "[1]", "true", "[1.5]"])
+@pytest.mark.parametrize(
+    ("text", "where"),
+    [
+        (
+            "    leg.fallback_controllers: {}\n",
+            "6: controller_manager.leg.fallback_controllers",
+        ),
+        (
+            "leg: {{ros__parameters: {{fallback_controllers: {}}}}}\n",
+            "6: leg.fallback_controllers",
+        ),
+    ],
+)
+def test_fallback_of_another_type_stops_its_controller_alone(load, text, where, value):
+    shown = {"true": "True"}.get(value, value)
+    what = f"expected a text or a list of texts, got {shown}"
+
+    config, lines = load(f"{MANAGER}    leg: {{type: b/B}}\n{text.format(value)}")
+
+    assert problems(config) == {"arm": "", "leg": what}
+    assert config.controllers[1].fallback_controllers == ()
+    assert values(config, "leg") == {}
+    assert lines == [f"error: 0.yaml:{where}: {what}; {IDLE}"]
+
+
+def test_an_unknown_fallback_is_left_out(load):
+    config, lines = load(
+        f"{MANAGER}    legs: {{type: b/B}}\n"
+        "    arm.fallback_controllers: [leg, legs, none]\n"
+    )
+
+    assert config.controllers[0].fallback_controllers == ("legs",)
+    assert problems(config) == {"arm": "", "legs": ""}
+    where = "warning: 0.yaml:6: controller_manager.arm.fallback_controllers"
+    assert lines == [
+        f"{where}: no controller 'leg'; did you mean 'legs'? known: legs; "
+        "it is left out",
+        f"{where}: no controller 'none'; known: legs; it is left out",
+    ]
+
+
+def test_a_controller_that_is_not_loaded_stays_a_fallback(load):
+    config, lines = load(
+        f"{MANAGER}    leg: {{type: 5}}\n    arm.fallback_controllers: [leg]\n"
+    )
+
+    assert config.controllers[0].fallback_controllers == ("leg",)
+    assert len(lines) == 1
 
 
 def test_a_controller_without_a_type_is_not_spawned(load):
@@ -792,6 +857,36 @@ def test_files_of_a_controller_are_read_for_it_alone(load, tmp_path):
         tmp_path / "leg.yaml",
     )
     assert lines == []
+
+
+@pytest.mark.parametrize("value", ["1", "[1.5]"])
+def test_a_file_of_a_controller_that_is_no_text_is_ignored(load, value):
+    config, lines = load(
+        f"{MANAGER}    arm.params_file: {value}\narm: {{ros__parameters: {{x: 1}}}}\n"
+    )
+
+    assert problems(config) == {"arm": ""}
+    assert values(config) == {"x": 1}
+    assert lines == [
+        "error: 0.yaml:5: controller_manager.arm.params_file: expected a text or a "
+        f"list of texts, got {value}; it is ignored"
+    ]
+
+
+def test_a_malformed_file_of_a_controller_stops_it_alone(load, tmp_path):
+    (tmp_path / "arm.yaml").write_text("arm: {ros__parameters: 5}\n")
+    expected = "expected a mapping of parameters, got 5"
+
+    config, lines = load(
+        f"{MANAGER}    leg: {{type: b/B}}\n    arm.params_file: arm.yaml\n"
+    )
+
+    what = f"{tmp_path}/arm.yaml:1: arm: {expected}"
+    assert problems(config) == {"arm": what, "leg": ""}
+    assert lines == [
+        "error: 0.yaml:6: controller_manager.arm.params_file: "
+        f"arm.yaml:1: arm: {expected}; {IDLE}"
+    ]
 
 
 def test_a_missing_file_of_a_controller_is_reported(load):

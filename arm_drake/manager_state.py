@@ -1,0 +1,90 @@
+"""What the controller manager remembers from cycle to cycle, and its news."""
+
+import dataclasses as dc
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+from typing import NamedTuple, Self
+
+from arm_drake.control.command_limits import Previous
+from arm_drake.control.drive_commands import DriveMode
+from arm_drake.controllers.cycles import Array, Cycle
+from arm_drake.messages import SwitchController, SwitchControllerResult
+
+# How many events are kept for those who don't look at every cycle.
+_NUM_EVENTS = 64
+
+
+@dc.dataclass(frozen=True)
+class ControllerFailure:
+    """News of a controller that was deactivated because its update failed."""
+
+    controller: str
+
+    # What was deactivated, its chain included, and what was activated in its place.
+    deactivated: tuple[str, ...]
+    activated: tuple[str, ...] = ()
+
+    # Why it failed, and why fallback controllers could not be activated.
+    reason: str = ""
+    problems: tuple[str, ...] = ()
+
+
+@dc.dataclass(frozen=True)
+class CommandLimited:
+    """News that a command went beyond a limit of its joint, told once a joint."""
+
+    joint: str
+
+
+Event = SwitchControllerResult | ControllerFailure | CommandLimited
+
+
+class ManagerState(NamedTuple):
+    """State of the manager between two cycles."""
+
+    # The last cycle; its number is -1 before the first one.
+    cycle: Cycle
+
+    # Active controllers from the next cycle on, and the number of their activation.
+    active: Mapping[str, int]
+    chained: frozenset[str]
+
+    # Which command interfaces the joints follow.
+    mode: DriveMode
+
+    # Number of the next activation.
+    next_activation: int
+
+    # Values of the command interfaces, shape (k,), and what the drive is told. They are
+    # in the discrete state too, for what reads them without Python.
+    values: Array
+    drive: Array
+
+    # Time of the last tick of controllers with a rate of their own [ns].
+    last_ns: Mapping[str, int]
+
+    # The requests seen last.
+    requests: tuple[SwitchController, ...] = ()
+
+    # The latest news, numbered, the newest last.
+    events: tuple[tuple[int, Event], ...] = ()
+
+    # What is remembered of joints whose commands are limited.
+    previous: Previous = MappingProxyType({})
+
+    # Joints that were commanded beyond a limit so far.
+    limited: frozenset[str] = frozenset()
+
+    # Controllers whose update failed in the last cycle.
+    failing: frozenset[str] = frozenset()
+
+    def __deepcopy__(self, memo: dict[int, object]) -> Self:
+        return self
+
+
+def add_events(
+    events: tuple[tuple[int, Event], ...], news: Iterable[Event]
+) -> tuple[tuple[int, Event], ...]:
+    """Return the latest events with some news."""
+    first = events[-1][0] + 1 if events else 0
+    return (*events, *enumerate(news, start=first))[-_NUM_EVENTS:]
