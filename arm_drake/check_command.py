@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from arm_drake.description.controllers import MANAGER
 from arm_drake.description.report import LoadReport, ReportEntry
 from arm_drake.description.robot import Robot
 from arm_drake.description.summary import reach, total_mass
@@ -50,7 +51,8 @@ def check(robot: Robot, *, strict: bool, as_json: bool) -> int:
 def _problem(controller: str, report: LoadReport) -> str | None:
     """Return why a controller doesn't start."""
     for entry in report:
-        is_meant = entry.where == controller or entry.where.startswith(f"{controller}.")
+        where = entry.where.removeprefix(f"{MANAGER}.")
+        is_meant = where == controller or where.startswith(f"{controller}.")
         if is_meant and entry.done.startswith("the controller"):
             return entry.what
     return None

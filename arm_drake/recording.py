@@ -89,7 +89,7 @@ def _latest(
     """
     ticks, last = _ticks_before(logged_at, period), int(_ticks_before(now, period))
     # A row of this instant counts: Drake may already have taken its next sample.
-    there = np.flatnonzero((ticks < last))[::-1]
+    there = np.flatnonzero((ticks < last) | (logged_at == now))[::-1]
     ticks, at = np.unique(ticks[there], return_index=True)
     rows = rows[there[at]]
     if not len(ticks) or ticks[-1] < last:
