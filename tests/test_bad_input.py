@@ -350,8 +350,8 @@ def test_a_command_of_another_size_ends_its_controller_alone(tmp_path: Path) -> 
     send(sim, "forward", message)
     sim.advance_to(0.1)
 
-    reason = "data must have 1 values (j2/velocity), got 2; the update fails"
-    assert sim.rejected == [TopicRejected(message, reason)]
+    reason = "data must have 1 value (j2/velocity), got 2"
+    assert sim.rejected == [TopicRejected(message, f"{reason}; the update fails")]
     assert sim.failures == [ControllerFailure("forward", ("forward",), reason=reason)]
     assert states(sim) == dict.fromkeys(TYPES, "active") | {"forward": "inactive"}
     check_the_others(sim, "forward")

@@ -10,6 +10,8 @@ import pytest
 
 from tests.oracle import SUBSET, oracle_folder
 
+pytestmark = pytest.mark.slow
+
 NAMES = sorted(path.name.partition(".json")[0] for path in SUBSET.iterdir())
 
 

@@ -3,6 +3,7 @@
 import copy
 import dataclasses as dc
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -10,18 +11,23 @@ import pytest
 from arm_drake.messages import (
     CancelGoal,
     Duration,
+    Float64MultiArray,
     FollowJointTrajectoryErrorCode,
     FollowJointTrajectoryGoal,
     GoalStatus,
+    Header,
     JointState,
     JointTolerance,
     JointTrajectory,
     JointTrajectoryControllerState,
     JointTrajectoryPoint,
+    MultiDOFCommand,
     SendGoal,
+    SpeedScalingFactor,
     SwitchController,
     Time,
 )
+from arm_drake.messages.lazy import make_lazy
 
 TIME = "expected seconds or {sec: int, nanosec: int}"
 
@@ -73,6 +79,204 @@ def test_anything_else_is_no_time(value, shown):
     assert str(caught.value) == f"{TIME}, got {shown}"
 
 
+LIMITS = "expected -2147483648 s to 2147483647 s"
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        (2.0**31, f"{LIMITS}, got 2147483648.0"),
+        (-(2.0**31) - 1.0, f"{LIMITS}, got -2147483649.0"),
+        (1e300, f"{LIMITS}, got 1e+300"),
+        (10**309, f"{LIMITS}, got {10**309}"),
+        (
+            {"sec": 2**31},
+            "sec: expected an integer from -2147483648 to 2147483647, got 2147483648",
+        ),
+        (
+            {"nanosec": -1},
+            "nanosec: expected an integer from 0 to 4294967295, got -1",
+        ),
+        (
+            {"nanosec": 2**32},
+            "nanosec: expected an integer from 0 to 4294967295, got 4294967296",
+        ),
+    ],
+)
+@pytest.mark.parametrize("kind", [Time, Duration])
+def test_a_time_has_the_range_of_builtin_interfaces(kind, value, message):
+    with pytest.raises(ValueError, match="expected") as caught:
+        kind.of(value)
+
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize("seconds", [-(2**31), 2**31 - 1])
+def test_the_ends_of_the_range_are_times(seconds):
+    assert Time.of(seconds) == Time(seconds) == Time.of({"sec": seconds})
+
+
+def test_the_difference_of_two_times_may_exceed_the_range():
+    most, least = Time(2**31 - 1), Time(-(2**31))
+
+    difference = most.to_nanoseconds() - least.to_nanoseconds()
+
+    assert Duration.from_nanoseconds(difference).to_seconds() == 2**32 - 1
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (
+            lambda: Time(2**31),
+            "sec: expected an integer from -2147483648 to 2147483647, got 2147483648",
+        ),
+        (
+            lambda: Duration(0, -1),
+            "nanosec: expected an integer from 0 to 4294967295, got -1",
+        ),
+        (lambda: Time(1.5), "sec: expected an integer, got 1.5"),
+        (lambda: Time(0, True), "nanosec: expected an integer, got True"),
+        (
+            lambda: Time.from_nanoseconds(1.5),
+            "nanoseconds: expected an integer, got 1.5",
+        ),
+        (
+            lambda: Time.from_nanoseconds(2**63),
+            "nanoseconds: expected an integer of 64 bits, got 9223372036854775808",
+        ),
+        (lambda: Header("now"), f"stamp: {TIME}, got 'now'"),
+        (lambda: Header(frame_id=1), "frame_id: expected a string, got 1"),
+        (
+            lambda: JointTrajectoryPoint(time_from_start=1e300),
+            f"time_from_start: {LIMITS}, got 1e+300",
+        ),
+        (
+            lambda: JointTrajectoryPoint(time_from_start=None),
+            f"time_from_start: {TIME}, got None",
+        ),
+        (lambda: JointTrajectory(header=None), "header: expected a Header, got None"),
+        (
+            lambda: JointTrajectory(joint_names="j1"),
+            "joint_names: expected names, got 'j1'",
+        ),
+        (
+            lambda: JointTrajectory(joint_names=[1]),
+            "joint_names: expected names, got [1]",
+        ),
+        (
+            lambda: JointTrajectory(joint_names=None),
+            "joint_names: expected names, got None",
+        ),
+        (
+            lambda: JointTrajectory(points=[JointTrajectoryPoint(), 3]),
+            "points[1]: expected a JointTrajectoryPoint, got 3",
+        ),
+        (
+            lambda: JointTrajectory(points=JointTrajectoryPoint()),
+            "points: expected a sequence of JointTrajectoryPoint, "
+            "got a JointTrajectoryPoint",
+        ),
+        (lambda: JointTolerance(1), "name: expected a string, got 1"),
+        (
+            lambda: JointTolerance("a", position=None),
+            "position: expected a number, got None",
+        ),
+        (
+            lambda: FollowJointTrajectoryGoal(None),
+            "trajectory: expected a JointTrajectory, got None",
+        ),
+        (
+            lambda: FollowJointTrajectoryGoal(path_tolerance=[1]),
+            "path_tolerance[0]: expected a JointTolerance, got 1",
+        ),
+        (
+            lambda: FollowJointTrajectoryGoal(goal_tolerance=0.1),
+            "goal_tolerance: expected a sequence of JointTolerance, got 0.1",
+        ),
+        (
+            lambda: FollowJointTrajectoryGoal(goal_time_tolerance="1"),
+            f"goal_time_tolerance: {TIME}, got '1'",
+        ),
+        (
+            lambda: SendGoal(JointTrajectory()),
+            "goal: expected a FollowJointTrajectoryGoal, got a JointTrajectory; "
+            "FollowJointTrajectoryGoal(trajectory) is one",
+        ),
+        (
+            lambda: SendGoal(None),
+            "goal: expected a FollowJointTrajectoryGoal, got None",
+        ),
+        (
+            lambda: CancelGoal(FollowJointTrajectoryGoal()),
+            "request: expected a SendGoal, got a FollowJointTrajectoryGoal",
+        ),
+        (lambda: SpeedScalingFactor("x"), "factor: expected a number, got 'x'"),
+        (lambda: SpeedScalingFactor(None), "factor: expected a number, got None"),
+        (lambda: SpeedScalingFactor(True), "factor: expected a number, got True"),
+        (lambda: Float64MultiArray(None), "data: expected numbers, got None"),
+        (lambda: MultiDOFCommand("ab"), "dof_names: expected names, got 'ab'"),
+        (lambda: MultiDOFCommand(values=1.0), "values: expected numbers, got 1.0"),
+    ],
+)
+def test_a_malformed_message_is_refused_where_it_is_made(make, message):
+    with pytest.raises(ValueError, match="expected") as caught:
+        make()
+
+    assert str(caught.value) == message
+
+
+def test_names_of_an_array_become_strings():
+    names = JointTrajectory(joint_names=np.array(["a", "b"])).joint_names
+
+    assert names == ("a", "b")
+    assert {type(name) for name in names} == {str}
+
+
+def test_a_header_takes_seconds():
+    assert Header(1.5) == Header(Time(1, 500_000_000))
+    assert Header.from_nanoseconds(1_500_000_000, "base") == Header(1.5, "base")
+
+
+def test_a_factor_takes_integers():
+    assert type(SpeedScalingFactor(2).factor) is float
+
+
+def test_a_lazy_message_is_made_once_when_it_is_looked_at():
+    made = []
+
+    def make():
+        made.append(JointState(name=("a",), position=(1.0,)))
+        return made[-1]
+
+    message = make_lazy(JointState, make)
+    assert copy.deepcopy(message) is message
+    assert isinstance(message, JointState)
+    assert made == []
+
+    fields = message.name, message.position, message.header
+
+    assert fields == (("a",), (1.0,), Header())
+    assert len(made) == 1
+
+
+def test_a_lazy_message_is_as_good_as_any():
+    plain = JointState(name=("a",), position=(1.0,))
+    message = make_lazy(JointState, lambda: plain)
+
+    assert message == plain
+    assert plain == message
+    assert message == make_lazy(JointState, lambda: plain)
+    assert message != JointState()
+    assert hash(message) == hash(plain)
+    assert repr(message) == repr(plain)
+    assert dc.asdict(message) == dc.asdict(plain)
+    assert dc.replace(message, name=("b",)) == JointState(name=("b",), position=(1.0,))
+    assert type(pickle.loads(pickle.dumps(message))) is JointState  # noqa: S301
+    with pytest.raises(dc.FrozenInstanceError):
+        message.name = ()
+
+
 def test_a_time_converts_to_seconds_and_nanoseconds():
     assert Time(1, 500_000_000).to_seconds() == 1.5
     assert Time(-1, 750_000_000).to_nanoseconds() == -250_000_000
@@ -122,7 +326,21 @@ def test_a_point_takes_sequences_and_seconds():
     "field", ["positions", "velocities", "accelerations", "effort"]
 )
 @pytest.mark.parametrize(
-    ("values", "shown"), [(["1"], "['1']"), ([True], "[True]"), ("1", "['1']")]
+    ("values", "shown"),
+    [
+        (["1"], "['1']"),
+        ([True], "[True]"),
+        ("1", "['1']"),
+        ([b"1"], "[b'1']"),
+        ([None], "[None]"),
+        (None, "None"),
+        (3, "3"),
+        ([[1.0]], "[[1.0]]"),
+        (np.array([[1.0]]), "[array([1.])]"),
+        (np.array(1.0), "array(1.)"),
+        ([1j], "[1j]"),
+        ([10**309], f"[{10**309}]"),
+    ],
 )
 def test_a_point_refuses_what_is_no_number(field, values, shown):
     with pytest.raises(ValueError, match="expected numbers") as caught:
@@ -132,10 +350,10 @@ def test_a_point_refuses_what_is_no_number(field, values, shown):
 
 
 def test_a_tolerance_refuses_what_is_no_number():
-    with pytest.raises(ValueError, match="expected numbers") as caught:
+    with pytest.raises(ValueError, match="expected a number") as caught:
         JointTolerance("a", velocity="1")
 
-    assert str(caught.value) == "velocity: expected numbers, got ['1']"
+    assert str(caught.value) == "velocity: expected a number, got '1'"
 
 
 def test_a_tolerance_takes_integers():

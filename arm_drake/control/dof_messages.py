@@ -16,8 +16,8 @@ from arm_drake.messages import (
     MultiDOFCommand,
     MultiDOFState,
     MultiDOFStateStamped,
-    Time,
 )
+from arm_drake.messages.lazy import make_lazy
 
 Array = NDArray[np.float64]
 
@@ -73,23 +73,35 @@ def make_state(
 ) -> MultiDOFStateStamped:
     """Return the topic controller_state; rates that there aren't are 0.
 
+    It is made when a field is asked for.
+
     Args:
         dofs: Degrees of freedom, n of them.
         state: What the tick left behind.
         time_ns: Time of the tick [ns].
         period_ns: Time since the last one [ns].
     """
-    n = len(dofs)
-    has_rate, zeros = len(state.measured) > n, np.zeros(n)
-    columns = (
-        state.references[:n],
-        state.measured[:n],
-        state.measured[n:] if has_rate else zeros,
-        state.error[:n],
-        state.error[n:] if has_rate else zeros,
-        np.full(n, period_ns / NANOSECONDS),
-        state.output,
+    return make_lazy(
+        MultiDOFStateStamped, lambda: _make_state(dofs, state, time_ns, period_ns)
     )
-    rows = np.array(columns).T.tolist()
-    states = [MultiDOFState(dof, *row) for dof, row in zip(dofs, rows, strict=True)]
-    return MultiDOFStateStamped(Header(Time.from_nanoseconds(time_ns)), tuple(states))
+
+
+def _make_state(
+    dofs: Sequence[str], state: PidControlState, time_ns: int, period_ns: int
+) -> MultiDOFStateStamped:
+    n = len(dofs)
+    measured, error = state.measured.tolist(), state.error.tolist()
+    zeros = [0.0] * n
+    columns = zip(
+        dofs,
+        state.references[:n].tolist(),
+        measured[:n],
+        measured[n:] or zeros,
+        error[:n],
+        error[n:] or zeros,
+        [period_ns / NANOSECONDS] * n,
+        state.output.tolist(),
+        strict=True,
+    )
+    states = tuple(MultiDOFState(*row) for row in columns)
+    return MultiDOFStateStamped(Header.from_nanoseconds(time_ns), states)

@@ -91,7 +91,13 @@ def follow(
     desired, ahead, cursor = _sample(state, trajectory, clock_ns, ahead_ns)
     if desired is None or ahead is None:
         return state._replace(
-            time_ns=inputs.time_ns, clock_ns=clock_ns, ahead_ns=-1, ahead=None
+            time_ns=inputs.time_ns,
+            clock_ns=clock_ns,
+            position=measured,
+            velocity=inputs.velocity,
+            acceleration=inputs.acceleration,
+            ahead_ns=-1,
+            ahead=None,
         )
     is_finished = ahead.segment_end == len(trajectory.times_ns)
     if is_finished and rules.is_cursor_pinned:
@@ -141,7 +147,7 @@ def _sample(
     cursor, desired = state.cursor, state.ahead
     # What the last tick saw ahead is the present, unless the search has moved on.
     if desired is None or state.ahead_ns != clock_ns or desired.segment_start < cursor:
-        desired = trajectory.sample(clock_ns, cursor)
+        desired = trajectory.sample(clock_ns, cursor, state.seen)
     if desired is not None and desired.segment_start > cursor:
         cursor = desired.segment_start
     return desired, trajectory.sample(ahead_ns, cursor), cursor

@@ -85,7 +85,9 @@ def monitor(
     missed = (now_ns - goal.monitor_ns) // period_ns
     due_ns = goal.monitor_ns + (missed + 1) * period_ns
     snapshot = take_snapshot(state)
-    state = state._replace(goal=dc.replace(goal, monitor_ns=due_ns))
+    # What dataclasses.replace makes, sooner.
+    goal = ActiveGoal(goal.request, goal.accepted_ns, due_ns, None, goal.is_canceling)
+    state = state._replace(goal=goal)
     if snapshot is None or snapshot.time_ns < goal.accepted_ns:
         return state
     make = functools.partial(make_feedback, rules, snapshot)

@@ -91,6 +91,7 @@ def _prepare(
             cursor_ns=state.clock_ns,
             delay_ns=scaled(delay_ns, state.scaling_factor),
             cursor=state.cursor,
+            seen=state.seen,
         )
         if replacement is not None:
             return replacement

@@ -4,11 +4,8 @@ The rules are those of ros2_controllers' joint_trajectory_controller (`publish_s
 `query_state_service`, version 6.9.0). Messages are made when someone looks at them.
 """
 
-import dataclasses as dc
 import functools
-from typing import Any, NamedTuple
-
-import numpy as np
+from typing import NamedTuple
 
 from arm_drake.control.joint_trajectory_rules import JointTrajectoryRules
 from arm_drake.control.joint_trajectory_state import (
@@ -25,6 +22,10 @@ from arm_drake.messages import (
     QueryTrajectoryState,
     Time,
 )
+from arm_drake.messages.lazy import make_lazy
+
+_INTERFACES = ("position", "velocity", "acceleration", "effort")
+_AT_ONCE = Duration()
 
 
 class Snapshot(NamedTuple):
@@ -97,45 +98,8 @@ def make_controller_state(
         rules: Numbers of the controller.
         state: State after a tick.
     """
-    return _Report(rules, state)
-
-
-class _Report(JointTrajectoryControllerState):
-    """A message that is made when someone looks at it."""
-
-    _source: tuple[JointTrajectoryRules, JointTrajectoryState]
-
-    def __new__(cls, *source: Any, **fields: Any) -> Any:
-        # What dataclasses.replace asks for is an ordinary message.
-        return (
-            JointTrajectoryControllerState(**fields) if fields else super().__new__(cls)
-        )
-
-    def __init__(
-        self, rules: JointTrajectoryRules, state: JointTrajectoryState
-    ) -> None:
-        object.__setattr__(self, "_source", (rules, state))
-
-    @functools.cached_property
-    def _message(self) -> JointTrajectoryControllerState:
-        return _make_message(*self._source)
-
-    def __getattribute__(self, name: str) -> Any:
-        if name in _FIELDS:
-            return getattr(self._message, name)
-        return super().__getattribute__(name)
-
-    def __eq__(self, other: object) -> bool:
-        return self._message == (other._message if type(other) is _Report else other)
-
-    def __hash__(self) -> int:
-        return hash(self._message)
-
-    def __repr__(self) -> str:
-        return repr(self._message)
-
-
-_FIELDS = frozenset(f.name for f in dc.fields(JointTrajectoryControllerState))
+    make = functools.partial(_make_message, rules, state)
+    return make_lazy(JointTrajectoryControllerState, make)
 
 
 def _make_message(
@@ -174,7 +138,9 @@ def make_query_response(
         message = "the controller is inactive; activate it first"
         return QueryTrajectoryState(message=message)
     trajectory = state.plan.trajectory
-    sample = None if trajectory is None else trajectory.sample(time_ns, state.cursor)
+    sample = None
+    if trajectory is not None:
+        sample = trajectory.sample(time_ns, state.cursor, state.seen)
     if trajectory is None or sample is None:
         what = "there is no trajectory yet"
         if trajectory is not None:
@@ -199,43 +165,35 @@ def _make_points(
 
     The error of what isn't commanded stays 0.
     """
-    desired = seen.desired
-    velocity = acceleration = None
-    if seen.velocity is not None:
-        velocity = np.zeros_like(seen.velocity)
-        if rules.has_velocity_error and desired.velocity is not None:
-            velocity = desired.velocity - seen.velocity
-    if seen.acceleration is not None:
-        acceleration = np.zeros_like(seen.acceleration)
-        if rules.has_acceleration_error and desired.acceleration is not None:
-            acceleration = desired.acceleration - seen.acceleration
+    desired, v, a = seen.desired, seen.velocity, seen.acceleration
+    v_d, a_d = desired.velocity, desired.acceleration
+    desired_time, actual_time = (
+        Duration.from_nanoseconds(time_ns)
+        for time_ns in (seen.desired_from_start_ns, seen.actual_from_start_ns)
+    )
+    is_sped, is_accelerated = rules.has_velocity_error, rules.has_acceleration_error
     return (
-        _make_point(
-            desired.position,
-            desired.velocity,
-            desired.acceleration,
-            seen.desired_from_start_ns,
+        _point_of(
+            _floats(desired.position), _floats(v_d), _floats(a_d), (), desired_time
         ),
-        _make_point(
-            seen.position, seen.velocity, seen.acceleration, seen.actual_from_start_ns
+        _point_of(_floats(seen.position), _floats(v), _floats(a), (), actual_time),
+        _point_of(
+            _floats(seen.error),
+            _error_of(v_d if is_sped else None, v),
+            _error_of(a_d if is_accelerated else None, a),
+            (),
+            _AT_ONCE,
         ),
-        _make_point(seen.error, velocity, acceleration, 0),
     )
 
 
-def _make_point(
-    position: Array,
-    velocity: Array | None,
-    acceleration: Array | None,
-    from_start_ns: int,
-) -> JointTrajectoryPoint:
-    return JointTrajectoryPoint(
-        _floats(position),
-        _floats(velocity),
-        _floats(acceleration),
-        (),
-        Duration.from_nanoseconds(from_start_ns),
-    )
+def _error_of(desired: Array | None, measured: Array | None) -> tuple[float, ...]:
+    """Return reference minus measurement; 0 without a reference."""
+    if measured is None:
+        return ()
+    if desired is None:
+        return (0.0,) * len(measured)
+    return _floats(desired - measured)
 
 
 def _make_output(
@@ -247,12 +205,26 @@ def _make_output(
         is_claimed = interface in rules.command_interfaces
         return (0.0,) * len(rules.joints) if is_claimed else ()
 
-    return JointTrajectoryPoint(
-        values_of("position"),
-        values_of("velocity"),
-        values_of("acceleration"),
-        values_of("effort"),
-    )
+    q, v, a, u = map(values_of, _INTERFACES)
+    return _point_of(q, v, a, u, _AT_ONCE)
+
+
+def _point_of(
+    positions: tuple[float, ...],
+    velocities: tuple[float, ...],
+    accelerations: tuple[float, ...],
+    effort: tuple[float, ...],
+    time_from_start: Duration,
+) -> JointTrajectoryPoint:
+    """Return a point, past the checks of what a user gives: they take most of it."""
+    point = object.__new__(JointTrajectoryPoint)
+    fields = point.__dict__
+    fields["positions"] = positions
+    fields["velocities"] = velocities
+    fields["accelerations"] = accelerations
+    fields["effort"] = effort
+    fields["time_from_start"] = time_from_start
+    return point
 
 
 def _floats(vector: Array | None) -> tuple[float, ...]:

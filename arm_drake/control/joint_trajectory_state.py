@@ -140,6 +140,11 @@ class JointTrajectoryState(NamedTuple):
     scaling_factor: float = 1.0
 
     @property
+    def seen(self) -> int:
+        """Last segment of the trajectory that was sampled; -1 if none was."""
+        return -1 if self.ahead is None else self.ahead.segment_end
+
+    @property
     def events(self) -> tuple[tuple[int, Event], ...]:
         """The latest news, numbered, the newest last."""
         return self.plan.events

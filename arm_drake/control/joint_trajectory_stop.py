@@ -53,9 +53,11 @@ def stop_motion(
         rules: Numbers of the controller.
         state: State to change.
         position: Where the joints are, shape (n,).
-        velocity: How fast they move, shape (n,); None if that isn't measured.
+        velocity: How fast they move, shape (n,); None if that isn't measured. What
+            isn't finite counts as not measured.
     """
-    if rules.deceleration is None or velocity is None:
+    is_known = velocity is not None and bool(np.isfinite(velocity).all())
+    if rules.deceleration is None or velocity is None or not is_known:
         return hold(rules, state, position)
     period_ns = rules.look_ahead_ns
     message, num_points = _brake(

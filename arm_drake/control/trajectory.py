@@ -9,6 +9,7 @@ joint and [m] for a prismatic one, then per second and so on.
 
 import dataclasses as dc
 from bisect import bisect_right
+from collections.abc import Mapping
 from typing import Literal, Self
 
 import numpy as np
@@ -130,6 +131,9 @@ class Trajectory(Message):
     # Before each point and at the end: a polynomial, or what holds all the time.
     _segments: tuple[Polynomial | Sample | None, ...]
 
+    # Segments that are others once a later one has been sampled, by index.
+    _revisited: Mapping[int, Polynomial]
+
     @classmethod
     def from_message(
         cls,
@@ -169,10 +173,15 @@ class Trajectory(Message):
         knots.deduce(range(first, len(points)), durations)
         knots.values.setflags(write=False)
         segments: list[Polynomial | Sample | None] = []
+        revisited = {}
         if is_spline:
             known = knots.at_end[0]
             polynomials = make_polynomials(knots, durations)
             segments += (p if known[i] else None for i, p in enumerate(polynomials))
+            completed = knots.completed()
+            if completed is not None:
+                polynomials = make_polynomials(completed, durations)
+                revisited = {i: p for i, p in enumerate(polynomials) if known[i]}
         else:
             segments += (_hold(knots, i) for i in range(len(points)))
         return cls(
@@ -182,9 +191,10 @@ class Trajectory(Message):
             times_ns=times_ns,
             knots=knots,
             _segments=(*segments, _finish(knots)),
+            _revisited=revisited,
         )
 
-    def sample(self, time_ns: int, cursor: int = 0) -> Sample | None:
+    def sample(self, time_ns: int, cursor: int = 0, seen: int = -1) -> Sample | None:
         """Return the trajectory at a time, or None where it isn't defined.
 
         That is without points, before the start state's time, and where positions
@@ -196,6 +206,9 @@ class Trajectory(Message):
                 earlier segment, the one before point 0 excepted, the trajectory counts
                 as finished. After a sample that is to advance the search, the cursor
                 is `max(cursor, sample.segment_start)`.
+            seen: Greatest `segment_end` of the samples so far. A segment that lacks
+                positions at its end completes the point before it, which the segment
+                before that is different with.
         """
         if time_ns < self.before_ns:
             return None
@@ -206,6 +219,8 @@ class Trajectory(Message):
         piece = self._segments[segment]
         if not isinstance(piece, Polynomial):
             return piece
+        if seen > segment and self._revisited:
+            piece = self._revisited[segment]
 
         start = segment - 1 if segment else 0
         tau = (time_ns - (times_ns[start] if segment else self.before_ns)) / NANOSECONDS
@@ -222,18 +237,23 @@ class Trajectory(Message):
         position.setflags(write=False)
         return Sample(position, start, segment, None, (powers, others))
 
-    def point(self, index: int, *, is_deduced: bool = True) -> JointTrajectoryPoint:
+    def point(
+        self, index: int, *, is_deduced: bool = True, is_left: bool = False
+    ) -> JointTrajectoryPoint:
         """Return a point, with the positions and velocities that were deduced.
 
         Args:
             index: Which point.
             is_deduced: Whether the segment before it has been sampled; else the point
                 is as it was given.
+            is_left: Whether the segment after it has been sampled, too, which may have
+                completed its velocities.
         """
         given = self.message.points[index]
-        if not is_deduced or given.positions:
+        completed = self.knots.completed() if is_left else None
+        if completed is None and (not is_deduced or given.positions):
             return given
-        vectors = self.knots.fields(index + 1)
+        vectors = (completed or self.knots).fields(index + 1)
         q, v, a, u = (() if x is None else tuple(x.tolist()) for x in vectors)
         return JointTrajectoryPoint(q, v, a, u, given.time_from_start)
 

@@ -56,6 +56,7 @@ def blend(
     cursor_ns: int,
     delay_ns: int,
     cursor: int,
+    seen: int,
 ) -> Replacement | None:
     """Return a trajectory that goes on with the old one until the new one takes over.
 
@@ -76,6 +77,7 @@ def blend(
         cursor_ns: Where the old trajectory is being followed [ns].
         delay_ns: Time on it until the new one takes over [ns].
         cursor: Point from which on the old trajectory is searched.
+        seen: Greatest `segment_end` of the samples of the old trajectory so far.
     """
     points = message.points
     is_partial = len(message.joint_names) < len(joints)
@@ -91,11 +93,13 @@ def blend(
         )
 
     # Points whose segment was sampled have got what they lacked.
-    present = old.sample(cursor_ns, cursor)
-    bridge = old.sample(handoff_ns, cursor)
-    num_seen = 0 if present is None else present.segment_end + 1
+    bridge = old.sample(handoff_ns, cursor, seen)
+    handoff = -1 if bridge is None else bridge.segment_end
     prefix = [
-        shifted(old.point(i, is_deduced=i < num_seen), time_ns)
+        shifted(
+            old.point(i, is_deduced=i <= seen, is_left=i < seen or i + 1 == handoff),
+            time_ns,
+        )
         for i, time_ns in enumerate(old.times_ns)
         if cursor_ns < time_ns < handoff_ns
     ]
@@ -106,7 +110,7 @@ def blend(
     new = []
     for point in points:
         time_ns = handoff_ns + point.time_from_start.to_nanoseconds()
-        there = old.sample(time_ns, cursor) if is_partial else None
+        there = old.sample(time_ns, cursor, seen) if is_partial else None
         new.append(shifted(_ordered(point, at, _follow_old(there, missing)), time_ns))
 
     suffix = []

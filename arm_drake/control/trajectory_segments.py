@@ -3,7 +3,8 @@
 The rules are those of ros2_controllers' class ``Trajectory`` (``trajectory.hpp``,
 version 6.9.0), surprises included: a segment whose ends both have accelerations, but
 not both velocities, gives zeros; a segment whose end lacks positions completes the
-velocities of its start with 0, also for what follows; a missing effort is 0.
+velocities of its start with 0, and who comes back to the segment before it finds them
+there; a missing effort is 0.
 
 n is the number of joints; units are [rad] for a revolute joint and [m] for a prismatic
 one, then per second and so on.
@@ -30,6 +31,9 @@ _QUINTIC += [[15, 8, 1.5, -15, 7, -1], [-6, -3, -0.5, 6, -3, 0.5]]
 _LINEAR = [_Q0, [-1, 0, 0, 1, 0, 0], _ZERO, _ZERO, _ZERO, _ZERO]
 # Indexed by has_velocities, has_accelerations; accelerations alone give zeros.
 _POLYNOMIALS: Final = np.array([[_LINEAR, 6 * [_ZERO]], [_CUBIC, _QUINTIC]], float)
+
+# Which of the six numbers each of them uses.
+_IS_USED: Final = (_POLYNOMIALS != 0.0).any(axis=2)
 
 # How many coefficients each of them has.
 _SIZES: Final = ((2, 1), (4, 6))
@@ -61,7 +65,7 @@ class Knots(NamedTuple):
     """The start state (knot 0) and the m points after it, by field and knot.
 
     What a knot has depends on the segment: deducing the end of a segment completes
-    its start, too late for the segment before.
+    its start. The segment before has been sampled until then, mostly: see `completed`.
     """
 
     # Shape (4, m + 1, n), 0 where missing; fields in the order of `FIELDS`.
@@ -117,6 +121,15 @@ class Knots(NamedTuple):
             self.at_start[1, i] = True
             self.at_end[:2, j] = self.at_start[:2, j] = True
 
+    def completed(self) -> Self | None:
+        """Return the knots as who comes back to a segment from a later one finds them.
+
+        None if there is no difference.
+        """
+        if (self.at_start[1:3, :-1] == self.at_end[1:3, :-1]).all():
+            return None
+        return self._replace(at_end=self.at_start | self.at_end)
+
     def fields(self, knot: int) -> tuple[Array | None, ...]:
         """Return positions to effort of a knot, each of shape (n,); None if missing."""
         given = zip(self.values[:, knot], self.at_end[:, knot], strict=True)
@@ -137,6 +150,8 @@ def make_polynomials(knots: Knots, durations: Array) -> list[Polynomial]:
     r = np.divide(1.0, d, out=np.zeros_like(d), where=d > 0.0)
     scale = np.tile(d ** np.arange(3.0), 2)
     ends = np.concatenate([start[:3], end[:3]]).swapaxes(0, 1) * scale[:, :, None]
+    # What isn't used may be NaN, as measured, and 0 times NaN is no 0.
+    ends = np.where(_IS_USED[has_v, has_a][:, :, None], ends, 0.0)
     values = np.zeros((4, len(d), 7, ends.shape[2]))
     values[0, :, :6] = _POLYNOMIALS[has_v, has_a] @ ends
     values[0, :, :6] *= (r ** np.arange(6.0))[:, :, None]

@@ -1,7 +1,7 @@
 """What all controllers share: what they read and claim, and when they run."""
 
 import dataclasses as dc
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from pydrake.common.value import AbstractValue
@@ -13,6 +13,7 @@ from pydrake.systems.framework import (
 
 from arm_drake import interfaces
 from arm_drake.controllers.cycles import Array, Cycle
+from arm_drake.errors import InputError
 from arm_drake.messages import NANOSECONDS
 
 
@@ -98,9 +99,19 @@ class ControllerInterface(LeafSystem):
         self._measured = self.DeclareVectorInputPort(
             interfaces.STATE_PORT, num_measured
         )
-        self._read_at = _positions(state_interfaces, params.measured)
-        # Ports of controllers that export state interfaces, and where these go.
+        # Ports of controllers that export state interfaces, and where these go; and
+        # what nobody has. The manager never starts a controller that lacks something,
+        # but one that is inactive reads, too.
         self._exporters: list[tuple[InputPort, list[int], list[int]]] = []
+        order = {name: index for index, name in enumerate(params.measured)}
+        self._missing = dict.fromkeys(n for n in state_interfaces if n not in order)
+        # Of those that are measured: where they go, and where they stand.
+        self._measured_here = [i for i, n in enumerate(state_interfaces) if n in order]
+        self._measured_there = [order[n] for n in state_interfaces if n in order]
+        # What to index with if all are measured.
+        self._read_at: slice | list[int] | None = None
+        if not self._missing:
+            self._read_at = _as_slice(self._measured_there)
         # At most one port with the time of the last tick.
         self._tick_times: list[InputPort] = []
 
@@ -119,20 +130,30 @@ class ControllerInterface(LeafSystem):
         names = controller.exported_interfaces
         here = [i for i, name in enumerate(self.state_interfaces) if name in names]
         there = [names.index(self.state_interfaces[i]) for i in here]
-        name = f"{interfaces.EXPORT_PORT}:{controller.params.controller_name}"
-        port = self.DeclareVectorInputPort(name, len(names))
+        port = self.DeclareVectorInputPort(
+            f"{interfaces.EXPORT_PORT}:{controller.params.controller_name}", len(names)
+        )
         self._exporters.append((port, here, there))
+        for name in names:
+            self._missing.pop(name, None)
         return port
 
     def _read(self, context: Context) -> Array:
-        """Return the measured `state_interfaces`."""
-        if not self._exporters:
+        """Return the measured `state_interfaces`; NaN where there is none.
+
+        Raises:
+            InputError: If there is none and no manager that keeps it inactive.
+        """
+        if self._read_at is not None:
             return self._measured.Eval(context)[self._read_at]
-        order, measured = self.params.measured, self._measured.Eval(context)
+        if self._missing and not self._manager.HasValue(context):
+            raise InputError(
+                f"controller {self.params.controller_name!r}: no state interface "
+                f"{', '.join(map(repr, self._missing))}; it has "
+                f"{sorted(self.params.measured)}"
+            )
         values = np.full(len(self.state_interfaces), np.nan)
-        for i, name in enumerate(self.state_interfaces):
-            if name in order:
-                values[i] = measured[order.index(name)]
+        values[self._measured_here] = self._measured.Eval(context)[self._measured_there]
         for port, here, there in self._exporters:
             values[here] = port.Eval(context)[there]
         return values
@@ -149,13 +170,8 @@ class ControllerInterface(LeafSystem):
         return number * NANOSECONDS // self.params.update_rate
 
 
-def _positions(names: Sequence[str], order: Sequence[str]) -> slice | list[int]:
-    """Return where names stand in a vector; as a slice if they are in a row."""
-    try:
-        at = [order.index(name) for name in names]
-    except ValueError:
-        # The manager says so before such a controller starts.
-        return []
+def _as_slice(at: list[int]) -> slice | list[int]:
+    """Return indices as a slice if they are in a row."""
     if at and at == list(range(at[0], at[0] + len(at))):
         return slice(at[0], at[0] + len(at))
     return at

@@ -95,8 +95,8 @@ class ForwardControllersBase(TickingController[ForwardCommandState]):
     def _expected(self, size: int) -> str:
         names = self.command_interfaces
         return (
-            f"data must have {len(names)} values ({', '.join(names)}), got {size}; "
-            "the update fails"
+            f"data must have {len(names)} value{'s' * (len(names) != 1)} "
+            f"({', '.join(names)}), got {size}; the update fails"
         )
 
     def _activate(self, now: Now, state: ForwardCommandState) -> ForwardCommandState:

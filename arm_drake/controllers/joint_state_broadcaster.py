@@ -6,6 +6,7 @@ Source: ros2_controllers, `joint_state_broadcaster` (version 6.9.0, defaults of 
 import dataclasses as dc
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from operator import itemgetter
 from typing import Annotated, Any
 
@@ -19,13 +20,10 @@ from arm_drake.controllers.controller_interface import (
 )
 from arm_drake.description.parameters import Rule
 from arm_drake.errors import ParameterError
-from arm_drake.messages import (
-    DynamicJointState,
-    Header,
-    InterfaceValue,
-    JointState,
-    Time,
-)
+from arm_drake.messages import DynamicJointState, Header, InterfaceValue, JointState
+from arm_drake.messages.lazy import make_lazy
+
+Picker = Callable[[Sequence[float]], tuple[float, ...]]
 
 # How far the time may be off a tick and still be the tick, in periods.
 _TICK_TOLERANCE = 1e-6
@@ -159,11 +157,8 @@ class JointStateBroadcaster(ControllerInterface):
             return
         values = self._read_values(context)
         position, velocity, effort = self._rows
-        output.set_value(
-            JointState(
-                header, self._names, position(values), velocity(values), effort(values)
-            )
-        )
+        fields = position(values), velocity(values), effort(values)
+        output.set_value(JointState(header, self._names, *fields))
 
     def _calc_dynamic_joint_states(
         self, context: Context, output: AbstractValue
@@ -172,11 +167,9 @@ class JointStateBroadcaster(ControllerInterface):
         if header is None:
             output.set_value(DynamicJointState())
             return
-        values = self._read_values(context)
-        described = tuple(
-            InterfaceValue(names, pick(values)) for names, pick in self._values
-        )
-        output.set_value(DynamicJointState(header, self._components, described))
+        values, rows = self._read_values(context), self._values
+        make = partial(_make_dynamic, header, self._components, rows, values)
+        output.set_value(make_lazy(DynamicJointState, make))
 
     def _header(self, context: Context) -> Header | None:
         """Return the header of the last tick, or None if there is nothing to say."""
@@ -186,20 +179,27 @@ class JointStateBroadcaster(ControllerInterface):
             time_ns = float(port.Eval(context)[0])
             if math.isnan(time_ns):
                 return None
-            return Header(Time.from_nanoseconds(int(time_ns)), self._frame_id)
+            return Header.from_nanoseconds(int(time_ns), self._frame_id)
         # The tick of this very instant, if it is one, hasn't run.
         cycles = context.get_time() / self.params.period
         cycle = math.ceil(cycles - _TICK_TOLERANCE) - 1
         if cycle < 0:
             return None
-        stamp = Time.from_nanoseconds(self._tick_time(cycle))
-        return Header(stamp, self._frame_id)
+        return Header.from_nanoseconds(self._tick_time(cycle), self._frame_id)
 
     def _read_values(self, context: Context) -> list[float]:
         """Return what is measured; after it NaN and 0, for what isn't."""
-        values: list[float] = self._measured.Eval(context).tolist()
-        values += (math.nan, 0.0)
-        return values
+        return [*self._measured.Eval(context).tolist(), math.nan, 0.0]
+
+
+def _make_dynamic(
+    header: Header,
+    components: tuple[str, ...],
+    rows: list[tuple[tuple[str, ...], Picker]],
+    values: list[float],
+) -> DynamicJointState:
+    described = tuple(InterfaceValue(names, pick(values)) for names, pick in rows)
+    return DynamicJointState(header, components, described)
 
 
 class _Layout:
@@ -246,7 +246,7 @@ class _Layout:
         ]
 
 
-def _picker(at: list[int]) -> Callable[[Sequence[float]], tuple[float, ...]]:
+def _picker(at: list[int]) -> Picker:
     """Return what picks values out of a sequence."""
     if not at:
         return lambda values: ()

@@ -27,7 +27,7 @@ from arm_drake.controllers.joint_trajectory_parameters import (
 )
 from arm_drake.controllers.joint_trajectory_setup import check_change, make_rules
 from arm_drake.controllers.ticking_controller import TickingController
-from arm_drake.controllers.topics import new_messages
+from arm_drake.controllers.topics import new_messages, new_parameters
 from arm_drake.messages import (
     ActionRequest,
     JointTrajectory,
@@ -146,7 +146,8 @@ class JointTrajectoryController(
             distro=params.distro,
         )
         rules = self._make_rules(parameters)
-        self._has_scaling_state = rules.has_scaling_state
+        # Claimed in any case, as upstream; rules say whether it is heeded.
+        self._has_scaling_state = bool(scaling.state_interface)
         self._has_scaling_command = rules.has_scaling_command
         super().__init__(
             params,
@@ -212,8 +213,9 @@ class JointTrajectoryController(
     def _activate(
         self, now: Now, state: JointTrajectoryControllerSystemState
     ) -> JointTrajectoryControllerSystemState:
-        new = control.activate(state.inbox.rules, state.control, self._sense(now))
-        return state._replace(control=new)
+        inbox, last = self._take_parameters(now, state.inbox, state.control)
+        new = control.activate(inbox.rules, last, self._sense(now))
+        return JointTrajectoryControllerSystemState(inbox, new)
 
     def _deactivate(
         self, now: Now, state: JointTrajectoryControllerSystemState
@@ -225,7 +227,8 @@ class JointTrajectoryController(
         self, now: Now, state: JointTrajectoryControllerSystemState
     ) -> tuple[Inbox, TickInputs, JointTrajectoryState]:
         """Return what has come in, the inputs of the tick, and the state before it."""
-        inbox, last, context = state.inbox, state.control, now.context
+        inbox, last = self._take_parameters(now, state.inbox, state.control)
+        context = now.context
         topics, seen_topics = new_messages(
             self._topic, context, JointTrajectory, inbox.topics
         )
@@ -243,26 +246,31 @@ class JointTrajectoryController(
             inputs = inputs._replace(
                 topics=topics, requests=requests, scaling_factors=factors
             )
-        port = self._parameters
-        offered = port.Eval(context) if port.HasValue(context) else inbox.offered
         if (
-            offered is inbox.offered
-            and seen_topics is inbox.topics
-            and seen_requests is inbox.requests
-            and seen_factors is inbox.factors
+            seen_topics is not inbox.topics
+            or seen_requests is not inbox.requests
+            or seen_factors is not inbox.factors
         ):
-            return inbox, inputs, last
+            inbox = inbox._replace(
+                topics=seen_topics, requests=seen_requests, factors=seen_factors
+            )
+        return inbox, inputs, last
+
+    def _take_parameters(
+        self, now: Now, inbox: Inbox, last: JointTrajectoryState
+    ) -> tuple[Inbox, JointTrajectoryState]:
+        """Return the inbox with what is offered, and the state that tells a fault."""
+        offered = new_parameters(self._parameters, now.context, inbox.offered)
+        if offered is inbox.offered:
+            return inbox, last
         parameters, rules = inbox.parameters, inbox.rules
-        if offered is not inbox.offered and offered != ():
+        if offered != ():
             try:
                 parameters = check_change(parameters, offered)
                 rules = self._make_rules(parameters)
             except ValueError as error:
                 last = add_events(last, ParametersRejected(str(error)))
-        inbox = Inbox(
-            parameters, rules, offered, seen_topics, seen_requests, seen_factors
-        )
-        return inbox, inputs, last
+        return inbox._replace(parameters=parameters, rules=rules, offered=offered), last
 
     def _sense(self, now: Now) -> TickInputs:
         """Return what the tick reads besides messages."""

@@ -64,6 +64,7 @@ def make_rules(
     upsampling, scaling = parameters.positions_upsampling, parameters.speed_scaling
     period_ns = NANOSECONDS // update_rate
     pid, ff_velocity_scale = _make_pid(parameters, distro)
+    is_scaled = parameters.command_interfaces == ("position",)
     rules = JointTrajectoryRules(
         allowed=_make_allowed(parameters),
         tolerances=make_default_tolerances(
@@ -91,7 +92,7 @@ def make_rules(
         allow_replacement=parameters.allow_trajectory_replacement,
         upsampling_frequency=upsampling.policy_frequency if upsampling.enable else None,
         initial_scaling_factor=scaling.initial_scaling_factor,
-        has_scaling_state=bool(scaling.state_interface),
+        has_scaling_state=is_scaled and bool(scaling.state_interface),
         has_scaling_command=bool(scaling.command_interface),
         is_cursor_pinned=distro == "jazzy",
     )

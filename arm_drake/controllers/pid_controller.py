@@ -17,7 +17,13 @@ from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Now
 from arm_drake.controllers.pid_parameters import DofGains, PidControllerParameters
 from arm_drake.controllers.ticking_controller import TickingController
-from arm_drake.controllers.topics import Events, Rejection, add_events, new_messages
+from arm_drake.controllers.topics import (
+    Events,
+    Rejection,
+    add_events,
+    new_messages,
+    new_parameters,
+)
 from arm_drake.messages import (
     NANOSECONDS,
     MultiDOFCommand,
@@ -198,14 +204,13 @@ class PidController(TickingController[PidControllerState]):
         """
         context = now.context
         news: list[Rejection] = []
-        parameters, rules, offered = inbox.parameters, inbox.rules, inbox.offered
-        if self._parameters.HasValue(context):
-            offered = self._parameters.Eval(context)
-            if offered is not inbox.offered and offered != ():
-                try:
-                    parameters, rules = self._accept(offered, parameters)
-                except ValueError as error:
-                    news.append(ParametersRejected(str(error)))
+        parameters, rules = inbox.parameters, inbox.rules
+        offered = new_parameters(self._parameters, context, inbox.offered)
+        if offered is not inbox.offered and offered != ():
+            try:
+                parameters, rules = self._accept(offered, parameters)
+            except ValueError as error:
+                news.append(ParametersRejected(str(error)))
         new, references = new_messages(
             self._reference, context, MultiDOFCommand, inbox.references
         )

@@ -44,6 +44,24 @@ def new_messages(
     return new, seen if not new and len(messages) == len(seen) else messages
 
 
+def new_parameters(port: InputPort, context: Context, seen: object) -> object:
+    """Return the parameters on a port if they are others than those of the last tick.
+
+    Equal ones aren't: a Context's clone holds a copy of what was fixed on its ports.
+
+    Args:
+        port: Abstract input port: parameters, or nothing.
+        context: Context of its system.
+        seen: What was there at the last tick; returned itself if there is nothing new.
+    """
+    if not port.HasValue(context):
+        return seen
+    offered = port.Eval(context)
+    if offered is seen or (type(offered) is type(seen) and bool(offered == seen)):
+        return seen
+    return offered
+
+
 def add_events(events: Events, news: Sequence[Rejection]) -> Events:
     """Return the latest events, those of this tick at their end.
 

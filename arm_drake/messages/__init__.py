@@ -4,7 +4,8 @@ Names and fields are those of the messages of the same name in `builtin_interfac
 `std_msgs`, `sensor_msgs`, `trajectory_msgs`, `control_msgs` and
 `controller_manager_msgs`. Sequences become tuples; a time may be given as seconds. A
 message never changes and copies as itself, for a Drake Context copies its abstract
-values often.
+values often. What a user sends is checked where it is made and raises ValueError; what
+controllers tell at every tick is taken as it is.
 """
 
 from arm_drake.messages.actions import (

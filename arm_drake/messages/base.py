@@ -68,24 +68,16 @@ class Time(Message):
                 type(part) is not int for part in parts.values()
             ):
                 raise _no_time(parts)
-            nanoseconds = Time(**parts).to_nanoseconds()
-        else:
-            if not isinstance(value, numbers.Real) or isinstance(value, bool):
-                raise _no_time(value)
-            try:
-                nanoseconds = round(float(value) * NANOSECONDS)
-            except OverflowError:
-                # Infinity, or an integer beyond all floats.
-                nanoseconds = _INT64
-            except ValueError:
-                raise _no_time(value) from None
-        if nanoseconds // NANOSECONDS not in _SECONDS:
-            if value in (math.inf, -math.inf):
-                raise _no_time(value)
+            return cls.from_nanoseconds(Time(**parts).to_nanoseconds())
+        is_number = isinstance(value, numbers.Real) and not isinstance(value, bool)
+        # Not `isfinite`, which refuses integers beyond all floats.
+        if not is_number or value != value or value in (math.inf, -math.inf):
+            raise _no_time(value)
+        if not _SECONDS.start <= value < _SECONDS.stop:
             raise ValueError(
                 f"expected {_SECONDS.start} s to {_SECONDS.stop - 1} s, got {value!r}"
             )
-        return cls.from_nanoseconds(nanoseconds)
+        return cls.from_nanoseconds(round(float(value) * NANOSECONDS))
 
     @classmethod
     def from_nanoseconds(cls, nanoseconds: int) -> Self:

@@ -107,7 +107,7 @@ def _to_float(value: Any) -> float:
     if type(value) is float:
         return value
     # float() would take a vector of one element, too.
-    if isinstance(value, _NO_NUMBERS) or getattr(value, "ndim", 0):
+    if isinstance(value, _NO_NUMBERS) or getattr(value, "ndim", 0) > 0:
         raise TypeError
     return float(value)
 

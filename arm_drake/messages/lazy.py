@@ -23,7 +23,7 @@ def make_lazy(kind: type[M], make: Callable[[], M]) -> M:
         kind: Class of the message, a frozen dataclass.
         make: Makes it, of what doesn't change.
     """
-    message: M = object.__new__(_lazy_class(kind))
+    message: M = object.__new__(_lazy_class(kind))  # type: ignore[arg-type]
     message.__dict__[_MAKE] = make
     return message
 

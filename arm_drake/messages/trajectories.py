@@ -13,6 +13,9 @@ from arm_drake.messages.checks import (
     to_names,
 )
 
+# There is only one empty tuple.
+_EMPTY: tuple[float, ...] = ()
+
 _VECTORS = ("positions", "velocities", "accelerations", "effort")
 
 
@@ -40,7 +43,7 @@ class JointTrajectoryPoint(Message):
         # Quicker than the attributes: controllers report points at every tick.
         fields = self.__dict__
         for name in _VECTORS:
-            if fields[name] != ():
+            if fields[name] is not _EMPTY:
                 fields[name] = to_floats(fields[name], name)
         time = fields["time_from_start"]
         if type(time) is not Duration:

@@ -59,15 +59,22 @@ NUMBERS = {"inf": math.inf, "-inf": -math.inf, "nan": math.nan}
 # Kinds of events by the order in which the system takes those of one cycle.
 RANKS = {"activate": 0, "deactivate": 0, "topic": 1, "goal": 2, "cancel": 2}
 
+# What upstream's update returns where there was none.
+INACTIVE = "inactive"
+
 
 def flatten(parameters: Dict, prefix: str = "") -> Iterator[tuple[str, Any]]:
     for name, value in parameters.items():
         if isinstance(value, dict):
             yield from flatten(value, f"{prefix}{name}.")
-        elif isinstance(value, str):
-            yield prefix + name, NUMBERS.get(value, value)
+        elif isinstance(value, list):
+            yield prefix + name, [to_number(part) for part in value]
         else:
-            yield prefix + name, value
+            yield prefix + name, to_number(value)
+
+
+def to_number(value: Any) -> Any:
+    return NUMBERS.get(value, value) if isinstance(value, str) else value
 
 
 def load(flat: Dict, distro: str) -> JointTrajectoryControllerParameters:
@@ -89,9 +96,14 @@ def to_numbers(value: Any) -> Any:
     return [float(x) for x in value] if isinstance(value, list) else value
 
 
+def make_tolerance(tolerance: Dict) -> JointTolerance:
+    limits = {f: float(v) for f, v in tolerance.items() if f != "name"}
+    return JointTolerance(tolerance["name"], **limits)
+
+
 def make_goal(goal: Dict) -> SendGoal:
     path, end = (
-        [JointTolerance(**tolerance) for tolerance in goal.get(field, ())]
+        [make_tolerance(tolerance) for tolerance in goal.get(field, ())]
         for field in ("path_tolerance", "goal_tolerance")
     )
     trajectory = make_trajectory(goal["trajectory"])
@@ -102,12 +114,19 @@ def make_goal(goal: Dict) -> SendGoal:
 def suits_the_system(given: Dict) -> bool:
     """Return whether events of one cycle come in the order in which the system reads.
 
-    It can't know in which order messages came to different ports.
+    It can't know in which order messages came to different ports, and takes parameters
+    before it activates.
     """
     ranks = defaultdict(list)
+    activated = set()
     for event in given["events"]:
-        if event["type"] in RANKS and event.get("topic") != "speed_scaling_input":
-            ranks[event["cycle"]].append(RANKS[event["type"]])
+        kind, cycle = event["type"], event["cycle"]
+        if kind == "activate":
+            activated.add(cycle)
+        elif kind == "set_params" and cycle in activated:
+            return False
+        if kind in RANKS and event.get("topic") != "speed_scaling_input":
+            ranks[cycle].append(RANKS[kind])
     return all(r == sorted(r) and r.count(0) < 2 for r in ranks.values())
 
 
@@ -136,18 +155,21 @@ class Player:
         }
         initial = given.get("initial_command", {})
         self.held = np.array([float(initial.get(n, "nan")) for n in self.claimed])
-        activations = [row for row in output["lifecycle"] if row[1] == "activate"]
+        activations = [row[2] for row in output["lifecycle"] if row[1] == "activate"]
         asked = sum(event["type"] == "activate" for event in given["events"])
-        self.is_active = len(activations) > asked and activations[0][2] == "SUCCESS"
+        self.is_active = len(activations) > asked and activations[0] == "SUCCESS"
 
-        # By the name that the scenario gives them.
-        self.goals: defaultdict[str, SendGoal] = defaultdict(
-            lambda: SendGoal(FollowJointTrajectoryGoal())
-        )
+        # What becomes of the activations that are asked for.
+        self.activations = iter(activations[-asked:] if asked else ())
 
-        # What came out: rows of commands, reports of active cycles, (time, event), and
-        # answers to queries.
+        # The latest goal of each name in the scenario, and the names of all of them.
+        self.goals: dict[str, SendGoal] = {}
+        self.names: dict[SendGoal, str] = {}
+
+        # What came out: rows of commands, what updates returned, reports of active
+        # cycles, (time, event), and answers to queries.
         self.commands: list[list[float]] = []
+        self.returns: list[str] = []
         self.reports: list[JointTrajectoryControllerState] = []
         self.news: list[tuple[int, Any]] = []
         self.answers: list[QueryTrajectoryState] = []
@@ -188,11 +210,19 @@ class Player:
         if kind == "topic":
             return "topics", make_trajectory(event["msg"])
         if kind == "goal":
-            self.goals[event["id"]] = make_goal(event["goal"])
-            return "requests", self.goals[event["id"]]
+            return "requests", self.name_goal(event["id"], make_goal(event["goal"]))
         if kind == "cancel":
-            return "requests", CancelGoal(self.goals[event["id"]])
+            # Also of a goal that wasn't sent yet.
+            goal = self.goals.get(event["id"]) or self.name_goal(
+                event["id"], SendGoal(FollowJointTrajectoryGoal())
+            )
+            return "requests", CancelGoal(goal)
         return None
+
+    def name_goal(self, name: str, goal: SendGoal) -> SendGoal:
+        self.goals[name] = goal
+        self.names[goal] = name
+        return goal
 
     def moved_by_query(
         self, state: JointTrajectoryState, time_ns: int
@@ -241,7 +271,8 @@ class SystemPlayer(Player):
         inputs: defaultdict[str, list[Any]] = defaultdict(list)
         for event in events:
             if event["type"] == "activate":
-                self.is_active, self.activation = True, self.activation + 1
+                self.is_active = next(self.activations, "SUCCESS") == "SUCCESS"
+                self.activation += 1
             elif event["type"] == "deactivate":
                 self.is_active = False
             elif event["type"] == "service":
@@ -276,6 +307,8 @@ class SystemPlayer(Player):
         ticked = self.system.GetOutputPort("command_interfaces").Eval(self.context)
         self.store(ticked)
         self.write(ticked.command)
+        is_ok = "OK" if ticked.is_ok else "ERROR"
+        self.returns.append(INACTIVE if ticked.activation is None else is_ok)
         self.note(time_ns, self.system.GetOutputPort("events").Eval(self.context))
         if self.is_active:
             report = self.system.GetOutputPort("controller_state").Eval(self.context)
@@ -332,7 +365,7 @@ class FunctionsPlayer(Player):
             read("velocity"),
             read("acceleration"),
             lambda: self.held[:num_commands],
-            scaling_state=measured[scaling] if scaling else None,
+            scaling_state=measured.get(scaling, math.nan) if scaling else None,
             **messages,
         )
 
@@ -345,13 +378,15 @@ class FunctionsPlayer(Player):
             self.reports.append(make_controller_state(self.rules, self.state))
         else:
             self.state = idle(self.rules, self.state, inputs)
+        self.returns.append("OK" if self.state.plan.is_active else INACTIVE)
         self.write_state()
         self.note(time_ns, self.state.events)
 
     def take(self, event: Dict, k: int) -> None:
         if event["type"] == "activate":
-            self.state = activate(self.rules, self.state, self.inputs(k))
-            self.is_active = True
+            self.is_active = next(self.activations, "SUCCESS") == "SUCCESS"
+            if self.is_active:
+                self.state = activate(self.rules, self.state, self.inputs(k))
         elif event["type"] == "deactivate":
             self.state = deactivate(self.rules, self.state, self.inputs(k))
             self.is_active = False

@@ -13,16 +13,24 @@ from arm_drake.control.tolerances import (
     violates,
 )
 from arm_drake.messages import FollowJointTrajectoryGoal, JointTolerance
+from tests.conformance.oracle_files import read_files
 from tests.oracle import number, oracle_cases
 
-RESOLUTIONS = oracle_cases("goal_tolerance_resolution")
-CHECKS = oracle_cases("state_tolerance_check")
+NAMES = ("goal_tolerance_resolution", "state_tolerance_check")
+FILES = read_files(NAMES)
+RESOLUTIONS = FILES.get("goal_tolerance_resolution", [])
+CHECKS = FILES.get("state_tolerance_check", [])
+
+
+def make_tolerance(tolerance: dict[str, Any]) -> JointTolerance:
+    limits = {f: number(value) for f, value in tolerance.items() if f != "name"}
+    return JointTolerance(tolerance["name"], **limits)
 
 
 def make_goal(goal: dict[str, Any]) -> FollowJointTrajectoryGoal:
     return FollowJointTrajectoryGoal(
-        path_tolerance=[JointTolerance(**t) for t in goal["path_tolerance"]],
-        goal_tolerance=[JointTolerance(**t) for t in goal["goal_tolerance"]],
+        path_tolerance=[make_tolerance(t) for t in goal["path_tolerance"]],
+        goal_tolerance=[make_tolerance(t) for t in goal["goal_tolerance"]],
         goal_time_tolerance=goal["goal_time_tolerance"],
     )
 
@@ -32,16 +40,23 @@ def table(tolerances: StateTolerances) -> list[list[float]]:
     return np.stack(fields, axis=1).tolist()
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_a_file_has_cases(name: str) -> None:
+    assert oracle_cases(name)
+
+
 @pytest.mark.parametrize("case", RESOLUTIONS)
 def test_goal_tolerances_resolve_as_upstream(case: dict[str, Any]) -> None:
     joints = case["input"]["params"]["joints"]
     constraints = case["input"]["params"].get("constraints", {})
     by_joint = [constraints.get(joint, {}) for joint in joints]
     defaults = make_default_tolerances(
-        [of_joint.get("trajectory", 0.0) for of_joint in by_joint],
-        [of_joint.get("goal", 0.0) for of_joint in by_joint],
-        stopped_velocity_tolerance=constraints.get("stopped_velocity_tolerance", 0.01),
-        goal_time=constraints.get("goal_time", 0.0),
+        [number(of_joint.get("trajectory", 0.0)) for of_joint in by_joint],
+        [number(of_joint.get("goal", 0.0)) for of_joint in by_joint],
+        stopped_velocity_tolerance=number(
+            constraints.get("stopped_velocity_tolerance", 0.01)
+        ),
+        goal_time=number(constraints.get("goal_time", 0.0)),
     )
 
     resolved = resolve_tolerances(make_goal(case["input"]["goal"]), joints, defaults)
@@ -49,9 +64,13 @@ def test_goal_tolerances_resolve_as_upstream(case: dict[str, Any]) -> None:
     pairs = (("default", defaults), ("active", resolved.tolerances))
     for key, tolerances in pairs:
         expected = case["output"][key]
-        assert table(tolerances.path) == expected["state"]
-        assert table(tolerances.goal) == expected["goal"]
-        assert tolerances.goal_time == pytest.approx(expected["goal_time"], rel=1e-12)
+        for ours, theirs in (
+            (tolerances.path, expected["state"]),
+            (tolerances.goal, expected["goal"]),
+        ):
+            np.testing.assert_array_equal(table(ours), np.array(theirs, dtype=float))
+        goal_time = number(expected["goal_time"])
+        assert tolerances.goal_time == pytest.approx(goal_time, rel=1e-12, nan_ok=True)
 
 
 @pytest.mark.parametrize("case", CHECKS)

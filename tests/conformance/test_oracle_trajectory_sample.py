@@ -18,10 +18,13 @@ from arm_drake.messages import (
     JointTrajectoryPoint,
     Time,
 )
-from tests.oracle import oracle_cases
+from tests.conformance.oracle_files import read_files
+from tests.oracle import number, oracle_cases
 
-SAMPLES = oracle_cases("trajectory_sample")
-WRAPAROUND = oracle_cases("wraparound_joint")
+NAMES = ("trajectory_sample", "wraparound_joint")
+FILES = read_files(NAMES)
+SAMPLES = FILES.get("trajectory_sample", [])
+WRAPAROUND = FILES.get("wraparound_joint", [])
 
 
 def case_ids(cases: list[dict[str, Any]]) -> list[str]:
@@ -30,7 +33,15 @@ def case_ids(cases: list[dict[str, Any]]) -> list[str]:
 
 def make_message(trajectory: dict[str, Any]) -> JointTrajectory:
     stamp = trajectory.get("header", {}).get("stamp", {})
-    points = tuple(JointTrajectoryPoint(**point) for point in trajectory["points"])
+    points = tuple(
+        JointTrajectoryPoint(
+            **{
+                field: list(map(number, value)) if isinstance(value, list) else value
+                for field, value in point.items()
+            }
+        )
+        for point in trajectory["points"]
+    )
     header = Header(stamp=Time.of(stamp))
     return JointTrajectory(header, tuple(trajectory["joint_names"]), points)
 
@@ -52,6 +63,11 @@ def assert_close(actual: Any, expected: Any) -> None:
     actual = [] if actual is None else actual
     expected = np.array(expected, float)
     np.testing.assert_allclose(actual, expected, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_file_has_cases(name: str) -> None:
+    assert oracle_cases(name)
 
 
 @pytest.mark.parametrize("case", SAMPLES, ids=case_ids(SAMPLES))

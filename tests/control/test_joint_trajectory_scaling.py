@@ -8,7 +8,13 @@ import pytest
 from arm_drake.control.joint_trajectory import tick
 from arm_drake.control.joint_trajectory_state import JointTrajectoryState, TickInputs
 from arm_drake.control.trajectory_replacement import scaled
-from arm_drake.messages import GoalStatus, SpeedScalingFactor, TopicRejected
+from arm_drake.messages import (
+    GoalStatus,
+    JointTrajectory,
+    JointTrajectoryPoint,
+    SpeedScalingFactor,
+    TopicRejected,
+)
 from tests.control.joint_trajectory_runs import (
     PERIOD_NS,
     START,
@@ -101,6 +107,46 @@ def test_the_state_interface_has_the_last_word() -> None:  # C24
         seen.append((state.scaling_factor, state.speed_scaling_command))
 
     assert seen == [(1.0, 0.123), (0.123, 0.123), (0.123, 0.8), (0.5, 0.8)]
+
+
+def test_a_slow_reference_sees_what_the_look_ahead_has_integrated() -> None:
+    points = [
+        JointTrajectoryPoint((0.3,), (0.5,), time_from_start=0.05),
+        JointTrajectoryPoint((0.5,), time_from_start=0.1),
+        JointTrajectoryPoint(velocities=(0.0,), time_from_start=0.2),
+    ]
+    message = JointTrajectory(joint_names=("a",), points=points)
+    rules = make_rules(("a",), allow=["integration_in_goal_trajectories"])
+
+    states = run(rules, 0.5, start=[0.3], topic={0.0: message}, factors={0.0: 0.3})
+
+    # From 0.093 s on the look-ahead of the tick before has been beyond 0.1 s: the point
+    # there has a velocity of 0 since.
+    t = np.arange(17, 34) * 0.003
+    s = (t - 0.05) / 0.05
+    line, curve = 0.3 + 0.2 * s, 0.3 + 0.025 * s + 0.55 * s**2 - 0.375 * s**3
+    expected = np.where(t < 0.0935, line, curve)[:, None]
+    # Time is cut to whole nanoseconds in every tick.
+    np.testing.assert_allclose(references(states)[17:34], expected, rtol=0, atol=1e-5)
+
+
+def test_a_tick_without_a_reference_reads_the_state_all_the_same() -> None:
+    rules = make_rules(("a",), has_scaling_state=True)
+    state = JointTrajectoryState()
+    for k, (position, velocity) in enumerate([(0.1, 1.0), (0.2, 2.0)]):
+        inputs = TickInputs(
+            k * PERIOD_NS,
+            PERIOD_NS,
+            np.array([position]),
+            np.array([velocity]),
+            np.array([3.0 * velocity]),
+            # Time runs back to before the start.
+            scaling_state=1.0 if k == 0 else -1.0,
+        )
+        state = tick(rules, state, inputs)
+
+    assert (state.time_ns, state.clock_ns) == (PERIOD_NS, -PERIOD_NS)
+    assert (state.position, state.velocity, state.acceleration) == (0.2, 2.0, 6.0)
 
 
 @pytest.mark.parametrize(

@@ -98,9 +98,10 @@ def test_a_braking_trajectory_is_never_shorter_than_those_before() -> None:
     ("rules", "velocity"),
     [
         (make_rules(deceleration=BRAKES), None),
+        (make_rules(deceleration=BRAKES), (0.2, float("nan"), 0.2)),
         (make_rules(), (0.2, 0.2, 0.2)),
     ],
-    ids=["velocities are not measured", "no decelerations"],
+    ids=["velocities are not measured", "one is not known", "no decelerations"],
 )
 def test_joints_that_can_not_brake_are_held(rules, velocity) -> None:  # C30
     states, _ = cancel(rules, velocity)

@@ -1,6 +1,6 @@
 import copy
 from collections.abc import Sequence
-from math import pi, sqrt
+from math import inf, nan, pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -333,6 +333,37 @@ def test_integrating_a_segment_completes_its_start_for_that_segment_only():
     assert before.position == pytest.approx([0.25])
     assert after.position == pytest.approx([1.25])
     assert after.velocity == pytest.approx([1])
+
+
+def test_who_comes_back_finds_what_an_integration_has_completed():
+    trajectory = make_trajectory(
+        (1, {"positions": 0, "velocities": 0}),
+        (2, {"positions": 1}),
+        (3, {"velocities": 2}),
+        **ZERO,
+    )
+
+    after = trajectory.sample(ns(2.5))
+    before = trajectory.sample(ns(1.25), seen=after.segment_end)
+
+    # 3 s^2 - 2 s^3, for the point at its end now has a velocity of 0.
+    assert before.position == pytest.approx([0.15625])
+    assert (before.segment_start, before.segment_end) == (0, 1)
+
+
+@pytest.mark.parametrize("value", [nan, inf])
+@pytest.mark.parametrize("field", ["velocities", "accelerations"])
+def test_what_a_segment_does_not_use_may_be_anything(field, value):
+    start = {"positions": 1.0, "velocities": 0.0, field: value}
+    points = [(1, {"positions": 2})]
+    if field == "accelerations":
+        points = [(1, {"positions": 2, "velocities": 0})]
+    trajectory = make_trajectory(*points, **start)
+
+    sample = trajectory.sample(ns(0.5))
+
+    assert sample.position == pytest.approx([1.5])
+    assert np.isfinite([sample.velocity, sample.acceleration]).all()
 
 
 @pytest.mark.parametrize(

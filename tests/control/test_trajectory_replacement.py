@@ -54,6 +54,7 @@ def blended(
         cursor_ns=round(at * S),
         delay_ns=round(delay * S),
         cursor=0,
+        seen=0,
     )
 
 
@@ -106,7 +107,9 @@ def test_joints_that_are_left_out_need_positions_at_the_end() -> None:
     point = JointTrajectoryPoint(velocities=(1.0,), time_from_start=1.0)
     message = JointTrajectory(joint_names=("b",), points=(point,))
 
-    none = blend(message, OLD, PAIR, np.zeros(2), cursor_ns=0, delay_ns=0, cursor=0)
+    none = blend(
+        message, OLD, PAIR, np.zeros(2), cursor_ns=0, delay_ns=0, cursor=0, seen=0
+    )
 
     assert none is None
 
@@ -250,8 +253,40 @@ def test_points_that_were_not_reached_are_integrated_anew() -> None:
         cursor_ns=round(0.5 * S),
         delay_ns=2 * S,
         cursor=0,
+        seen=0,
     )
 
     assert replacement is not None
     prefix = replacement.message.points[: replacement.num_prefix]
     assert [p.positions for p in prefix[:2]] == [(0.5, 0.5), ()]
+
+
+@pytest.mark.parametrize(
+    ("last", "velocities"),
+    [({"velocities": (1.0, 1.0)}, (0.0, 0.0)), ({"positions": (2.0, 2.0)}, ())],
+)
+def test_a_point_before_the_handoff_that_an_integration_completes_stays_so(
+    last: dict[str, Any], velocities: tuple[float, ...]
+) -> None:
+    points = [
+        JointTrajectoryPoint(positions=(1.0, 1.0), time_from_start=0.5),
+        JointTrajectoryPoint(positions=(1.0, 1.0), time_from_start=1.0),
+        JointTrajectoryPoint(**last, time_from_start=2.0),
+    ]
+    message = JointTrajectory(joint_names=PAIR, points=points)
+    old = Trajectory.from_message(message, StateBefore(0, np.zeros(2)), now_ns=0)
+
+    replacement = blend(
+        make_message((1.0, (9.0, 9.0)), joints=PAIR),
+        old,
+        PAIR,
+        np.zeros(2),
+        cursor_ns=round(0.2 * S),
+        delay_ns=round(0.9 * S),
+        cursor=0,
+        seen=0,
+    )
+
+    assert replacement is not None
+    prefix = replacement.message.points[: replacement.num_prefix]
+    assert [p.velocities for p in prefix[:2]] == [(), velocities]

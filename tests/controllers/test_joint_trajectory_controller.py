@@ -437,6 +437,59 @@ def test_parameters_that_can_not_change_are_refused(
     assert tick.command.tolist() == [1.0, 2.0]
 
 
+def test_parameters_offered_at_an_activation_hold_for_it() -> None:
+    name = "set_last_command_interface_value_as_state_on_activation"
+    driven = drive((1.5, 2.5), **{name: True})
+    driven.run(activation=None)
+
+    tick = driven.run({"parameters": AbstractValue.Make(load(**{name: False}))})
+
+    # Held where the joints are, not where they were commanded to be.
+    assert tick.command.tolist() == [1.0, 2.0]
+
+
+def test_parameters_refused_at_an_activation_are_refused_once() -> None:
+    driven = drive()
+    driven.run(activation=None)
+
+    driven.run({"parameters": AbstractValue.Make(JointState())})
+    driven.run()
+
+    assert len(news(driven)) == 1
+
+
+def test_parameters_are_taken_once_also_from_a_copy_of_the_context() -> None:
+    driven = drive()
+    bad = load(command_interfaces=["position", "velocity"])
+    driven.run({"parameters": AbstractValue.Make(bad)})
+    assert len(news(driven)) == 1
+
+    driven.context = driven.context.Clone()
+    driven.simulator.reset_context(driven.context)
+    driven.run()
+
+    assert len(news(driven)) == 1
+
+
+def test_speed_is_not_scaled_by_a_state_interface_beside_velocities() -> None:
+    parameters = load(
+        command_interfaces=["position", "velocity"],
+        speed_scaling__state_interface="speed/factor",
+    )
+
+    assert not make(parameters).has_scaling_state
+    assert make(load(speed_scaling__state_interface="speed/factor")).has_scaling_state
+
+
+def test_the_state_interface_of_speed_scaling_is_claimed_in_any_case() -> None:
+    controller = make_controller(
+        command_interfaces=["position", "velocity"],
+        speed_scaling__state_interface="speed/factor",
+    )
+
+    assert controller.state_interfaces[-1] == "speed/factor"
+
+
 def test_tolerances_may_change() -> None:
     new = load(constraints__joint1__trajectory=0.5)
 

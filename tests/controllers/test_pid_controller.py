@@ -398,3 +398,15 @@ def test_a_copy_of_the_context_holds_the_same_state() -> None:
 
     assert copy.deepcopy(tick) is tick
     assert restored is tick
+
+
+def test_parameters_are_taken_once_also_from_a_copy_of_the_context() -> None:
+    driven = drive(gains=P_ALONE)
+    driven.run({"parameters": make_parameters(("joint2",))})
+    assert len(driven.reasons()) == 1
+
+    driven.context = driven.context.Clone()
+    driven.simulator.reset_context(driven.context)
+    driven.run()
+
+    assert len(driven.reasons()) == 1

@@ -78,6 +78,7 @@ def diagonal(points):
     return np.linalg.norm(points.max(axis=0) - points.min(axis=0))
 
 
+@pytest.mark.slow
 def test_a_thinned_hull_is_near_all_corners(corners):
     thinned = mut.thin_hull(corners)
 
@@ -116,6 +117,7 @@ def test_a_hull_of_few_corners_stays_as_it_is(corners):
     np.testing.assert_array_equal(mut.thin_hull(corners), corners)
 
 
+@pytest.mark.slow
 def test_a_ball_of_half_a_million_corners_is_thinned_in_bounded_time():
     corners = ball(500_000)
 
