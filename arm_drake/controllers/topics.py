@@ -37,7 +37,8 @@ def new_messages(
     """
     if not port.HasValue(context):
         return (), seen if not seen else ()
-    if len(seen) == 1 and port.Eval(context) is seen[0]:
+    value = port.Eval(context)
+    if value is seen or (len(seen) == 1 and value is seen[0]):
         return (), seen
     messages = messages_on(port, context, expected)
     new = tuple(m for m in messages if all(m is not old for old in seen))
