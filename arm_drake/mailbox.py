@@ -9,7 +9,7 @@ from pydrake.systems.framework import Diagram, OutputPort
 
 from arm_drake.clients import GoalHandle
 from arm_drake.manager import MANAGER, ControllerManager
-from arm_drake.manager_state import CommandLimited, ControllerFailure
+from arm_drake.manager.state import CommandLimited, ControllerFailure
 from arm_drake.messages import (
     CancelResponse,
     Float64MultiArray,

@@ -6,7 +6,7 @@ from typing import Any
 from arm_drake.clients import GoalHandle
 from arm_drake.description.robot import Robot
 from arm_drake.mailbox import News
-from arm_drake.manager_state import CommandLimited
+from arm_drake.manager.state import CommandLimited
 from arm_drake.messages import GoalStatus, SwitchControllerResult
 from arm_drake.rollout import Rollout
 from arm_drake.simulation import Simulation

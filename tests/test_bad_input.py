@@ -8,7 +8,7 @@ import pytest
 
 import arm_drake as ad
 from arm_drake.errors import InputError
-from arm_drake.manager_state import ControllerFailure
+from arm_drake.manager.state import ControllerFailure
 from arm_drake.messages import (
     Float64MultiArray,
     Message,

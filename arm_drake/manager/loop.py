@@ -11,9 +11,9 @@ from arm_drake import interfaces
 from arm_drake.control.command_limits import CommandLimits
 from arm_drake.control.drive_commands import DriveCommands, DriveMode
 from arm_drake.controllers.cycles import Array, Cycle
-from arm_drake.manager_claims import Claimants
-from arm_drake.manager_lifecycle import Lifecycle
-from arm_drake.manager_state import CommandLimited, ManagerState, add_events
+from arm_drake.manager.claims import Claimants
+from arm_drake.manager.lifecycle import Lifecycle
+from arm_drake.manager.state import CommandLimited, ManagerState, add_events
 from arm_drake.messages import NANOSECONDS, SwitchController
 from arm_drake.surroundings import Surroundings
 

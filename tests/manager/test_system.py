@@ -9,7 +9,7 @@ from pydrake.systems.analysis import Simulator
 
 import arm_drake as ad
 from arm_drake.errors import InputError
-from arm_drake.manager_state import CommandLimited, ControllerFailure
+from arm_drake.manager.state import CommandLimited, ControllerFailure
 from arm_drake.messages import (
     Float64MultiArray,
     SwitchController,

@@ -11,10 +11,10 @@ import pytest
 
 from arm_drake.control.drive_commands import DriveCommands
 from arm_drake.controllers.cycles import Cycle, Tick
-from arm_drake.manager_claims import Claimants
-from arm_drake.manager_lifecycle import Lifecycle, Refusal
-from arm_drake.manager_loop import Readings, StoredStates, initial_values
-from arm_drake.manager_state import ControllerFailure, ManagerState, add_events
+from arm_drake.manager.claims import Claimants
+from arm_drake.manager.lifecycle import Lifecycle, Refusal
+from arm_drake.manager.loop import Readings, StoredStates, initial_values
+from arm_drake.manager.state import ControllerFailure, ManagerState, add_events
 from arm_drake.messages import SwitchController, SwitchControllerResult
 from arm_drake.surroundings import Surroundings
 from arm_drake.switching import ControllerInfo

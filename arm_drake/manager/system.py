@@ -25,15 +25,15 @@ from arm_drake.loaded_controllers import (
     command_order,
     controller_infos,
 )
-from arm_drake.manager_claims import Claimants
-from arm_drake.manager_lifecycle import Lifecycle
-from arm_drake.manager_loop import (
+from arm_drake.manager.claims import Claimants
+from arm_drake.manager.lifecycle import Lifecycle
+from arm_drake.manager.loop import (
     Loop,
     Readings,
     StoredStates,
     initial_values,
 )
-from arm_drake.manager_state import ManagerState
+from arm_drake.manager.state import ManagerState
 from arm_drake.messages import NANOSECONDS, SwitchController
 from arm_drake.surroundings import Surroundings
 

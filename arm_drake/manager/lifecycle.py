@@ -11,7 +11,7 @@ from typing import NamedTuple
 from arm_drake.control.drive_commands import DriveCommands, DriveMode
 from arm_drake.control.update_schedule import due_period
 from arm_drake.controllers.cycles import Array, Cycle
-from arm_drake.manager_state import ControllerFailure, Event, ManagerState
+from arm_drake.manager.state import ControllerFailure, Event, ManagerState
 from arm_drake.messages import NANOSECONDS, SwitchController, SwitchControllerResult
 from arm_drake.switching import (
     ControllerInfo,

@@ -1,0 +1,10 @@
+"""The controller manager: who runs when, and what the hardware is told."""
+
+from arm_drake.manager.system import (
+    MANAGER,
+    STORED_PORT,
+    SWITCH_PORT,
+    ControllerManager,
+)
+
+__all__ = ["MANAGER", "STORED_PORT", "SWITCH_PORT", "ControllerManager"]
