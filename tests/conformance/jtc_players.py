@@ -5,6 +5,7 @@ the other one the functions below it, for these take messages in any order.
 """
 
 import math
+from abc import ABC, abstractmethod
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -130,7 +131,7 @@ def suits_the_system(given: Dict) -> bool:
     return all(r == sorted(r) and r.count(0) < 2 for r in ranks.values())
 
 
-class Player:
+class Player(ABC):
     """Replays one scenario, cycle by cycle."""
 
     def __init__(self, distro: str, given: Dict, output: Dict) -> None:
@@ -192,8 +193,9 @@ class Player:
             self.run(k, time_ns, events)
             self.commands.append(self.held.tolist())
 
+    @abstractmethod
     def run(self, k: int, time_ns: int, events: list[Dict]) -> None:
-        raise NotImplementedError
+        """Run a cycle."""
 
     def write(self, command: np.ndarray) -> None:
         self.held = np.where(np.isnan(command), self.held, command)
