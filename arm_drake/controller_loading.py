@@ -6,7 +6,7 @@ active controller.
 """
 
 import dataclasses as dc
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 from arm_drake import interfaces
 from arm_drake.controller_loader import ControllerLoader
@@ -21,7 +21,7 @@ from arm_drake.errors import InputError, suggest
 from arm_drake.loaded_controllers import LoadedController, controller_infos
 from arm_drake.options import SimulationOptions
 from arm_drake.surroundings import Surroundings, find_surroundings
-from arm_drake.switching import ControllerInfo, plan_switch
+from arm_drake.switching import activation_order, plan_switch
 
 
 def load_controllers(
@@ -77,7 +77,7 @@ def load_controllers(
     started: list[str] = []
     first = [c for c in config.controllers if c.name in set(active)]
     waiting = list(dict.fromkeys(c.name for c in (*first, *config.controllers)))
-    for name in [n for n in _followers_first(infos, waiting) if n in loaded]:
+    for name in [n for n in activation_order(infos, waiting) if n in loaded]:
         if name in inactive:
             continue
         problems: Sequence[str] = missing[name]
@@ -142,25 +142,3 @@ def _driven(
         joint for joint, _, name in parts if name in interfaces.MOTIONS
     )
     return tuple(joint for joint in joints if joint in surroundings.driven)
-
-
-def _followers_first(
-    infos: Mapping[str, ControllerInfo], names: Sequence[str]
-) -> list[str]:
-    """Return names in the order in which controllers can be activated."""
-    order: dict[str, None] = {}
-    seen = set()
-
-    def add(name: str) -> None:
-        if name in seen:  # Also in a circle, which no switch allows.
-            return
-        seen.add(name)
-        for other in names:
-            claims = infos[name].command_interfaces
-            if set(infos[other].reference_interfaces) & set(claims):
-                add(other)
-        order[name] = None
-
-    for name in names:
-        add(name)
-    return list(order)

@@ -19,9 +19,6 @@ from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
 Array = NDArray[np.float64]
 
-# Part of a period by which an event may miss its time.
-_TOLERANCE = 1e-6
-
 
 class KinematicPlant(LeafSystem):
     """Tells where the links are, of joints that are where they are said to be.

@@ -26,11 +26,9 @@ from arm_drake.description.tree import last_master
 from arm_drake.hardware import Hardware
 from arm_drake.interfaces import CLAIMED_PORT
 from arm_drake.surroundings import Surroundings
+from arm_drake.timing import cycle_at
 
 Array = NDArray[np.float64]
-
-# Part of a period by which an event may miss its time.
-_TOLERANCE = 1e-6
 
 
 class _Read(NamedTuple):
@@ -179,10 +177,9 @@ class MockHardware(LeafSystem):
 
     def _calc_read(self, context: Context, output: AbstractValue) -> None:
         held: _Read = context.get_abstract_state(self._state).get_value()
-        ticks = context.get_time() / self._period
-        number = round(ticks)
+        number = cycle_at(context.get_time(), self._period)
         # The first cycle reads what there is; nothing has been written yet.
-        if number == held.number or abs(ticks - number) > _TOLERANCE:
+        if number is None or number == held.number:
             output.set_value(held)
             return
         values, claimed = self._values.Eval(context), self._claimed.Eval(context)

@@ -24,6 +24,7 @@ from arm_drake.manager import (
 )
 from arm_drake.options import SimulationOptions
 from arm_drake.surroundings import Surroundings
+from arm_drake.timing import has_rate
 
 
 @dc.dataclass(frozen=True)
@@ -67,7 +68,7 @@ class RobotSystems:
         """
         builder, prefix = self.builder, self.prefix
         rate = self.robot.controllers.update_rate
-        if abs(rate * self.period - 1.0) > 1e-6:
+        if not has_rate(self.period, rate):
             report.add(
                 "warning",
                 "repair",
@@ -107,7 +108,7 @@ class RobotSystems:
         systems = {c.name: c.system for c in controllers if c.system is not None}
         for name, system in systems.items():
             self._add_controller(name, system, hardware, everything)
-            manager.add_controller(builder, name)
+            manager.add_controller(builder, system)
         _connect_chains(builder, systems.values())
         for name, system in systems.items():
             _export_topics(builder, system, f"{prefix}{name}")

@@ -12,6 +12,9 @@ from fractions import Fraction
 # A common step below this part of the largest one isn't worth it.
 _SMALLEST_PART = Fraction(1, 10)
 
+# Part of a period by which an event may miss its time.
+_TOLERANCE = 1e-6
+
 
 def choose_time_step(
     wanted: float, update_rates: Sequence[int]
@@ -39,6 +42,23 @@ def choose_time_step(
     multiples = [round(Fraction(1, rate) / exact) for rate in update_rates]
     step = _round_up(float(exact), max(multiples).bit_length())
     return step, [step * multiple for multiple in multiples]
+
+
+def cycle_at(time: float, period: float) -> int | None:
+    """Return the number of the cycle that is at a time, or None between two cycles.
+
+    Args:
+        time: Drake's time [s].
+        period: Period of the cycles [s].
+    """
+    cycles = time / period
+    number = round(cycles)
+    return number if abs(cycles - number) <= _TOLERANCE else None
+
+
+def has_rate(period: float, rate: int) -> bool:
+    """Return whether cycles of a period [s] come at a rate [Hz], but for rounding."""
+    return abs(rate * period - 1.0) < _TOLERANCE
 
 
 def _round_up(value: float, bits: int) -> float:

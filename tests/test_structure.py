@@ -101,7 +101,7 @@ WITHOUT_DRAKE = [
 # What a controller may know of the rest. `description.parameters` and `given` are the
 # form in which all parameters are declared, not the robot's.
 KNOWN_TO_CONTROLLERS = re.compile(
-    r"errors|interfaces|messages(\..*)?|control(\..*)?"
+    r"errors|interfaces|timing|messages(\..*)?|control(\..*)?"
     r"|controllers\.(controller_interface|ticking_controller|cycles|forward_controllers_base"
     r"|joint_trajectory_(parameters|setup)|pid_gains|pid_parameters|speed_limits|topics"
     r"|validation)|description\.(parameters|given)"

@@ -3,10 +3,11 @@ import pytest
 from arm_drake.switching import (
     ControllerInfo,
     SwitchPlan,
+    activation_order,
+    chain_of,
     chained,
     find_cycle,
     plan_switch,
-    sort_controllers,
 )
 
 # The chain of upstream's tests: a base over a controller for each wheel, and another
@@ -434,8 +435,8 @@ def test_who_reads_another_s_states_needs_it_to_be_active():
     )
 
 
-def test_who_exports_states_is_updated_before_who_reads_them():
-    assert sort_controllers(ESTIMATES) == ("estimator", "reader")
+def test_who_exports_states_is_activated_before_who_reads_them():
+    assert activation_order(ESTIMATES, ESTIMATES) == ("estimator", "reader")
 
 
 def test_reading_a_follower_s_states_does_not_turn_the_chain_around():
@@ -445,7 +446,7 @@ def test_reading_a_follower_s_states_does_not_turn_the_chain_around():
 
     for infos in ((first, middle, last), (last, middle, first), (middle, last, first)):
         controllers = {info.name: info for info in infos}
-        assert sort_controllers(controllers) == ("first", "middle", "last")
+        assert activation_order(controllers, controllers) == ("last", "middle", "first")
         assert find_cycle(controllers) == ""
 
 
@@ -465,34 +466,46 @@ def test_reading_states_does_not_begin_the_chained_mode():
 
 
 def order(*infos: ControllerInfo) -> tuple[str, ...]:
-    return sort_controllers({info.name: info for info in infos})
+    controllers = {info.name: info for info in infos}
+    return activation_order(controllers, controllers)
 
 
-def test_predecessors_are_updated_before_their_followers():
+def test_followers_are_activated_before_their_predecessors():
     for infos in ((LEFT, RIGHT, BASE, PILOT), (BASE, PILOT, RIGHT, LEFT)):
         names = order(*infos)
 
-        assert names[:2] == ("pilot", "base")
-        assert set(names[2:]) == {"left", "right"}
+        assert names[2:] == ("base", "pilot")
+        assert set(names[:2]) == {"left", "right"}
 
 
 def test_unrelated_controllers_keep_their_order():
     assert order(TEST, STATES, NEW) == ("test", "states", "new")
     assert order(NEW, STATES, TEST) == ("new", "states", "test")
-    assert order(STATES, RIGHT, BASE, TEST, LEFT) == (
+    assert order(STATES, BASE, TEST, RIGHT, LEFT) == (
         "states",
-        "base",
-        "right",
-        "test",
         "left",
+        "right",
+        "base",
+        "test",
     )
 
 
-def test_a_follower_comes_after_all_of_its_predecessors():
-    a, b = ControllerInfo("a", ("left/velocity",)), ControllerInfo("b", ("a/x",))
-    c = ControllerInfo("c", ("left/velocity",))
+def test_a_predecessor_comes_after_all_of_its_followers():
+    a = ControllerInfo("a", ("left/velocity", "right/velocity"))
 
-    assert order(LEFT, a, b, c) == ("a", "c", "left", "b")
+    assert order(a, RIGHT, LEFT) == ("left", "right", "a")
+
+
+def test_a_chain_is_found_from_each_of_its_controllers():
+    active = ["left", "right", "base", "pilot", "test"]
+
+    for name in active[:4]:
+        chain = chain_of(CONTROLLERS, active, name)
+        assert chain[0] == name
+        assert sorted(chain) == ["base", "left", "pilot", "right"]
+    # Who is inactive links nothing.
+    assert chain_of(CONTROLLERS, ["left", "right"], "left") == ("left",)
+    assert chain_of(CONTROLLERS, active, "test") == ("test",)
 
 
 def test_chains_that_end_at_the_hardware_have_no_cycle():
@@ -532,7 +545,9 @@ def test_controllers_in_a_cycle_still_have_an_order():
     a = ControllerInfo("a", ("b/q",), (), ("a/q",), ("a/x",))
     controllers = {**ring("a", "b", "c"), "a": a, "reader": reader}
 
-    assert sorted(sort_controllers(controllers)) == ["a", "b", "c", "reader"]
+    names = activation_order(controllers, controllers)
+
+    assert sorted(names) == ["a", "b", "c", "reader"]
 
 
 @pytest.mark.parametrize(

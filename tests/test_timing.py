@@ -5,7 +5,7 @@ import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, State
 
-from arm_drake.timing import choose_time_step
+from arm_drake.timing import choose_time_step, cycle_at, has_rate
 
 RATES = [100, 125, 30, 60, 333, 500, 1000]
 STEPS = [1e-3, 2e-3, 5e-3, 1e-2, 3e-3]
@@ -117,3 +117,16 @@ def test_a_simulator_s_events_coincide(rate: int, wanted: float) -> None:
 
     multiple = round(period / step)
     assert ticks.times == steps.times[::multiple]
+
+
+@pytest.mark.parametrize(
+    ("time", "number"),
+    [(0.0, 0), (0.03, 3), (0.03 + 1e-12, 3), (0.0304, None), (0.0299, None)],
+)
+def test_a_cycle_is_there_at_its_time_only(time, number):
+    assert cycle_at(time, 0.01) == number
+
+
+def test_a_period_has_its_rate_but_for_rounding():
+    assert has_rate(1.0 / 97.0, 97)
+    assert not has_rate(0.01, 97)

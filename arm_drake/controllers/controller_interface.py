@@ -86,13 +86,13 @@ class ControllerInterface(LeafSystem):
         self.command_interfaces = command_interfaces
         self.reference_interfaces = reference_interfaces
         self.exported_interfaces = exported_interfaces
-        motions = interfaces.STATE_INTERFACES[:2]
+        order = {name: index for index, name in enumerate(params.measured)}
+        num_measured = 2 * len(params.joint_types)
         self.reads_all = self.is_sampled or any(
-            name.rpartition("/")[2] not in motions for name in state_interfaces
+            order.get(name, 0) >= num_measured for name in state_interfaces
         )
-        num_measured = len(params.measured)
-        if not self.reads_all:
-            num_measured = 2 * len(params.joint_types)
+        if self.reads_all:
+            num_measured = len(params.measured)
         self._manager = self.DeclareAbstractInputPort(
             interfaces.MANAGER_PORT, AbstractValue.Make(())
         )
@@ -103,7 +103,6 @@ class ControllerInterface(LeafSystem):
         # what nobody has. The manager never starts a controller that lacks something,
         # but one that is inactive reads, too.
         self._exporters: list[tuple[InputPort, list[int], list[int]]] = []
-        order = {name: index for index, name in enumerate(params.measured)}
         self._missing = dict.fromkeys(n for n in state_interfaces if n not in order)
         # Of those that are measured: where they go, and where they stand.
         self._measured_here = [i for i, n in enumerate(state_interfaces) if n in order]

@@ -26,11 +26,9 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterfaceParams,
 )
 from arm_drake.controllers.cycles import Array, Cycle, Now, Tick
+from arm_drake.timing import cycle_at
 
 S = TypeVar("S")
-
-# Part of a period by which an event may miss its time.
-_TOLERANCE = 1e-6
 
 _NO_COMMAND: Array = np.empty(0)
 
@@ -267,9 +265,8 @@ class TickingController(ControllerInterface, Generic[S]):
 
     def _own_cycle(self, context: Context, held: Tick[S]) -> Cycle:
         """Return a cycle of a controller that has no manager."""
-        ticks = context.get_time() / self.params.period
-        number = round(ticks)
-        if abs(ticks - number) > _TOLERANCE:
+        number = cycle_at(context.get_time(), self.params.period)
+        if number is None:
             number = -1 if held.number is None else held.number
         time_ns = self._tick_time(number)
         period_ns = time_ns - self._tick_time(number - 1)

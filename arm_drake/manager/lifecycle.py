@@ -16,6 +16,7 @@ from arm_drake.messages import NANOSECONDS, SwitchController, SwitchControllerRe
 from arm_drake.switching import (
     ControllerInfo,
     SwitchPlan,
+    chain_of,
     chained,
     plan_switch,
 )
@@ -182,10 +183,10 @@ class Lifecycle:
         remaining, news = dict(active), []
         for name, reason in failed.items():
             # Up to kilted its chain stays active without it.
-            chain = [name]
+            chain: tuple[str, ...] = (name,)
             if self._distro == "rolling":
-                chain = self._chain_of(name, active)
-            chain = [other for other in chain if other in remaining]
+                chain = chain_of(self._infos, active, name)
+            chain = tuple(other for other in chain if other in remaining)
             for other in chain:
                 del remaining[other]
             request = SwitchController(
@@ -197,30 +198,13 @@ class Lifecycle:
                 remaining[other] = number
                 number += 1
             news.append(
-                ControllerFailure(
-                    name, tuple(chain), tuple(plan.activate), reason, plan.problems
-                )
+                ControllerFailure(name, chain, plan.activate, reason, plan.problems)
             )
         return remaining, number, tuple(news)
 
     def chained(self, active: Collection[str]) -> frozenset[str]:
         """Return the active controllers whose references another one commands."""
         return chained(self._infos, active)
-
-    def _chain_of(self, name: str, active: Collection[str]) -> list[str]:
-        """Return a controller and the active ones that it is chained with."""
-        chain, waiting = [name], [name]
-        while waiting:
-            this = self._infos[waiting.pop()]
-            for other in active:
-                info = self._infos[other]
-                if other not in chain and (
-                    set(info.command_interfaces) & set(this.reference_interfaces)
-                    or set(info.reference_interfaces) & set(this.command_interfaces)
-                ):
-                    chain.append(other)
-                    waiting.append(other)
-        return chain
 
     def claims(self, active: Iterable[str]) -> dict[str, float]:
         """Return what controllers claim, and their rates [Hz]."""

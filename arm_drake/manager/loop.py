@@ -116,10 +116,8 @@ class Loop:
             active, chain, mode = cycle.active, plan.chained, plan.mode
             events, number = add_events(events, plan.events), plan.next_activation
             _, drive = self._seed(readings, mode)
-            values, fresh = (
-                cycle.commands.copy(),
-                self._claimants.fresh(cycle, held.cycle),
-            )
+            values = cycle.commands.copy()
+            fresh = self._claimants.fresh(cycle, held.cycle)
         failed = self._claimants.write(context, cycle, held.cycle, values)
         previous, all_limited = held.previous, held.limited
         if self._limits is not None:

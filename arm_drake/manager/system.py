@@ -15,6 +15,7 @@ from pydrake.systems.framework import (
 from arm_drake import interfaces
 from arm_drake.control.command_limits import CommandLimits
 from arm_drake.control.drive_commands import DriveCommands
+from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.controllers.cycles import Cycle, messages_on
 from arm_drake.controllers.ticking_controller import TickingController
 from arm_drake.description.report import LoadReport
@@ -36,6 +37,7 @@ from arm_drake.manager.loop import (
 from arm_drake.manager.state import ManagerState
 from arm_drake.messages import NANOSECONDS, SwitchController
 from arm_drake.surroundings import Surroundings
+from arm_drake.timing import cycle_at, has_rate
 
 # Name of the manager, and of its port on which a switch is requested.
 MANAGER = "controller_manager"
@@ -43,9 +45,6 @@ SWITCH_PORT = "switch_controller"
 
 # And of the one with the values that the physics doesn't know.
 STORED_PORT = "stored_state_interfaces"
-
-# Part of a period by which an event may miss its time.
-_TOLERANCE = 1e-6
 
 
 class ControllerManager(LeafSystem):
@@ -175,7 +174,6 @@ class ControllerManager(LeafSystem):
             prerequisites_of_calc={
                 self.time_ticket(),
                 self.xa_ticket(),
-                self.xd_ticket(),
                 self.input_port_ticket(self._switch.get_index()),
                 self.input_port_ticket(self._measured.get_index()),
             },
@@ -211,20 +209,21 @@ class ControllerManager(LeafSystem):
         active = self._state(self.GetMyContextFromRoot(context)).active
         return self._lifecycle.judge(active, request).problems
 
-    def add_controller(self, builder: DiagramBuilder, name: str) -> None:
+    def add_controller(
+        self, builder: DiagramBuilder, system: ControllerInterface
+    ) -> None:
         """Connect a controller that is in the builder with this manager.
 
         Args:
             builder: Where both are.
-            name: Name of the controller.
+            system: The controller, one of those that this manager has.
         """
-        (system,) = (c.system for c in self.controllers if c.name == name and c.system)
         told = system.GetInputPort(interfaces.MANAGER_PORT)
         builder.Connect(self._cycle, told)
         if isinstance(system, TickingController):
             values = self.GetOutputPort(interfaces.VALUES_PORT)
             builder.Connect(values, system.add_command_values(self.commands))
-            port = self._claimants.port(name)
+            port = self._claimants.port(system.params.controller_name)
             if port is not None:
                 builder.Connect(system.GetOutputPort(interfaces.COMMAND_PORT), port)
 
@@ -263,17 +262,15 @@ class ControllerManager(LeafSystem):
 
     def _time_ns(self, number: int) -> int:
         """Return the time of a cycle [ns]."""
-        rate = self._update_rate
-        if abs(rate * self.period - 1.0) < _TOLERANCE:
-            return number * NANOSECONDS // rate
+        if has_rate(self.period, self._update_rate):
+            return number * NANOSECONDS // self._update_rate
         # Another robot's manager has the say about the steps.
         return round(number * self.period * NANOSECONDS)
 
     def _calc_cycle(self, context: Context, output: AbstractValue) -> None:
         held = self._state(context)
-        ticks = context.get_time() / self.period
-        number = round(ticks)
-        if number == held.cycle.number or abs(ticks - number) > _TOLERANCE:
+        number = cycle_at(context.get_time(), self.period)
+        if number is None or number == held.cycle.number:
             output.set_value(held.cycle)
             return
         time_ns = self._time_ns(number)

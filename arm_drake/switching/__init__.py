@@ -2,17 +2,19 @@
 
 from arm_drake.switching.chains import (
     ControllerInfo,
+    activation_order,
+    chain_of,
     chained,
     find_cycle,
-    sort_controllers,
 )
 from arm_drake.switching.plan import SwitchPlan, plan_switch
 
 __all__ = [
     "ControllerInfo",
     "SwitchPlan",
+    "activation_order",
+    "chain_of",
     "chained",
     "find_cycle",
     "plan_switch",
-    "sort_controllers",
 ]

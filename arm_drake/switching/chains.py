@@ -35,25 +35,39 @@ class ControllerInfo:
     missing: tuple[str, ...] = ()
 
 
-def sort_controllers(controllers: Mapping[str, ControllerInfo]) -> tuple[str, ...]:
-    """Return the names of controllers in the order of their updates within a tick.
+def activation_order(
+    controllers: Mapping[str, ControllerInfo], names: Iterable[str]
+) -> tuple[str, ...]:
+    """Return names so that each comes after those that it needs to be active.
 
-    Predecessors come before their followers, and those that export states before
-    those that read them, unless that contradicts the former. Otherwise the order is
-    that of ``controllers``, where those that others wait for are drawn to the front.
+    Args:
+        controllers: All controllers that are loaded, by name.
+        names: Controllers to activate.
+    """
+    owners = interface_owners(controllers)
+    return order(names, {n: needs_of(c, owners) for n, c in controllers.items()})
+
+
+def chain_of(
+    controllers: Mapping[str, ControllerInfo], active: Collection[str], name: str
+) -> tuple[str, ...]:
+    """Return a controller and the active ones that it is chained with.
+
+    Args:
+        controllers: All controllers that are loaded, by name.
+        active: Names of those that are active.
+        name: Name of the controller.
     """
     before = _predecessors(controllers)
-    exporters = {
-        interface: name
-        for name, info in controllers.items()
-        for interface in info.exported_state_interfaces
-    }
-    for reader, info in controllers.items():
-        for interface in info.state_interfaces:
-            exporter = exporters.get(interface, reader)
-            if reader not in _with_ancestors(exporter, before):
-                before[reader].append(exporter)
-    return order(controllers, before)
+    chain, waiting = [name], [name]
+    while waiting:
+        this = waiting.pop()
+        for other in active:
+            is_linked = other in before[this] or this in before[other]
+            if is_linked and other not in chain:
+                chain.append(other)
+                waiting.append(other)
+    return tuple(chain)
 
 
 def find_cycle(controllers: Mapping[str, ControllerInfo]) -> str:
@@ -143,15 +157,4 @@ def _predecessors(controllers: Mapping[str, ControllerInfo]) -> dict[str, list[s
         for owner in dict.fromkeys(owners.get(i, "") for i in info.command_interfaces):
             if owner:
                 found[owner].append(name)
-    return found
-
-
-def _with_ancestors(name: str, before: Mapping[str, Iterable[str]]) -> set[str]:
-    """Return a name, and all that are to be before it."""
-    found, waiting = set(), [name]
-    while waiting:
-        name = waiting.pop()
-        if name not in found:
-            found.add(name)
-            waiting += before[name]
     return found

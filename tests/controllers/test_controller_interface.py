@@ -123,3 +123,24 @@ def test_a_controller_that_lacks_a_joint_fails_in_its_first_tick() -> None:
         "controller 'reader': no state interface 'zz/position'; it has "
         f"{sorted(MEASURED)}"
     )
+
+
+def test_what_no_joint_measures_is_read_by_its_place_not_by_its_name() -> None:
+    names = ("joint/position", "joint/velocity", "joint/effort", "valve/position")
+    params = ControllerInterfaceParams(
+        controller_name="reader",
+        update_rate=100,
+        period=0.01,
+        joint_types={"joint": "revolute"},
+        command_interfaces=frozenset(),
+        state_interfaces=frozenset(names),
+        measured=names,
+    )
+
+    reader = ControllerInterface(params, state_interfaces=("valve/position",))
+
+    assert reader.reads_all
+    assert reader.GetInputPort("state_interfaces").size() == 4
+    context = reader.CreateDefaultContext()
+    reader.GetInputPort("state_interfaces").FixValue(context, [1.0, 2.0, 3.0, 4.0])
+    assert reader._read(context).tolist() == [4.0]
