@@ -43,6 +43,7 @@ lint: setup
 
 bench: setup
 	$(BIN)/python -m tests.benchmarks.overhead $(ARGS)
+	$(BIN)/python -m tests.benchmarks.servo
 	$(BIN)/python -m tests.benchmarks.ticks
 	$(BIN)/python -m tests.benchmarks.loading
 	$(BIN)/python -m pytest -m long

@@ -9,6 +9,7 @@ from arm_drake.description.report import LoadReport, ReportEntry
 from arm_drake.description.robot import Robot
 from arm_drake.description.summary import reach, total_mass
 from arm_drake.diagram import build_diagram
+from arm_drake.drive_report import SERVO
 from arm_drake.simulation import Simulation
 
 # Exit codes.
@@ -20,11 +21,12 @@ def check(robot: Robot, *, strict: bool, as_json: bool) -> int:
 
     Args:
         robot: The robot.
-        strict: Whether anything reported makes the exit code 1.
+        strict: Whether anything reported about the files makes the exit code 1.
         as_json: Whether to print one JSON object.
     """
     simulation = Simulation(build_diagram(robot))
-    controllers, report = simulation.list_controllers(), simulation.report
+    controllers = simulation.list_controllers()
+    report, servo = _split(simulation.report)
     rows: list[dict[str, Any]] = [
         {"name": c.name, "type": c.type, "state": c.state, "problem": None}
         for c in controllers
@@ -42,10 +44,19 @@ def check(robot: Robot, *, strict: bool, as_json: bool) -> int:
         "reach": reach(description),
         "base": "free" if robot.has_free_base else "fixed",
         "controllers": rows,
+        "servo": [{"what": entry.what, "done": entry.done} for entry in servo],
         "report": report.to_json(),
     }
     print(json.dumps(content) if as_json else _text(content, report))
     return _BAD if report.errors or (strict and len(report)) else _CLEAN
+
+
+def _split(report: LoadReport) -> tuple[LoadReport, LoadReport]:
+    """Return what a report says of files, and of how joints are driven."""
+    return (
+        LoadReport(entry for entry in report if entry.where != SERVO),
+        LoadReport(entry for entry in report if entry.where == SERVO),
+    )
 
 
 def _problem(controller: str, report: LoadReport) -> str | None:
@@ -71,6 +82,7 @@ def _text(content: dict[str, Any], report: LoadReport) -> str:
         lines.append(
             f"controller {row['name']} ({row['type']}): {row['state']}{problem}"
         )
+    lines += [f"joint servo: {row['what']}; {row['done']}" for row in content["servo"]]
     lines += _report_lines(report) or ["report: nothing"]
     return "\n".join(lines)
 

@@ -10,15 +10,13 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from arm_drake.contact import separate
 from arm_drake.control.drive_commands import DriveCommands
 from arm_drake.controller_loading import load_controllers_of
+from arm_drake.description.drive_gains import find_drive_gains, holds_joints
 from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot, list_robots
 from arm_drake.description.srdf import find_disabled_collisions
-from arm_drake.drives import commanded_joints, effort_limits
-from arm_drake.hardware import (
-    add_hardware,
-    connect_forces,
-    make_drive_commands,
-)
+from arm_drake.drive_report import report_drive, report_times
+from arm_drake.drives import commanded_joints, effort_limits, make_robot_drive
+from arm_drake.hardware import add_hardware, connect_forces
 from arm_drake.kinematic import KinematicPlant
 from arm_drake.loaded_controllers import command_order
 from arm_drake.manager import ControllerManager
@@ -33,6 +31,7 @@ from arm_drake.plant import (
     filter_self_collision,
     set_initial_positions,
 )
+from arm_drake.robot_commands import find_bare_joints, make_drive_commands, may_let_go
 from arm_drake.robot_systems import RobotSystems
 from arm_drake.surroundings import find_surroundings
 from arm_drake.timing import choose_time_step
@@ -119,21 +118,33 @@ def _add_robots(
             filter_pairs(plant, scene_graph, model, pairs)
         else:
             filter_self_collision(plant, scene_graph, model)
-        drive = make_drive_commands(robot, there, controllers, options)
+        holds = holds_joints(robot, report)
+        drive = make_robot_drive(
+            robot.description,
+            robot.pose,
+            options,
+            plant.time_step(),
+            stated=find_drive_gains(robot, report),
+            bare=find_bare_joints(robot, controllers),
+            lets_go=may_let_go(robot, controllers) or not holds,
+        )
+        commands = make_drive_commands(robot, there, controllers, drive, holds=holds)
+        report_times(plant.time_step(), system.period, options, report)
+        report_drive(robot, drive, controllers, report, holds=holds)
         hardware = add_hardware(
             builder,
             plant,
             model,
             robot.description,
             prefix=system.prefix,
-            pose=robot.pose,
+            drive=drive,
             initial=robot.initial_positions,
             options=options,
-            has_modes=drive.has_modes,
+            has_modes=commands.has_modes,
         )
         poses = plant.get_body_poses_output_port()
         system.add_frames(poses, _bodies(plant, model, robot))
-        system.add(hardware, there, controllers, report, drive)
+        system.add(hardware, there, controllers, report, commands)
         if hardware.friction is not None:
             forces[model] = hardware.friction
     connect_forces(builder, plant, forces)

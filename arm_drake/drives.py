@@ -1,32 +1,43 @@
-"""What moves and brakes a robot's joints: the numbers of its servo and friction."""
+"""What drives a robot's joints: the numbers of its servo, and the plant it knows."""
 
+import dataclasses as dc
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
-from pydrake.systems.framework import Diagram
-from pydrake.systems.primitives import SymbolicVectorSystem
 
-from arm_drake.control.servo import compute_friction_gains, compute_servo_gains
+from arm_drake.control.servo import (
+    CAREFUL_OBSERVER_GAIN,
+    OBSERVER_GAIN,
+    DriveLimits,
+    DynamicsSamples,
+    ServoGains,
+    compute_rotor_inertia,
+    compute_servo_gains,
+)
+from arm_drake.couplings import find_followers, velocity_map
+from arm_drake.description.drive_gains import DriveGains
 from arm_drake.description.joints import JointInfo
 from arm_drake.description.report import LoadReport
-from arm_drake.description.robot import Pose, Robot
-from arm_drake.description.tree import last_master
+from arm_drake.description.robot import Pose
+from arm_drake.description.summary import reach, total_mass
 from arm_drake.description.urdf import RobotDescription
-from arm_drake.dynamics_samples import Followers, sample_dynamics, sample_gravity
+from arm_drake.dynamics_samples import sample_dynamics
 from arm_drake.options import SimulationOptions
 from arm_drake.plant import (
+    add_actuators,
     add_robot_model,
     set_gravity,
-    set_initial_positions,
-    state_indices,
 )
-from arm_drake.servo import add_step_inertia, make_dry_friction, make_joint_servo
+from arm_drake.servo.pid import DrivePid
 
-# Poses in which a joint's effort limit is compared with gravity.
-_NUM_POSES = 200
+# Standard gravity [m/s^2].
+_GRAVITY = 9.81
+
+# Steps [s] above which a payload on a light joint is more than the servo can bear.
+_LONG_STEP = 2e-3
 
 
 def commanded_joints(description: RobotDescription) -> tuple[JointInfo, ...]:
@@ -49,6 +60,127 @@ def effort_limits(joints: Sequence[JointInfo]) -> list[float]:
     return [math.inf if (e := joint.limits.effort) is None else e for joint in joints]
 
 
+@dc.dataclass(frozen=True)
+class RobotDrive:
+    """What drives a robot's n commanded joints."""
+
+    # The joints, in the order of the description.
+    joints: tuple[JointInfo, ...]
+
+    # Plant that the servo computes with: the robot alone, on a fixed base, with what
+    # the step adds to its inertia. It must live as long as the servo.
+    plant: MultibodyPlant
+
+    # Velocities of all joints per velocity of a commanded one, see `velocity_map`.
+    N: np.ndarray
+
+    # Inertia of the rotors that joints get, and of those that light joints lack
+    # [kg·m^2], shape (n,).
+    rotor_inertia: np.ndarray
+    lacking_inertia: np.ndarray
+
+    gains: ServoGains
+
+    # Gains of joints that follow the law of a PID controller, if there are any.
+    pid: DrivePid | None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the joints."""
+        return tuple(joint.name for joint in self.joints)
+
+    @property
+    def rest_time(self) -> np.ndarray:
+        """How far ahead of a moving joint the position is where it would stop [s]."""
+        return self.gains.kd / self.gains.kp
+
+
+def make_robot_drive(
+    description: RobotDescription,
+    pose: Pose | None,
+    options: SimulationOptions,
+    time_step: float,
+    *,
+    stated: Mapping[str, DriveGains] | None = None,
+    bare: Collection[str] = (),
+    lets_go: bool = False,
+) -> RobotDrive:
+    """Return what drives a robot's commanded joints.
+
+    Args:
+        description: The robot.
+        pose: Pose of its base in the world.
+        options: How to simulate.
+        time_step: Step of the simulated plant [s].
+        stated: What the description itself says of drives, by joint.
+        bare: Joints that follow nothing but efforts, which get no rotor.
+        lets_go: Whether joints may move freely, beside those that are driven.
+    """
+    joints = commanded_joints(description)
+    plant = make_servo_plant(description, pose, options, time_step)
+    N, n = velocity_map(plant, description, joints), len(joints)
+    samples = sample_dynamics(plant, N, find_followers(plant, description))
+    limits = drive_limits(joints)
+    is_driven = np.array([joint.name not in bare for joint in joints], dtype=bool)
+    strength = _strength(description, limits, samples)
+    lacking = compute_rotor_inertia(samples, limits, strength, time_step) * is_driven
+    has_rotors = options.reflected_inertia
+    if has_rotors is None:
+        has_rotors = time_step > _LONG_STEP
+    rotors = lacking if has_rotors else np.zeros(n)
+    add_rotors(plant, dict(zip([j.name for j in joints], rotors, strict=True)))
+    if not options.gravity_compensation:
+        plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, 0.0])
+    rows = [(stated or {}).get(joint.name, DriveGains()) for joint in joints]
+    pid = DrivePid([r.position_pid for r in rows], [r.velocity_pid for r in rows])
+    is_passive = n < len([j for j in description.movable_joints if j.mimic is None])
+    is_careful = lets_go or is_passive or pid.is_given
+    observer_gain = CAREFUL_OBSERVER_GAIN if is_careful else OBSERVER_GAIN
+    gains = compute_servo_gains(
+        samples.with_rotors(rotors),
+        limits,
+        bandwidth=options.servo_bandwidth,
+        time_step=time_step,
+        observer_gain=observer_gain if options.disturbance_observer else 0.0,
+        position_rate=np.array([row.position_rate or math.nan for row in rows]),
+    )
+    return RobotDrive(
+        joints, plant, N, rotors, lacking, gains, pid if pid.is_given else None
+    )
+
+
+def drive_limits(joints: Sequence[JointInfo]) -> DriveLimits:
+    """Return what joints are allowed."""
+    velocities = [joint.limits.velocity for joint in joints]
+    return DriveLimits(
+        np.array(effort_limits(joints)),
+        np.array([math.inf if v is None else v for v in velocities]),
+        np.array([joint.type == "prismatic" for joint in joints], dtype=bool),
+        *(np.array(ends) for ends in _ranges(joints)),
+    )
+
+
+def _ranges(joints: Sequence[JointInfo]) -> tuple[list[float], list[float]]:
+    """Return where joints have their stops, infinite where none."""
+    lower, upper = [], []
+    for joint in joints:
+        has_stops = joint.type != "continuous"
+        low, high = joint.limits.lower, joint.limits.upper
+        lower.append(low if has_stops and low is not None else -math.inf)
+        upper.append(high if has_stops and high is not None else math.inf)
+    return lower, upper
+
+
+def _strength(
+    description: RobotDescription, limits: DriveLimits, samples: DynamicsSamples
+) -> np.ndarray:
+    """Return efforts that lift twice the whole robot [N], at arm's length [N·m]."""
+    weight = _GRAVITY * total_mass(description)
+    largest = samples.max_gravity[~limits.is_prismatic].max(initial=0.0)
+    torque = max(weight * reach(description), largest)
+    return np.where(limits.is_prismatic, 2.0 * weight, 2.0 * torque)
+
+
 def make_servo_plant(
     description: RobotDescription,
     pose: Pose | None,
@@ -58,11 +190,14 @@ def make_servo_plant(
 ) -> MultibodyPlant:
     """Return a plant that a servo computes with: one robot on a fixed base.
 
+    Drake's discrete step treats damping D implicitly, that is, it moves M + h D: each
+    joint has the inertia h D besides.
+
     Args:
         description: The robot.
         pose: Pose of its base in the world.
         options: How to simulate.
-        time_step: Step of the simulated plant [s].
+        time_step: Step of the simulated plant h [s].
         report: Where Drake's warnings about the description are recorded.
     """
     plant = MultibodyPlant(time_step)
@@ -70,160 +205,35 @@ def make_servo_plant(
     model = add_robot_model(
         plant, description, "robot", pose, is_reduced=True, report=report
     )
-    add_step_inertia(plant, model, time_step)
+    joints = [plant.get_joint(index) for index in plant.GetJointIndices(model)]
+    movable = [joint for joint in joints if joint.num_velocities() == 1]
+    names = [joint.name() for joint in movable]
+    add_actuators(plant, model, names, [math.inf] * len(names))
     plant.Finalize()
+    damping = [time_step * joint.default_damping_vector()[0] for joint in movable]
+    add_rotors(plant, dict(zip(names, damping, strict=True)))
     return plant
 
 
-def make_robot_servo(
+def add_rotors(
     plant: MultibodyPlant,
-    description: RobotDescription,
-    joints: Sequence[JointInfo],
-    at: tuple[list[int], list[int]],
-    options: SimulationOptions,
-    *,
-    has_modes: bool = False,
-) -> Diagram:
-    """Return the servo of a robot's commanded joints.
+    inertias: Mapping[str, float],
+    model: ModelInstanceIndex | None = None,
+) -> None:
+    """Give actuators more rotor inertia, as seen behind their gears.
 
     Args:
-        plant: Plant of `make_servo_plant`; it must live as long as the servo.
-        description: The robot.
-        joints: The commanded joints.
-        at: Indices of their positions and velocities in the state of ``plant``.
-        options: How to simulate.
-        has_modes: Whether joints may follow velocities or efforts.
+        plant: A plant with the actuators.
+        inertias: Inertia about the joint [kg·m^2], by actuator.
+        model: Model instance of the actuators, if there are several.
     """
-    N = velocity_map(plant, description, joints)
-    gains = compute_servo_gains(
-        sample_dynamics(plant, N, find_followers(plant, description)),
-        np.array(effort_limits(joints)),
-        np.array([math.inf if (v := j.limits.velocity) is None else v for j in joints]),
-        bandwidth=options.servo_bandwidth,
-        time_step=plant.time_step(),
-    )
-    return make_joint_servo(plant, gains, *at, N, has_modes=has_modes)
-
-
-def check_model(robot: Robot) -> None:
-    """Build a robot's model on trial, and record what is the matter with it.
-
-    That is what Drake warns about, and joints whose effort limit is less than what
-    gravity asks for: in the initial pose, or in random ones within the limits.
-
-    Raises:
-        DescriptionError: If Drake refuses the description.
-    """
-    description, options = robot.description, SimulationOptions()
-    joints = commanded_joints(description)
-    plant = make_servo_plant(
-        description, robot.pose, options, options.time_step, robot.report
-    )
-    model = plant.GetModelInstanceByName("robot")
-    set_initial_positions(plant, model, dict(robot.initial_positions))
-    N = velocity_map(plant, description, joints)
-    at = find_followers(plant, description)
-    efforts = np.abs(sample_gravity(plant, N, _NUM_POSES, at))
-    limits = effort_limits(joints)
-    for joint, at_start, anywhere, limit in zip(
-        joints, efforts[0], efforts.max(axis=0), limits, strict=True
-    ):
-        if anywhere <= limit:
-            continue
-        sinks = at_start > limit
-        unit = "N" if joint.type == "prismatic" else "N·m"
-        where = "at the start" if sinks else "in some poses"
-        effort = at_start if sinks else anywhere
-        robot.report.add(
-            "warning",
-            "invalid",
-            f"gravity asks for {effort:.2g} {unit} {where}, the effort limit is "
-            f"{limit:.3g} {unit}",
-            "the joint sinks" if sinks else "it can't hold those poses",
-            where=f"joint {joint.name!r}",
-            file=description.file,
+    for name, inertia in inertias.items():
+        actuator = (
+            plant.GetJointActuatorByName(name)
+            if model is None
+            else plant.GetJointActuatorByName(name, model)
         )
-
-
-def find_followers(plant: MultibodyPlant, description: RobotDescription) -> Followers:
-    """Return the mimic joints, and what moves them in the end.
-
-    Args:
-        plant: A finalized plant of the robot alone.
-        description: The robot.
-    """
-
-    def at(name: str) -> int:
-        return int(plant.GetJointByName(name).position_start())
-
-    joints = {joint.name: joint for joint in description.movable_joints}
-    followers = []
-    for name, joint in joints.items():
-        if joint.mimic is not None:
-            master, factor, offset = last_master(joint, joints)
-            followers.append((at(name), at(master), factor, offset))
-    return followers
-
-
-def velocity_map(
-    plant: MultibodyPlant, description: RobotDescription, joints: Sequence[JointInfo]
-) -> np.ndarray:
-    """Return the velocities of all joints per velocity of a commanded joint.
-
-    Args:
-        plant: A finalized plant of the robot alone, with m velocities.
-        description: The robot.
-        joints: The n commanded joints.
-
-    Returns:
-        N, shape (m, n): 1 for the joint itself, the multiplier for its mimic joints.
-    """
-    N = np.zeros((plant.num_velocities(), len(joints)))
-    columns = {joint.name: column for column, joint in enumerate(joints)}
-    movable = {joint.name: joint for joint in description.movable_joints}
-    for name, joint in movable.items():
-        master, factor, _ = last_master(joint, movable)
-        if master in columns:
-            row = plant.GetJointByName(name).velocity_start()
-            N[row, columns[master]] = factor
-    return N
-
-
-def make_robot_friction(
-    plant: MultibodyPlant,
-    model: ModelInstanceIndex,
-    alone: MultibodyPlant,
-    description: RobotDescription,
-    initial: Mapping[str, float],
-) -> SymbolicVectorSystem | None:
-    """Return the dry friction of a robot's joints, or None if there is none.
-
-    Args:
-        plant: The finalized plant of the simulation.
-        model: The robot's model instance in it.
-        alone: Plant of `make_servo_plant`.
-        description: The robot.
-        initial: Initial positions [rad] by joint.
-    """
-    free = [joint for joint in description.movable_joints if joint.mimic is None]
-    # A follower's friction brakes its master, by virtual work.
-    N = velocity_map(alone, description, free)
-    own = np.zeros(alone.num_velocities())
-    for joint in description.movable_joints:
-        own[alone.GetJointByName(joint.name).velocity_start()] = joint.friction
-    total = np.abs(N.T) @ own
-    joints = [joint for joint, f in zip(free, total, strict=True) if f > 0.0]
-    if not joints:
-        return None
-    names = [joint.name for joint in joints]
-    N = velocity_map(alone, description, joints)
-    samples = sample_dynamics(alone, N, find_followers(alone, description))
-    return make_dry_friction(
-        total[total > 0.0],
-        compute_friction_gains(samples, plant.time_step()),
-        np.array([initial[name] for name in names]),
-        plant.num_multibody_states(model),
-        *state_indices(plant, model, names),
-        plant.num_velocities(model),
-        plant.time_step(),
-    )
+        actuator.set_default_gear_ratio(1.0)
+        actuator.set_default_rotor_inertia(
+            actuator.default_rotor_inertia() + float(inertia)
+        )

@@ -6,7 +6,7 @@ joint.
 """
 
 import dataclasses as dc
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -19,28 +19,15 @@ from pydrake.systems.primitives import (
     Multiplexer,
 )
 
-from arm_drake import interfaces
-from arm_drake.control.command_limits import CommandLimits
-from arm_drake.control.drive_commands import DriveCommands
-from arm_drake.control.servo import velocity_lead
-from arm_drake.description.joint_limits import find_joint_limits
-from arm_drake.description.report import LoadReport
-from arm_drake.description.robot import Pose, Robot
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.drives import (
-    commanded_joints,
-    make_robot_friction,
-    make_robot_servo,
-    make_servo_plant,
+    RobotDrive,
+    add_rotors,
 )
-from arm_drake.loaded_controllers import (
-    LoadedController,
-    command_order,
-    enforces_limits,
-)
+from arm_drake.joint_friction import make_robot_friction
 from arm_drake.options import SimulationOptions
 from arm_drake.plant import state_indices
-from arm_drake.surroundings import Surroundings
+from arm_drake.servo import make_joint_servo
 
 
 @dc.dataclass(frozen=True)
@@ -63,8 +50,8 @@ class Hardware:
     # Dry friction as generalized forces, if there is any.
     friction: OutputPort | None
 
-    # Plant that the servo computes with; it must live as long as the diagram.
-    servo_plant: MultibodyPlant | None
+    # What drives the commanded joints; it must live as long as the diagram.
+    drive: RobotDrive | None
 
     # Everything that can be read, if that is known here.
     everything: OutputPort | None = None
@@ -81,7 +68,7 @@ def add_hardware(
     description: RobotDescription,
     *,
     prefix: str,
-    pose: Pose | None,
+    drive: RobotDrive,
     initial: Mapping[str, float],
     options: SimulationOptions,
     has_modes: bool = False,
@@ -94,32 +81,14 @@ def add_hardware(
         model: The robot's model instance.
         description: The robot.
         prefix: Start of the names of the systems.
-        pose: Pose of the base in the world.
+        drive: What drives its commanded joints.
         initial: Initial positions [rad] by joint.
         options: How to simulate.
-        has_modes: Whether joints may follow velocities or efforts.
+        has_modes: Whether joints may follow anything else than positions.
     """
-    joints = commanded_joints(description)
-    names = tuple(joint.name for joint in joints)
-    alone = make_servo_plant(description, pose, options, plant.time_step())
+    names, alone = drive.names, drive.plant
+    add_rotors(plant, dict(zip(names, drive.rotor_inertia, strict=True)), model)
     state = plant.get_state_output_port(model)
-    effort = command = None
-    if names:
-        at = state_indices(alone, alone.GetModelInstanceByName("robot"), names)
-        servo = builder.AddNamedSystem(
-            f"{prefix}servo",
-            make_robot_servo(
-                alone, description, joints, at, options, has_modes=has_modes
-            ),
-        )
-        D = _reduced_state(plant, model, alone, description)
-        reduced = _gain(builder, f"{prefix}servo_state", D, state)
-        builder.Connect(reduced, servo.GetInputPort("state"))
-        effort, command = servo.GetOutputPort("effort"), servo.GetInputPort("command")
-        builder.Connect(effort, plant.get_actuation_input_port(model))
-    motions, joint_states = add_state_interfaces(
-        builder, plant, model, description, names, effort, prefix
-    )
     forces = None
     if options.friction:
         friction = make_robot_friction(plant, model, alone, description, initial)
@@ -127,61 +96,37 @@ def add_hardware(
             builder.AddNamedSystem(f"{prefix}dry_friction", friction)
             builder.Connect(state, friction.get_input_port())
             forces = friction.get_output_port()
-    return Hardware(names, command, joint_states, motions, forces, alone)
-
-
-def make_drive_commands(
-    robot: Robot,
-    surroundings: Surroundings,
-    controllers: Iterable[LoadedController],
-    options: SimulationOptions,
-) -> DriveCommands:
-    """Return what turns commands of controllers into what the servo is told.
-
-    Args:
-        robot: The robot.
-        surroundings: Its interfaces.
-        controllers: Its controllers, also those that are inactive.
-        options: How to simulate.
-    """
-    joints = [joint.name for joint in commanded_joints(robot.description)]
-    positions = set(interfaces.interface_names(joints, [interfaces.POSITION]))
-    claims = {
-        name
-        for controller in controllers
-        if controller.system is not None
-        for name in controller.system.command_interfaces
-        if name.rpartition("/")[0] in joints
-    }
-    return DriveCommands(
-        joints,
-        command_order(surroundings, controllers),
-        velocity_lead=velocity_lead(options.servo_bandwidth),
-        has_modes=not claims <= positions,
+    effort = command = None
+    if names:
+        at = state_indices(alone, alone.GetModelInstanceByName("robot"), names)
+        knows_friction = forces is not None and options.friction_compensation
+        servo = builder.AddNamedSystem(
+            f"{prefix}servo",
+            make_joint_servo(
+                alone,
+                drive.gains,
+                *at,
+                drive.N,
+                has_modes=has_modes,
+                knows_friction=knows_friction,
+                pid=drive.pid,
+            ),
+        )
+        D = _reduced_state(plant, model, alone, description)
+        reduced = _gain(builder, f"{prefix}servo_state", D, state)
+        builder.Connect(reduced, servo.GetInputPort("state"))
+        if forces is not None and knows_friction:
+            num_positions = plant.num_positions(model)
+            rows = np.array(state_indices(plant, model, names)[1]) - num_positions
+            picked = np.eye(plant.num_velocities(model))[rows]
+            braked = _gain(builder, f"{prefix}servo_friction", picked, forces)
+            builder.Connect(braked, servo.GetInputPort("friction"))
+        effort, command = servo.GetOutputPort("effort"), servo.GetInputPort("command")
+        builder.Connect(effort, plant.get_actuation_input_port(model))
+    motions, joint_states = add_state_interfaces(
+        builder, plant, model, description, names, effort, prefix
     )
-
-
-def make_command_limits(
-    robot: Robot,
-    surroundings: Surroundings,
-    controllers: Iterable[LoadedController],
-    report: LoadReport,
-) -> CommandLimits | None:
-    """Return what commands are held to, or None if they aren't.
-
-    Args:
-        robot: The robot.
-        surroundings: Its interfaces.
-        controllers: Its controllers, also those that are inactive.
-        report: Where limits that can't be used are recorded.
-    """
-    if not enforces_limits(robot):
-        return None
-    return CommandLimits(
-        find_joint_limits(robot.description, report),
-        command_order(surroundings, controllers),
-        surroundings.measured,
-    )
+    return Hardware(names, command, joint_states, motions, forces, drive)
 
 
 def _reduced_state(

@@ -17,6 +17,7 @@ from arm_drake.description.controllers import (
 from arm_drake.description.default_control import default_controllers
 from arm_drake.description.entry import Source, find_entry
 from arm_drake.description.gazebo_joints import Ros2ControlPlugin
+from arm_drake.description.gazebo_nodes import gazebo_nodes
 from arm_drake.description.given import DISTROS
 from arm_drake.description.inertia import repair_free_base
 from arm_drake.description.initial_positions import find_initial_positions
@@ -28,8 +29,8 @@ from arm_drake.description.robot import Pose, Robot
 from arm_drake.description.urdf import RobotDescription, parse_urdf
 from arm_drake.description.xacro import expand_xacro
 from arm_drake.description.xacro_sources import read_sources
-from arm_drake.drives import check_model
 from arm_drake.errors import InputError, suggest
+from arm_drake.model_check import check_model
 from arm_drake.surroundings import find_surroundings
 
 # What names of distributions without rules of their own are taken as.
@@ -122,6 +123,7 @@ def load_robot(
             report,
             packages=packages,
             manager=_manager_name(description),
+            plugins=gazebo_nodes(description),
         )
     if not description.hardware:
         hardware = hardware_from_controllers(config, description.joints, report, entry)

@@ -253,7 +253,7 @@ def add_mock_hardware(
         joint_states=hardware.GetOutputPort("joint_states"),
         joint_motions=hardware.GetOutputPort("joint_motions"),
         friction=None,
-        servo_plant=None,
+        drive=None,
         everything=hardware.GetOutputPort(interfaces.STATE_PORT),
         values=hardware.GetInputPort(interfaces.VALUES_PORT),
         claimed=hardware.GetInputPort(CLAIMED_PORT),

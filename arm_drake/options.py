@@ -30,6 +30,21 @@ class SimulationOptions:
     # Bandwidth of the joint servo [rad/s]: a step settles in about 5.8 / bandwidth.
     servo_bandwidth: float = 40.0
 
+    # Whether the servo knows the robot's weight, and its dry friction. What it doesn't
+    # know, its observer has to find out.
+    gravity_compensation: bool = True
+    friction_compensation: bool = True
+
+    # Whether the servo finds out what it doesn't know, such as payloads. If not, they
+    # leave a position error.
+    disturbance_observer: bool = True
+
+    # Whether joints that are very light for their effort, and driven by the servo, get
+    # the rotor that descriptions leave out: a payload on them may need it. It changes
+    # the dynamics; the report says where. None: at steps of more than 2 ms, at which
+    # the servo can't do without.
+    reflected_inertia: bool | None = None
+
     # Whether the dry friction of `<dynamics friction>` acts.
     friction: bool = True
 

@@ -14,7 +14,7 @@ from arm_drake.controllers.sampled_states import SampledStates
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.frames import LinkFrames
-from arm_drake.hardware import Hardware, make_command_limits
+from arm_drake.hardware import Hardware
 from arm_drake.loaded_controllers import LoadedController
 from arm_drake.manager import (
     MANAGER,
@@ -23,6 +23,7 @@ from arm_drake.manager import (
     ControllerManager,
 )
 from arm_drake.options import SimulationOptions
+from arm_drake.robot_commands import make_command_limits
 from arm_drake.surroundings import Surroundings
 from arm_drake.timing import has_rate
 
@@ -91,7 +92,7 @@ class RobotSystems:
                 limits=make_command_limits(
                     self.robot, surroundings, controllers, report
                 ),
-                servo_plant=hardware.servo_plant,
+                keep=hardware.drive,
             ),
         )
         joint_states = hardware.joint_states

@@ -2,7 +2,9 @@
 
 A drive has n joints. Each follows a position (with the velocity that goes with it), a
 velocity, an acceleration or an effort: what is claimed decides, in this order, and can
-change at run time. A joint that nobody commands holds its position.
+change at run time. An acceleration or an effort that is claimed beside a position is
+added to what the position asks for. A joint that nobody commands holds its position, or
+is left to swing.
 """
 
 import dataclasses as dc
@@ -19,10 +21,12 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
-# Parts of the drive vector, n each: desired position and velocity, acceleration or
-# effort, and whether the joint follows the velocity, the acceleration or the effort
-# alone. Without other modes than that of following positions the first two are all.
-NUM_PARTS: Final = 6
+# Parts of the drive vector, n each: desired position, velocity, acceleration, effort,
+# and whether the joint follows the velocity, the acceleration or the effort alone.
+# Without other modes than that of following positions the first two are all.
+NUM_PARTS: Final = 7
+TAU_D: Final = 3
+IS_TAU: Final = 6
 NUM_PARTS_OF_POSITIONS: Final = 2
 
 
@@ -36,8 +40,14 @@ class DriveMode(Message):
     is_acceleration: Mask
     is_effort: Mask
 
-    # Whether a joint that follows a position is told its velocity too, shape (n,).
+    # Whether a joint that follows a position is told its velocity too, an acceleration,
+    # an effort. Shape (n,).
     is_guided: Mask
+    is_accelerated: Mask
+    is_pushed: Mask
+
+    # Joints that nobody commands and that are left to swing, shape (n,).
+    is_idle: Mask
 
     # Where the commands stand among the values; 0 where there is none. Shape (n,).
     position_at: Indices
@@ -48,7 +58,7 @@ class DriveMode(Message):
     # Rate of the controller that commands the joint [Hz], shape (n,).
     rate: Array
 
-    # Whether all joints follow positions without velocities.
+    # Whether all joints follow positions and nothing else is claimed.
     is_plain: bool
 
 
@@ -60,26 +70,30 @@ class DriveCommands:
         joints: Sequence[str],
         order: Sequence[str],
         *,
-        velocity_lead: float,
+        velocity_lead: float | Array,
         has_modes: bool = True,
+        holds: bool = True,
     ) -> None:
         """Create the map.
 
         Args:
             joints: The n joints that have an actuator.
             order: Names of the command interfaces, such as "joint1/position".
-            velocity_lead: What a desired velocity adds to a desired position [s].
+            velocity_lead: How far ahead of a moving joint the position is to which it
+                moves on its own [s], shape (n,) or for all.
             has_modes: Whether a joint may follow anything else than positions.
+            holds: Whether joints that nobody commands hold their position.
         """
         self.joints = tuple(joints)
         self.has_modes = has_modes
+        self.holds = holds
         self._at = {name: index for index, name in enumerate(order)}
         self._lead = velocity_lead
         parts = NUM_PARTS if has_modes else NUM_PARTS_OF_POSITIONS
         self._zeros = np.zeros((parts - NUM_PARTS_OF_POSITIONS) * len(joints))
 
     def initial(self, positions: Sequence[float]) -> Array:
-        """Return the drive vector that holds positions, shape (6 n,) or (2 n,)."""
+        """Return the drive vector that holds positions, shape (7 n,) or (2 n,)."""
         q = np.asarray(positions, dtype=float)
         return np.concatenate([q, np.zeros_like(q), self._zeros])
 
@@ -101,6 +115,7 @@ class DriveCommands:
         acceleration, acceleration_at = find(interfaces.ACCELERATION)
         effort, effort_at = find(interfaces.EFFORT)
         moved = position | velocity
+        claimed = moved | acceleration | effort
         rates = [
             next((rate for name, rate in claims.items() if _joint(name) == joint), 0.0)
             for joint in self.joints
@@ -111,12 +126,17 @@ class DriveCommands:
             is_acceleration=acceleration & ~moved,
             is_effort=effort & ~moved & ~acceleration,
             is_guided=position & velocity,
+            is_accelerated=position & acceleration,
+            is_pushed=position & effort,
+            is_idle=np.full(len(claimed), not self.holds) & ~claimed,
             position_at=position_at,
             velocity_at=velocity_at,
             acceleration_at=acceleration_at,
             effort_at=effort_at,
             rate=np.array(rates),
-            is_plain=bool(position.all() and not velocity.any()),
+            is_plain=bool(
+                position.all() and not (velocity | acceleration | effort).any()
+            ),
         )
 
     def seed(
@@ -138,20 +158,21 @@ class DriveCommands:
             old: Mode before the switch.
             new: Mode after it.
             values: Values of the command interfaces, shape (k,).
-            drive: Drive vector, shape (6 n,).
+            drive: Drive vector, shape (7 n,).
             measured: Positions, velocities and efforts of the joints, each (n,).
         """
         values, drive = values.copy(), drive.copy()
         n = len(self.joints)
         zeros = np.zeros(n)
         q, v, tau = measured
-        free = old.is_velocity | old.is_acceleration | old.is_effort
         rest = q + self._lead * v
-        stops = free & ~(new.is_velocity | new.is_acceleration | new.is_effort)
+        stops = _moves_freely(old) & ~_moves_freely(new)
         drive[:n][stops] = rest[stops]
         for is_new, at, start in (
             (new.is_position & ~old.is_position, new.position_at, drive[:n]),
             (new.is_guided & ~old.is_guided, new.velocity_at, zeros),
+            (new.is_accelerated & ~old.is_accelerated, new.acceleration_at, zeros),
+            (new.is_pushed & ~old.is_pushed, new.effort_at, zeros),
             (new.is_velocity & ~old.is_velocity, new.velocity_at, v),
             (new.is_acceleration & ~old.is_acceleration, new.acceleration_at, zeros),
             (new.is_effort & ~old.is_effort, new.effort_at, tau),
@@ -168,7 +189,7 @@ class DriveCommands:
         fresh: Mask | None = None,
         skipped: Mask | None = None,
     ) -> Array:
-        """Return the drive vector of a cycle, shape (6 n,).
+        """Return the drive vector of a cycle, shape (7 n,).
 
         The velocity of a joint that is commanded positions alone is their rate of
         change; after a switch it is 0, for a jump is no speed.
@@ -198,15 +219,20 @@ class DriveCommands:
                 q,
                 np.where(told, values[mode.velocity_at], v),
                 np.where(
-                    mode.is_acceleration,
+                    mode.is_acceleration | mode.is_accelerated,
                     values[mode.acceleration_at],
-                    np.where(mode.is_effort, values[mode.effort_at], 0.0),
+                    0.0,
                 ),
+                np.where(mode.is_effort | mode.is_pushed, values[mode.effort_at], 0.0),
                 mode.is_velocity,
                 mode.is_acceleration,
-                mode.is_effort,
+                mode.is_effort | mode.is_idle,
             )
         )
+
+
+def _moves_freely(mode: DriveMode) -> Mask:
+    return mode.is_velocity | mode.is_acceleration | mode.is_effort | mode.is_idle
 
 
 def _joint(name: str) -> str:

@@ -1,4 +1,4 @@
-"""Gains of the joint servo and of dry friction, from samples of the robot's dynamics.
+"""Numbers of the joint servo, from samples of the robot's dynamics.
 
 The joint servo is an ideal drive of bandwidth w0, weighted by the mass matrix, with a
 disturbance observer. With z = exp(-w0 h) and the plant's step h, the poles of the
@@ -13,14 +13,39 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# Share of a disturbance that the observer takes over at each step.
-OBSERVER_GAIN = 0.2
+# Share of a disturbance that the observer takes over at each step. Beside joints that
+# move freely it is careful: they make a held joint several times lighter than the model
+# says.
+OBSERVER_GAIN = 0.8
+CAREFUL_OBSERVER_GAIN = 0.2
 
-# Pole of the presliding motion of dry friction.
-_FRICTION_POLE = 0.2
+# Speed at which a joint without a velocity limit approaches a position that is far
+# away [rad/s] or [m/s]: a turn, or a metre, a second.
+APPROACH_SPEED = {"prismatic": 1.0}
+APPROACH_SPEED_OF_OTHERS = 2.0 * math.pi
+
+# Acceleration that a drive gives its own rotor [rad/s^2] or [m/s^2]. A load that it can
+# just carry at 0.1 m has 10 times the inertia of such a rotor, which is about what the
+# observer bears.
+_ROTOR_ACCELERATION = 1000.0
+
+# Part of that inertia below which links are too light to be without.
+_LIGHT = 0.1
+
+# Part of what a robot is strong enough for that a joint without an effort limit has.
+_UNKNOWN = 0.25
 
 # Effort that stands for "no limit", as a multiple of what holds and accelerates.
 _UNLIMITED_ACCELERATION = 100.0  # rad/s^2
+
+# Parts of the acceleration that all joints can have at once, and of the effort beside
+# gravity, that braking and steady motion make use of.
+_BRAKING = 0.7
+_CRUISING = 0.8
+
+# Rounds, and excess of the effort, at which the search for those accelerations ends.
+_ROUNDS = 200
+_EXCESS = 1.01
 
 
 @dc.dataclass(frozen=True)
@@ -36,34 +61,90 @@ class DynamicsSamples:
     # Viscous damping [N·m·s/rad], shape (n,).
     damping: Array
 
+    @property
+    def inertia(self) -> Array:
+        """Diagonals of the mass matrices [kg·m^2], shape (k, n)."""
+        return np.diagonal(self.mass_matrix, axis1=1, axis2=2)
+
+    @property
+    def max_gravity(self) -> Array:
+        """Largest effort that gravity asks for [N·m], shape (n,)."""
+        return np.abs(self.gravity).max(axis=0)
+
+    def with_rotors(self, inertia: Array) -> "DynamicsSamples":
+        """Return the dynamics with more inertia [kg·m^2] at the joints, shape (n,)."""
+        mass_matrix = self.mass_matrix + np.diag(inertia)
+        return dc.replace(self, mass_matrix=mass_matrix)
+
+
+@dc.dataclass(frozen=True)
+class DriveLimits:
+    """What the description allows n joints, infinite where it says nothing."""
+
+    # Efforts [N·m] and velocities [rad/s], shape (n,).
+    effort: Array
+    velocity: Array
+
+    # Which joints are prismatic, with N and m instead, shape (n,).
+    is_prismatic: NDArray[np.bool_]
+
+    # Positions between their stops [rad], shape (n,).
+    lower: Array
+    upper: Array
+
+    @property
+    def approach_speed(self) -> Array:
+        """Largest speed towards a position that is far away [rad/s], shape (n,)."""
+        speed = np.where(
+            self.is_prismatic, APPROACH_SPEED["prismatic"], APPROACH_SPEED_OF_OTHERS
+        )
+        return np.where(np.isfinite(self.velocity), self.velocity, speed)
+
 
 @dc.dataclass(frozen=True)
 class ServoGains:
-    """Numbers of the joint servo for n joints; step h, bandwidth w0."""
+    """Numbers of the joint servo for n joints; step h, bandwidth w0. Shapes (n,)."""
 
-    # Proportional gain [1/s^2] and derivative gain [1/s].
-    kp: float
-    kd: float
+    # Proportional gain [1/s^2] and derivative gain [1/s] of a position error.
+    kp: Array
+    kd: Array
 
-    # Gain of a velocity error [1/s], and the largest velocity that is followed [rad/s],
-    # shape (n,).
+    # Gain of a velocity error [1/s], and the largest velocity that is followed [rad/s].
     kv: float
     velocity_limit: Array
 
-    # What a desired velocity adds to the desired position, 2/w0 [s].
-    velocity_lead: float
+    # What a desired velocity adds to the desired position [s], 2/w0.
+    velocity_lead: Array
 
-    # Largest position error that is acted on [rad], shape (n,): limits the speed.
-    max_error: Array
+    # Largest position error that is acted on [rad]: limits the speed of an approach. It
+    # counts fully up to the braking error, further out as its square root, so that the
+    # joint brakes in time.
+    max_approach: Array
+    braking_error: Array
 
-    # Largest acceleration that is asked for [rad/s^2], shape (n,).
+    # Largest acceleration that is asked for [rad/s^2].
     max_acceleration: Array
 
-    # Largest acceleration that the observer adds [rad/s^2], shape (n,).
+    # Share of a disturbance that is taken over at each step; 0 without an observer.
+    observer_gain: float
+
+    # Largest acceleration that the observer adds [rad/s^2].
     max_disturbance: Array
 
-    # Effort limits, finite [N·m], shape (n,).
+    # Stops of the joints [rad]: what pushes into them is no load to be carried.
+    lower: Array
+    upper: Array
+
+    # Effort limits, infinite where unset [N·m].
     effort_limit: Array
+
+    # Whether a joint has a limit, and one above its own weight.
+    is_strong: NDArray[np.bool_]
+
+    @property
+    def max_error(self) -> Array:
+        """Largest sum of position error and lead that is acted on [rad]."""
+        return self.velocity_limit * self.kd / self.kp
 
 
 def velocity_lead(bandwidth: float) -> float:
@@ -75,67 +156,114 @@ def velocity_lead(bandwidth: float) -> float:
     return 2.0 / bandwidth
 
 
+def compute_rotor_inertia(
+    samples: DynamicsSamples, limits: DriveLimits, strength: Array, time_step: float
+) -> Array:
+    """Return the inertia that the drives of light joints have themselves [kg·m^2].
+
+    A description gives the inertia of links; that of rotors behind gears, which is the
+    larger part in a light wrist, it leaves out. Without it a payload is far from what
+    the servo knows, and the wrist drops it. Joints that have less than a tenth of it
+    become as heavy as a drive of their effort that gives its own rotor 1000 rad/s^2.
+
+    Args:
+        samples: Dynamics of the joints.
+        limits: Their limits.
+        strength: Efforts that are enough for anything the robot does [N·m]: hundreds on
+            a toy are placeholders. Shape (n,).
+        time_step: Step of the plant h [s].
+
+    Returns:
+        Inertias about the joints, 0 where the links are heavy enough, shape (n,).
+    """
+    unknown = _UNKNOWN * strength
+    effort = np.minimum(limits.effort, strength)
+    effort = np.where(np.isfinite(limits.effort), effort, unknown)
+    needed = effort / _ROTOR_ACCELERATION
+    links = samples.inertia.min(axis=0) - time_step * samples.damping
+    return np.where(links < _LIGHT * needed, needed - links, 0.0)
+
+
 def compute_servo_gains(
     samples: DynamicsSamples,
-    effort_limit: Array,
-    velocity_limit: Array,
+    limits: DriveLimits,
     *,
     bandwidth: float,
     time_step: float,
+    observer_gain: float = OBSERVER_GAIN,
+    position_rate: Array | None = None,
 ) -> ServoGains:
     """Return the servo's numbers; one rule for every robot.
 
     Args:
-        samples: Dynamics of the commanded joints.
-        effort_limit: Effort limits [N·m], infinite where unset, shape (n,).
-        velocity_limit: Velocity limits [rad/s], infinite where unset, shape (n,).
+        samples: Dynamics of the commanded joints, with the step's damping h D and
+            rotors in their inertia.
+        limits: Limits of the joints.
         bandwidth: w0 [rad/s].
         time_step: Step of the plant h [s].
+        observer_gain: Share of a disturbance that is taken over at each step; 0 for no
+            observer.
+        position_rate: Velocity per position error that joints are to have instead
+            [1/s], NaN where they aren't, shape (n,).
     """
-    inertia = np.diagonal(samples.mass_matrix, axis1=1, axis2=2)
-    max_inertia, min_inertia = inertia.max(axis=0), inertia.min(axis=0)
-    max_gravity = np.abs(samples.gravity).max(axis=0)
+    h, z = time_step, math.exp(-bandwidth * time_step)
+    max_inertia, min_inertia = samples.inertia.max(axis=0), samples.inertia.min(axis=0)
+    max_gravity = samples.max_gravity
     unlimited = 2.0 * (max_gravity + _UNLIMITED_ACCELERATION * max_inertia)
-    effort = np.where(np.isfinite(effort_limit), effort_limit, unlimited)
-    spare = np.maximum(effort - max_gravity, 0.1 * effort)
-    z = math.exp(-bandwidth * time_step)
+    effort = np.where(np.isfinite(limits.effort), limits.effort, unlimited)
+    spare = np.maximum(limits.effort - max_gravity, 0.1 * limits.effort)
+    is_strong = limits.effort > max_gravity
+    liveliest = 2.0 * bandwidth * limits.approach_speed
+    with np.errstate(divide="ignore"):
+        speed = np.minimum(limits.approach_speed, _CRUISING * spare / samples.damping)
+    n = len(spare)
+    kp, kd = np.full(n, (1.0 - z) ** 2 / h**2), np.full(n, (1.0 - z**2) / h)
+    lead = np.full(n, velocity_lead(bandwidth))
+    if position_rate is not None:
+        # The velocity becomes rate times error within a step, as in Gazebo.
+        is_given = np.isfinite(position_rate)
+        kd[is_given], lead[is_given] = 1.0 / h, 0.0
+        kp[is_given] = position_rate[is_given] / h
+    together = _common_accelerations(samples.mass_matrix, spare, liveliest)
     return ServoGains(
-        kp=(1.0 - z) ** 2 / time_step**2,
-        kd=(1.0 - z**2) / time_step,
-        kv=(1.0 - z) / time_step,
-        velocity_limit=velocity_limit,
-        velocity_lead=velocity_lead(bandwidth),
-        max_error=2.0 / bandwidth * velocity_limit,
-        max_acceleration=spare / (max_inertia + time_step * samples.damping),
+        kp=kp,
+        kd=kd,
+        kv=(1.0 - z) / h,
+        velocity_limit=limits.velocity,
+        velocity_lead=lead,
+        max_approach=speed * kd / kp,
+        braking_error=_BRAKING * together * (kd / kp) ** 2,
+        # The strong wait for each other, as the effort law makes them.
+        max_acceleration=np.where(
+            is_strong, liveliest, np.minimum(spare / max_inertia, liveliest)
+        ),
+        observer_gain=observer_gain,
         max_disturbance=2.0 * effort / min_inertia,
-        effort_limit=effort,
+        effort_limit=limits.effort,
+        is_strong=is_strong & np.isfinite(limits.effort),
+        lower=limits.lower,
+        upper=limits.upper,
     )
 
 
-@dc.dataclass(frozen=True)
-class FrictionGains:
-    """Numbers of elastoplastic dry friction for n joints."""
-
-    # Stiffness [N·m/rad] and damping [N·m·s/rad] of the presliding, shape (n,).
-    kf: Array
-    df: Array
-
-
-def compute_friction_gains(samples: DynamicsSamples, time_step: float) -> FrictionGains:
-    """Return the numbers of a friction that sticks and is stable at any step.
+def _common_accelerations(masses: Array, spare: Array, largest: Array) -> Array:
+    """Return accelerations that all joints can have at once, shape (n,).
 
     Args:
-        samples: Dynamics of all the joints that have friction.
-        time_step: Step of the plant h [s].
+        masses: Mass matrices, shape (k, n, n).
+        spare: Efforts that are left beside gravity, infinite where unlimited.
+        largest: Accelerations that none is to exceed.
     """
-    diagonal = np.diagonal(samples.mass_matrix, axis1=1, axis2=2)
-    scale = np.sqrt(diagonal)
-    correlation = samples.mass_matrix / scale[:, :, None] / scale[:, None, :]
-    coupling = float(np.linalg.eigvalsh(correlation).min())
-    min_inertia = diagonal.min(axis=0)
-    z = _FRICTION_POLE
-    reach = coupling * (min_inertia + time_step * samples.damping)
-    return FrictionGains(
-        kf=reach * (1.0 - z) ** 2 / time_step**2,
-        df=(coupling * min_inertia - reach * z**2) / time_step,
-    )
+    inertia = np.diagonal(masses, axis1=1, axis2=2).max(axis=0)
+    found, rows = np.minimum(largest, spare / inertia), np.arange(len(spare))
+    for _ in range(_ROUNDS):
+        # What each joint asks of each other one, where that is most.
+        parts = np.abs(masses) * found
+        totals = parts.sum(axis=2)
+        worst = totals.argmax(axis=0), rows
+        excess = np.maximum(totals[worst] / spare, 1.0)
+        if (excess < _EXCESS).all():
+            break
+        share = parts[worst] / totals[worst][:, None]
+        found = found * np.exp(-0.5 * (share * np.log(excess)[:, None]).max(axis=0))
+    return found

@@ -8,6 +8,15 @@ from arm_drake.description.report import LoadReport
 from arm_drake.description.ros_parameters import Section
 from arm_drake.errors import suggest
 
+# Nodes of Gazebo's plugins, in Gazebo Classic (by its usual name) and in Gazebo Sim.
+PLUGIN_NODES = ("gazebo_ros2_control", "gz_ros_control")
+
+# What these nodes read, some with further names below them.
+PLUGIN_PARAMETERS = ("hold_joints", "pid_gains", "position_proportional_gain")
+
+# What every node takes, and has no meaning here.
+_OF_ALL_NODES = ("use_sim_time", "qos_overrides")
+
 
 class Nodes:
     """Which sections reach which node."""
@@ -48,6 +57,32 @@ class Nodes:
         self._reached |= set(reaching)
         return merge(self.sections[index] for index in reaching)
 
+    def plugin_parameters(self, name: str, report: LoadReport) -> dict[str, Parameter]:
+        """Return the parameters of a plugin's node, those of all nodes included.
+
+        Args:
+            name: Name of the node. Of several name spaces, the first one's win.
+            report: Where those in its own sections are recorded that it doesn't read.
+        """
+        given: dict[str, Parameter] = {}
+        for namespace in reversed(self._namespaces):
+            given |= self.parameters(namespace, name)
+        for section in self.sections:
+            keys = section.parameters if section.name == name else ()
+            for key in keys:
+                if key.partition(".")[0] in (*PLUGIN_PARAMETERS, *_OF_ALL_NODES):
+                    continue
+                report.add(
+                    "warning",
+                    "ignored",
+                    f"unknown parameter; {suggest(key, PLUGIN_PARAMETERS)}",
+                    "it has no effect",
+                    where=f"{section.node.lstrip('/')}.{key}",
+                    file=section.file,
+                    line=section.parameters[key].line,
+                )
+        return given
+
     def typed(self, namespace: str) -> list[str]:
         """Return the names of the nodes that sections of their own give a type."""
         is_first = namespace == self._namespaces[0]
@@ -72,11 +107,14 @@ class Nodes:
         for index, section in enumerate(self.sections):
             if index in self._reached:
                 continue
+            heads = {key.partition(".")[0] for key in section.parameters}
+            sort, known = "controller", names
+            if not heads.isdisjoint(PLUGIN_PARAMETERS):
+                sort, known = "node", PLUGIN_NODES
             report.add(
                 "warning",
                 "ignored",
-                "no controller of this name; "
-                f"{suggest(section.node.strip('/'), names)}",
+                f"no {sort} of this name; {suggest(section.node.strip('/'), known)}",
                 "the section has no effect",
                 where=section.node.lstrip("/"),
                 file=section.file,

@@ -6,7 +6,7 @@ name space is taken, and every controller that has a type.
 
 import dataclasses as dc
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from arm_drake.description.controller_manager import (
     ControllerConfig,
     ManagedControllers,
 )
-from arm_drake.description.controller_manager_nodes import Nodes
+from arm_drake.description.controller_manager_nodes import PLUGIN_NODES, Nodes
 from arm_drake.description.controller_manager_parameters import (
     DEFAULT_UPDATE_RATE,
     MANAGER,
@@ -23,6 +23,7 @@ from arm_drake.description.controller_manager_parameters import (
     HardwareComponentsInitialState,
 )
 from arm_drake.description.packages import PackageFinder
+from arm_drake.description.parameters import Parameters
 from arm_drake.description.report import LoadReport
 from arm_drake.description.ros_parameters import ParameterReader, Section
 
@@ -57,6 +58,9 @@ class ControllerManagerConfig:
         default_factory=HardwareComponentsInitialState
     )
 
+    # Parameters of the nodes of Gazebo's plugins, by the nodes' names.
+    plugin_nodes: Mapping[str, Parameters] = dc.field(default_factory=dict)
+
 
 def load_controllers(
     files: Sequence[Path],
@@ -65,6 +69,7 @@ def load_controllers(
     *,
     packages: PackageFinder | None = None,
     manager: str = MANAGER,
+    plugins: Collection[str] = (),
 ) -> ControllerManagerConfig:
     """Return what controllers YAML files configure.
 
@@ -74,6 +79,7 @@ def load_controllers(
         report: Where what is not taken as written is recorded.
         packages: What resolves `$(find-pkg-share PACKAGE)` and `package://`.
         manager: Name of the controller manager's node, where it has one of its own.
+        plugins: Names of nodes of Gazebo's plugins beside the usual ones.
 
     Raises:
         ParameterError: If a file can't be used.
@@ -112,6 +118,10 @@ def load_controllers(
             f"no controllers YAML uses the variable {name!r}",
             "it has no effect",
         )
+    plugin_nodes = {
+        name: nodes.plugin_parameters(name, report)
+        for name in dict.fromkeys((*PLUGIN_NODES, *plugins))
+    }
     names = [name for manager in managers for name in manager.controllers]
     nodes.report_unused((*names, MANAGER), report)
     further = [file for manager in managers for file in manager.files]
@@ -121,6 +131,7 @@ def load_controllers(
         files=tuple(dict.fromkeys((*files, *further))),
         enforce_command_limits=_first_given("enforce_command_limits", managers),
         hardware_components_initial_state=_together(m.settings for m in managers),
+        plugin_nodes={name: given for name, given in plugin_nodes.items() if given},
     )
     return config
 

@@ -8,11 +8,14 @@ from arm_drake.description.elements import ElementReader
 from arm_drake.description.hardware_info import ComponentInfo, HardwareInfo
 from arm_drake.description.report import LoadReport
 
+# The simulator whose blocks give joints PID gains.
+CLASSIC = "Gazebo Classic"
+
 # Plugins that are simulators themselves.
 SIMULATOR_PLUGINS = {
     "gz_ros2_control/GazeboSimSystem": "Gazebo Sim",
     "ign_ros2_control/IgnitionSystem": "Ignition Gazebo",
-    "gazebo_ros2_control/GazeboSystem": "Gazebo Classic",
+    "gazebo_ros2_control/GazeboSystem": CLASSIC,
     "mock_components/GenericSystem": "mock hardware",
     "fake_components/GenericSystem": "mock hardware",
 }
@@ -75,7 +78,8 @@ def _remarks(block: HardwareInfo) -> Iterable[tuple[str, str]]:
         names = _listed(transmission.name for transmission in block.transmissions)
         yield f"transmissions {names}", "joints are driven without them"
     gains = [joint.name for joint in block.joints if _has_gains(joint)]
-    if gains:
+    # Those of Gazebo Classic drive the joints, see drive_gains.
+    if gains and SIMULATOR_PLUGINS.get(block.plugin) != CLASSIC:
         yield f"PID gains of joints {_listed(gains)}", "the joint servo has its own"
     others = {name for joint in block.joints for name in joint.parameters} - _READ
     if others:

@@ -251,8 +251,15 @@ class _BlockReader(ElementReader):
         names = [field.name for field in dc.fields(PidGains)]
         if not any(prefix + name in parameters for name in names[:3]):
             return None
-        values = {
-            name: self.number(parameters.get(prefix + name), prefix + name, where)
-            for name in names
-        }
-        return PidGains(**{name: v for name, v in values.items() if v is not None})
+        values = {}
+        for name in (n for n in names if prefix + n in parameters):
+            text = parameters[prefix + name]
+            number = parse_number(text)
+            if number is None:
+                # Without one of its gains, a PID could do anything.
+                what = f"{prefix}{name}: expected a number, got {text!r}"
+                done = "the joint servo has its own gains"
+                self.note("warning", "invalid", what, done, where)
+                return None
+            values[name] = number
+        return PidGains(**values)

@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 from pydrake.common.value import AbstractValue
-from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import (
     Context,
     DiagramBuilder,
@@ -77,7 +76,7 @@ class ControllerManager(LeafSystem):
     claimed            --    --       tuple of the names of command interfaces, those
                                       that were claimed last at the end
     command_values     k     rad, ..  values of all command interfaces
-    drive              6n    rad, ..  what the servo of n joints is told, see
+    drive              7n    rad, ..  what the servo of n joints is told, see
                                       DriveCommands
     active             c     --       1 for each controller that is active, else 0
     =================  ====  =======  ==================================================
@@ -102,7 +101,7 @@ class ControllerManager(LeafSystem):
         drive: DriveCommands,
         surroundings: Surroundings,
         limits: CommandLimits | None = None,
-        servo_plant: MultibodyPlant | None = None,
+        keep: object = None,
     ) -> None:
         """Create the system.
 
@@ -116,8 +115,8 @@ class ControllerManager(LeafSystem):
             drive: What makes the servo's input of commands.
             surroundings: Interfaces of the robot.
             limits: What commands are held to, if they are.
-            servo_plant: Plant that the servo computes with, to be kept as long as the
-                diagram: Drake's InverseDynamics doesn't keep it.
+            keep: What must live as long as the diagram: Drake's InverseDynamics doesn't
+                keep the plant that it computes with.
         """
         super().__init__()
         self.robot = robot
@@ -127,7 +126,7 @@ class ControllerManager(LeafSystem):
         self.period = period
         self.log_period = log_period
         self.commands = command_order(surroundings, self.controllers)
-        self._servo_plant = servo_plant
+        self._keep = keep
         self._update_rate = robot.controllers.update_rate
         systems = {c.name: c.system for c in self.controllers if c.system is not None}
         self._lifecycle = Lifecycle(

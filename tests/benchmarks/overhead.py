@@ -15,7 +15,6 @@ import time
 from pathlib import Path
 
 import numpy as np
-from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import (
@@ -28,19 +27,18 @@ from pydrake.trajectories import PiecewisePolynomial
 import arm_drake as ad
 from arm_drake.bundled import bundled_motions
 from arm_drake.drives import (
+    RobotDrive,
     commanded_joints,
     effort_limits,
-    make_robot_friction,
-    make_robot_servo,
-    make_servo_plant,
+    make_robot_drive,
 )
-from arm_drake.hardware import add_state_interfaces, connect_forces
+from arm_drake.hardware import add_hardware, connect_forces
 from arm_drake.plant import (
     add_actuators,
     add_plant,
     add_robot_model,
     filter_self_collision,
-    state_indices,
+    set_initial_positions,
 )
 from arm_drake.timing import choose_time_step
 from arm_drake.world import add_world
@@ -54,7 +52,7 @@ GOAL_REAL_TIME_FACTOR = 25.0
 
 
 def record_commands(robot: ad.Robot, options: ad.SimulationOptions) -> np.ndarray:
-    """Return what our servo is told from each tick on, shape (ticks, 2n)."""
+    """Return what our servo is told from each tick on, shape (ticks, 2n or 7n)."""
     motion = ad.load_motion(bundled_motions("doosan_a0912")["tutorial"])
     diagram = ad.build_diagram(robot, options=options)
     sim = ad.Simulation(diagram)
@@ -70,51 +68,51 @@ def record_commands(robot: ad.Robot, options: ad.SimulationOptions) -> np.ndarra
 
 def make_peer(
     robot: ad.Robot, options: ad.SimulationOptions, commands: np.ndarray
-) -> tuple[Diagram, MultibodyPlant]:
-    """Return the diagram without Python, and the plant that must outlive it."""
+) -> tuple[Diagram, RobotDrive]:
+    """Return the diagram without Python, and the drive that must outlive it."""
     step, (period,) = choose_time_step(
         options.time_step, [robot.controllers.update_rate]
     )
-    description = robot.description
+    description, initial = robot.description, robot.initial_positions
     builder = DiagramBuilder()
     plant, scene_graph = add_plant(builder, step, options)
     add_world(plant, "empty")
-    model = add_robot_model(plant, description, robot.name, None)
+    model = add_robot_model(plant, description, robot.name, robot.pose)
     joints = commanded_joints(description)
-    names = [joint.name for joint in joints]
-    add_actuators(plant, model, names, effort_limits(joints))
+    add_actuators(plant, model, [joint.name for joint in joints], effort_limits(joints))
+    set_initial_positions(plant, model, dict(initial))
     plant.Finalize()
     filter_self_collision(plant, scene_graph, model)
-    alone = make_servo_plant(description, None, options, step)
-    at = state_indices(plant, model, names)
-    servo = builder.AddSystem(make_robot_servo(alone, description, joints, at, options))
+    drive = make_robot_drive(description, robot.pose, options, step)
+    hardware = add_hardware(
+        builder,
+        plant,
+        model,
+        description,
+        prefix="",
+        drive=drive,
+        initial=initial,
+        options=options,
+        has_modes=commands.shape[1] > 2 * len(joints),
+    )
+    assert hardware.command is not None
+    assert hardware.friction is not None
     # Each command holds from its tick to the next one, without a delay.
     ticks = period * np.arange(len(commands) + 1)
     held = PiecewisePolynomial.ZeroOrderHold(
         ticks, np.vstack([commands, commands[-1:]]).T
     )
     source = builder.AddSystem(TrajectorySource(held))
-    friction = make_robot_friction(
-        plant, model, alone, description, robot.initial_positions
-    )
-    assert friction is not None
-    builder.AddSystem(friction)
-    state, effort = plant.get_state_output_port(model), servo.GetOutputPort("effort")
-    builder.Connect(source.get_output_port(), servo.GetInputPort("command"))
-    builder.Connect(state, servo.GetInputPort("state"))
-    builder.Connect(state, friction.get_input_port())
-    builder.Connect(effort, plant.get_actuation_input_port(model))
-    connect_forces(builder, plant, {model: friction.get_output_port()})
-    _, states = add_state_interfaces(
-        builder, plant, model, description, names, effort, ""
-    )
+    builder.Connect(source.get_output_port(), hardware.command)
+    connect_forces(builder, plant, {model: hardware.friction})
+    states = hardware.joint_states
     # What our broadcaster holds and our rollout records.
     sample = builder.AddSystem(ZeroOrderHold(period, states.size()))
     builder.Connect(states, sample.get_input_port())
     for port in (sample.get_output_port(), source.get_output_port()):
         log = builder.AddSystem(VectorLogSink(port.size(), period))
         builder.Connect(port, log.get_input_port())
-    return builder.Build(), alone
+    return builder.Build(), drive
 
 
 def time_ours(
@@ -133,7 +131,7 @@ def time_peer(
     robot: ad.Robot, options: ad.SimulationOptions, commands: np.ndarray
 ) -> tuple[float, np.ndarray]:
     """Return the wall time of the peer [s], and where it ends."""
-    diagram, alone = make_peer(robot, options, commands)
+    diagram, drive = make_peer(robot, options, commands)
     simulator = Simulator(diagram)
     simulator.Initialize()
     start = time.perf_counter()
@@ -141,7 +139,7 @@ def time_peer(
     wall_time = time.perf_counter() - start
     plant = diagram.GetSubsystemByName("plant")
     q = plant.GetPositions(plant.GetMyContextFromRoot(simulator.get_context()))
-    del alone
+    del drive
     return wall_time, q
 
 

@@ -45,7 +45,8 @@ from arm_drake.controllers.controller_interface import (
 )
 from arm_drake.controllers.cycles import Cycle
 from arm_drake.controllers.ticking_controller import TickingController
-from arm_drake.hardware import Hardware, make_drive_commands
+from arm_drake.drives import make_robot_drive
+from arm_drake.hardware import Hardware
 from arm_drake.messages import (
     Float64MultiArray,
     FollowJointTrajectoryGoal,
@@ -54,6 +55,7 @@ from arm_drake.messages import (
     MultiDOFCommand,
     SendGoal,
 )
+from arm_drake.robot_commands import make_drive_commands
 from arm_drake.robot_systems import RobotSystems
 from arm_drake.surroundings import find_surroundings
 from tests.controllers.parameters import FORWARD, JSB, JTC, PID, load
@@ -324,22 +326,23 @@ def make_robot(*types: str) -> Subject:
     there = find_surroundings(robot.description, robot.initial_positions)
     controllers, report = load_controllers_of(robot, period, options)
     controllers = tuple(c for c in controllers if not types or c.type in types)
-    drive = make_drive_commands(robot, there, controllers, options)
+    drive = make_robot_drive(robot.description, robot.pose, options, period)
+    commands = make_drive_commands(robot, there, controllers, drive)
     builder = DiagramBuilder()
     states, motions = (
         builder.AddSystem(ConstantVectorSource(np.zeros(n * len(there.joint_types))))
         for n in (3, 2)
     )
     hardware = Hardware(
-        commanded=drive.joints,
+        commanded=commands.joints,
         command=None,
         joint_states=states.get_output_port(),
         joint_motions=motions.get_output_port(),
         friction=None,
-        servo_plant=None,
+        drive=None,
     )
     systems = RobotSystems(builder, robot, "", period, options)
-    systems.add(hardware, there, controllers, report, drive)
+    systems.add(hardware, there, controllers, report, commands)
     ports = []
     for controller in controllers if not types else ():
         assert controller.system is not None

@@ -36,7 +36,7 @@ def parts(drive: np.ndarray) -> list[list[float]]:
 
 
 def test_at_first_positions_are_held():
-    assert parts(make_drive().initial([0.3, -0.4])) == [[0.3, -0.4]] + [[0.0, 0.0]] * 5
+    assert parts(make_drive().initial([0.3, -0.4])) == [[0.3, -0.4]] + [[0.0, 0.0]] * 6
 
 
 def test_without_modes_there_are_positions_and_velocities_alone():
@@ -104,6 +104,7 @@ def test_each_joint_is_told_what_it_follows():
     assert parts(told) == [
         [0.1, 0.2],
         [0.7, 0.0],
+        [0.0, 0.0],
         [0.0, -3.0],
         [1.0, 0.0],
         [0.0, 0.0],
@@ -117,8 +118,56 @@ def test_an_acceleration_is_told_as_one():
 
     told = drive.write(mode_of("a/acceleration"), values, drive.initial([0.1, 0.2]))
 
-    expected = [[0.1, 0.2], [0.0, 0.0], [2.5, 0.0], [0.0, 0.0], [1.0, 0.0], [0.0, 0.0]]
+    nothing = [0.0, 0.0]
+    expected = [[0.1, 0.2], nothing, [2.5, 0.0], nothing, nothing, [1.0, 0.0], nothing]
     assert parts(told) == expected
+
+
+def test_what_is_claimed_beside_a_position_is_told_too():
+    drive = make_drive()
+    values = values_of(a_position=0.1, a_acceleration=2.5, b_position=0.2, b_effort=3.0)
+    mode = mode_of("a/position", "a/acceleration", "b/position", "b/effort")
+
+    told = parts(drive.write(mode, values, drive.initial([0.1, 0.2])))
+
+    assert told[2:4] == [[2.5, 0.0], [0.0, 3.0]]
+    # Both follow their positions.
+    assert told[4:] == [[0.0, 0.0]] * 3
+
+
+@pytest.mark.parametrize("kind", ["acceleration", "effort"])
+def test_what_comes_with_a_position_starts_from_zero(kind):
+    values, _ = seed(mode_of("a/effort"), mode_of("a/position", f"a/{kind}"))
+
+    assert values[f"a/{kind}"] == 0.0
+
+
+def test_a_joint_that_nobody_commands_may_be_left_to_swing():
+    drive = make_drive(holds=False)
+    values = values_of(a_position=0.1, b_effort=9.0)
+
+    told = parts(
+        drive.write(mode_of("a/position", drive=drive), values, drive.initial([0, 0.2]))
+    )
+
+    # It follows an effort of none.
+    assert told[3] == [0.0, 0.0]
+    assert told[6] == [0.0, 1.0]
+
+
+def test_a_joint_that_swung_holds_where_it_comes_to_rest():
+    drive = make_drive(holds=False)
+
+    values, told = drive.seed(
+        mode_of(drive=drive),
+        mode_of("a/position", drive=drive),
+        np.full(len(ORDER), 99.0),
+        drive.initial([0.1, 0.2]),
+        MEASURED,
+    )
+
+    assert values[ORDER.index("a/position")] == pytest.approx(REST[0], rel=1e-15)
+    assert told[:2].tolist() == [pytest.approx(REST[0], rel=1e-15), 0.2]
 
 
 def test_a_joint_that_nobody_commands_holds():
@@ -128,9 +177,9 @@ def test_a_joint_that_nobody_commands_holds():
 
     told = drive.write(mode_of("a/position"), values, last)
 
-    assert parts(last) == [[0.1, 0.2]] + [[0.0, 0.0]] * 5
+    assert parts(last) == [[0.1, 0.2]] + [[0.0, 0.0]] * 6
     np.testing.assert_allclose(parts(told)[:2], [[0.5, 0.2], [40.0, 0.0]], rtol=1e-12)
-    assert parts(told)[2:] == [[0.0, 0.0]] * 4
+    assert parts(told)[2:] == [[0.0, 0.0]] * 5
 
 
 def test_a_velocity_that_is_commanded_counts_instead_of_the_rate_of_positions():
@@ -143,7 +192,7 @@ def test_a_velocity_that_is_commanded_counts_instead_of_the_rate_of_positions():
     assert told[0] == [0.5, 0.2]
     np.testing.assert_allclose(told[1], [0.25, 20.0], rtol=1e-12)
     # It follows the position: no part says otherwise.
-    assert told[2:] == [[0.0, 0.0]] * 4
+    assert told[2:] == [[0.0, 0.0]] * 5
 
 
 @pytest.mark.parametrize("extra", [(), ("b/velocity",)])

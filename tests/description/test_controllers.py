@@ -382,6 +382,100 @@ def test_a_section_without_a_controller_is_reported(load):
     ]
 
 
+def plugin_values(config: ControllerManagerConfig, name: str) -> Mapping[str, Any]:
+    return {key: p.value for key, p in config.plugin_nodes.get(name, {}).items()}
+
+
+def test_parameters_of_gazebos_plugins_are_kept(load):
+    config, lines = load(
+        f"{MANAGER}"
+        "gz_ros_control: {ros__parameters: {hold_joints: false, use_sim_time: true}}\n"
+        "gazebo_ros2_control:\n"
+        "  ros__parameters: {pid_gains: {position: {j: {kp: 1.0}}}}\n"
+    )
+
+    assert plugin_values(config, "gz_ros_control") == {
+        "hold_joints": False,
+        "use_sim_time": True,
+    }
+    assert plugin_values(config, "gazebo_ros2_control") == {
+        "pid_gains.position.j.kp": 1.0
+    }
+    assert lines == []
+
+
+def test_without_parameters_for_them_there_are_no_plugins(load):
+    config, lines = load(f"{MANAGER}gz_ros_control: {{ros__parameters: {{}}}}\n")
+
+    assert (config.plugin_nodes, lines) == ({}, [])
+
+
+def test_plugins_get_the_parameters_of_all_nodes(load):
+    config, lines = load(
+        f"{MANAGER}"
+        "/**: {ros__parameters: {hold_joints: true, a: 1}}\n"
+        "robot: {gz_ros_control: {ros__parameters: {hold_joints: false}}}\n"
+    )
+
+    assert plugin_values(config, "gz_ros_control") == {"hold_joints": False, "a": 1}
+    assert plugin_values(config, "gazebo_ros2_control") == {"hold_joints": True, "a": 1}
+    assert lines == []
+
+
+def test_plugins_get_the_parameters_of_the_first_managers_name_space(load):
+    section = "gz_ros_control: {{ros__parameters: {{hold_joints: {0}, {1}: 1}}}}\n"
+
+    config, _ = load(
+        f"{TWO}/right/{section.format('true', 'pid_gains')}"
+        f"/left/{section.format('false', 'position_proportional_gain')}"
+    )
+
+    assert plugin_values(config, "gz_ros_control") == {
+        "hold_joints": False,
+        "pid_gains": 1,
+        "position_proportional_gain": 1,
+    }
+
+
+def test_parameters_that_no_plugin_has_are_reported(load):
+    _, lines = load(
+        f"{MANAGER}"
+        "gz_ros_control: {ros__parameters: {hold_joint: false, x: {y: 1}}}\n"
+    )
+
+    known = "known: hold_joints, pid_gains, position_proportional_gain"
+    assert lines == [
+        "warning: 0.yaml:5: gz_ros_control.hold_joint: unknown parameter; "
+        f"did you mean 'hold_joints'? {known}; it has no effect",
+        "warning: 0.yaml:5: gz_ros_control.x.y: unknown parameter; "
+        f"{known}; it has no effect",
+    ]
+
+
+def test_a_plugins_node_of_another_name_is_reported(load):
+    _, lines = load(
+        f"{MANAGER}gz_ros2_control: {{ros__parameters: {{hold_joints: false}}}}\n"
+    )
+
+    assert lines == [
+        "warning: 0.yaml:5: gz_ros2_control: no node of this name; did you mean "
+        "'gz_ros_control'? known: gazebo_ros2_control, gz_ros_control; "
+        "the section has no effect"
+    ]
+
+
+def test_further_plugins_may_be_named(tmp_path):
+    file, report = tmp_path / "c.yaml", LoadReport()
+    file.write_text(
+        f"{MANAGER}mine: {{ros__parameters: {{hold_joints: false}}}}\n", "utf-8"
+    )
+
+    config = load_controllers([file], {}, report, plugins=["mine"])
+
+    assert plugin_values(config, "mine") == {"hold_joints": False}
+    assert list(report) == []
+
+
 def test_nodes_without_anything_are_reported(load):
     config, lines = load(
         f"{MANAGER}arm:\n"

@@ -112,6 +112,12 @@ def test_gains_and_unread_joint_parameters_have_a_line_each():
     ]
 
 
+def test_gains_of_gazebo_classic_drive_the_joints_and_need_no_line():
+    joints = (ComponentInfo("j", position_pid=PidGains(1.0)),)
+
+    assert lines_of("gazebo_ros2_control/GazeboSystem", joints=joints) == []
+
+
 def test_timing_of_the_driver_has_one_line():
     lines = remarks_of(rw_rate=5, is_async=True, thread_priority=9, group="g")
 

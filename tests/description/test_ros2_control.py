@@ -543,15 +543,18 @@ def test_a_limit_of_the_integral_alone_makes_no_pid():
     assert (joint.position_pid, joint.velocity_pid) == (None, None)
 
 
-def test_a_gain_that_is_no_number_counts_as_not_given():
+@pytest.mark.parametrize("name", ["vel_kp", "vel_max_integral_error"])
+def test_gains_of_which_one_is_no_number_make_no_pid(name):
     joint, lines = read_joint(
-        '<param name="vel_kp">big</param><param name="vel_ki">2</param>'
+        f'<param name="{name}">big</param><param name="vel_ki">2</param>'
+        '<param name="pos_kp">1</param>'
     )
 
-    assert joint.velocity_pid == PidGains(ki=2.0)
+    assert joint.velocity_pid is None
+    assert joint.position_pid == PidGains(kp=1.0)
     assert lines == [
         "warning: arm.urdf: ros2_control 'h', joint 'j': "
-        "vel_kp: expected a number, got 'big'; taken as not given"
+        f"{name}: expected a number, got 'big'; the joint servo has its own gains"
     ]
 
 

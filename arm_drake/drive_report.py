@@ -1,0 +1,135 @@
+"""What the load report says about how a robot's joints are driven."""
+
+from collections.abc import Iterable, Sequence
+from typing import Final
+
+import numpy as np
+
+from arm_drake import interfaces
+from arm_drake.description.report import LoadReport
+from arm_drake.description.robot import Robot
+from arm_drake.drives import RobotDrive
+from arm_drake.loaded_controllers import LoadedController
+from arm_drake.options import SimulationOptions
+from arm_drake.robot_commands import claimed_interfaces
+
+# Place that these lines name: they tell of the simulation, not of a file.
+SERVO: Final = "joint servo"
+
+# A step of less than this part of the one that was asked for is worth a line.
+_MUCH_LESS = 0.9
+
+# By which part a period may miss a whole number of steps.
+_TOLERANCE = 1e-6
+
+
+def report_drive(
+    robot: Robot,
+    drive: RobotDrive,
+    controllers: Sequence[LoadedController],
+    report: LoadReport,
+    *,
+    holds: bool,
+) -> None:
+    """Report what the drives of a robot do that its files don't say.
+
+    Args:
+        robot: The robot.
+        drive: What drives its joints.
+        controllers: Its controllers.
+        report: Where the lines are added.
+        holds: Whether joints that nobody commands hold their position.
+    """
+
+    def note(what: str, done: str) -> None:
+        report.add("info", "repair", what, done, where=SERVO)
+
+    lacking = dict(zip(drive.names, drive.lacking_inertia.tolist(), strict=True))
+    light = {name: inertia for name, inertia in lacking.items() if inertia}
+    if drive.rotor_inertia.any():
+        step = f"{1e3 * drive.plant.time_step():.3g} ms"
+        rotors = ", ".join(f"{name} {inertia:.2g}" for name, inertia in light.items())
+        note(
+            "links are much lighter than drives of their joints' efforts, and payloads "
+            f"on them are hard to bear at steps of {step}",
+            f"the drives have rotors of their own [kg·m² or kg]: {rotors}",
+        )
+    elif light:
+        note(
+            f"links are much lighter than drives of {_listed(light)}",
+            "nothing; with SimulationOptions(reflected_inertia=True) these have "
+            "rotors, and carry heavier payloads",
+        )
+    if drive.pid is not None:
+        pairs = zip(drive.names, drive.pid.position, drive.pid.velocity, strict=True)
+        own = [name for name, *gains in pairs if any(gains)]
+        note(
+            f"PID gains of the description drive {_listed(own)}",
+            "as under Gazebo Classic, which knows nothing of the robot's weight",
+        )
+    active = [c for c in controllers if c.state == "active"]
+    claimed = {name.rpartition("/")[0] for name in claimed_interfaces(robot, active)}
+    left = [name for name in drive.names if name not in claimed]
+    if left:
+        done = "they hold their positions" if holds else "they swing freely"
+        note(f"no active controller commands {_listed(left)}", done)
+    passive = [
+        joint.name
+        for joint in robot.description.movable_joints
+        if joint.mimic is None and joint.name not in drive.names
+    ]
+    if passive:
+        note(f"no command interface: {_listed(passive)}", "they swing freely")
+    velocities = set(interfaces.interface_names(drive.names, [interfaces.VELOCITY]))
+    commanded = {
+        name.rpartition("/")[0]
+        for name in velocities & claimed_interfaces(robot, controllers)
+    }
+    unlimited = [
+        name
+        for name, limit in zip(drive.names, drive.gains.velocity_limit, strict=True)
+        if np.isinf(limit) and name in commanded
+    ]
+    if unlimited:
+        note(
+            f"no velocity limit: {_listed(unlimited)}",
+            "velocity commands are followed whatever they are",
+        )
+
+
+def report_times(
+    step: float, period: float, options: SimulationOptions, report: LoadReport
+) -> None:
+    """Report times that are not as the options ask for.
+
+    Args:
+        step: Step of the plant [s].
+        period: Period of the robot's controller manager [s].
+        options: How to simulate.
+        report: Where the lines are added.
+    """
+    if step < _MUCH_LESS * options.time_step:
+        report.add(
+            "info",
+            "repair",
+            f"steps of {1e3 * options.time_step:.4g} ms don't fit into the controller "
+            f"manager's period of {1e3 * period:.4g} ms",
+            f"the physics takes steps of {1e3 * step:.4g} ms",
+            where="time_step",
+        )
+    if options.log_rate is None:
+        return
+    steps = 1.0 / options.log_rate / step
+    if abs(steps - round(steps)) > _TOLERANCE * steps:
+        report.add(
+            "info",
+            "repair",
+            f"{options.log_rate:.6g} Hz is no whole number of steps of "
+            f"{1e3 * step:.4g} ms",
+            "a row shows the state after the last step",
+            where="log_rate",
+        )
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(map(repr, names))

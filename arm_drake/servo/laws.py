@@ -1,0 +1,217 @@
+"""The equations of the joint servo; see the package for what they say.
+
+Each system reads no more than it uses: at every step Drake looks up all variables of a
+SymbolicVectorSystem, which costs more than what is computed with them.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from pydrake.symbolic import Expression, Variable, if_then_else
+from pydrake.symbolic import abs as abs_
+from pydrake.symbolic import max as max_
+from pydrake.symbolic import min as min_
+from pydrake.symbolic import sqrt as sqrt_
+from pydrake.systems.primitives import LinearSystem, SymbolicVectorSystem
+
+from arm_drake.control.servo import ServoGains
+from arm_drake.servo.signals import (
+    Command,
+    Layout,
+    clamp,
+    function,
+    is_set,
+    variables,
+)
+
+# Share of a change that the filters of an acceleration take over at each step, f.
+_FELT_GAIN = 0.1
+
+# Below this part of all accelerations joints are on their own.
+_SMALLEST_SCALE = 0.01
+
+# What is nothing beside an effort limit.
+_TINY = 1e-12
+
+
+def acceleration_law(
+    gains: ServoGains, layout: Layout, h: float
+) -> SymbolicVectorSystem:
+    """Return what computes the accelerations u, and what the observer keeps of itself.
+
+    Its input is the state, the command, then w with an observer, and with modes what
+    `felt_acceleration` says. Its output is u, and with an observer (1 - b) I + b v/h.
+    """
+    n, b = layout.num_joints, gains.observer_gain
+    x, command = variables("x", layout.num_states), Command(layout)
+    w = variables("w", n if b else 0)
+    felt = variables("felt", n if layout.has_modes else 0)
+    accelerations, kept = [], []
+    for i in range(n):
+        q, v = x[layout.positions_at[i]], x[layout.velocities_at[i]]
+        if layout.has_modes:
+            u = _wanted_in_modes(gains, command, i, q, v)
+        else:
+            u = _wanted_by_position(gains, command, i, q, v)
+        u = clamp(u, float(gains.max_acceleration[i]))
+        if b:
+            shift = b / h * v
+            disturbance = clamp(w[i] - shift, float(gains.max_disturbance[i]))
+            # Whatever holds a joint at its stop goes away with what pushes it there.
+            if np.isfinite(gains.upper[i]):
+                inwards = min_(disturbance, 0.0)
+                at_stop = q > float(gains.upper[i])
+                disturbance = if_then_else(at_stop, inwards, disturbance)
+            if np.isfinite(gains.lower[i]):
+                inwards = max_(disturbance, 0.0)
+                at_stop = q < float(gains.lower[i])
+                disturbance = if_then_else(at_stop, inwards, disturbance)
+            u = u + disturbance
+            keep = (1.0 - b) * disturbance + shift
+            kept.append(_unless(command.is_tau, i, keep, shift))
+        accelerations.append(_unless(command.is_tau, i, u, felt))
+    inputs = [*x, *command.variables, *w, *felt]
+    return function(inputs, [*accelerations, *kept])
+
+
+def felt_acceleration(gains: ServoGains, layout: Layout, h: float) -> LinearSystem:
+    """Return the filters that tell other joints of the acceleration of a free one.
+
+    The input is the robot's state, the output has n values.
+    """
+    n, f = layout.num_joints, _FELT_GAIN
+    V = np.zeros((n, layout.num_states))
+    V[np.arange(n), layout.velocities_at] = 1.0
+    one, zero, kd = np.eye(n), np.zeros((n, n)), np.diag(gains.kd)
+    return LinearSystem(
+        A=np.block([[(1.0 - f) * one, zero], [-f * f / h * one, (1.0 - f) * one]]),
+        B=np.vstack([f * V, f * f / h * V]),
+        C=np.hstack([kd, one + kd * h / f]),
+        D=-kd @ V,
+        time_period=h,
+    )
+
+
+class EffortLaws:
+    """Laws that follow the inverse dynamics; their first inputs are the same.
+
+    These are the efforts for u, then where there are such those for no acceleration,
+    those of dry friction, and with modes those that are commanded, and whether it is
+    they alone that count; n each.
+    """
+
+    def __init__(
+        self, gains: ServoGains, layout: Layout, *, knows_friction: bool
+    ) -> None:
+        """Name what they read.
+
+        Args:
+            gains: The servo's numbers.
+            layout: The joints.
+            knows_friction: Whether dry friction is told, and made up for.
+        """
+        n = layout.num_joints
+        self._gains, self._layout = gains, layout
+        self.is_limited = bool(np.isfinite(gains.effort_limit).any())
+        self._tau = variables("tau", n)
+        self._bias = variables("bias", n if self.is_limited else 0)
+        self._friction = variables("friction", n if knows_friction else 0)
+        self._told, self._free = (
+            variables(name, n if layout.has_modes else 0) for name in ("told", "free")
+        )
+        self._scale = variables("scale", 1 if self.is_limited else 0)
+
+    def scale(self) -> SymbolicVectorSystem:
+        """Return what computes s from the common inputs."""
+        scale = Expression(1.0)
+        for i in map(int, np.flatnonzero(self._gains.is_strong)):
+            limit = float(self._gains.effort_limit[i])
+            more = self._tau[i] - self._bias[i]
+            held = Expression(self._bias[i])
+            if self._friction:
+                held = held - self._friction[i]
+            room = if_then_else(more > 0.0, limit - held, limit + held)
+            part = room / max_(abs_(more), _TINY * limit)
+            scale = min_(scale, _unless(self._free, i, part, Expression(1.0)))
+        return function(self._inputs(), [max_(scale, _SMALLEST_SCALE)])
+
+    def effort(self) -> SymbolicVectorSystem:
+        """Return what computes the efforts from the common inputs and s, if limited."""
+        efforts = []
+        for i in range(self._layout.num_joints):
+            tau = Expression(self._tau[i])
+            if self.is_limited:
+                tau = self._bias[i] + self._scale[0] * (tau - self._bias[i])
+            if self._friction:
+                tau = tau - self._friction[i]
+            if self._told:
+                tau = _unless(self._free, i, tau + self._told[i], self._told)
+            efforts.append(clamp(tau, float(self._gains.effort_limit[i])))
+        return function([*self._inputs(), *self._scale], efforts)
+
+    def observer(self) -> SymbolicVectorSystem:
+        """Return what computes the next w.
+
+        Its input is the output of the acceleration law, then s, if limited, and with
+        modes whether commanded efforts alone count.
+        """
+        n, b = self._layout.num_joints, self._gains.observer_gain
+        u, kept = variables("u", n), variables("kept", n)
+        scale = self._scale[0] if self.is_limited else Expression(1.0)
+        found = [
+            _unless(self._free, i, kept[i] + b * scale * u[i], kept) for i in range(n)
+        ]
+        return function([*u, *kept, *self._scale, *self._free], found)
+
+    def _inputs(self) -> list[Variable]:
+        parts = (self._tau, self._bias, self._friction, self._told, self._free)
+        return [variable for part in parts for variable in part]
+
+
+def _unless(
+    free: Sequence[Variable],
+    i: int,
+    value: Expression,
+    other: Expression | Sequence[Variable],
+) -> Expression:
+    """Return a value, but another one where joint i is free."""
+    if not free:
+        return value
+    otherwise = other if isinstance(other, Expression) else Expression(other[i])
+    return if_then_else(is_set(free[i]), otherwise, value)
+
+
+def _wanted_by_position(
+    gains: ServoGains, command: Command, i: int, q: Variable, v: Variable
+) -> Expression:
+    """Return the acceleration that a position with its velocity asks for."""
+    error = _brake(command.q_d[i] - q, float(gains.braking_error[i]))
+    error = clamp(error, float(gains.max_approach[i]))
+    error = error + gains.velocity_lead[i] * command.v_d[i]
+    error = clamp(error, float(gains.max_error[i]))
+    return gains.kp[i] * error - gains.kd[i] * v
+
+
+def _wanted_in_modes(
+    gains: ServoGains, command: Command, i: int, q: Variable, v: Variable
+) -> Expression:
+    """Return the acceleration that a joint is to have by what it follows."""
+    limit, a_d = float(gains.velocity_limit[i]), Expression(command.a_d[i])
+    by_position = _wanted_by_position(gains, command, i, q, v) + a_d
+    by_velocity = gains.kv * (clamp(Expression(command.v_d[i]), limit) - v)
+    if np.isfinite(limit):
+        most, least = gains.kv * (limit - v), gains.kv * (-limit - v)
+        a_d = max_(least, min_(a_d, most))
+    otherwise = if_then_else(is_set(command.is_a[i]), a_d, by_position)
+    return if_then_else(is_set(command.is_v[i]), by_velocity, otherwise)
+
+
+def _brake(error: Expression, begins: float) -> Expression:
+    """Return an error, smaller from where a joint has to brake for it."""
+    if not np.isfinite(begins):
+        return error
+    return if_then_else(
+        error > begins,
+        sqrt_(begins * (2.0 * error - begins)),
+        if_then_else(error < -begins, -sqrt_(begins * (-2.0 * error - begins)), error),
+    )

@@ -1,0 +1,388 @@
+"""Arms that meet the ground or an obstacle: they stop, push, and come back.
+
+The ground is that of the built-in world; the obstacle is a second robot, a fixed box.
+"""
+
+import dataclasses as dc
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydrake.multibody.plant import MultibodyPlant
+
+import arm_drake as ad
+from arm_drake.messages import Duration
+from tests import models
+from tests.robots import read_index, robots_folder
+
+# Too long for every few minutes.
+pytestmark = pytest.mark.slow
+
+STEPS = [1e-3, 5e-3, 1e-2]
+
+# A held pose is as near as this [rad].
+HELD = 1e-3
+
+# What goes on while it pushes: contact may slide by 1 mm/s where friction would hold
+# it, Drake's stiction tolerance; at a lever of a tenth of a metre [rad/s].
+SLIDING = 1e-2
+
+RADIUS = 0.05
+SPEED = 3.0
+EFFORT = 60.0
+LIMIT = f'lower="-3" upper="3" effort="{EFFORT}" velocity="{SPEED}"'
+
+
+def two_links(command: str = "position", *, dynamics: str = "") -> str:
+    """Return an arm on an axis 0.8 m above the ground, with a ball at its tip."""
+    ball = (
+        f'<collision><origin xyz="0 0 {-models.LENGTH}"/>'
+        f'<geometry><sphere radius="{RADIUS}"/></geometry></collision>'
+    )
+    shoulder = models.joint(
+        "shoulder", "base", "upper", xyz="0 0 0.8", limit=LIMIT, inside=dynamics
+    )
+    elbow = models.joint(
+        "elbow",
+        "upper",
+        "lower",
+        xyz=f"0 0 {-models.LENGTH}",
+        limit=LIMIT,
+        inside=dynamics,
+    )
+    return (
+        '<robot name="arm"><link name="base"/>'
+        f"{models.bob('upper')}{models.bob('lower', geometry=ball)}{shoulder}{elbow}"
+        f"{models.ros2_control('shoulder', 'elbow', command=command)}</robot>"
+    )
+
+
+def box(size: str) -> str:
+    """Return a fixed box, as a robot."""
+    return (
+        '<robot name="box"><link name="box">'
+        f'<collision><geometry><box size="{size}"/></geometry></collision>'
+        "</link></robot>"
+    )
+
+
+def forward(joints: Sequence[str], interface: str = "position") -> str:
+    kind = "forward_command_controller/ForwardCommandController"
+    return (
+        "controller_manager:\n  ros__parameters:\n    update_rate: 100\n"
+        f"    arm: {{type: {kind}}}\narm:\n  ros__parameters:\n"
+        f"    joints: [{', '.join(joints)}]\n    interface_name: {interface}\n"
+    )
+
+
+@dc.dataclass(frozen=True)
+class Arm:
+    """An arm in a pose above the ground, and one that is in the ground."""
+
+    robot: ad.Robot
+    joints: tuple[str, ...]
+    pressed: tuple[float, ...]
+
+    @property
+    def start(self) -> np.ndarray:
+        return np.array([self.robot.initial_positions[name] for name in self.joints])
+
+
+SMALL_JOINTS = ("shoulder", "elbow")
+SMALL_START = {"shoulder": 0.8, "elbow": -1.6}
+# Its ball would be 10 cm deep.
+SMALL_PRESSED = (0.2, -0.8)
+
+JOINTS = tuple(f"joint{number}" for number in range(1, 7))
+
+
+def small_arm(folder: Path, yaml: str, **urdf: str) -> Arm:
+    text = two_links(**urdf)
+    robot = models.load(folder, text, yaml, initial_positions=SMALL_START)
+    return Arm(robot, SMALL_JOINTS, SMALL_PRESSED)
+
+
+def xarm6(folder: Path, yaml: str) -> Arm:
+    """Return an xArm 6 with its gripper 10 cm above the ground."""
+    row, robots = read_index()["xarm6"], robots_folder()
+    file = folder / "controllers.yaml"
+    file.write_text(yaml, encoding="utf-8")
+    start = dict(zip(JOINTS, (0.0, 0.3, -1.2, 0.0, 0.9, 0.0), strict=True))
+    robot = ad.load_robot(
+        robots / row["entry"],
+        xacro_args=row["xacro_args"],
+        controllers=[file],
+        variables=row["launch_vars"],
+        initial_positions=start,
+    )
+    return Arm(robot, JOINTS, (0.0, 0.9, -1.2, 0.0, 0.3, 0.0))
+
+
+def doosan(folder: Path, yaml: str) -> Arm:
+    """Return the Doosan A0912, its wrist 20 cm above the ground."""
+    file = folder / "controllers.yaml"
+    file.write_text(yaml, encoding="utf-8")
+    start = dict(zip(JOINTS, (0.0, 0.7, 1.5, 0.0, 0.9, 0.0), strict=True))
+    robot = ad.load_robot("doosan_a0912", controllers=[file], initial_positions=start)
+    return Arm(robot, JOINTS, (0.0, 1.3, 1.5, 0.0, 0.3, 0.0))
+
+
+REAL = {"xarm6": xarm6, "doosan_a0912": doosan}
+
+
+def make_real(name: str, folder: Path, *, jtc: bool) -> Arm:
+    yaml = (
+        models.trajectory_controllers({"arm": list(JOINTS)}) if jtc else forward(JOINTS)
+    )
+    return REAL[name](folder, yaml)
+
+
+def simulate(
+    arm: Arm, h: float, *others: ad.Robot, world: str = "empty"
+) -> ad.Simulation:
+    options = ad.SimulationOptions(time_step=h, log_rate=1.0 / h)
+    robots = [arm.robot, *others] if others else arm.robot
+    sim = ad.Simulation(ad.build_diagram(robots, world=world, options=options))
+    assert not any("overlap" in entry.what for entry in sim.report)
+    return sim
+
+
+def move(joints: Sequence[str], positions: Iterable[float]) -> ad.JointTrajectory:
+    """Return a trajectory that takes a second."""
+    still = (0.0,) * len(joints)
+    point = ad.JointTrajectoryPoint(
+        tuple(positions), still, time_from_start=Duration(1)
+    )
+    return ad.JointTrajectory(joint_names=tuple(joints), points=(point,))
+
+
+class Press:
+    """An arm goes into the ground, pushes for 3 s, goes back and rests for 2 s."""
+
+    DOWN, UP, END = 0.2, 4.2, 7.2  # s
+
+    def __init__(self, arm: Arm, h: float, *, jtc: bool) -> None:
+        """Do it, commanded by trajectories of 1 s or by steps."""
+        self.arm, self.sim = arm, simulate(arm, h)
+        for time, positions in ((self.DOWN, arm.pressed), (self.UP, arm.start)):
+            self.sim.advance_to(time)
+            if jtc:
+                self.sim.controller("arm").send_goal(move(arm.joints, positions))
+            else:
+                self.sim.controller("arm").command(list(positions))
+        self.sim.advance_to(self.END)
+        self.rollout = self.sim.rollout()
+        self.time = self.rollout.time
+        at = [self.rollout.joint_names.index(name) for name in arm.joints]
+        self.position = self.rollout.position[:, at]
+        self.velocity = self.rollout.velocity[:, at]
+        self.effort = self.rollout.effort[:, at]
+        self.effort_limit = self.rollout.effort_limit[at]
+
+    @property
+    def pressing(self) -> np.ndarray:
+        """Rows in which it has been pushing for a while."""
+        return (self.time > self.DOWN + 2.0) & (self.time < self.UP)
+
+    def check(self) -> None:
+        """Check that it stopped, pushed within its limits, and came back."""
+        states = np.hstack([self.rollout.position, self.rollout.velocity])
+        assert np.isfinite(states).all()
+        assert (np.abs(self.effort) <= self.effort_limit).all()
+        # The goal is in the ground, so it is not there; and it pushes.
+        off = np.abs(self.position[self.pressing] - self.arm.pressed).max(axis=1)
+        assert off.min() > 0.05
+        share = np.abs(self.effort[self.pressing]) / self.effort_limit
+        assert share.max() > 0.9
+        assert (self.gained() <= self.available()).all()
+        error = np.abs(self.position[-1] - self.arm.start)
+        assert error.max() <= HELD, error
+
+    def gained(self) -> np.ndarray:
+        """Return how much more energy there is than at first [J]."""
+        plant = self.sim.diagram.GetSubsystemByName("plant")
+        assert isinstance(plant, MultibodyPlant)
+        context = plant.CreateDefaultContext()
+        joints = [plant.GetJointByName(name) for name in self.rollout.joint_names]
+        at = [joint.position_start() for joint in joints]
+        energies = []
+        for position, velocity in zip(
+            self.rollout.position, self.rollout.velocity, strict=True
+        ):
+            states = np.zeros((2, plant.num_positions()))
+            states[:, at] = position, velocity
+            plant.SetPositionsAndVelocities(context, states.ravel())
+            energies.append(
+                plant.CalcKineticEnergy(context) + plant.CalcPotentialEnergy(context)
+            )
+        return np.array(energies) - energies[0]
+
+    def available(self) -> np.ndarray:
+        """Return the most that the drives can have done by then [J]."""
+        travelled = np.abs(np.diff(self.position, axis=0)).cumsum(axis=0)
+        work = travelled @ self.effort_limit
+        return np.array([0.0, *work]) + 1e-9
+
+
+@pytest.mark.parametrize("h", STEPS)
+@pytest.mark.parametrize("jtc", [True, False], ids=["trajectory", "step"])
+@pytest.mark.parametrize(
+    "dynamics",
+    ["", '<dynamics damping="0.5" friction="0.5"/>'],
+    ids=["free", "damped with friction"],
+)
+def test_a_small_arm_presses_the_ground_and_comes_back(
+    tmp_path: Path, dynamics: str, jtc: bool, h: float
+) -> None:
+    joints = list(SMALL_JOINTS)
+    yaml = models.trajectory_controllers({"arm": joints}) if jtc else forward(joints)
+    arm = small_arm(tmp_path, yaml, dynamics=dynamics)
+
+    press = Press(arm, h, jtc=jtc)
+
+    press.check()
+    # It is never driven faster than it may be, nor thrown by the ground.
+    assert np.abs(press.velocity).max() <= SPEED
+    assert np.abs(press.velocity[press.pressing]).max() <= SLIDING
+    # The ball is on the ground and not in it, but for 1 mm; when it arrives it may be
+    # as deep as a step took it before anything touched.
+    shoulder, both = press.position[:, 0], press.position.sum(axis=1)
+    tip = 0.8 - models.LENGTH * (np.cos(shoulder) + np.cos(both)) - RADIUS
+    assert tip.min() > -1e-3 - np.abs(np.diff(tip)).max()
+    assert np.abs(tip[press.pressing]).max() < 1e-3
+
+
+@pytest.mark.parametrize("h", STEPS)
+@pytest.mark.parametrize("jtc", [True, False], ids=["trajectory", "step"])
+@pytest.mark.parametrize("name", REAL)
+def test_a_real_arm_presses_the_ground_and_comes_back(
+    tmp_path: Path, name: str, jtc: bool, h: float
+) -> None:
+    arm = make_real(name, tmp_path, jtc=jtc)
+
+    press = Press(arm, h, jtc=jtc)
+
+    press.check()
+
+
+@pytest.mark.parametrize("h", [5e-3, 1e-2])
+@pytest.mark.parametrize("jtc", [True, False], ids=["trajectory", "step"])
+@pytest.mark.parametrize("name", REAL)
+def test_a_real_arm_comes_back_from_wherever_it_was_sent_into_the_ground(
+    tmp_path: Path, name: str, jtc: bool, h: float
+) -> None:
+    arm = make_real(name, tmp_path, jtc=jtc)
+    rng = np.random.default_rng(1)
+
+    errors = []
+    for _ in range(8):
+        a, b, c, d = rng.uniform((0.5, -0.3, -0.8, -0.4), (1.0, 0.3, 0.3, 0.4))
+        goal = arm.start + np.array([d, a, b, d, c, 0.0])
+        press = Press(dc.replace(arm, pressed=tuple(goal)), h, jtc=jtc)
+        assert np.isfinite(press.position).all()
+        assert (np.abs(press.effort) <= press.effort_limit).all()
+        errors.append(np.abs(press.position[-1] - arm.start).max())
+
+    assert max(errors) <= HELD, errors
+
+
+@pytest.mark.parametrize("h", STEPS)
+def test_an_arm_without_effort_falls_on_the_ground_and_rests_there(
+    tmp_path: Path, h: float
+) -> None:
+    yaml = forward(SMALL_JOINTS, "effort")
+    dynamics = '<dynamics damping="0.5"/>'
+    arm = small_arm(tmp_path, yaml, command="effort", dynamics=dynamics)
+    sim = simulate(arm, h)
+
+    sim.controller("arm").command([0.0, 0.0])
+    sim.advance_to(10.0)
+
+    rollout = sim.rollout()
+    assert np.isfinite(rollout.velocity).all()
+    np.testing.assert_array_equal(rollout.effort, 0.0)
+    late = rollout.time > 8.0
+    assert np.abs(rollout.velocity[late]).max() <= SLIDING
+    # The ground is in the way: its elbow is bent, and its ball touches.
+    shoulder, elbow = rollout.position[-1]
+    tip = 0.8 - models.LENGTH * (np.cos(shoulder) + np.cos(shoulder + elbow)) - RADIUS
+    assert abs(elbow) > 0.1
+    assert abs(tip) < 1e-3
+
+
+OBSTACLES = ["ground", "box"]
+
+
+def against(
+    obstacle: str, folder: Path, yaml: str, h: float
+) -> tuple[ad.Simulation, str, tuple[float, ...]]:
+    """Return a small arm, the prefix of its name, and a goal behind an obstacle."""
+    arm = small_arm(folder, yaml)
+    if obstacle == "ground":
+        return simulate(arm, h), "", SMALL_PRESSED
+    # The ball is below the axis at first, and would go 0.78 m to the side.
+    (folder / "box").mkdir()
+    wall = models.load(
+        folder / "box", box("0.1 1 2"), pose=(-0.55, 0.0, 0.6, 0.0, 0.0, 0.0)
+    )
+    sim = simulate(arm, h, wall, world="void")
+    return sim, "arm/", (0.8, 0.2)
+
+
+@pytest.mark.parametrize("h", STEPS)
+@pytest.mark.parametrize("obstacle", OBSTACLES)
+def test_a_goal_behind_an_obstacle_violates_its_path_tolerance(
+    tmp_path: Path, obstacle: str, h: float
+) -> None:
+    constraints = "{shoulder: {trajectory: 0.1}, elbow: {trajectory: 0.1}}"
+    yaml = models.trajectory_controllers(
+        {"arm": list(SMALL_JOINTS)}, constraints=constraints
+    )
+    sim, prefix, behind = against(obstacle, tmp_path, yaml, h)
+    controller = sim.controller(f"{prefix}arm")
+    goal = controller.send_goal(move(SMALL_JOINTS, behind))
+    sim.advance_to(4.0)
+    back = controller.send_goal(move(SMALL_JOINTS, tuple(SMALL_START.values())))
+
+    sim.advance_to(7.0)
+
+    assert goal.status is ad.GoalStatus.ABORTED
+    assert goal.result is not None
+    assert goal.result.error_code == -4  # PATH_TOLERANCE_VIOLATED
+    assert goal.result.error_string == "Aborted due to path tolerance violation"
+    check_obstructed(sim, back)
+
+
+@pytest.mark.parametrize("h", STEPS)
+@pytest.mark.parametrize("obstacle", OBSTACLES)
+def test_without_tolerances_an_arm_pushes_an_obstacle_with_its_effort(
+    tmp_path: Path, obstacle: str, h: float
+) -> None:
+    yaml = models.trajectory_controllers({"arm": list(SMALL_JOINTS)})
+    sim, prefix, behind = against(obstacle, tmp_path, yaml, h)
+    controller = sim.controller(f"{prefix}arm")
+    goal = controller.send_goal(move(SMALL_JOINTS, behind))
+    sim.advance_to(4.0)
+    pushing = np.array(sim.joint_states("arm").effort)
+    off = np.array(sim.joint_states("arm").position) - behind
+    back = controller.send_goal(move(SMALL_JOINTS, tuple(SMALL_START.values())))
+
+    sim.advance_to(7.0)
+
+    assert goal.status is ad.GoalStatus.SUCCEEDED
+    assert np.abs(off).max() > 0.1
+    assert np.abs(pushing).max() > 0.9 * EFFORT
+    check_obstructed(sim, back)
+
+
+def check_obstructed(sim: ad.Simulation, back: ad.GoalHandle) -> None:
+    """Check that an arm did nothing wild at an obstacle, and came back from it."""
+    rollout = sim.rollout("arm")
+    assert np.isfinite(rollout.velocity).all()
+    assert np.abs(rollout.velocity).max() <= SPEED
+    assert np.abs(rollout.effort).max() <= EFFORT
+    assert back.status is ad.GoalStatus.SUCCEEDED
+    np.testing.assert_allclose(
+        rollout.position[-1], list(SMALL_START.values()), rtol=0.0, atol=HELD
+    )
