@@ -219,11 +219,13 @@ def compute_servo_gains(
     n = len(spare)
     kp, kd = np.full(n, (1.0 - z) ** 2 / h**2), np.full(n, (1.0 - z**2) / h)
     lead = np.full(n, velocity_lead(bandwidth))
+    largest = liveliest
     if position_rate is not None:
         # The velocity becomes rate times error within a step, as in Gazebo.
         is_given = np.isfinite(position_rate)
         kd[is_given], lead[is_given] = 1.0 / h, 0.0
         kp[is_given] = position_rate[is_given] / h
+        largest = np.where(is_given, math.inf, liveliest)
     together = _common_accelerations(samples.mass_matrix, spare, liveliest)
     return ServoGains(
         kp=kp,
@@ -235,7 +237,7 @@ def compute_servo_gains(
         braking_error=_BRAKING * together * (kd / kp) ** 2,
         # The strong wait for each other, as the effort law makes them.
         max_acceleration=np.where(
-            is_strong, liveliest, np.minimum(spare / max_inertia, liveliest)
+            is_strong, largest, np.minimum(spare / max_inertia, largest)
         ),
         observer_gain=observer_gain,
         max_disturbance=2.0 * effort / min_inertia,
