@@ -95,7 +95,7 @@ def run(
     held = drive.initial([robot.initial_positions[name] for name in names])
     mode = drive.mode(dict.fromkeys(commands, 1.0 / step))
     told = drive.write(mode, np.array([*commands.values(), 0.0]), held)
-    source = builder.AddSystem(ConstantVectorSource(told))
+    source = builder.AddSystem(ConstantVectorSource(drive.told(told)))
     assert hardware.command is not None
     builder.Connect(source.get_output_port(), hardware.command)
     log = LogVectorOutput(hardware.joint_states, builder, step)

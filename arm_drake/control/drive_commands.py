@@ -27,6 +27,10 @@ Indices = NDArray[np.intp]
 NUM_PARTS: Final = 7
 TAU_D: Final = 3
 IS_TAU: Final = 6
+
+# How much faster positions may change than in the last cycle to count as a motion: the
+# start of a quadratic has 3. What changes more is a step, which has no speed.
+_GROWTH = 3.0
 NUM_PARTS_OF_POSITIONS: Final = 2
 
 
@@ -93,9 +97,16 @@ class DriveCommands:
         self._zeros = np.zeros((parts - NUM_PARTS_OF_POSITIONS) * len(joints))
 
     def initial(self, positions: Sequence[float]) -> Array:
-        """Return the drive vector that holds positions, shape (7 n,) or (2 n,)."""
+        """Return the drive vector that holds positions."""
         q = np.asarray(positions, dtype=float)
-        return np.concatenate([q, np.zeros_like(q), self._zeros])
+        return np.concatenate([q, np.zeros_like(q), self._zeros, np.zeros_like(q)])
+
+    def told(self, drive: Array) -> Array:
+        """Return what of a drive vector the servo is told, shape (7 n,) or (2 n,).
+
+        The last part, the rate of change of the positions, is for the next cycle.
+        """
+        return drive[: len(drive) - len(self.joints)]
 
     def mode(self, claims: Mapping[str, float]) -> DriveMode:
         """Return the mode in which the joints are.
@@ -158,7 +169,7 @@ class DriveCommands:
             old: Mode before the switch.
             new: Mode after it.
             values: Values of the command interfaces, shape (k,).
-            drive: Drive vector, shape (7 n,).
+            drive: Drive vector, shape (8 n,).
             measured: Positions, velocities and efforts of the joints, each (n,).
         """
         values, drive = values.copy(), drive.copy()
@@ -189,10 +200,10 @@ class DriveCommands:
         fresh: Mask | None = None,
         skipped: Mask | None = None,
     ) -> Array:
-        """Return the drive vector of a cycle, shape (7 n,).
+        """Return the drive vector of a cycle, shape (8 n,), or (3 n,) without modes.
 
         The velocity of a joint that is commanded positions alone is their rate of
-        change; after a switch it is 0, for a jump is no speed.
+        change; after a switch and at a step it is 0, for a jump is no speed.
 
         Args:
             mode: Which commands are followed.
@@ -206,13 +217,16 @@ class DriveCommands:
             q = values[mode.position_at]
         else:
             q = np.where(mode.is_position, values[mode.position_at], last[:n])
-        v = (q - last[:n]) * mode.rate
+        rate, before = (q - last[:n]) * mode.rate, last[len(last) - n :]
         if fresh is not None:
-            v[fresh] = 0.0
+            rate[fresh] = 0.0
+        most = _GROWTH * np.abs(before)
+        v = np.where(rate * before > 0.0, np.clip(rate, -most, most), 0.0)
         if skipped is not None:
+            rate[skipped] = before[skipped]
             v[skipped] = last[n : 2 * n][skipped]
         if mode.is_plain or not self.has_modes:
-            return np.concatenate((q, v, self._zeros))
+            return np.concatenate((q, v, self._zeros, rate))
         told = mode.is_guided | mode.is_velocity
         return np.concatenate(
             (
@@ -227,6 +241,7 @@ class DriveCommands:
                 mode.is_velocity,
                 mode.is_acceleration,
                 mode.is_effort | mode.is_idle,
+                rate,
             )
         )
 

@@ -43,6 +43,9 @@ _UNLIMITED_ACCELERATION = 100.0  # rad/s^2
 _BRAKING = 0.7
 _CRUISING = 0.8
 
+# Correlation of inertias above which joints push each other about.
+_COUPLED = 0.2
+
 # Rounds, and excess of the effort, at which the search for those accelerations ends.
 _ROUNDS = 200
 _EXCESS = 1.01
@@ -140,6 +143,10 @@ class ServoGains:
 
     # Whether a joint has a limit, and one above its own weight.
     is_strong: NDArray[np.bool_]
+
+    # Number of the group of joints that a joint is in: those that push each other about
+    # and wait for each other.
+    group: NDArray[np.intp]
 
     @property
     def max_error(self) -> Array:
@@ -243,9 +250,25 @@ def compute_servo_gains(
         max_disturbance=2.0 * effort / min_inertia,
         effort_limit=limits.effort,
         is_strong=is_strong & np.isfinite(limits.effort),
+        group=_groups(samples.mass_matrix),
         lower=limits.lower,
         upper=limits.upper,
     )
+
+
+def _groups(masses: Array) -> NDArray[np.intp]:
+    """Return numbers of groups of coupled joints, shape (n,), from 0 on.
+
+    Args:
+        masses: Mass matrices, shape (k, n, n).
+    """
+    scale = np.sqrt(np.diagonal(masses, axis1=1, axis2=2))
+    correlation = np.abs(masses / scale[:, :, None] / scale[:, None, :]).max(axis=0)
+    group = np.arange(len(correlation))
+    for i, j in np.argwhere(correlation > _COUPLED):
+        group[group == group[j]] = group[i]
+    numbers: NDArray[np.intp] = np.unique(group, return_inverse=True)[1]
+    return numbers
 
 
 def _common_accelerations(masses: Array, spare: Array, largest: Array) -> Array:

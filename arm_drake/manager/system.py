@@ -178,7 +178,9 @@ class ControllerManager(LeafSystem):
             },
         )
         flags = [float(c.name in state.active) for c in self.controllers]
-        states = [self.DeclareDiscreteState(x) for x in (values, hold, flags)]
+        self._drive = drive
+        told = drive.told(hold)
+        states = [self.DeclareDiscreteState(x) for x in (values, told, flags)]
         self._values, self._drive_state, self._flags = map(int, states)
         self._stored = None
         if surroundings.stored:
@@ -286,7 +288,9 @@ class ControllerManager(LeafSystem):
         new = self._loop.finish(context, readings, cycle)
         state.get_mutable_abstract_state(self._state_index).set_value(new)
         state.get_mutable_discrete_state(self._values).set_value(new.values)
-        state.get_mutable_discrete_state(self._drive_state).set_value(new.drive)
+        state.get_mutable_discrete_state(self._drive_state).set_value(
+            self._drive.told(new.drive)
+        )
         if cycle.commands is not None:
             flags = [float(c.name in cycle.active) for c in self.controllers]
             state.get_mutable_discrete_state(self._flags).set_value(flags)

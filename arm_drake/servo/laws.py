@@ -45,7 +45,7 @@ def acceleration_law(
     n, b = layout.num_joints, gains.observer_gain
     x, command = variables("x", layout.num_states), Command(layout)
     w = variables("w", n if b else 0)
-    felt = variables("felt", n if layout.has_modes else 0)
+    felt, r = (variables(name, n if layout.has_modes else 0) for name in ("felt", "r"))
     accelerations, kept = [], []
     for i in range(n):
         q, v = x[layout.positions_at[i]], x[layout.velocities_at[i]]
@@ -58,26 +58,26 @@ def acceleration_law(
             shift = b / h * v
             disturbance = clamp(w[i] - shift, float(gains.max_disturbance[i]))
             # Whatever holds a joint at its stop goes away with what pushes it there.
-            if np.isfinite(gains.upper[i]):
-                inwards = min_(disturbance, 0.0)
-                at_stop = q > float(gains.upper[i])
-                disturbance = if_then_else(at_stop, inwards, disturbance)
-            if np.isfinite(gains.lower[i]):
-                inwards = max_(disturbance, 0.0)
-                at_stop = q < float(gains.lower[i])
-                disturbance = if_then_else(at_stop, inwards, disturbance)
+            for stop, side in ((gains.upper[i], 1.0), (gains.lower[i], -1.0)):
+                if np.isfinite(stop):
+                    beyond, outwards = side * (q - float(stop)), side * u
+                    inwards = side * min_(side * disturbance, 0.0)
+                    pushes = if_then_else(outwards > 0.0, inwards, disturbance)
+                    disturbance = if_then_else(beyond > 0.0, pushes, disturbance)
             u = u + disturbance
             keep = (1.0 - b) * disturbance + shift
-            kept.append(_unless(command.is_tau, i, keep, shift))
+            # What a free joint does is no disturbance when it is taken again.
+            free = shift + b * r[i] if layout.has_modes else shift
+            kept.append(_unless(command.is_tau, i, keep, free))
         accelerations.append(_unless(command.is_tau, i, u, felt))
-    inputs = [*x, *command.variables, *w, *felt]
+    inputs = [*x, *command.variables, *w, *felt, *r]
     return function(inputs, [*accelerations, *kept])
 
 
 def felt_acceleration(gains: ServoGains, layout: Layout, h: float) -> LinearSystem:
     """Return the filters that tell other joints of the acceleration of a free one.
 
-    The input is the robot's state, the output has n values.
+    The input is the robot's state; the output is a of all joints, then r.
     """
     n, f = layout.num_joints, _FELT_GAIN
     V = np.zeros((n, layout.num_states))
@@ -86,8 +86,8 @@ def felt_acceleration(gains: ServoGains, layout: Layout, h: float) -> LinearSyst
     return LinearSystem(
         A=np.block([[(1.0 - f) * one, zero], [-f * f / h * one, (1.0 - f) * one]]),
         B=np.vstack([f * V, f * f / h * V]),
-        C=np.hstack([kd, one + kd * h / f]),
-        D=-kd @ V,
+        C=np.block([[kd, one + kd * h / f], [zero, one]]),
+        D=np.vstack([-kd @ V, zero @ V]),
         time_period=h,
     )
 
@@ -119,11 +119,12 @@ class EffortLaws:
         self._told, self._free = (
             variables(name, n if layout.has_modes else 0) for name in ("told", "free")
         )
-        self._scale = variables("scale", 1 if self.is_limited else 0)
+        num_groups = int(gains.group.max()) + 1
+        self._scale = variables("scale", num_groups if self.is_limited else 0)
 
     def scale(self) -> SymbolicVectorSystem:
-        """Return what computes s from the common inputs."""
-        scale = Expression(1.0)
+        """Return what computes s of each group of joints from the common inputs."""
+        scales = [Expression(1.0) for _ in self._scale]
         for i in map(int, np.flatnonzero(self._gains.is_strong)):
             limit = float(self._gains.effort_limit[i])
             more = self._tau[i] - self._bias[i]
@@ -132,8 +133,12 @@ class EffortLaws:
                 held = held - self._friction[i]
             room = if_then_else(more > 0.0, limit - held, limit + held)
             part = room / max_(abs_(more), _TINY * limit)
-            scale = min_(scale, _unless(self._free, i, part, Expression(1.0)))
-        return function(self._inputs(), [max_(scale, _SMALLEST_SCALE)])
+            # What is too much already can't be helped by the others.
+            part = if_then_else(room > 0.0, part, Expression(1.0))
+            part = _unless(self._free, i, part, Expression(1.0))
+            group = int(self._gains.group[i])
+            scales[group] = min_(scales[group], part)
+        return function(self._inputs(), [max_(s, _SMALLEST_SCALE) for s in scales])
 
     def effort(self) -> SymbolicVectorSystem:
         """Return what computes the efforts from the common inputs and s, if limited."""
@@ -141,7 +146,7 @@ class EffortLaws:
         for i in range(self._layout.num_joints):
             tau = Expression(self._tau[i])
             if self.is_limited:
-                tau = self._bias[i] + self._scale[0] * (tau - self._bias[i])
+                tau = self._bias[i] + self._scale_of(i) * (tau - self._bias[i])
             if self._friction:
                 tau = tau - self._friction[i]
             if self._told:
@@ -157,11 +162,16 @@ class EffortLaws:
         """
         n, b = self._layout.num_joints, self._gains.observer_gain
         u, kept = variables("u", n), variables("kept", n)
-        scale = self._scale[0] if self.is_limited else Expression(1.0)
         found = [
-            _unless(self._free, i, kept[i] + b * scale * u[i], kept) for i in range(n)
+            _unless(self._free, i, kept[i] + b * self._scale_of(i) * u[i], kept)
+            for i in range(n)
         ]
         return function([*u, *kept, *self._scale, *self._free], found)
+
+    def _scale_of(self, i: int) -> Expression:
+        if not self.is_limited:
+            return Expression(1.0)
+        return Expression(self._scale[int(self._gains.group[i])])
 
     def _inputs(self) -> list[Variable]:
         parts = (self._tau, self._bias, self._friction, self._told, self._free)

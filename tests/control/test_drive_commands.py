@@ -31,8 +31,13 @@ def values_of(**values: float) -> np.ndarray:
 
 
 def parts(drive: np.ndarray) -> list[list[float]]:
-    """Return the parts of a drive vector, each a list of a number per joint."""
-    return drive.reshape(-1, len(JOINTS)).tolist()
+    """Return the parts that the servo is told, each a list of a number per joint."""
+    return make_drive().told(drive).reshape(-1, len(JOINTS)).tolist()
+
+
+def moving(drive: np.ndarray, *rates: float) -> np.ndarray:
+    """Return a drive vector after a cycle in which positions changed at these rates."""
+    return np.concatenate([drive[: -len(JOINTS)], rates])
 
 
 def test_at_first_positions_are_held():
@@ -44,10 +49,13 @@ def test_without_modes_there_are_positions_and_velocities_alone():
     mode = mode_of("a/position", "b/position", drive=drive)
 
     start = drive.initial([0.0, 0.0])
-    told = drive.write(mode, values_of(a_position=0.1, b_position=-0.2), start)
+    values = values_of(a_position=0.1, b_position=-0.2)
+    told = drive.write(mode, values, moving(start, 10.0, -20.0))
 
-    assert parts(start) == [[0.0, 0.0]] * 2
-    np.testing.assert_allclose(parts(told), [[0.1, -0.2], [10.0, -20.0]], rtol=1e-12)
+    assert start.shape == (3 * len(JOINTS),)
+    start, told = (drive.told(vector).reshape(-1, 2) for vector in (start, told))
+    assert start.tolist() == [[0.0, 0.0]] * 2
+    np.testing.assert_allclose(told, [[0.1, -0.2], [10.0, -20.0]], rtol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -175,7 +183,7 @@ def test_a_joint_that_nobody_commands_holds():
     values = values_of(a_position=0.5, b_position=9.0, b_velocity=9.0, b_effort=9.0)
     last = drive.write(mode_of(), values, drive.initial([0.1, 0.2]))
 
-    told = drive.write(mode_of("a/position"), values, last)
+    told = drive.write(mode_of("a/position"), values, moving(last, 40.0, 0.0))
 
     assert parts(last) == [[0.1, 0.2]] + [[0.0, 0.0]] * 6
     np.testing.assert_allclose(parts(told)[:2], [[0.5, 0.2], [40.0, 0.0]], rtol=1e-12)
@@ -187,7 +195,8 @@ def test_a_velocity_that_is_commanded_counts_instead_of_the_rate_of_positions():
     values = values_of(a_position=0.5, a_velocity=0.25, b_position=0.2)
     mode = mode_of("a/position", "a/velocity", "b/position")
 
-    told = parts(drive.write(mode, values, drive.initial([0.0, 0.0])))
+    last = moving(drive.initial([0.0, 0.0]), 0.0, 20.0)
+    told = parts(drive.write(mode, values, last))
 
     assert told[0] == [0.5, 0.2]
     np.testing.assert_allclose(told[1], [0.25, 20.0], rtol=1e-12)
@@ -205,7 +214,7 @@ def test_the_rate_of_positions_is_that_of_the_controller(extra):
     told = drive.write(
         mode,
         values_of(a_position=0.01, b_position=0.02),
-        drive.initial([0.0, 0.01]),
+        moving(drive.initial([0.0, 0.01]), 0.25, 0.5),
     )
 
     assert parts(told)[1][0] == pytest.approx(0.25, rel=1e-12)
@@ -220,11 +229,50 @@ def test_the_first_position_of_a_controller_has_no_speed():
     told = drive.write(
         mode,
         values_of(a_position=0.5, b_position=0.5),
-        drive.initial([0.0, 0.0]),
+        moving(drive.initial([0.0, 0.0]), 50.0, 50.0),
         fresh=np.array([True, False]),
     )
 
     assert parts(told)[:2] == [[0.5, 0.5], [0.0, 50.0]]
+
+
+def test_a_step_has_no_speed():
+    drive, mode = make_drive(), mode_of("a/position", "b/position")
+    last = drive.initial([0.0, 0.0])
+
+    speeds = []
+    for position in (0.01, 0.01, 0.01):
+        values = values_of(a_position=position, b_position=-position)
+        last = drive.write(mode, values, last)
+        speeds.append(parts(last)[1])
+
+    assert speeds == [[0.0, 0.0]] * 3
+
+
+def test_a_motion_has_its_speed_from_the_second_cycle_on():
+    drive, mode = make_drive(), mode_of("a/position", "b/position")
+    last = drive.initial([0.0, 0.0])
+
+    speeds = []
+    for k in (1, 2, 3, 4):
+        # A ramp, and a motion that starts with a constant acceleration.
+        values = values_of(a_position=0.01 * k, b_position=-0.01 * k**2)
+        last = drive.write(mode, values, last)
+        speeds.append(parts(last)[1])
+
+    assert speeds[0] == [0.0, 0.0]
+    expected = [[1.0, -3.0], [1.0, -5.0], [1.0, -7.0]]
+    np.testing.assert_allclose(speeds[1:], expected, rtol=1e-9)
+
+
+def test_what_speeds_up_like_a_step_is_not_believed():
+    drive, mode = make_drive(), mode_of("a/position", "b/position")
+    last = moving(drive.initial([0.0, 0.0]), 0.1, -0.1)
+
+    told = drive.write(mode, values_of(a_position=0.5, b_position=0.5), last)
+
+    # Three times as fast as before at most, and never the other way at once.
+    np.testing.assert_allclose(parts(told)[1], [0.3, 0.0], rtol=1e-12)
 
 
 def test_between_ticks_of_its_controller_a_joint_keeps_its_speed():

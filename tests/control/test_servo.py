@@ -146,6 +146,26 @@ def test_joints_that_bear_themselves_wait_for_each_other() -> None:
     assert found.is_strong.tolist() == [True, True]
 
 
+def test_joints_that_do_not_feel_each_other_do_not_wait() -> None:
+    # Of four joints the first and the last are coupled, 0.5 of what they can be.
+    M = np.diag([4.0, 2.0, 1.0, 1.0])
+    M[0, 3] = M[3, 0] = 1.0
+    M[1, 2] = M[2, 1] = 0.1
+    samples = DynamicsSamples(M[None], np.zeros((1, 4)), np.zeros(4))
+
+    found = compute_servo_gains(
+        samples,
+        make_limits([100.0] * 4, [3.0] * 4),
+        bandwidth=W0,
+        time_step=H,
+    )
+
+    a, b, c, d = found.group.tolist()
+    assert a == d
+    assert len({a, b, c}) == 3
+    assert found.group.max() == 2
+
+
 def test_a_joint_too_weak_for_itself_asks_for_a_tenth_of_its_effort() -> None:
     found = gains(effort=(29.0, 4.0))
 

@@ -128,14 +128,17 @@ def commands() -> tuple[np.ndarray, np.ndarray]:
     """Return the positions and velocities that hold from each tick on, (TICKS, 2).
 
     The controller commands where its cubic is a period later, and the velocity is the
-    difference to the command before.
+    difference to the command before; what was at rest before has none, nor has what
+    turns or is more than three times as fast: it may be a step.
     """
     times = (np.arange(TICKS) - TOLD + 1) / RATE
     s = np.clip(times / DURATION, 0.0, 1.0)
     position = np.outer(3.0 * s**2 - 2.0 * s**3, GOAL)
     position[:TOLD] = 0.0
-    velocity = np.diff(position, axis=0, prepend=0.0) * RATE
-    return position, velocity
+    rate = np.diff(position, axis=0, prepend=0.0) * RATE
+    before = np.vstack([np.zeros(2), rate[:-1]])
+    most = 3.0 * np.abs(before)
+    return position, np.where(rate * before > 0.0, np.clip(rate, -most, most), 0.0)
 
 
 def follow_ideally(w0: float) -> np.ndarray:
