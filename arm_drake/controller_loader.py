@@ -4,7 +4,7 @@ import difflib
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from arm_drake import interfaces
+from arm_drake.control.drive_commands import is_outdone
 from arm_drake.control.update_schedule import effective_rate
 from arm_drake.controllers import CONTROLLER_TYPES, find_controller_type
 from arm_drake.controllers.controller_interface import (
@@ -18,6 +18,7 @@ from arm_drake.description.controllers import (
 from arm_drake.description.parameters import load_parameters
 from arm_drake.description.report import Kind, LoadReport, Severity
 from arm_drake.errors import ParameterError, suggest
+from arm_drake.gain_report import report_gains
 from arm_drake.loaded_controllers import LoadedController, controller_infos
 from arm_drake.surroundings import Surroundings
 from arm_drake.switching import find_cycle
@@ -116,10 +117,12 @@ class ControllerLoader:
                 distro=self._distro,
                 velocity_limits=self._surroundings.velocity_limits,
             )
-            return row.system(parameters, params)
+            system = row.system(parameters, params)
         except ParameterError as error:
             self._reject(controller, error.problem, error)
             return None
+        report_gains(controller, parameters, self._report)
+        return system
 
     def _take_rate(self, controller: ControllerConfig, own: dict[str, Any]) -> int:
         """Return the rate at which a controller ticks [Hz]."""
@@ -163,12 +166,11 @@ class ControllerLoader:
         there = self._surroundings
         if not there.has_physics:
             return
-        mirrored = set(there.command_interfaces)
         lines = []
         read = [
             name
             for name in system.state_interfaces
-            if name in there.stored and name not in mirrored
+            if name in there.stored and name not in there.command_interfaces
         ]
         if read:
             what = f"state interfaces aren't simulated: {_listed(read)}"
@@ -176,25 +178,14 @@ class ControllerLoader:
         idle = [
             name
             for name in system.command_interfaces
-            if self._is_outdone(name, system.command_interfaces)
+            if name.rpartition("/")[0] in there.driven
+            and is_outdone(name, system.command_interfaces)
         ]
         if idle:
-            what = f"beside positions or velocities, {_listed(idle)} are not acted on"
-            lines.append((what, "the joints follow positions and velocities"))
+            what = f"beside velocities, {_listed(idle)} are not acted on"
+            lines.append((what, "the joints follow their velocities"))
         for what, done in lines:
             self._add(controller, "info", "unsupported", what, done)
-
-    def _is_outdone(self, name: str, claims: Collection[str]) -> bool:
-        """Return whether the joint follows another command of the same controller."""
-        joint, _, interface = name.rpartition("/")
-        if joint not in self._surroundings.driven:
-            return False
-        stronger: tuple[str, ...] = (interfaces.POSITION, interfaces.VELOCITY)
-        if interface == interfaces.EFFORT:
-            stronger = (*stronger, interfaces.ACCELERATION)
-        elif interface != interfaces.ACCELERATION:
-            return False
-        return any(f"{joint}/{other}" in claims for other in stronger)
 
     def report_obstacle(
         self,

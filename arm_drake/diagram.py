@@ -16,6 +16,7 @@ from arm_drake.description.robot import Robot, list_robots
 from arm_drake.description.srdf import find_disabled_collisions
 from arm_drake.drive_report import report_drive, report_times
 from arm_drake.drives import commanded_joints, effort_limits, make_robot_drive
+from arm_drake.errors import InputError
 from arm_drake.hardware import add_hardware, connect_forces
 from arm_drake.kinematic import KinematicPlant
 from arm_drake.loaded_controllers import command_order
@@ -61,6 +62,8 @@ def build_diagram(
         InputError: If the robots can't be put together.
     """
     options = SimulationOptions() if options is None else options
+    if not isinstance(options, SimulationOptions):
+        raise InputError(f"options: expected SimulationOptions, got {options!r}")
     robots = list_robots(robots)
     step, periods = choose_time_step(
         options.time_step, [robot.controllers.update_rate for robot in robots]

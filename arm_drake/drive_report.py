@@ -120,7 +120,7 @@ def report_times(
     if options.log_rate is None:
         return
     steps = 1.0 / options.log_rate / step
-    if abs(steps - round(steps)) > _TOLERANCE * steps:
+    if steps < 1.0 - _TOLERANCE or abs(steps - round(steps)) > _TOLERANCE * steps:
         report.add(
             "info",
             "repair",

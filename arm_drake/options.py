@@ -2,6 +2,9 @@
 
 import dataclasses as dc
 import math
+from collections.abc import Mapping
+from numbers import Real
+from types import NoneType
 
 from arm_drake.errors import InputError, suggest
 
@@ -62,6 +65,8 @@ class SimulationOptions:
 
     def __post_init__(self) -> None:
         """Reject what can't be simulated."""
+        for field in dc.fields(self):
+            _check_type(field.name, field.type, getattr(self, field.name))
         if self.preset not in PRESETS:
             raise InputError(
                 f"no preset {self.preset!r}; {suggest(self.preset, PRESETS)}"
@@ -74,17 +79,35 @@ class SimulationOptions:
             raise InputError(
                 f"servo_bandwidth must be positive, got {self.servo_bandwidth!r}"
             )
-        if self.log_rate is not None and not self.log_rate > 0.0:
-            raise InputError(f"log_rate must be positive, got {self.log_rate!r}")
-        for field in ("active", "inactive"):
-            names = getattr(self, field)
-            if isinstance(names, str):
-                raise InputError(
-                    f"{field}: expected names of controllers, got {names!r}"
-                )
+        most = 1.0 / SMALLEST_STEP
+        if self.log_rate is not None and not 0.0 < self.log_rate <= most:
+            raise InputError(
+                f"log_rate must be positive and at most {most:g} Hz, "
+                f"got {self.log_rate!r}"
+            )
         both = [name for name in self.active if name in self.inactive]
         if both:
             raise InputError(
                 f"controller {both[0]!r} can't be both active and inactive; "
                 "name it once"
             )
+
+
+# What an option may be, by how its field is declared, and how that is called.
+_KINDS: Mapping[object, tuple[tuple[type, ...], str]] = {
+    bool: ((bool,), "True or False"),
+    bool | None: ((bool, NoneType), "True, False or None"),
+    float: ((Real,), "a number"),
+    float | None: ((Real, NoneType), "a number or None"),
+    str: ((str,), "a text"),
+}
+
+
+def _check_type(name: str, kind: object, value: object) -> None:
+    types, expected = _KINDS.get(kind, ((tuple, list), "names of controllers"))
+    is_number = Real in types
+    is_wrong = not isinstance(value, types) or (is_number and isinstance(value, bool))
+    if types == (tuple, list) and not is_wrong:
+        is_wrong = not all(isinstance(item, str) for item in value)  # type: ignore[attr-defined]
+    if is_wrong:
+        raise InputError(f"{name}: expected {expected}, got {value!r}")

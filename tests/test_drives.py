@@ -265,3 +265,49 @@ def test_a_step_that_does_not_fit_is_said(tmp_path: Path) -> None:
         "500 Hz is no whole number of steps of 1.667 ms; "
         "a row shows the state after the last step"
     )
+
+
+@pytest.mark.parametrize(
+    ("gains", "problem"),
+    [
+        ("p: .nan", "p must be a finite number, got nan"),
+        ("i: .inf", "i must be a finite number, got inf"),
+    ],
+)
+def test_gains_that_are_no_numbers_are_refused(
+    tmp_path: Path, gains: str, problem: str
+) -> None:
+    sim = simulate(tmp_path, EFFORT_PENDULUM, effort_arm(gains))
+
+    assert [c.state for c in sim.list_controllers()] == ["unconfigured"]
+    assert problem in str(sim.report)
+
+
+@pytest.mark.parametrize(
+    ("gains", "problem"),
+    [
+        ("p: -1.0", "p is -1.0: it pushes away from the goal"),
+        ("p: 5.0, d: -0.1", "d is -0.1: it pushes away from the goal"),
+        ("p: 0.0", "p, i and d are 0: no error moves the joint"),
+    ],
+)
+def test_gains_that_are_hardly_meant_are_told(
+    tmp_path: Path, gains: str, problem: str
+) -> None:
+    sim = simulate(tmp_path, EFFORT_PENDULUM, effort_arm(gains))
+
+    (line,) = (entry for entry in sim.report if entry.severity == "warning")
+    assert (line.what, line.where) == (problem, "arm.gains.swing")
+    assert [c.state for c in sim.list_controllers()] == ["active"]
+
+
+EFFORT_PENDULUM = models.pendulum(control=control("effort", plugin=GZ))
+
+
+def effort_arm(gains: str) -> str:
+    return (
+        f"controller_manager: {{ros__parameters: {{update_rate: {RATE}, arm: "
+        "{type: joint_trajectory_controller/JointTrajectoryController}}}\n"
+        "arm: {ros__parameters: {joints: [swing], command_interfaces: [effort], "
+        f"state_interfaces: [position, velocity], gains: {{swing: {{{gains}}}}}}}}}\n"
+    )

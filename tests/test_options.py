@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 
 import arm_drake as ad
@@ -29,7 +30,10 @@ def test_a_log_rate_must_be_positive(value: float) -> None:
     with pytest.raises(ValueError) as caught:  # noqa: PT011  the message is compared.
         ad.SimulationOptions(log_rate=value)
 
-    assert str(caught.value) == f"log_rate must be positive, got {value!r}"
+    assert (
+        str(caught.value)
+        == f"log_rate must be positive and at most 1e+06 Hz, got {value!r}"
+    )
 
 
 def test_defaults_are_a_millisecond_of_full_physics_without_self_collision() -> None:
@@ -59,3 +63,41 @@ def test_a_text_is_no_list_of_controllers(field: str) -> None:
         ad.SimulationOptions(**{field: "jtc"})
 
     assert str(caught.value) == f"{field}: expected names of controllers, got 'jtc'"
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "expected"),
+    [
+        ("gravity_compensation", "off", "True or False"),
+        ("friction", math.nan, "True or False"),
+        ("reflected_inertia", "yes", "True, False or None"),
+        ("servo_bandwidth", "40", "a number"),
+        ("servo_bandwidth", True, "a number"),
+        ("time_step", None, "a number"),
+        ("log_rate", "100", "a number or None"),
+        ("preset", 3, "a text"),
+        ("active", None, "names of controllers"),
+        ("inactive", (5,), "names of controllers"),
+    ],
+)
+def test_an_option_of_another_type_is_refused(
+    option: str, value: object, expected: str
+) -> None:
+    with pytest.raises(InputError) as caught:
+        ad.SimulationOptions(**{option: value})  # type: ignore[arg-type]
+
+    assert str(caught.value) == f"{option}: expected {expected}, got {value!r}"
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    options = ad.SimulationOptions(time_step=np.float64(2e-3), log_rate=np.int64(100))
+
+    assert options.time_step == 2e-3
+
+
+def test_options_are_no_dict() -> None:
+    with pytest.raises(InputError, match="expected SimulationOptions"):
+        ad.build_diagram(
+            ad.load_robot("doosan_a0912"),
+            options={"friction": False},  # type: ignore[arg-type]
+        )

@@ -65,7 +65,7 @@ LAYERS = [
         "rollout",
     ],
     ["servo", "controllers", "placement", "dynamics_samples", "surroundings"],
-    ["couplings"],
+    ["couplings", "gain_report"],
     [
         "drives",
         "joint_friction",

@@ -8,7 +8,7 @@ is left to swing.
 """
 
 import dataclasses as dc
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -64,6 +64,23 @@ class DriveMode(Message):
 
     # Whether all joints follow positions and nothing else is claimed.
     is_plain: bool
+
+
+def is_outdone(name: str, claims: Collection[str]) -> bool:
+    """Return whether a drive does not act on a command, for it follows another one.
+
+    Args:
+        name: A claimed command interface, such as "joint1/effort".
+        claims: All claimed command interfaces.
+    """
+    joint, _, interface = name.rpartition("/")
+    if f"{joint}/{interfaces.POSITION}" in claims:
+        return False  # To what a position asks for, all else is added.
+    stronger = {
+        interfaces.ACCELERATION: (interfaces.VELOCITY,),
+        interfaces.EFFORT: (interfaces.VELOCITY, interfaces.ACCELERATION),
+    }
+    return any(f"{joint}/{other}" in claims for other in stronger.get(interface, ()))
 
 
 class DriveCommands:

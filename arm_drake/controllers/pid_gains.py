@@ -76,6 +76,10 @@ class PidGains:
 
     def check(self) -> None:
         """Raise ValueError if no PID can have these gains."""
+        for name in ("p", "i", "d"):
+            gain = getattr(self, name)
+            if not math.isfinite(gain):
+                raise ValueError(f"{name} must be a finite number, got {gain}")
         if not self.u_clamp_min < self.u_clamp_max:
             raise ValueError(
                 f"u_clamp_min must be below u_clamp_max, got {self.u_clamp_min} and "

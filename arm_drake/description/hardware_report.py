@@ -27,6 +27,9 @@ _GAINS = ("kp", "ki", "kd", "max_integral_error", "min_integral_error")
 _READ = {"mimic", "multiplier", *_NUMBERS}
 _READ |= {prefix + gain for prefix in ("pos_", "vel_") for gain in _GAINS}
 
+# What a joint can be commanded.
+_COMMANDS = (*interfaces.STATE_INTERFACES, interfaces.ACCELERATION)
+
 
 def report_hardware(
     hardware: Sequence[HardwareInfo], report: LoadReport, file: Path
@@ -66,8 +69,12 @@ def _remarks(block: HardwareInfo) -> Iterable[tuple[str, str]]:
     custom = {
         interface.name
         for joint in block.joints
-        for interface in (*joint.command_interfaces, *joint.state_interfaces)
-        if interface.name not in interfaces.STATE_INTERFACES
+        for names, known in (
+            (joint.command_interfaces, _COMMANDS),
+            (joint.state_interfaces, interfaces.STATE_INTERFACES),
+        )
+        for interface in names
+        if interface.name not in known
     }
     if custom:
         yield f"interfaces {_listed(sorted(custom))}", kept
