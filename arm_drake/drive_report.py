@@ -19,6 +19,9 @@ SERVO: Final = "joint servo"
 # A step of less than this part of the one that was asked for is worth a line.
 _MUCH_LESS = 0.9
 
+# Derivative gain times step over inertia beyond which a joint is unstable.
+_UNSTABLE = 2.0
+
 # By which part a period may miss a whole number of steps.
 _TOLERANCE = 1e-6
 
@@ -50,15 +53,14 @@ def report_drive(
         step = f"{1e3 * drive.plant.time_step():.3g} ms"
         rotors = ", ".join(f"{name} {inertia:.2g}" for name, inertia in light.items())
         note(
-            "links are much lighter than drives of their joints' efforts, and payloads "
-            f"on them are hard to bear at steps of {step}",
+            f"steps are {step}, links much lighter than drives of their efforts",
             f"the drives have rotors of their own [kg·m² or kg]: {rotors}",
         )
     elif light:
         note(
             f"links are much lighter than drives of {_listed(light)}",
-            "nothing; with SimulationOptions(reflected_inertia=True) these have "
-            "rotors, and carry heavier payloads",
+            "they get no rotors; with SimulationOptions(reflected_inertia=True) they "
+            "do, and carry heavier payloads",
         )
     if drive.pid is not None:
         pairs = zip(drive.names, drive.pid.position, drive.pid.velocity, strict=True)
@@ -67,12 +69,27 @@ def report_drive(
             f"PID gains of the description drive {_listed(own)}",
             "as under Gazebo Classic, which knows nothing of the robot's weight",
         )
+        _report_stiff(drive, report)
+    if drive.rated:
+        note(
+            f"position_proportional_gain drives {_listed(drive.rated)}",
+            "velocities become gain x update_rate x error, as in Gazebo Sim",
+        )
     active = [c for c in controllers if c.state == "active"]
     claimed = {name.rpartition("/")[0] for name in claimed_interfaces(robot, active)}
     left = [name for name in drive.names if name not in claimed]
     if left:
         done = "they hold their positions" if holds else "they swing freely"
         note(f"no active controller commands {_listed(left)}", done)
+    locked = [
+        name
+        for name, lower, upper in zip(
+            drive.names, drive.gains.lower, drive.gains.upper, strict=True
+        )
+        if lower == upper
+    ]
+    if locked:
+        note(f"no room between its limits: {_listed(locked)}", "they can't move")
     passive = [
         joint.name
         for joint in robot.description.movable_joints
@@ -95,6 +112,34 @@ def report_drive(
             f"no velocity limit: {_listed(unlimited)}",
             "velocity commands are followed whatever they are",
         )
+
+
+def _report_stiff(drive: RobotDrive, report: LoadReport) -> None:
+    """Report gains that make a joint swing from step to step."""
+    h = drive.plant.time_step()
+    assert drive.pid is not None
+    for name, inertia, position, velocity in zip(
+        drive.names,
+        drive.min_inertia,
+        drive.pid.position,
+        drive.pid.velocity,
+        strict=True,
+    ):
+        # What a change of velocity brings back a step later, 2 is too much.
+        for gain, label in (
+            (position and position.kd, "kd of positions"),
+            (velocity and velocity.kp, "kp of velocities"),
+        ):
+            if gain and gain * h / inertia > _UNSTABLE:
+                largest = f"{_UNSTABLE * inertia / h:.3g}"
+                report.add(
+                    "warning",
+                    "invalid",
+                    f"{label}, {gain:g}, is too much for steps of {1e3 * h:.3g} ms: "
+                    f"it may be {largest} at most",
+                    "the joint swings from step to step",
+                    where=f"joint {name!r}",
+                )
 
 
 def report_times(

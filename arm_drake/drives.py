@@ -84,6 +84,12 @@ class RobotDrive:
     # Gains of joints that follow the law of a PID controller, if there are any.
     pid: DrivePid | None
 
+    # Smallest inertia of each joint in all poses [kg·m^2], shape (n,).
+    min_inertia: np.ndarray
+
+    # Joints whose velocity is a rate times their position error.
+    rated: tuple[str, ...]
+
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the joints."""
@@ -144,8 +150,17 @@ def make_robot_drive(
         observer_gain=observer_gain if options.disturbance_observer else 0.0,
         position_rate=np.array([row.position_rate or math.nan for row in rows]),
     )
+    rated = [j.name for j, row in zip(joints, rows, strict=True) if row.position_rate]
     return RobotDrive(
-        joints, plant, N, rotors, lacking, gains, pid if pid.is_given else None
+        joints=joints,
+        plant=plant,
+        N=N,
+        rotor_inertia=rotors,
+        lacking_inertia=lacking,
+        gains=gains,
+        pid=pid if pid.is_given else None,
+        min_inertia=samples.with_rotors(rotors).inertia.min(axis=0),
+        rated=tuple(rated),
     )
 
 

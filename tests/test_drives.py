@@ -311,3 +311,25 @@ def effort_arm(gains: str) -> str:
         "arm: {ros__parameters: {joints: [swing], command_interfaces: [effort], "
         f"state_interfaces: [position, velocity], gains: {{swing: {{{gains}}}}}}}}}\n"
     )
+
+
+def test_gains_that_no_step_can_bear_are_told(tmp_path: Path) -> None:
+    gains = params(pos_kp=100.0, pos_ki=0.0, pos_kd=600.0)
+    urdf = models.pendulum(control=control("position", params=gains))
+
+    sim = simulate(tmp_path, urdf, forward("position", "swing"))
+
+    (line,) = (entry for entry in sim.report if entry.severity == "warning")
+    # kd h / M may be 2.
+    assert line.what == (
+        "kd of positions, 600, is too much for steps of 1 ms: it may be 502 at most"
+    )
+
+
+def test_a_joint_without_room_is_said_not_to_move(tmp_path: Path) -> None:
+    limit = 'lower="0.5" upper="0.5" effort="100" velocity="10"'
+    urdf = models.pendulum(limit=limit, control=control("position", plugin=GZ))
+
+    sim = simulate(tmp_path, urdf, forward("position", "swing"), start=0.5)
+
+    assert any("'swing'; they can't move" in line for line in servo_lines(sim))

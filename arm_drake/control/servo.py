@@ -44,7 +44,7 @@ _BRAKING = 0.7
 _CRUISING = 0.8
 
 # Correlation of inertias above which joints push each other about.
-_COUPLED = 0.2
+_COUPLED = 0.02
 
 # Rounds, and excess of the effort, at which the search for those accelerations ends.
 _ROUNDS = 200

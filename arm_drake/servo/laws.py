@@ -30,6 +30,9 @@ _FELT_GAIN = 0.1
 # Below this part of all accelerations joints are on their own.
 _SMALLEST_SCALE = 0.01
 
+# Part of an effort limit that counts as left for accelerations when nothing is.
+_LEAST_ROOM = 0.1
+
 # What is nothing beside an effort limit.
 _TINY = 1e-12
 
@@ -132,9 +135,8 @@ class EffortLaws:
             if self._friction:
                 held = held - self._friction[i]
             room = if_then_else(more > 0.0, limit - held, limit + held)
-            part = room / max_(abs_(more), _TINY * limit)
-            # What is too much already can't be helped by the others.
-            part = if_then_else(room > 0.0, part, Expression(1.0))
+            # Where there is none, the others are not to stand still all the same.
+            part = max_(room, _LEAST_ROOM * limit) / max_(abs_(more), _TINY * limit)
             part = _unless(self._free, i, part, Expression(1.0))
             group = int(self._gains.group[i])
             scales[group] = min_(scales[group], part)
