@@ -7,7 +7,7 @@ import pytest
 _HERE = Path(__file__).parent
 
 # Replays of reference data and of whole motions: not for every few minutes.
-_SLOW = ("conformance", "rollouts")
+_SLOW = ("conformance", "physics", "rollouts")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
