@@ -38,12 +38,7 @@ def may_let_go(robot: Robot, controllers: Iterable[LoadedController]) -> bool:
         robot: The robot.
         controllers: Its controllers, also those that are inactive.
     """
-    for controller in controllers:
-        claimed = claimed_interfaces(robot, [controller])
-        moved = {name.rpartition("/")[0] for name in claimed if not _is_effort(name)}
-        if {name.rpartition("/")[0] for name in claimed} - moved:
-            return True
-    return False
+    return any(find_bare_joints(robot, [controller]) for controller in controllers)
 
 
 def make_drive_commands(

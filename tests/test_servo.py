@@ -10,7 +10,7 @@ import pytest
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia, UnitInertia
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
+from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import (
     ConstantVectorSource,
     LogVectorOutput,
@@ -110,13 +110,6 @@ def run(
     if hardware.friction is not None:
         friction_log = LogVectorOutput(hardware.friction, builder, step)
     return simulate(builder.Build(), log, friction_log, duration)
-
-
-def make_source(target: Sequence[float] | PiecewisePolynomial) -> LeafSystem:
-    """Return what outputs positions and their rates of change."""
-    if isinstance(target, PiecewisePolynomial):
-        return TrajectorySource(target, 1)
-    return ConstantVectorSource(np.concatenate([target, np.zeros(len(target))]))
 
 
 def add_payload(plant: MultibodyPlant, link: str, mass: float) -> None:

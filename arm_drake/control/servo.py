@@ -21,8 +21,8 @@ CAREFUL_OBSERVER_GAIN = 0.2
 
 # Speed at which a joint without a velocity limit approaches a position that is far
 # away [rad/s] or [m/s]: a turn, or a metre, a second.
-APPROACH_SPEED = {"prismatic": 1.0}
-APPROACH_SPEED_OF_OTHERS = 2.0 * math.pi
+_PRISMATIC_SPEED = 1.0
+_TURNING_SPEED = 2.0 * math.pi
 
 # Acceleration that a drive gives its own rotor [rad/s^2] or [m/s^2]. A load that it can
 # just carry at 0.1 m has 10 times the inertia of such a rotor, which is about what the
@@ -98,9 +98,7 @@ class DriveLimits:
     @property
     def approach_speed(self) -> Array:
         """Largest speed towards a position that is far away [rad/s], shape (n,)."""
-        speed = np.where(
-            self.is_prismatic, APPROACH_SPEED["prismatic"], APPROACH_SPEED_OF_OTHERS
-        )
+        speed = np.where(self.is_prismatic, _PRISMATIC_SPEED, _TURNING_SPEED)
         return np.where(np.isfinite(self.velocity), self.velocity, speed)
 
 
