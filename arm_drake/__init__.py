@@ -6,11 +6,23 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from arm_drake.clients import ControllerHandle as ControllerHandle
     from arm_drake.clients import GoalHandle as GoalHandle
+    from arm_drake.controllers import ControllerType as ControllerType
     from arm_drake.controllers import register_controller as register_controller
+    from arm_drake.controllers.controller_interface import (
+        ControllerInterface as ControllerInterface,
+    )
+    from arm_drake.controllers.controller_interface import (
+        ControllerInterfaceParams as ControllerInterfaceParams,
+    )
+    from arm_drake.controllers.cycles import Now as Now
+    from arm_drake.controllers.ticking_controller import (
+        TickingController as TickingController,
+    )
     from arm_drake.description.report import LoadReport as LoadReport
     from arm_drake.description.robot import Robot as Robot
     from arm_drake.diagram import build_diagram as build_diagram
     from arm_drake.errors import ArmDrakeError as ArmDrakeError
+    from arm_drake.errors import ParameterError as ParameterError
     from arm_drake.loading import load_robot as load_robot
     from arm_drake.messages import Float64MultiArray as Float64MultiArray
     from arm_drake.messages import (
@@ -36,6 +48,9 @@ if TYPE_CHECKING:
 _MODULES = {
     "ArmDrakeError": "errors",
     "ControllerHandle": "clients",
+    "ControllerInterface": "controllers.controller_interface",
+    "ControllerInterfaceParams": "controllers.controller_interface",
+    "ControllerType": "controllers",
     "Float64MultiArray": "messages",
     "FollowJointTrajectoryGoal": "messages",
     "GoalHandle": "clients",
@@ -48,12 +63,15 @@ _MODULES = {
     "LoadReport": "description.report",
     "Motion": "motion",
     "MultiDOFCommand": "messages",
+    "Now": "controllers.cycles",
+    "ParameterError": "errors",
     "Robot": "description.robot",
     "Rollout": "rollout",
     "Simulation": "simulation",
     "SimulationOptions": "options",
     "SpeedScalingFactor": "messages",
     "SwitchController": "messages",
+    "TickingController": "controllers.ticking_controller",
     "build_diagram": "diagram",
     "load_motion": "motion",
     "load_robot": "loading",

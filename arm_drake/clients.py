@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 from arm_drake import interfaces
 from arm_drake.controller_topics import (
-    ACTION,
     SPEED_SCALING,
     TOPIC,
     ControllerTopics,
@@ -17,15 +16,20 @@ from arm_drake.messages import (
     CancelGoal,
     Float64MultiArray,
     FollowJointTrajectoryFeedback,
-    FollowJointTrajectoryGoal,
     FollowJointTrajectoryResult,
+    Goal,
     GoalEvent,
     GoalStatus,
+    GripperCommand,
+    GripperCommandResult,
     JointTrajectory,
     Message,
+    ParallelGripperCommandResult,
     QueryTrajectoryState,
+    Result,
     SendGoal,
     SpeedScalingFactor,
+    SwitchController,
     Time,
     TimeLike,
 )
@@ -51,7 +55,7 @@ class GoalHandle:
         self.request = request
         self.where = where
         self.status = GoalStatus.PENDING
-        self.result: FollowJointTrajectoryResult | None = None
+        self.result: Result | None = None
 
         # What of the goal was not taken as written.
         self.note = ""
@@ -74,9 +78,34 @@ class GoalHandle:
         self._sources.clear()
         return self._feedback
 
+    def describe(self) -> str:
+        """Return status and result in words."""
+        text, result = self.status.value, self.result
+        if isinstance(result, FollowJointTrajectoryResult):
+            text += f", error code {int(result.error_code)}"
+            why = result.error_string
+        else:
+            why = self.note
+            if isinstance(result, GripperCommandResult):
+                text += _describe_grip(result, (result.position,))
+            elif isinstance(result, ParallelGripperCommandResult):
+                text += _describe_grip(result, result.state.position)
+        return f"{text}: {why}" if why else text
+
     def __repr__(self) -> str:
         """Return controller, status and result."""
         return f"GoalHandle({self.controller!r}, {self.status.value}, {self.result})"
+
+
+def _describe_grip(
+    result: GripperCommandResult | ParallelGripperCommandResult,
+    position: Sequence[float],
+) -> str:
+    """Return how a gripper's motion ended, if it did by itself."""
+    if not (result.stalled or result.reached_goal):
+        return ""
+    how = "stalled" if result.stalled else "reached the goal"
+    return f", {how} at {', '.join(f'{q:.4g}' for q in position)}"
 
 
 class ControllerHandle:
@@ -113,9 +142,12 @@ class ControllerHandle:
             self._topics.make_command(message.data)
         elif isinstance(message, SpeedScalingFactor):
             self._topics.check(SPEED_SCALING)
-        else:
-            is_topic = isinstance(message, JointTrajectory)
-            self._topics.check(TOPIC if is_topic else ACTION)
+        elif isinstance(message, JointTrajectory):
+            self._topics.check(TOPIC)
+        elif message is None:
+            self._topics.find_action()
+        elif not isinstance(message, SwitchController):
+            self._topics.make_goal(message)
 
     def command(
         self,
@@ -139,26 +171,25 @@ class ControllerHandle:
         self._send(port, message, where)
 
     def send_goal(
-        self, goal: FollowJointTrajectoryGoal | JointTrajectory, *, where: str = ""
+        self, goal: Goal | JointTrajectory | GripperCommand, *, where: str = ""
     ) -> GoalHandle:
         """Send a goal to the controller's action; it sees it at its next tick.
 
         A controller that isn't active rejects it.
 
         Args:
-            goal: The goal, or its trajectory alone.
+            goal: The goal, or its trajectory or command alone. Any gripper takes a
+                GripperCommand.
             where: Where the goal comes from, for messages.
 
         Raises:
             InputError: If the controller has no such action.
         """
-        if isinstance(goal, JointTrajectory):
-            goal = FollowJointTrajectoryGoal(trajectory=goal)
-        self._topics.check(ACTION)
-        request = SendGoal(goal)
+        port, made = self._topics.make_goal(goal)
+        request = SendGoal(made)
         handle = GoalHandle(self.name, request, where)
         self._simulation.mailbox.add_goal(handle)
-        self._send(ACTION, request)
+        self._send(port, request)
         return handle
 
     def send_trajectory(self, trajectory: JointTrajectory, *, where: str = "") -> None:
@@ -179,7 +210,8 @@ class ControllerHandle:
         """Cancel the last goal that was sent to the controller, if there is one."""
         goals = [g for g in self._simulation.goals if g.controller == self.name]
         if goals and not goals[-1].status.is_terminal:
-            self._send(ACTION, CancelGoal(goals[-1].request))
+            request = CancelGoal(goals[-1].request)
+            self._send(self._topics.find_action(), request)
 
     def set_speed_scaling(self, factor: float, *, where: str = "") -> None:
         """Let time pass faster or slower along the controller's trajectories.

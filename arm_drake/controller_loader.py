@@ -1,25 +1,33 @@
 """One controller from its configuration: its system, or a line in the report."""
 
-import difflib
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from arm_drake.control.drive_commands import is_outdone
+from arm_drake.control.drive_mode import is_outdone
 from arm_drake.control.update_schedule import effective_rate
-from arm_drake.controllers import CONTROLLER_TYPES, find_controller_type
+from arm_drake.controllers import (
+    ControllerType,
+    find_controller_type,
+    installed_types,
+    list_types,
+)
 from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
 )
+from arm_drake.controllers.gazebo_plugins import make_plugin
+from arm_drake.controllers.gazebo_topics import find_unsupported
+from arm_drake.controllers.other_types import describe_unknown
 from arm_drake.description.controllers import (
     ControllerConfig,
     ControllerManagerConfig,
 )
 from arm_drake.description.parameters import load_parameters
 from arm_drake.description.report import Kind, LoadReport, Severity
-from arm_drake.errors import ParameterError, suggest
+from arm_drake.errors import InputError, ParameterError
 from arm_drake.gain_report import report_gains
 from arm_drake.loaded_controllers import LoadedController, controller_infos
+from arm_drake.missing_interfaces import find_undeclared_limits
 from arm_drake.surroundings import Surroundings
 from arm_drake.switching import find_cycle
 
@@ -28,14 +36,6 @@ def _listed(names: Sequence[str]) -> str:
     """Return the first few names, and how many more there are."""
     more = f" and {len(names) - 3} more" if len(names) > 3 else ""
     return ", ".join(names[:3]) + more
-
-
-def _similar_type(name: str) -> str:
-    """Return the end of a message about an unknown type; most are vendors' own."""
-    known = [other for other, row in CONTROLLER_TYPES.items() if not row.runs_as]
-    close = difflib.get_close_matches(name, known, n=1, cutoff=0.8)
-    close += [other for other in known if other.rpartition("/")[2] == name]
-    return f"; did you mean {close[0]!r}?" if close else ""
 
 
 class ControllerLoader:
@@ -48,6 +48,7 @@ class ControllerLoader:
         report: LoadReport,
         period: float | None,
         distro: str,
+        controller_types: Mapping[str, ControllerType] | None = None,
     ) -> None:
         """Create it.
 
@@ -57,8 +58,11 @@ class ControllerLoader:
             report: Where what doesn't work is recorded.
             period: Period of the manager in Drake's time [s].
             distro: Distribution whose parameters and defaults hold.
+            controller_types: Types of this robot alone.
         """
         self._distro = distro
+        self._types = dict(controller_types or {})
+        self._installed = installed_types()
         self._config = config
         self._surroundings = surroundings
         self._report = report
@@ -84,15 +88,11 @@ class ControllerLoader:
 
     def load(self, controller: ControllerConfig) -> ControllerInterface | None:
         """Return the system of a controller, or None and a line in the report."""
-        row = find_controller_type(controller.type)
+        if controller.plugins:
+            return self._load_plugin(controller)
+        row = self._find_type(controller)
         if row is None:
-            hint = _similar_type(controller.type)
-            problem = f"unknown controller type {controller.type!r}{hint}"
-            self._reject(controller, problem, kind="unsupported")
             return None
-        if row.runs_as:
-            what, done = f"controller type {controller.type!r}", f"run as {row.runs_as}"
-            self._add(controller, "info", "repair", what, done)
         if row.system is None:
             problem = f"controller type {controller.type!r} is not simulated yet"
             self._reject(controller, problem, kind="unsupported")
@@ -105,24 +105,78 @@ class ControllerLoader:
             )
             if row.system is None:
                 return None
-            params = ControllerInterfaceParams(
-                controller_name=controller.name,
-                update_rate=rate,
-                period=self._period,
-                joint_types=self._surroundings.joint_types,
-                command_interfaces=frozenset(self._surroundings.command_interfaces),
-                state_interfaces=frozenset(self._surroundings.state_interfaces),
-                measured=self._surroundings.measured,
-                other_types=self._surroundings.other_types,
-                distro=self._distro,
-                velocity_limits=self._surroundings.velocity_limits,
-            )
-            system = row.system(parameters, params)
+            system = row.system(parameters, self._params(controller, rate))
+            if row.origin and not isinstance(system, ControllerInterface):
+                raise TypeError(f"expected a ControllerInterface, got {system!r}")
         except ParameterError as error:
             self._reject(controller, error.problem, error)
             return None
+        except Exception as error:
+            if not row.origin:
+                raise
+            # Code of others can fail in every way; it must not take ours with it.
+            what = f"controller type {controller.type!r} of {row.origin} can't be made"
+            self._reject(controller, f"{what}: {type(error).__name__}: {error}")
+            return None
         report_gains(controller, parameters, self._report)
         return system
+
+    def _find_type(self, controller: ControllerConfig) -> ControllerType | None:
+        """Return the row of a controller's type; what isn't plain is reported."""
+        name, what = controller.type, f"controller type {controller.type!r}"
+        try:
+            row = find_controller_type(name, self._types, self._installed)
+        except InputError as error:
+            self._reject(controller, f"{what}: {error.problem}")
+            return None
+        if row is None:
+            known = [*list_types(), *self._types, *self._installed]
+            severity, what, done = describe_unknown(name, known)
+            self._add(controller, severity, "unsupported", what, done)
+            return None
+        if row.runs_as:
+            self._add(controller, "info", "repair", what, f"run as {row.runs_as}")
+        for other in row.others:
+            too, done = (
+                f"{what} comes from {other} too",
+                f"that of {row.origin} is used",
+            )
+            self._add(controller, "info", "ignored", too, done)
+        return row
+
+    def _load_plugin(self, controller: ControllerConfig) -> ControllerInterface:
+        """Return the system of a Gazebo plugin; what it can't do is reported."""
+        for tag in controller.plugins:
+            for problem in find_unsupported(tag):
+                done = "it has no effect"
+                self._add(controller, "warning", "unsupported", problem, done)
+        return make_plugin(
+            controller.plugins, self._params(controller, self._config.update_rate)
+        )
+
+    def _params(
+        self, controller: ControllerConfig, rate: int
+    ) -> ControllerInterfaceParams:
+        """Return what a controller of this rate is given besides its parameters."""
+        there = self._surroundings
+        return ControllerInterfaceParams(
+            controller_name=controller.name,
+            update_rate=rate,
+            period=self._period,
+            joint_types=there.joint_types,
+            command_interfaces=frozenset(there.command_interfaces),
+            state_interfaces=frozenset(there.state_interfaces),
+            measured=there.measured,
+            other_types=there.other_types,
+            distro=self._distro,
+            velocity_limits=there.velocity_limits,
+            effort_limits=there.effort_limits,
+            followed=there.followed,
+            gripper_ranges=there.gripper_ranges,
+            links=there.links,
+            robot_name=there.robot_name,
+            world_name=there.world_name,
+        )
 
     def _take_rate(self, controller: ControllerConfig, own: dict[str, Any]) -> int:
         """Return the rate at which a controller ticks [Hz]."""
@@ -179,6 +233,7 @@ class ControllerLoader:
             name
             for name in system.command_interfaces
             if name.rpartition("/")[0] in there.driven
+            and name not in system.limit_interfaces
             and is_outdone(name, system.command_interfaces)
         ]
         if idle:
@@ -186,6 +241,9 @@ class ControllerLoader:
             lines.append((what, "the joints follow their velocities"))
         for what, done in lines:
             self._add(controller, "info", "unsupported", what, done)
+        for name in find_undeclared_limits(system, there):
+            what = f"the description has no command interface {name!r}"
+            self._add(controller, "info", "missing", what, "its joint's drive has it")
 
     def report_obstacle(
         self,
@@ -201,63 +259,6 @@ class ControllerLoader:
         for problem in problems:
             what = problem.removeprefix(f"could not activate {controller.name!r}: ")
             self._add(controller, "warning", "ignored", what, done)
-
-    def find_missing(
-        self, system: ControllerInterface, others: Mapping[str, ControllerInterface]
-    ) -> tuple[str, ...]:
-        """Return why a controller can't be activated: what is not there."""
-        there = self._surroundings
-        exported = {n for s in others.values() for n in s.exported_interfaces}
-        references = {n for s in others.values() for n in s.reference_interfaces}
-        commands = {*there.command_interfaces, *references}
-        states = {*there.state_interfaces, *exported}
-        problems = []
-        for kind, needed, known in (
-            ("command", system.command_interfaces, commands),
-            ("state", system.state_interfaces, states),
-        ):
-            names = [name for name in needed if name not in known]
-            problems += [self._missing(kind, n, known, others) for n in names]
-        off = [n for n in system.command_interfaces if self._is_off(n)]
-        off += [n for n in system.state_interfaces if self._is_off(n, is_state=True)]
-        if off:
-            problems.append(
-                f"{off[0]!r} belongs to hardware component {there.blocks[off[0]]!r}, "
-                "which hardware_components_initial_state leaves inactive"
-            )
-        return tuple(dict.fromkeys(problems))  # A joint may lack several times.
-
-    def _is_off(self, name: str, *, is_state: bool = False) -> bool:
-        """Return whether the hardware of an interface isn't active at the start.
-
-        What is configured can be read, and no more.
-        """
-        states = self._config.hardware_components_initial_state
-        block = self._surroundings.blocks.get(name)
-        if block is None:
-            return False
-        off = states.unconfigured if is_state else states.unconfigured + states.inactive
-        return block in off or bool(states.active and block not in states.active)
-
-    def _missing(
-        self,
-        kind: str,
-        name: str,
-        known: Collection[str],
-        others: Mapping[str, ControllerInterface],
-    ) -> str:
-        joint, _, interface = name.rpartition("/")
-        has = sorted(n[len(joint) + 1 :] for n in known if n.startswith(f"{joint}/"))
-        if joint.partition("/")[0] in others:
-            owner = joint.partition("/")[0]
-            offered = sorted(n for n in known if n.startswith(f"{owner}/"))
-            return f"controller {owner!r} has no {kind} interface {name!r}; {offered}"
-        if joint in self._surroundings.joint_types or has:
-            return (
-                f"joint {joint!r} has no {kind} interface {interface!r}; it has {has}"
-            )
-        hint = suggest(joint, self._surroundings.joint_types)
-        return f"the robot has no joint {joint!r}; {hint}"
 
     def _reject(
         self,

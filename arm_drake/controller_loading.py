@@ -6,10 +6,11 @@ active controller.
 """
 
 import dataclasses as dc
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from arm_drake import interfaces
 from arm_drake.controller_loader import ControllerLoader
+from arm_drake.controllers import ControllerType
 from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.description.controllers import (
     MANAGER,
@@ -19,6 +20,7 @@ from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, suggest
 from arm_drake.loaded_controllers import LoadedController, controller_infos
+from arm_drake.missing_interfaces import find_missing
 from arm_drake.options import SimulationOptions
 from arm_drake.surroundings import Surroundings, find_surroundings
 from arm_drake.switching import activation_order, plan_switch
@@ -34,6 +36,7 @@ def load_controllers(
     inactive: Iterable[str] = (),
     judges_claims: bool = True,
     distro: str = "jazzy",
+    controller_types: Mapping[str, ControllerType] | None = None,
 ) -> tuple[LoadedController, ...]:
     """Load the controllers of a robot and choose those that start.
 
@@ -46,6 +49,7 @@ def load_controllers(
         inactive: Controllers not to start.
         judges_claims: Whether a controller whose interfaces are claimed stays inactive.
         distro: Distribution whose parameters and defaults hold.
+        controller_types: Types of this robot alone, by name.
 
     Raises:
         InputError: If ``active`` or ``inactive`` names no controller.
@@ -54,10 +58,15 @@ def load_controllers(
     for name in (*active, *inactive):
         if name not in names:
             raise InputError(f"no controller {name!r}; {suggest(name, names)}")
-    loader = ControllerLoader(config, surroundings, report, period, distro)
+    loader = ControllerLoader(
+        config, surroundings, report, period, distro, controller_types
+    )
     systems = loader.load_all()
     loaded = {n: s for n, s in systems.items() if s is not None}
-    missing = {n: loader.find_missing(s, loaded) for n, s in loaded.items()}
+    states = config.hardware_components_initial_state
+    missing = {
+        n: find_missing(s, loaded, surroundings, states) for n, s in loaded.items()
+    }
     configs = {c.name: c for c in config.controllers}
     for name, system in loaded.items():
         if not missing[name]:
@@ -113,12 +122,16 @@ def load_controllers_of(
     report = LoadReport(robot.report)
     controllers = load_controllers(
         robot.controllers,
-        surroundings or find_surroundings(robot.description, robot.initial_positions),
+        surroundings
+        or find_surroundings(
+            robot.description, robot.initial_positions, robot_name=robot.name
+        ),
         report,
         period=period,
         active=options.active,
         inactive=options.inactive,
         distro=robot.distro,
+        controller_types=robot.controller_types,
     )
     if robot.controllers.enforce_command_limits and robot.distro == "humble":
         report.add(

@@ -2,7 +2,7 @@
 
 import dataclasses as dc
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from arm_drake import interfaces
@@ -10,12 +10,22 @@ from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.errors import InputError
 from arm_drake.messages import (
     Float64MultiArray,
+    FollowJointTrajectoryGoal,
+    Goal,
+    GripperCommand,
+    GripperCommandGoal,
+    JointState,
+    JointTrajectory,
     MultiDOFCommand,
+    ParallelGripperCommandGoal,
     SpeedScalingFactor,
 )
 
 # Input ports of controllers.
-ACTION = "follow_joint_trajectory"
+ACTIONS: Mapping[str, tuple[type, ...]] = {
+    "follow_joint_trajectory": (FollowJointTrajectoryGoal,),
+    "gripper_cmd": (GripperCommandGoal, ParallelGripperCommandGoal),
+}
 TOPIC = "joint_trajectory"
 COMMANDS = "commands"
 REFERENCE = "reference"
@@ -45,6 +55,48 @@ class ControllerTopics:
         raise InputError(
             f"controller {self.name!r} of type {self.type!r} has no {port}{takes}"
         )
+
+    def find_action(self) -> str:
+        """Return the port of the controller's action.
+
+        Raises:
+            InputError: If it has none.
+        """
+        for port in ACTIONS:
+            if self.system.HasInputPort(port):
+                return port
+        self.check(next(iter(ACTIONS)))
+        raise AssertionError
+
+    def make_goal(
+        self, given: Goal | JointTrajectory | GripperCommand
+    ) -> tuple[str, Goal]:
+        """Return the port of the controller's action, and a goal as it takes it.
+
+        Args:
+            given: A goal, or its trajectory or command alone.
+
+        Raises:
+            InputError: If it has no action, or one of another kind.
+        """
+        goal: Any = given
+        if isinstance(given, JointTrajectory):
+            goal = FollowJointTrajectoryGoal(trajectory=given)
+        elif isinstance(given, GripperCommand):
+            goal = GripperCommandGoal(given)
+        wanted = getattr(self.system, "goal_type", None)
+        if wanted is ParallelGripperCommandGoal and isinstance(
+            goal, GripperCommandGoal
+        ):
+            goal = _parallel_goal(goal.command)
+        for port, kinds in ACTIONS.items():
+            if isinstance(goal, kinds):
+                self.check(port)
+        if wanted is not None and not isinstance(goal, wanted):
+            raise self._error(
+                f"expected a {wanted.__name__}, got a {type(goal).__name__}"
+            )
+        return self.find_action(), goal
 
     def make_command(
         self, values: Sequence[float], values_dot: Sequence[float] = ()
@@ -123,3 +175,10 @@ def _is_finite(value: Any) -> bool:
         return not isinstance(value, bool) and math.isfinite(value)
     except (TypeError, OverflowError):
         return False
+
+
+def _parallel_goal(command: GripperCommand) -> ParallelGripperCommandGoal:
+    """Return what a command is to a gripper with limits; no effort is the default."""
+    effort = (command.max_effort,) if command.max_effort else ()
+    state = JointState(position=(command.position,), effort=effort)
+    return ParallelGripperCommandGoal(state)

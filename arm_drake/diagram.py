@@ -17,6 +17,7 @@ from arm_drake.description.srdf import find_disabled_collisions
 from arm_drake.drive_report import report_drive, report_times
 from arm_drake.drives import commanded_joints, effort_limits, make_robot_drive
 from arm_drake.errors import InputError
+from arm_drake.gripper_ranges import find_gripper_ranges
 from arm_drake.hardware import add_hardware, connect_forces
 from arm_drake.kinematic import KinematicPlant
 from arm_drake.loaded_controllers import command_order
@@ -34,16 +35,15 @@ from arm_drake.plant import (
 )
 from arm_drake.robot_commands import find_bare_joints, make_drive_commands, may_let_go
 from arm_drake.robot_systems import RobotSystems
-from arm_drake.surroundings import find_surroundings
 from arm_drake.timing import choose_time_step
 from arm_drake.visualization.meshcat import add_visualizer
-from arm_drake.world import add_world
+from arm_drake.world import World, add_world
 
 
 def build_diagram(
     robots: Robot | Sequence[Robot],
     *,
-    world: str = "empty",
+    world: World = "empty",
     options: SimulationOptions | None = None,
     meshcat: Meshcat | None = None,
 ) -> Diagram:
@@ -54,7 +54,9 @@ def build_diagram(
 
     Args:
         robots: One or several loaded robots.
-        world: Name of a built-in world.
+        world: Name of a built-in world, or a function that adds things to the plant
+            before the robots come and before it is finalized, see
+            `arm_drake.world.add_world`.
         options: How to simulate.
         meshcat: Where to draw, if anywhere.
 
@@ -71,7 +73,12 @@ def build_diagram(
     builder = DiagramBuilder()
     systems = [
         RobotSystems(
-            builder, robot, f"{robot.name}/" if len(robots) > 1 else "", period, options
+            builder,
+            robot,
+            f"{robot.name}/" if len(robots) > 1 else "",
+            period,
+            options,
+            world if isinstance(world, str) else "empty",
         )
         for robot, period in zip(robots, periods, strict=True)
     ]
@@ -114,8 +121,8 @@ def _add_robots(
     forces = {}
     for system, model in zip(systems, models, strict=True):
         robot, options = system.robot, system.options
-        there = find_surroundings(robot.description, robot.initial_positions)
-        controllers, report = load_controllers_of(robot, system.period, options)
+        there = system.find_surroundings(gripper_ranges=find_gripper_ranges(robot))
+        controllers, report = load_controllers_of(robot, system.period, options, there)
         if options.self_collision:
             pairs = find_disabled_collisions(robot, report)
             filter_pairs(plant, scene_graph, model, pairs)
@@ -144,6 +151,7 @@ def _add_robots(
             initial=robot.initial_positions,
             options=options,
             has_modes=commands.has_modes,
+            has_limits=commands.has_limits,
         )
         poses = plant.get_body_poses_output_port()
         system.add_frames(poses, _bodies(plant, model, robot))
@@ -172,7 +180,7 @@ def _add_mirrored_robots(
     kinematic = builder.AddNamedSystem("plant", KinematicPlant(plant, joints))
     for system, model in zip(systems, models, strict=True):
         robot, blocks = system.robot, make_blocks(system.robot)
-        there = find_surroundings(robot.description, robot.initial_positions, blocks)
+        there = system.find_surroundings(blocks, find_gripper_ranges(robot))
         controllers, report = load_controllers_of(
             robot, system.period, system.options, there
         )

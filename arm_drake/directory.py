@@ -1,6 +1,7 @@
 """Who is in a diagram: its robots, their managers and controllers, by name."""
 
 from collections.abc import Mapping
+from typing import Literal, NamedTuple
 
 from pydrake.systems.framework import Context, Diagram
 
@@ -20,6 +21,35 @@ class ControllerList(list[ControllerState]):
         kind = max((len(row.type) for row in self), default=0)
         return "\n".join(
             f"{row.name:{name}}  {row.type:{kind}}  {row.state}" for row in self
+        )
+
+
+class TopicInfo(NamedTuple):
+    """A row of the list of topics."""
+
+    name: str
+
+    # Class of its messages.
+    type: str
+
+    # Whether a controller takes its messages, or publishes them.
+    direction: Literal["input", "output"]
+
+    # Topics of Gazebo that a bridge connects it with.
+    bridged_to: tuple[str, ...] = ()
+
+
+class TopicList(list[TopicInfo]):
+    """Topics and their types; as text, a line for each."""
+
+    def __str__(self) -> str:
+        """Return a table: name, type, direction, and what it is bridged to."""
+        name = max((len(row.name) for row in self), default=0)
+        kind = max((len(row.type) for row in self), default=0)
+        return "\n".join(
+            f"{row.name:{name}}  {row.type:{kind}}  {row.direction:6}  "
+            f"{', '.join(row.bridged_to)}".rstrip()
+            for row in self
         )
 
 

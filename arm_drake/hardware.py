@@ -72,6 +72,7 @@ def add_hardware(
     initial: Mapping[str, float],
     options: SimulationOptions,
     has_modes: bool = False,
+    has_limits: bool = False,
 ) -> Hardware:
     """Add a robot's servo, friction and state interfaces, and connect the plant.
 
@@ -85,6 +86,7 @@ def add_hardware(
         initial: Initial positions [rad] by joint.
         options: How to simulate.
         has_modes: Whether joints may follow anything else than positions.
+        has_limits: Whether effort and velocity may be limited at run time.
     """
     names, alone = drive.names, drive.plant
     add_rotors(plant, dict(zip(names, drive.rotor_inertia, strict=True)), model)
@@ -108,6 +110,7 @@ def add_hardware(
                 *at,
                 drive.N,
                 has_modes=has_modes,
+                has_limits=has_limits,
                 knows_friction=knows_friction,
                 pid=drive.pid,
             ),

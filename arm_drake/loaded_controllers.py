@@ -49,6 +49,7 @@ def controller_infos(
             state_interfaces=c.system.state_interfaces if c.system else (),
             reference_interfaces=c.system.reference_interfaces if c.system else (),
             exported_state_interfaces=c.system.exported_interfaces if c.system else (),
+            limit_interfaces=c.system.limit_interfaces if c.system else {},
             joints=c.joints,
             is_configured=c.system is not None,
             missing=c.missing,
@@ -60,14 +61,16 @@ def controller_infos(
 def command_order(
     surroundings: Surroundings, controllers: Iterable[LoadedController]
 ) -> tuple[str, ...]:
-    """Return the names of all command interfaces, references of controllers last."""
-    references = (
-        name
-        for controller in controllers
-        if controller.system is not None
-        for name in controller.system.reference_interfaces
-    )
-    return (*surroundings.command_interfaces, *references)
+    """Return the names of all command interfaces.
+
+    Those of the hardware come first, then limits that the description doesn't mention,
+    then references of controllers.
+    """
+    systems = [c.system for c in controllers if c.system is not None]
+    limits = (name for system in systems for name in system.limit_interfaces)
+    known = dict.fromkeys((*surroundings.command_interfaces, *limits))
+    references = (name for system in systems for name in system.reference_interfaces)
+    return (*known, *references)
 
 
 def enforces_limits(robot: Robot) -> bool:

@@ -8,6 +8,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from arm_drake.controller_loading import load_controllers
+from arm_drake.controllers import ControllerType, check_controller_type
+from arm_drake.description.bridge import (
+    find_bridge_files,
+    load_bridges,
+    split_bridges,
+)
 from arm_drake.description.claimed_hardware import hardware_from_controllers
 from arm_drake.description.control_files import find_control_files
 from arm_drake.description.controllers import MANAGER, ControllerManagerConfig
@@ -24,6 +30,8 @@ from arm_drake.description.initial_positions import find_initial_positions
 from arm_drake.description.joints import WORLD
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.places import find_place
+from arm_drake.description.plugin_control import add_plugins
+from arm_drake.description.plugin_joints import plugin_joints
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Pose, Robot
 from arm_drake.description.urdf import RobotDescription, parse_urdf
@@ -75,6 +83,7 @@ def load_robot(
     initial_positions: Mapping[str, float] | None = None,
     strict: bool = False,
     decompose: bool = False,
+    controller_types: Mapping[str, ControllerType] | None = None,
 ) -> Robot:
     """Load a robot from its description and its controllers YAML.
 
@@ -85,6 +94,8 @@ def load_robot(
             names in its Gazebo plugin tag, else the one in the package's config folder
             if there is exactly one. A robot with neither YAML nor control tags gets a
             joint trajectory controller of all its independent joints.
+            A YAML of a ros_gz_bridge among them gives topics their names in ROS;
+            without one it is that in the package's config folder.
         xacro_args: Values of xacro arguments.
         package_paths: Folders to search for packages, with all that lies below them.
             The description's surroundings are searched in any case.
@@ -96,6 +107,8 @@ def load_robot(
         strict: Whether every line of the load report is an error.
         decompose: Whether a collision mesh becomes several convex parts, not one convex
             hull; it needs the extra `decompose`, and minutes when it is first done.
+        controller_types: Controller types of this robot alone, by the names that its
+            YAML calls them; they come before all others.
 
     Raises:
         MissingExtraError: If an extra is needed that isn't installed.
@@ -106,6 +119,10 @@ def load_robot(
         raise InputError(f"name {name!r}: expected a name without '/'")
     if isinstance(package_paths, str | os.PathLike):
         package_paths = [package_paths]
+    types = {
+        name_: check_controller_type(row, f"controller_types[{name_!r}]")
+        for name_, row in (controller_types or {}).items()
+    }
     report = LoadReport()
     distro = _check_distro(distro, report)
     entry, bundled = find_entry(source)
@@ -113,6 +130,8 @@ def load_robot(
     packages = PackageFinder(entry, folders, report)
     text = expand_xacro(entry, dict(xacro_args or {}), packages, report)
     description = parse_urdf(text, entry, packages, report, decompose=decompose)
+    bridges, controllers = split_bridges(controllers)
+    bridges = bridges or find_bridge_files(description, bundled, report)
     files = find_control_files(controllers, description, packages, bundled, report)
     if files is None:
         config = default_controllers(description, report)
@@ -126,8 +145,12 @@ def load_robot(
             plugins=gazebo_nodes(description),
         )
     if not description.hardware:
-        hardware = hardware_from_controllers(config, description.joints, report, entry)
+        others = plugin_joints(description)
+        hardware = hardware_from_controllers(
+            config, description.joints, report, entry, others=others
+        )
         description = dc.replace(description, hardware=hardware)
+    description, config = add_plugins(description, config, report)
     has_free_base = _has_free_base(description, config)
     if has_free_base:
         urdf = repair_free_base(description.urdf, description.base, report, entry)
@@ -145,9 +168,20 @@ def load_robot(
         package_paths=tuple(folders),
         distro=distro,
         bundled=bundled,
+        topic_aliases=load_bridges(bridges, report),
+        controller_types=types,
     )
-    surroundings = find_surroundings(description, robot.initial_positions)
-    load_controllers(config, surroundings, report, judges_claims=False, distro=distro)
+    surroundings = find_surroundings(
+        description, robot.initial_positions, robot_name=robot.name
+    )
+    load_controllers(
+        config,
+        surroundings,
+        report,
+        judges_claims=False,
+        distro=distro,
+        controller_types=types,
+    )
     check_model(robot)
     report.add_lines(find_place(lambda: read_sources(entry, packages).files))
     if strict and len(report):

@@ -12,6 +12,8 @@ from arm_drake.manager import MANAGER, ControllerManager
 from arm_drake.manager.state import CommandLimited, ControllerFailure
 from arm_drake.messages import (
     CancelResponse,
+    Float32,
+    Float64,
     Float64MultiArray,
     GoalEvent,
     JointTrajectory,
@@ -179,6 +181,8 @@ class Mailbox:
 # What messages are called.
 _KINDS: dict[type[Message], str] = {
     JointTrajectory: "trajectory",
+    Float64: "command",
+    Float32: "command",
     Float64MultiArray: "commands",
     MultiDOFCommand: "commands",
     SpeedScalingFactor: "speed scaling",

@@ -79,7 +79,9 @@ def publish_parameters(
     config = next(c for c in robot.controllers.controllers if c.name == name)
     port = system.GetInputPort(interfaces.PARAMETERS_PORT)
     present = port.Eval(context) if port.HasValue(context) else None
-    parameters = change_parameters(config, present, changes, distro=robot.distro)
+    parameters = change_parameters(
+        config, present, changes, distro=robot.distro, types=robot.controller_types
+    )
     port.FixValue(context, AbstractValue.Make(parameters))
 
 
@@ -89,6 +91,7 @@ def change_parameters(
     changes: Mapping[str, Any],
     *,
     distro: str,
+    types: Mapping[str, Any] | None = None,
 ) -> Any:
     """Return a controller's parameters with some changed.
 
@@ -97,6 +100,7 @@ def change_parameters(
         present: Its parameters as they are; None is as the YAML configures them.
         changes: New values by their names, dotted or nested.
         distro: Distribution whose parameters and defaults hold.
+        types: Types of the robot alone, by name.
 
     Raises:
         ParameterError: If a parameter is unknown, can't change, or has a bad value.
@@ -109,7 +113,10 @@ def change_parameters(
         if name in new:
             raise ParameterError(_FIXED, where=f"{config.name}.{name}")
     base = {n: p for n, p in config.parameters.items() if n not in _OF_THE_MANAGER}
-    first, _ = _load(config, base, distro)
+    row = find_controller_type(config.type, types or {})
+    assert row is not None  # It could be loaded.
+    schema = row.parameters
+    first, _ = _load(schema, config, base, distro)
     present = first if present is None else present
     old = dict(_leaves(first, ""))
     earlier = _as_parameters(
@@ -117,7 +124,7 @@ def change_parameters(
         for name, value in _leaves(present, "")
         if name in old and value != old[name]
     )
-    changed, report = _load(config, {**base, **earlier, **new}, distro)
+    changed, report = _load(schema, config, {**base, **earlier, **new}, distro)
     for entry in report:
         name = entry.where.removeprefix(f"{config.name}.")
         if name in new and entry.kind != "repair":
@@ -131,14 +138,12 @@ def _as_parameters(values: Iterable[tuple[str, Any]]) -> dict[str, Parameter]:
 
 
 def _load(
-    config: ControllerConfig, parameters: Parameters, distro: str
+    schema: type, config: ControllerConfig, parameters: Parameters, distro: str
 ) -> tuple[Any, LoadReport]:
-    row = find_controller_type(config.type)
-    assert row is not None  # It could be loaded.
     report = LoadReport()
     try:
         loaded: Any = load_parameters(
-            row.parameters, parameters, config.name, config.file, report, distro=distro
+            schema, parameters, config.name, config.file, report, distro=distro
         )
     except ParameterError as error:  # What is in the file is as it was.
         raise ParameterError(error.problem, where=error.where) from None

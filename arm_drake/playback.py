@@ -1,24 +1,81 @@
 """Sends the steps of a motion to the controllers of a simulation."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import TYPE_CHECKING
 
 from arm_drake.errors import InputError, MotionError
 from arm_drake.messages import (
     Float64MultiArray,
     FollowJointTrajectoryGoal,
+    GripperCommand,
     JointTrajectory,
     SpeedScalingFactor,
     SwitchController,
 )
-from arm_drake.motion import Motion, MotionStep
+from arm_drake.motion import Motion, MotionStep, TopicMessage
 
 if TYPE_CHECKING:
     from arm_drake.simulation import Simulation
 
 
+class Player:
+    """Sends each step of a motion when it is due."""
+
+    def __init__(
+        self, simulation: "Simulation", motion: Motion | None, tolerance: float
+    ) -> None:
+        """Create it, with nothing sent; times count from now.
+
+        Args:
+            simulation: What runs the motion.
+            motion: The motion; None is one without steps.
+            tolerance: How much before its time a step is sent [s].
+
+        Raises:
+            MotionError: As `check_motion`.
+        """
+        self._simulation = simulation
+        self._motion = Motion(None, ()) if motion is None else motion
+        self._tolerance = tolerance
+        check_motion(simulation, self._motion)
+        self._start = simulation.time
+        self._steps = self._motion.timeline()
+        self._next = next(self._steps, None)
+
+    def play(
+        self, duration: float, progress: Callable[[float], None] | None = None
+    ) -> None:
+        """Simulate for a while and send what is due.
+
+        Args:
+            duration: How long [s].
+            progress: Called with the simulated time [s], ten times a second of it.
+        """
+        simulation = self._simulation
+        end, report_at = simulation.time + duration, simulation.time
+        while True:
+            self._send_due()
+            if progress is not None and simulation.time >= report_at:
+                progress(simulation.time)
+                report_at += 0.1
+            if simulation.time >= end:
+                return
+            targets = [end]
+            if self._next is not None:
+                targets.append(self._start + self._next[0])
+            if progress is not None:
+                targets.append(report_at)
+            simulation.advance_to(max(min(targets), simulation.time))
+
+    def _send_due(self) -> None:
+        now = self._simulation.time + self._tolerance
+        while self._next is not None and self._start + self._next[0] <= now:
+            send_step(self._simulation, self._motion, self._next[1])
+            self._next = next(self._steps, None)
+
+
 def check_motion(simulation: "Simulation", motion: Motion) -> None:
-    """Raise MotionError if a step is for a controller that can't take it.
+    """Raise MotionError if a step is for a controller or topic that can't take it.
 
     A controller that isn't active must have been activated by an earlier step; whether
     that switch works is seen when its time comes.
@@ -53,10 +110,13 @@ def send_step(simulation: "Simulation", motion: Motion, step: MotionStep) -> Non
     if isinstance(message, SwitchController):
         simulation.request_switch(message, where=where)
         return
+    if isinstance(message, TopicMessage):
+        simulation.topic(message.topic).publish(message.data, where=where)
+        return
     handle = simulation.controller(_receiver(step))
     if message is None:
         handle.cancel()
-    elif isinstance(message, FollowJointTrajectoryGoal):
+    elif isinstance(message, FollowJointTrajectoryGoal | GripperCommand):
         handle.send_goal(message, where=where)
     elif isinstance(message, JointTrajectory):
         handle.send_trajectory(message, where=where)
@@ -77,12 +137,19 @@ def _check_message(
     simulation: "Simulation",
     step: MotionStep,
     states: Mapping[str, str],
-    activated: set[str],
+    activated: Collection[str],
 ) -> None:
-    name = _receiver(step)
-    simulation.controller(name).check(step.message)
-    if states[name] != "active" and name not in activated:
-        raise InputError(f"controller {name!r} is {states[name]}, not active")
+    names: tuple[str, ...]
+    if isinstance(step.message, TopicMessage):
+        topic = simulation.topic(step.message.topic)
+        topic.check(step.message.data)
+        names = topic.controllers
+    else:
+        names = (_receiver(step),)
+        simulation.controller(names[0]).check(step.message)
+    # Of several that read a topic, one is enough.
+    if not any(states[name] == "active" or name in activated for name in names):
+        raise InputError(f"controller {names[0]!r} is {states[names[0]]}, not active")
 
 
 def _receiver(step: MotionStep) -> str:

@@ -1,6 +1,6 @@
 """What the controllers of a robot may command, and what its hardware makes of it."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from arm_drake import interfaces
 from arm_drake.control.command_limits import CommandLimits
@@ -44,7 +44,7 @@ def may_let_go(robot: Robot, controllers: Iterable[LoadedController]) -> bool:
 def make_drive_commands(
     robot: Robot,
     surroundings: Surroundings,
-    controllers: Iterable[LoadedController],
+    controllers: Sequence[LoadedController],
     drive: RobotDrive,
     *,
     holds: bool = True,
@@ -68,6 +68,7 @@ def make_drive_commands(
             and drive.pid is None
             and claimed_interfaces(robot, controllers) <= positions
         ),
+        has_limits=any(c.system and c.system.limit_interfaces for c in controllers),
         holds=holds,
     )
 
@@ -75,7 +76,7 @@ def make_drive_commands(
 def claimed_interfaces(
     robot: Robot, controllers: Iterable[LoadedController]
 ) -> set[str]:
-    """Return the command interfaces of driven joints that controllers claim.
+    """Return the command interfaces by which controllers move driven joints.
 
     Args:
         robot: The robot.
@@ -88,6 +89,7 @@ def claimed_interfaces(
         if controller.system is not None
         for name in controller.system.command_interfaces
         if name.rpartition("/")[0] in joints
+        and name not in controller.system.limit_interfaces
     }
 
 

@@ -2,13 +2,14 @@
 
 import dataclasses as dc
 import itertools
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
-from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
+from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Multiplexer, VectorLogSink, ZeroOrderHold
 
 from arm_drake import interfaces
 from arm_drake.control.drive_commands import DriveCommands
+from arm_drake.control.generic_system import GenericSystem
 from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.controllers.sampled_states import SampledStates
 from arm_drake.description.report import LoadReport
@@ -24,7 +25,7 @@ from arm_drake.manager import (
 )
 from arm_drake.options import SimulationOptions
 from arm_drake.robot_commands import make_command_limits
-from arm_drake.surroundings import Surroundings
+from arm_drake.surroundings import Surroundings, find_surroundings
 from arm_drake.timing import has_rate
 
 
@@ -43,6 +44,29 @@ class RobotSystems:
     period: float
 
     options: SimulationOptions
+
+    # Name of the world, which topics of Gazebo contain.
+    world_name: str = "empty"
+
+    def find_surroundings(
+        self,
+        blocks: Sequence[GenericSystem] | None = None,
+        gripper_ranges: Mapping[str, tuple[float, float]] | None = None,
+    ) -> Surroundings:
+        """Return what the robot offers its controllers.
+
+        Args:
+            blocks: Hardware that mirrors commands, if that is what it has.
+            gripper_ranges: Where grippers are open and where closed.
+        """
+        there = find_surroundings(
+            self.robot.description,
+            self.robot.initial_positions,
+            blocks,
+            robot_name=self.robot.name,
+            world_name=self.world_name,
+        )
+        return dc.replace(there, gripper_ranges=gripper_ranges or {})
 
     @property
     def log_period(self) -> float:
@@ -111,8 +135,7 @@ class RobotSystems:
             self._add_controller(name, system, hardware, everything)
             manager.add_controller(builder, system)
         _connect_chains(builder, systems.values())
-        for name, system in systems.items():
-            _export_topics(builder, system, f"{prefix}{name}")
+        _export_topics(builder, systems, prefix, report)
         if controllers:
             switch = manager.GetInputPort(SWITCH_PORT)
             builder.ExportInput(switch, f"{prefix}{MANAGER}.{SWITCH_PORT}")
@@ -214,6 +237,23 @@ class RobotSystems:
         self.builder.Connect(port, log.get_input_port())
 
 
+def exported_name(port: str, controller: str) -> str:
+    """Return what a port is called in the diagram, without its robot's prefix.
+
+    A name with a slash in front, as Gazebo's topics have, is its own.
+
+    Args:
+        port: Name of a controller's port.
+        controller: Name of the controller.
+
+    Returns:
+        The name; empty if the port is no topic.
+    """
+    if interfaces.is_internal(port):
+        return ""
+    return port if port.startswith("/") else f"{controller}.{port}"
+
+
 def _connect_chains(
     builder: DiagramBuilder, systems: Collection[ControllerInterface]
 ) -> None:
@@ -227,13 +267,34 @@ def _connect_chains(
             builder.Connect(exported, other.add_exporter(system))
 
 
-def _export_topics(builder: DiagramBuilder, system: LeafSystem, name: str) -> None:
-    """Export the ports of a controller that are topics: all but its interfaces."""
-    for index in range(system.num_input_ports()):
-        port = system.get_input_port(index)
-        if not interfaces.is_internal(port.get_name()):
-            builder.ExportInput(port, f"{name}.{port.get_name()}")
-    for index in range(system.num_output_ports()):
-        output = system.get_output_port(index)
-        if not interfaces.is_internal(output.get_name()):
-            builder.ExportOutput(output, f"{name}.{output.get_name()}")
+def _export_topics(
+    builder: DiagramBuilder,
+    systems: Mapping[str, ControllerInterface],
+    prefix: str,
+    report: LoadReport,
+) -> None:
+    """Export the ports of controllers that are topics: all but their interfaces.
+
+    A topic with a name of its own may have several readers, and one publisher.
+    """
+    readers: set[str] = set()
+    publishers: dict[str, str] = {}
+    for name, system in systems.items():
+        for index in range(system.num_input_ports()):
+            port = system.get_input_port(index)
+            topic = exported_name(port.get_name(), name)
+            if topic in readers:
+                builder.ConnectInput(f"{prefix}{topic}", port)
+            elif topic:
+                builder.ExportInput(port, f"{prefix}{topic}")
+                readers.add(topic)
+        for index in range(system.num_output_ports()):
+            output = system.get_output_port(index)
+            topic = exported_name(output.get_name(), name)
+            first = publishers.setdefault(topic, name) if topic else name
+            if first != name:
+                what = f"{first!r} and {name!r} publish on the topic {topic!r}"
+                done = f"what {first!r} publishes is there"
+                report.add("warning", "unsupported", what, done)
+            elif topic:
+                builder.ExportOutput(output, f"{prefix}{topic}")

@@ -7,7 +7,11 @@ from arm_drake.clients import GoalHandle
 from arm_drake.description.robot import Robot
 from arm_drake.mailbox import News
 from arm_drake.manager.state import CommandLimited
-from arm_drake.messages import GoalStatus, SwitchControllerResult
+from arm_drake.messages import (
+    FollowJointTrajectoryResult,
+    GoalStatus,
+    SwitchControllerResult,
+)
 from arm_drake.rollout import Rollout
 from arm_drake.simulation import Simulation
 
@@ -82,12 +86,9 @@ class Speaker:
                 self.line(f"{news.controller}: goal accepted")
                 if news.note:
                     print(f"warning: {news.controller}: {news.note}", file=sys.stderr)
-        elif news.result is not None:
+        elif news.status.is_terminal:
             self._news = ""
-            text = f"{news.status.value}, error code {int(news.result.error_code)}"
-            if news.result.error_string:
-                text += f": {news.result.error_string}"
-            self.line(f"{news.controller}: {text}")
+            self.line(f"{news.controller}: {news.describe()}")
 
 
 def list_failures(simulation: Simulation) -> list[str]:
@@ -98,12 +99,9 @@ def list_failures(simulation: Simulation) -> list[str]:
     """
     lines = []
     for goal in simulation.goals:
-        if goal.status in _FAILED and goal.result is not None:
+        if goal.status in _FAILED:
             place = f"{goal.where}: " if goal.where else ""
-            lines.append(
-                f"{place}{goal.controller}: goal {goal.status.value}, "
-                f"error code {int(goal.result.error_code)}: {goal.result.error_string}"
-            )
+            lines.append(f"{place}{goal.controller}: goal {goal.describe()}")
     events = (*simulation.rejected, *simulation.failures)
     return lines + [simulation.mailbox.describe(event) for event in events]
 
@@ -131,8 +129,7 @@ def summarize(
             {
                 "controller": goal.controller,
                 "status": goal.status.value,
-                "error_code": None if goal.result is None else goal.result.error_code,
-                "error_string": "" if goal.result is None else goal.result.error_string,
+                **_describe_result(goal),
             }
             for goal in simulation.goals
         ],
@@ -164,3 +161,15 @@ def print_summary(
             say.line(f"{goal.controller}: goal is still {goal.status.value}")
     for name, seconds in rollout.effort_saturation().items():
         say.line(f"{name} was at its effort limit for {seconds:.2f} s")
+
+
+def _describe_result(goal: GoalHandle) -> dict[str, Any]:
+    """Return what `--json` says of how a goal ended."""
+    result = goal.result
+    if isinstance(result, FollowJointTrajectoryResult):
+        code, text = int(result.error_code), result.error_string
+        return {"error_code": code, "error_string": text}
+    said: dict[str, Any] = {"error_code": None, "error_string": goal.note}
+    if result is not None:
+        said |= {"stalled": result.stalled, "reached_goal": result.reached_goal}
+    return said

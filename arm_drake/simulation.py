@@ -1,6 +1,5 @@
 """Simulation: a Simulator with commands in and a Rollout out."""
 
-import collections
 import math
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -12,7 +11,7 @@ from pydrake.systems.framework import Diagram
 from arm_drake.clients import ControllerHandle, GoalHandle
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
-from arm_drake.directory import ControllerList, Directory
+from arm_drake.directory import ControllerList, Directory, TopicList
 from arm_drake.errors import InputError, suggest
 from arm_drake.mailbox import Failure, Mailbox, News, Rejection
 from arm_drake.manager import MANAGER, SWITCH_PORT
@@ -23,9 +22,11 @@ from arm_drake.messages import (
     SwitchController,
 )
 from arm_drake.motion import Motion
-from arm_drake.playback import check_motion, send_step
+from arm_drake.playback import Player
 from arm_drake.recording import read_rollout
 from arm_drake.rollout import Rollout
+from arm_drake.topic_clients import TopicHandle, list_topics
+from arm_drake.topic_names import TopicNames
 
 # Ticks between two looks at the controllers' news; they keep the latest 64.
 _TICKS_AT_A_TIME = 50
@@ -50,6 +51,7 @@ class Simulation:
         """
         self.diagram = diagram
         self.directory = Directory(diagram)
+        self._topics = TopicNames(self.directory.managers)
         managers = self.directory.managers.values()
         self._period = min(manager.period for manager in managers)
         self.simulator = Simulator(diagram)
@@ -104,6 +106,21 @@ class Simulation:
         """
         _, controller, system = self.directory.find(name)
         return ControllerHandle(self, name, system, controller.type)
+
+    def topic(self, name: str) -> TopicHandle:
+        """Return what publishes on a topic, or reads it.
+
+        Args:
+            name: Its name in ROS or Gazebo, as "/arm/joint_trajectory".
+
+        Raises:
+            InputError: If there is no such topic.
+        """
+        return TopicHandle(self, self._topics.find(name))
+
+    def list_topics(self) -> TopicList:
+        """Return the topics and the types of their messages; as text, a table."""
+        return list_topics(self._topics, self.eval_output)
 
     def list_controllers(self) -> ControllerList:
         """Return the controllers and their states, in the order of the YAML.
@@ -232,29 +249,11 @@ class Simulation:
         """
         if not (math.isfinite(duration) and duration >= 0.0):
             raise ValueError(f"duration must be at least 0 s, got {duration!r}")
-        start = self.time
-        steps = collections.deque(motion.steps if motion else ())
-        if motion is not None:
-            check_motion(self, motion)
+        player = Player(self, motion, _TICK_TOLERANCE * self._period)
         # The rate counts from now.
         self.simulator.ResetStatistics()
         self.simulator.set_target_realtime_rate(realtime_rate)
-        end, tolerance = start + duration, _TICK_TOLERANCE * self._period
-        report_at = start
-        while True:
-            while motion and steps and start + steps[0].at <= self.time + tolerance:
-                send_step(self, motion, steps.popleft())
-            if progress is not None and self.time >= report_at:
-                progress(self.time)
-                report_at += 0.1
-            if self.time >= end:
-                break
-            targets = [end]
-            if steps:
-                targets.append(start + steps[0].at)
-            if progress is not None:
-                targets.append(report_at)
-            self.advance_to(max(min(targets), self.time))
+        player.play(duration, progress)
         self.simulator.set_target_realtime_rate(0.0)
 
     def link_poses(self, robot: str | None = None) -> dict[str, RigidTransform]:

@@ -47,6 +47,21 @@ class Surroundings:
     # URDF velocity limit of joints [rad/s] or [m/s]; others have none.
     velocity_limits: Mapping[str, float] = dc.field(default_factory=dict)
 
+    # URDF effort limit of joints [N·m] or [N]; others have none.
+    effort_limits: Mapping[str, float] = dc.field(default_factory=dict)
+
+    # Of each mimic joint: the joint that it follows in the end, and how far it moves
+    # per unit of it.
+    followed: Mapping[str, tuple[str, float]] = dc.field(default_factory=dict)
+
+    # Where grippers' joints are open and where closed [rad] or [m].
+    gripper_ranges: Mapping[str, tuple[float, float]] = dc.field(default_factory=dict)
+
+    # Names of the links, of the robot and of the world.
+    links: tuple[str, ...] = ()
+    robot_name: str = ""
+    world_name: str = "empty"
+
     @property
     def measured(self) -> tuple[str, ...]:
         """Order of the vector of everything that is measured."""
@@ -60,6 +75,9 @@ def find_surroundings(
     description: RobotDescription,
     initial_positions: Mapping[str, float],
     blocks: Sequence[GenericSystem] | None = None,
+    *,
+    robot_name: str = "",
+    world_name: str = "empty",
 ) -> Surroundings:
     """Return the joints and interfaces of a robot.
 
@@ -67,6 +85,8 @@ def find_surroundings(
         description: The robot.
         initial_positions: Initial positions by joint [rad] or [m].
         blocks: Hardware that mirrors commands, if that is what it has.
+        robot_name: Name of the robot.
+        world_name: Name of the world that it is in.
     """
     movable = {joint.name: joint.type for joint in description.movable_joints}
     simulated = set(interfaces.interface_names(movable, interfaces.STATE_INTERFACES))
@@ -117,7 +137,28 @@ def find_surroundings(
             for joint in description.movable_joints
             if joint.limits.velocity is not None
         },
+        effort_limits={
+            joint.name: joint.limits.effort
+            for joint in description.movable_joints
+            if joint.limits.effort is not None
+        },
+        followed=_followed(description),
+        links=tuple(description.links),
+        robot_name=robot_name,
+        world_name=world_name,
     )
+
+
+def _followed(description: RobotDescription) -> dict[str, tuple[str, float]]:
+    """Return what mimic joints follow in the end, and how far per unit of it."""
+    mimics = {j.name: j.mimic for j in description.movable_joints if j.mimic}
+    followed = {}
+    for name in mimics:
+        master, ratio = name, 1.0
+        while (mimic := mimics.get(master)) is not None:
+            master, ratio = mimic.joint, ratio * mimic.multiplier
+        followed[name] = (master, ratio)
+    return followed
 
 
 def _driven(description: RobotDescription, commands: Iterable[str]) -> frozenset[str]:

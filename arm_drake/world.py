@@ -1,4 +1,4 @@
-"""Built-in worlds: what a robot stands on and bumps into."""
+"""Worlds: what a robot stands on, bumps into and picks up."""
 
 from collections.abc import Callable, Mapping
 
@@ -15,19 +15,37 @@ _GROUND_FRICTION = 1.0
 _GROUND_SIZE = (100.0, 100.0, 1.0)
 
 
-def add_world(plant: MultibodyPlant, name: str) -> None:
+# Name of a built-in world, see `WORLDS`, or what adds one to a plant.
+World = str | Callable[[MultibodyPlant], None]
+
+
+def add_world(plant: MultibodyPlant, world: World) -> None:
     """Add a world to a plant that isn't finalized.
 
     Args:
         plant: Where to add it.
-        name: Name of a built-in world, see `WORLDS`.
+        world: Name of a built-in world, see `WORLDS`. Or a function that adds bodies,
+            joints and shapes to the plant, and doesn't finalize it; it may call
+            `add_world(plant, "empty")` for the ground.
 
     Raises:
-        InputError: If there is no such world.
+        InputError: If there is no such world, or if the function finalizes the plant.
     """
-    if name not in WORLDS:
-        raise InputError(f"unknown world {name!r}; {suggest(name, WORLDS)}")
-    WORLDS[name](plant)
+    if callable(world):
+        world(plant)
+        if plant.is_finalized():
+            raise InputError(
+                "world: the function finalized the plant; the robots come after it"
+            )
+        return
+    if not isinstance(world, str):
+        raise InputError(
+            "world: expected a name or a function of the plant, "
+            f"got {world!r}; known: {', '.join(sorted(WORLDS))}"
+        )
+    if world not in WORLDS:
+        raise InputError(f"unknown world {world!r}; {suggest(world, WORLDS)}")
+    WORLDS[world](plant)
 
 
 def _add_ground(plant: MultibodyPlant) -> None:

@@ -200,12 +200,14 @@ def test_the_difference_of_two_times_may_exceed_the_range():
         ),
         (
             lambda: SendGoal(JointTrajectory()),
-            "goal: expected a FollowJointTrajectoryGoal, got a JointTrajectory; "
+            "goal: expected a FollowJointTrajectoryGoal or a GripperCommandGoal or a "
+            "ParallelGripperCommandGoal, got a JointTrajectory; "
             "FollowJointTrajectoryGoal(trajectory) is one",
         ),
         (
             lambda: SendGoal(None),
-            "goal: expected a FollowJointTrajectoryGoal, got None",
+            "goal: expected a FollowJointTrajectoryGoal or a GripperCommandGoal or a "
+            "ParallelGripperCommandGoal, got None",
         ),
         (
             lambda: CancelGoal(FollowJointTrajectoryGoal()),

@@ -1,6 +1,8 @@
 """Motion files: what they say, or one message with the place."""
 
 import contextlib
+import itertools
+import math
 import re
 from pathlib import Path
 
@@ -13,6 +15,7 @@ from arm_drake.messages import (
     Duration,
     Float64MultiArray,
     FollowJointTrajectoryGoal,
+    GripperCommand,
     Header,
     JointTolerance,
     JointTrajectory,
@@ -21,19 +24,27 @@ from arm_drake.messages import (
     SwitchController,
     Time,
 )
-from arm_drake.motion import Motion, MotionStep, load_motion, parse_motion
+from arm_drake.motion import (
+    Motion,
+    MotionStep,
+    TopicMessage,
+    load_motion,
+    parse_motion,
+)
 
 POINT = "{positions: [1, 2.5], time_from_start: 2}"
 TIME = "expected seconds or {sec: int, nanosec: int}"
 KINDS = (
-    "['cancel', 'commands', 'commands_from_to', 'goal', 'speed_scaling', "
-    "'switch_controllers', 'trajectory']"
+    "['cancel', 'commands', 'commands_from_to', 'data', 'data_from_to', 'goal', "
+    "'gripper_command', 'speed_scaling', 'switch_controllers', 'trajectory']"
 )
 KEYS = (
-    "at, cancel, commands, commands_from_to, controller, count, every, goal, "
-    "ping_pong, speed_scaling, switch_controllers, trajectory"
+    "at, cancel, commands, commands_from_to, controller, count, data, data_from_to, "
+    "every, goal, gripper_command, ping_pong, repeat, speed_scaling, "
+    "switch_controllers, topic, topics, trajectory"
 )
 RAMP = "every: 1, count: 3, controller: a, commands_from_to"
+TOPICS = "every: 1, count: 3, topics: [/a, /b], data_from_to"
 
 
 @pytest.fixture
@@ -181,6 +192,101 @@ def test_a_switch_is_for_the_controller_manager(load, text, expected):
     )
 
 
+def test_a_gripper_command_has_the_fields_of_the_message(load):
+    (step,) = load("- {controller: g, gripper_command: {position: 1}}").steps
+    (other,) = load(
+        "- {controller: g, gripper_command: {position: -0.1, max_effort: 5}}"
+    ).steps
+
+    assert step == MotionStep(0.0, "g", GripperCommand(1.0), "[0].gripper_command")
+    assert other.message == GripperCommand(-0.1, 5.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "data"), [("-2", -2.0), ("2e-1", 0.2), ("[1, 2.5]", (1.0, 2.5))]
+)
+def test_data_is_for_a_topic(load, text, data):
+    (step,) = load(f"- {{at: 1, topic: /a/cmd_pos, data: {text}}}").steps
+
+    message = TopicMessage("/a/cmd_pos", data)
+    assert step == MotionStep(1.0, None, message, "[0].data")
+
+
+def test_a_trajectory_may_be_for_a_topic(load):
+    body = "{header: {frame_id: base}, joint_names: [a, b], points: [" + POINT + "]}"
+
+    motion = load(f"- {{at: 1, topic: /set_joint_trajectory, trajectory: {body}}}")
+
+    (step,) = motion.steps
+    point = JointTrajectoryPoint((1.0, 2.5), time_from_start=Duration(2))
+    trajectory = JointTrajectory(Header(frame_id="base"), ("a", "b"), (point,))
+    assert step.message == TopicMessage("/set_joint_trajectory", trajectory)
+    assert motion.duration == 1.0 + 2.0
+
+
+def test_a_ramp_of_data_has_a_value_for_each_topic(load):
+    motion = load(
+        "- {at: 1, every: 0.5, count: 3, topics: [/b, /a], "
+        "data_from_to: [[0, 1], [2, -1]], ping_pong: true}"
+    )
+
+    sent = [(step.at, *step.message) for step in motion.steps]
+    values = [(0.0, 1.0), (1.0, 0.0), (2.0, -1.0)]
+    assert sent == [
+        (1.0 + 0.5 * index, topic, value)
+        for index, row in enumerate([*values, *reversed(values)])
+        for topic, value in zip(("/b", "/a"), row, strict=True)
+    ]
+    assert {step.where for step in motion.steps} == {"[0].data_from_to"}
+
+
+# The joints of the script and their end; they start at 0.
+SCRIPT_END = (
+    *(-1.345, -1.23, 0.264, -0.296, 0.389, -1.5),
+    *(-0.7, -0.7, 0.7, 0.7, 0.7, -0.7),
+)
+
+
+def test_a_motion_of_a_few_lines_is_the_tutorials_script(load):
+    topics = [f"/model/arm/joint/j{index}/cmd_pos" for index in range(12)]
+    motion = load(
+        f"- {{every: 0.05, count: 52, topics: {topics}, ping_pong: true,\n"
+        f"   data_from_to: [{[0.0] * 12}, {list(SCRIPT_END)}]}}\n"
+        "- {repeat: true}\n"
+    )
+
+    # A timer of 0.05 s, 52 poses to and fro for ever, each end twice: 104 ticks.
+    sent = itertools.islice(motion.timeline(), 12 * 3 * 104)
+    for count, (at, step) in enumerate(sent):
+        tick, joint = divmod(count, 12)
+        pose = tick % 104 if tick % 104 < 52 else 103 - tick % 104
+        # Times are sums of rounded numbers, below 16 s.
+        assert at == pytest.approx(tick * 0.05, rel=0.0, abs=4 * math.ulp(8.0))
+        topic, value = step.message
+        assert topic == topics[joint]
+        # Two roundings in each of the two ways to compute it.
+        assert value == pytest.approx(SCRIPT_END[joint] * pose / 51, rel=2**-51, abs=0)
+    assert motion.duration == pytest.approx(5.2, rel=1e-15)
+
+
+def test_a_motion_repeats_after_a_further_period_or_its_last_trajectory(load):
+    points = f"{{joint_names: [a, b], points: [{POINT}]}}"
+    short = "- {at: 1, every: 1, count: 2, controller: a, commands: [1]}\n"
+    long = f"- {{at: 0.5, controller: a, trajectory: {points}}}\n"
+    repeat = "- {repeat: true}"
+
+    def times(text: str) -> list[float]:
+        timeline = load(text + repeat).timeline()
+        return [at for at, _ in itertools.islice(timeline, 5)]
+
+    assert times(short) == [1.0, 2.0, 4.0, 5.0, 7.0]
+    assert times(long) == [0.5, 3.0, 5.5, 8.0, 10.5]
+    assert load(short + repeat).duration == 3.0
+    # Without the last item nothing is repeated.
+    assert [at for at, _ in load(short).timeline()] == [1.0, 2.0]
+    assert load(short).duration == 2.0
+
+
 def test_the_motions_of_the_docs_can_be_read():
     docs = Path(__file__).parents[1] / "docs/motions.md"
     blocks = re.findall(
@@ -195,9 +301,11 @@ def test_the_motions_of_the_docs_can_be_read():
     assert kinds == {
         FollowJointTrajectoryGoal,
         JointTrajectory,
+        GripperCommand,
         Float64MultiArray,
         SpeedScalingFactor,
         SwitchController,
+        TopicMessage,
         type(None),
     }
 
@@ -375,7 +483,7 @@ def test_an_error_of_a_list_in_python_has_no_file():
         ("- {commands: [1]}", "[0].controller: expected a name, got None"),
         (
             "- {controller: a, commands: [1], ping_pong: true}",
-            "[0].ping_pong: only commands_from_to has it",
+            "[0].ping_pong: only commands_from_to and data_from_to have it",
         ),
         (
             f"- {{{RAMP}: [[1]]}}",
@@ -459,6 +567,94 @@ def test_an_error_of_a_list_in_python_has_no_file():
             "- {controller: a, switch_controllers: {activate: [a]}}",
             "[0].controller: switch_controllers is for the controller manager; leave "
             "it out",
+        ),
+        (
+            "- {controller: g, gripper_command: 0.1}",
+            "[0].gripper_command: expected a mapping, got 0.1",
+        ),
+        (
+            "- {controller: g, gripper_command: {max_effort: 1}}",
+            "[0].gripper_command: expected a position",
+        ),
+        (
+            "- {controller: g, gripper_command: {position: .nan}}",
+            "[0].gripper_command.position: expected a finite number, got nan",
+        ),
+        (
+            "- {controller: g, gripper_command: {position: 1, effort: 2}}",
+            "[0].gripper_command: unknown key 'effort'; did you mean 'max_effort'? "
+            "known: max_effort, position",
+        ),
+        ("- {data: 1}", "[0].topic: expected a name, got None"),
+        ("- {topic: 5, data: 1}", "[0].topic: expected a name, got 5"),
+        ("- {topic: /a, data: x}", "[0].data: expected a finite number, got 'x'"),
+        (
+            "- {topic: /a, data: [1, true]}",
+            "[0].data[1]: expected a finite number, got True",
+        ),
+        (
+            "- {controller: a, data: 1}",
+            "[0].controller: data goes with topic; leave it out",
+        ),
+        (
+            "- {topic: /a, commands: [1]}",
+            "[0].topic: commands goes with controller; leave it out",
+        ),
+        (
+            "- {topics: [/a], trajectory: {}}",
+            "[0].topics: trajectory goes with controller or topic; leave it out",
+        ),
+        (
+            "- {topic: /a, controller: a, trajectory: {}}",
+            "[0].topic: the step is for a controller already; leave it out",
+        ),
+        (
+            "- {topic: /a, switch_controllers: {activate: [a]}}",
+            "[0].topic: switch_controllers is for the controller manager; leave it out",
+        ),
+        (
+            "- {topic: /a, trajectory: 5}",
+            "[0].trajectory: expected a mapping, got 5",
+        ),
+        (
+            "- {every: 1, count: 3, data_from_to: [[1], [2]]}",
+            "[0].topics: expected a list, got None",
+        ),
+        (
+            "- {every: 1, count: 3, topics: [], data_from_to: [[], []]}",
+            "[0].topics: expected at least one name",
+        ),
+        (
+            f"- {{{TOPICS}: [[1], [2]]}}",
+            "[0].data_from_to[0]: expected a value for each of 2 topics, got 1",
+        ),
+        (
+            f"- {{{TOPICS}: [[1, 2], [2]]}}",
+            "[0].data_from_to[1]: expected as many values as in the first list, "
+            "2, got 1",
+        ),
+        (
+            "- {controller: a, cancel: true}\n- {repeat: 1}",
+            "[1].repeat: expected true, got 1",
+        ),
+        (
+            "- {every: 1, count: 1, controller: a, cancel: true}\n"
+            "- {repeat: true, count: 3}",
+            "[1]: unknown key 'count'; known: repeat",
+        ),
+        (
+            "- {repeat: true}\n- {controller: a, cancel: true}",
+            "[0].repeat: it is the last item of a motion",
+        ),
+        (
+            "- {controller: a, cancel: true}\n- {repeat: true}",
+            "[1].repeat: a round takes no time; `every` and `count` of a step give it "
+            "some",
+        ),
+        (
+            "- {every: 1, controller: a, trajectory_table: a.csv}",
+            f"[0]: unknown key 'trajectory_table'; did you mean 'trajectory'? known: "
+            f"{KEYS}",
         ),
         (goal("5"), "[0].goal: expected a mapping, got 5"),
         (

@@ -1,6 +1,7 @@
 """The house keeps its order: imports point one way, systems keep state in Contexts."""
 
 import ast
+import dataclasses as dc
 import graphlib
 import importlib
 import inspect
@@ -20,6 +21,7 @@ from pydrake.systems.framework import LeafSystem
 import arm_drake
 import arm_drake as ad
 from arm_drake.control.drive_commands import DriveCommands
+from arm_drake.controllers import gazebo_plugins as gazebo
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.forward_command_controller import (
     ForwardCommandController,
@@ -29,6 +31,10 @@ from arm_drake.controllers.forward_command_controller import (
     MultiInterfaceForwardCommandController,
     MultiInterfaceForwardCommandControllerParameters,
 )
+from arm_drake.controllers.gripper_controllers import (
+    GripperActionController,
+    GripperActionControllerParameters,
+)
 from arm_drake.controllers.joint_state_broadcaster import (
     JointStateBroadcaster,
     JointStateBroadcasterParameters,
@@ -37,9 +43,14 @@ from arm_drake.controllers.joint_trajectory_controller import (
     JointTrajectoryController,
     JointTrajectoryControllerParameters,
 )
+from arm_drake.controllers.parallel_gripper_action_controller import (
+    ParallelGripperActionController,
+    ParallelGripperActionControllerParameters,
+)
 from arm_drake.controllers.pid_controller import PidController
 from arm_drake.controllers.pid_parameters import PidControllerParameters
 from arm_drake.controllers.sampled_states import SampledStates
+from arm_drake.description import gazebo_joints as tags
 from arm_drake.frames import LinkFrames
 from arm_drake.kinematic import KinematicPlant
 from arm_drake.manager import ControllerManager
@@ -64,7 +75,14 @@ LAYERS = [
         "motion",
         "rollout",
     ],
-    ["servo", "controllers", "placement", "dynamics_samples", "surroundings"],
+    [
+        "servo",
+        "controllers",
+        "placement",
+        "dynamics_samples",
+        "gripper_ranges",
+        "surroundings",
+    ],
     ["couplings", "gain_report"],
     [
         "drives",
@@ -72,6 +90,7 @@ LAYERS = [
         "loaded_controllers",
         "kinematic",
         "controller_topics",
+        "missing_interfaces",
         "parameter_changes",
     ],
     ["hardware", "controller_loader", "model_check", "robot_commands"],
@@ -79,7 +98,8 @@ LAYERS = [
     ["controller_loading", "mock_hardware"],
     ["manager", "loading"],
     ["clients", "directory", "recording", "robot_systems"],
-    ["diagram", "mailbox", "playback"],
+    ["topic_names"],
+    ["diagram", "mailbox", "playback", "topic_clients"],
     ["simulation"],
     ["check_command", "sim_output", "view_command", "graph_command"],
     ["sim_command"],
@@ -106,8 +126,9 @@ WITHOUT_DRAKE = [
 KNOWN_TO_CONTROLLERS = re.compile(
     r"errors|interfaces|timing|messages(\..*)?|control(\..*)?"
     r"|controllers\.(controller_interface|ticking_controller|cycles|forward_controllers_base"
+    r"|gripper_(command|controller_base)|gazebo_(topics|command_base)"
     r"|joint_trajectory_(parameters|setup)|pid_gains|pid_parameters|speed_limits|topics"
-    r"|validation)|description\.(parameters|given)"
+    r"|validation)|description\.(parameters|given|gazebo_joints)"
 )
 
 MAX_LINES = 300
@@ -215,6 +236,7 @@ def test_text_and_mathematics_know_no_drake(part: str) -> None:
 def test_controllers_know_neither_the_robot_nor_each_other() -> None:
     modules = [m for m in MODULES if m.startswith("controllers.")]
     modules.remove("controllers.__init__")
+    modules.remove("controllers.gazebo_plugins")
 
     assert len(modules) > 2
     for module in modules:
@@ -258,6 +280,10 @@ def controller_params() -> ControllerInterfaceParams:
         state_interfaces=frozenset(interfaces),
         measured=interfaces,
     )
+
+
+def gripper_params() -> ControllerInterfaceParams:
+    return dc.replace(controller_params(), gripper_ranges={"joint": (0.0, 1.0)})
 
 
 def make_manager() -> ControllerManager:
@@ -305,6 +331,30 @@ FACTORIES: dict[type[LeafSystem], Callable[[], LeafSystem]] = {
         JointGroupControllerParameters(("joint",)),
         controller_params(),
         interface="effort",
+    ),
+    GripperActionController: lambda: GripperActionController(
+        GripperActionControllerParameters("joint"), gripper_params()
+    ),
+    ParallelGripperActionController: lambda: ParallelGripperActionController(
+        ParallelGripperActionControllerParameters("joint"), gripper_params()
+    ),
+    gazebo.JointPositionController: lambda: gazebo.make_plugin(
+        [tags.JointPositionController(("joint",), topic="<topic>")], gripper_params()
+    ),
+    gazebo.JointController: lambda: gazebo.make_plugin(
+        [tags.JointController(("joint",), topic="<topic>")], controller_params()
+    ),
+    gazebo.JointTrajectoryController: lambda: gazebo.make_plugin(
+        [tags.JointTrajectoryController(topic="<topic>")], controller_params()
+    ),
+    gazebo.JointStatePublisher: lambda: gazebo.make_plugin(
+        [tags.JointStatePublisher(topic="<topic>")], controller_params()
+    ),
+    gazebo.GazeboRosJointPoseTrajectory: lambda: gazebo.make_plugin(
+        [tags.GazeboRosJointPoseTrajectory()], controller_params()
+    ),
+    gazebo.GazeboRosJointStatePublisher: lambda: gazebo.make_plugin(
+        [tags.GazeboRosJointStatePublisher(("joint",))], controller_params()
     ),
     PidController: lambda: PidController(
         PidControllerParameters(

@@ -1,16 +1,21 @@
-"""Built-in worlds: a ground to stand on, or nothing at all."""
+"""Worlds: a ground to stand on, nothing at all, or what a function adds."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
+from pydrake.geometry import Box
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
+from pydrake.multibody.tree import SpatialInertia
 
 import arm_drake as ad
 from arm_drake.errors import InputError
+from arm_drake.world import World, add_world
 from tests import models
 
 
-def falling_ball(folder: Path, world: str) -> ad.Simulation:
+def falling_ball(folder: Path, world: World) -> ad.Simulation:
     robot = models.load(folder, models.FALLING_BALL)
     return ad.Simulation(ad.build_diagram(robot, world=world))
 
@@ -45,4 +50,71 @@ def test_an_unknown_world_is_refused(tmp_path: Path) -> None:
 
     assert str(caught.value) == (
         "unknown world 'emty'; did you mean 'empty'? known: empty, void"
+    )
+
+
+# Edge of a cube [m].
+EDGE = 0.1
+
+
+def add_ground_and_cube(plant: MultibodyPlant) -> None:
+    """Add the ground, and a cube of 1 kg that stands on it beside the ball."""
+    add_world(plant, "empty")
+    inertia = SpatialInertia.SolidCubeWithMass(1.0, EDGE)
+    body = plant.AddRigidBody("cube", plant.AddModelInstance("cube"), inertia)
+    shape, friction = Box(EDGE, EDGE, EDGE), CoulombFriction(1.0, 1.0)
+    plant.RegisterCollisionGeometry(body, RigidTransform(), shape, "cube", friction)
+    plant.SetDefaultFloatingBaseBodyPose(body, RigidTransform([1.0, 0.0, EDGE / 2.0]))
+
+
+def cube_pose(simulation: ad.Simulation) -> RigidTransform:
+    plant = simulation.diagram.GetSubsystemByName("plant")
+    context = plant.GetMyContextFromRoot(simulation.simulator.get_context())
+    return plant.EvalBodyPoseInWorld(context, plant.GetBodyByName("cube"))
+
+
+def test_a_function_adds_things_that_stand_on_the_ground(tmp_path: Path) -> None:
+    simulation = falling_ball(tmp_path, add_ground_and_cube)
+    before = cube_pose(simulation)
+
+    simulation.advance_to(2.0)
+
+    moved = before.inverse() @ cube_pose(simulation)
+    # It sinks in by far less than it weighs on an area of 100 cm2.
+    np.testing.assert_allclose(moved.translation(), 0.0, rtol=0.0, atol=1e-5)
+    assert moved.rotation().ToAngleAxis().angle() < 1e-5
+    # The ball, a robot, falls on the same ground as ever.
+    (fallen,) = simulation.joint_states().position
+    assert fallen == pytest.approx(-0.9, abs=1e-3)
+
+
+def test_without_physics_things_stay_where_they_are(tmp_path: Path) -> None:
+    robot = models.load(tmp_path, models.FALLING_BALL)
+    options = ad.SimulationOptions(preset="kinematic")
+    diagram = ad.build_diagram(robot, world=add_ground_and_cube, options=options)
+    port = diagram.GetOutputPort("state")
+
+    state = port.Eval(diagram.CreateDefaultContext())
+
+    # A quaternion and a position, then the ball; then as many velocities less one.
+    expected = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, EDGE / 2.0]
+    assert state.size == 8 + 7
+    assert sorted(state[:8]) == sorted([*expected, 0.0])
+
+
+def test_a_function_must_not_finalize_the_plant(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        falling_ball(tmp_path, lambda plant: plant.Finalize())
+
+    assert str(caught.value) == (
+        "world: the function finalized the plant; the robots come after it"
+    )
+
+
+def test_what_is_neither_a_name_nor_a_function_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        falling_ball(tmp_path, 3)  # type: ignore[arg-type]
+
+    assert str(caught.value) == (
+        "world: expected a name or a function of the plant, got 3; known: empty, void"
     )

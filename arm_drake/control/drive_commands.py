@@ -4,22 +4,16 @@ A drive has n joints. Each follows a position (with the velocity that goes with 
 velocity, an acceleration or an effort: what is claimed decides, in this order, and can
 change at run time. An acceleration or an effort that is claimed beside a position is
 added to what the position asks for. A joint that nobody commands holds its position, or
-is left to swing.
+is left to swing. Some command interfaces move nothing, but limit effort and velocity.
 """
 
-import dataclasses as dc
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from arm_drake import interfaces
-from arm_drake.messages import Message
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Indices = NDArray[np.intp]
+from arm_drake.control.drive_mode import Array, DriveMode, Indices, Mask
 
 # Parts of the drive vector, n each: desired position, velocity, acceleration, effort,
 # and whether the joint follows the velocity, the acceleration or the effort alone.
@@ -28,59 +22,13 @@ NUM_PARTS: Final = 7
 TAU_D: Final = 3
 IS_TAU: Final = 6
 
+# Parts with limits of effort and of velocity, which stand behind these.
+NUM_LIMITS: Final = 2
+
 # How much faster positions may change than in the last cycle to count as a motion: the
 # start of a quadratic has 3. What changes more is a step, which has no speed.
 _GROWTH = 3.0
 NUM_PARTS_OF_POSITIONS: Final = 2
-
-
-@dc.dataclass(frozen=True, eq=False)
-class DriveMode(Message):
-    """Which commands the n joints follow."""
-
-    # Exactly one of these holds for a joint that is commanded. Shape (n,).
-    is_position: Mask
-    is_velocity: Mask
-    is_acceleration: Mask
-    is_effort: Mask
-
-    # Whether a joint that follows a position is told its velocity too, an acceleration,
-    # an effort. Shape (n,).
-    is_guided: Mask
-    is_accelerated: Mask
-    is_pushed: Mask
-
-    # Joints that nobody commands and that are left to swing, shape (n,).
-    is_idle: Mask
-
-    # Where the commands stand among the values; 0 where there is none. Shape (n,).
-    position_at: Indices
-    velocity_at: Indices
-    acceleration_at: Indices
-    effort_at: Indices
-
-    # Rate of the controller that commands the joint [Hz], shape (n,).
-    rate: Array
-
-    # Whether all joints follow positions and nothing else is claimed.
-    is_plain: bool
-
-
-def is_outdone(name: str, claims: Collection[str]) -> bool:
-    """Return whether a drive does not act on a command, for it follows another one.
-
-    Args:
-        name: A claimed command interface, such as "joint1/effort".
-        claims: All claimed command interfaces.
-    """
-    joint, _, interface = name.rpartition("/")
-    if f"{joint}/{interfaces.POSITION}" in claims:
-        return False  # To what a position asks for, all else is added.
-    stronger = {
-        interfaces.ACCELERATION: (interfaces.VELOCITY,),
-        interfaces.EFFORT: (interfaces.VELOCITY, interfaces.ACCELERATION),
-    }
-    return any(f"{joint}/{other}" in claims for other in stronger.get(interface, ()))
 
 
 class DriveCommands:
@@ -93,6 +41,7 @@ class DriveCommands:
         *,
         velocity_lead: float | Array,
         has_modes: bool = True,
+        has_limits: bool = False,
         holds: bool = True,
     ) -> None:
         """Create the map.
@@ -103,34 +52,44 @@ class DriveCommands:
             velocity_lead: How far ahead of a moving joint the position is to which it
                 moves on its own [s], shape (n,) or for all.
             has_modes: Whether a joint may follow anything else than positions.
+            has_limits: Whether effort and velocity may be limited at run time.
             holds: Whether joints that nobody commands hold their position.
         """
         self.joints = tuple(joints)
         self.has_modes = has_modes
+        self.has_limits = has_limits
         self.holds = holds
         self._at = {name: index for index, name in enumerate(order)}
         self._lead = velocity_lead
         parts = NUM_PARTS if has_modes else NUM_PARTS_OF_POSITIONS
         self._zeros = np.zeros((parts - NUM_PARTS_OF_POSITIONS) * len(joints))
+        self._no_limits = np.zeros(NUM_LIMITS * len(joints) if has_limits else 0)
 
     def initial(self, positions: Sequence[float]) -> Array:
         """Return the drive vector that holds positions."""
         q = np.asarray(positions, dtype=float)
-        return np.concatenate([q, np.zeros_like(q), self._zeros, np.zeros_like(q)])
+        nothing = np.zeros_like(q)
+        return np.concatenate([q, nothing, self._zeros, self._no_limits, nothing])
 
     def told(self, drive: Array) -> Array:
         """Return what of a drive vector the servo is told, shape (7 n,) or (2 n,).
 
-        The last part, the rate of change of the positions, is for the next cycle.
+        With limits 2 n more. The last part, the rate of change of the positions, is for
+        the next cycle.
         """
         return drive[: len(drive) - len(self.joints)]
 
-    def mode(self, claims: Mapping[str, float]) -> DriveMode:
+    def mode(
+        self, claims: Mapping[str, float], limits: Mapping[str, str] | None = None
+    ) -> DriveMode:
         """Return the mode in which the joints are.
 
         Args:
             claims: Claimed command interfaces, and the rate of their controller [Hz].
+            limits: Those of them that limit, "effort" or "velocity", by name.
         """
+        limits = limits or {}
+        claims = {name: rate for name, rate in claims.items() if name not in limits}
 
         def find(interface: str) -> tuple[Mask, Indices]:
             names = [f"{joint}/{interface}" for joint in self.joints]
@@ -148,6 +107,10 @@ class DriveCommands:
             next((rate for name, rate in claims.items() if _joint(name) == joint), 0.0)
             for joint in self.joints
         ]
+        effort_limit_at, velocity_limit_at = (
+            self._find_limits(limits, kind)
+            for kind in (interfaces.EFFORT, interfaces.VELOCITY)
+        )
         return DriveMode(
             is_position=position,
             is_velocity=velocity & ~position,
@@ -161,11 +124,18 @@ class DriveCommands:
             velocity_at=velocity_at,
             acceleration_at=acceleration_at,
             effort_at=effort_at,
+            effort_limit_at=effort_limit_at,
+            velocity_limit_at=velocity_limit_at,
             rate=np.array(rates),
             is_plain=bool(
                 position.all() and not (velocity | acceleration | effort).any()
             ),
         )
+
+    def _find_limits(self, limits: Mapping[str, str], kind: str) -> Indices:
+        """Return where the limits of a kind stand among the values; -1 if nowhere."""
+        at = {_joint(n): self._at[n] for n, other in limits.items() if other == kind}
+        return np.array([at.get(joint, -1) for joint in self.joints], dtype=np.intp)
 
     def seed(
         self,
@@ -219,8 +189,9 @@ class DriveCommands:
     ) -> Array:
         """Return the drive vector of a cycle, shape (8 n,), or (3 n,) without modes.
 
-        The velocity of a joint that is commanded positions alone is their rate of
-        change; after a switch and at a step it is 0, for a jump is no speed.
+        With limits it has 2 n more, 0 where there is none. The velocity of a joint that
+        is commanded positions alone is their rate of change; after a switch and at a
+        step it is 0, for a jump is no speed.
 
         Args:
             mode: Which commands are followed.
@@ -242,8 +213,12 @@ class DriveCommands:
         if skipped is not None:
             rate[skipped] = before[skipped]
             v[skipped] = last[n : 2 * n][skipped]
+        limits = self._no_limits
+        if self.has_limits:
+            at = np.concatenate([mode.effort_limit_at, mode.velocity_limit_at])
+            limits = np.where(at < 0, 0.0, np.abs(values[at]))
         if mode.is_plain or not self.has_modes:
-            return np.concatenate((q, v, self._zeros, rate))
+            return np.concatenate((q, v, self._zeros, limits, rate))
         told = mode.is_guided | mode.is_velocity
         return np.concatenate(
             (
@@ -258,6 +233,7 @@ class DriveCommands:
                 mode.is_velocity,
                 mode.is_acceleration,
                 mode.is_effort | mode.is_idle,
+                limits,
                 rate,
             )
         )

@@ -1,24 +1,19 @@
 """What a joint_trajectory_controller makes of messages and of the goals of its action.
 
 The rules are those of ros2_controllers' joint_trajectory_controller (version 6.9.0)
-with the action server that it uses. Three quirks of theirs are kept:
-
-* Results wait for the goal's monitor. If another goal comes before it, the client of
-  the first is told CANCELED, whatever the outcome was.
-* A goal that is cancelled after it ended, but before its monitor said so, is told
-  nothing until another goal comes, and then CANCELED.
-* A trajectory on the topic doesn't end the goal that is being executed: it is judged by
-  the new trajectory from then on.
+with the action server that it uses, see `action_goals`. One more quirk is kept: a
+trajectory on the topic doesn't end the goal that is being executed; it is judged by the
+new trajectory from then on.
 """
 
 import dataclasses as dc
 import functools
 import math
 
+from arm_drake.control.action_goals import ActiveGoal, answer_cancel
 from arm_drake.control.joint_trajectory_report import make_feedback, take_snapshot
 from arm_drake.control.joint_trajectory_rules import JointTrajectoryRules
 from arm_drake.control.joint_trajectory_state import (
-    ActiveGoal,
     JointTrajectoryState,
     TickInputs,
     add_events,
@@ -30,8 +25,8 @@ from arm_drake.control.trajectory_validation import find_fault
 from arm_drake.messages import (
     ActionRequest,
     CancelGoal,
-    CancelResponse,
     FollowJointTrajectoryErrorCode,
+    FollowJointTrajectoryGoal,
     FollowJointTrajectoryResult,
     GoalEvent,
     GoalStatus,
@@ -76,14 +71,11 @@ def monitor(
     goal = state.goal
     if goal is None or now_ns < goal.monitor_ns:
         return state
-    outcome = goal.outcome
-    if outcome is not None:
-        if goal.is_canceling and outcome.status is not GoalStatus.CANCELED:
+    if goal.outcome is not None:
+        if not goal.is_deliverable:
             return state
-        return add_events(state._replace(goal=None), outcome)
-    period_ns = max(rules.monitor_period_ns, 1)
-    missed = (now_ns - goal.monitor_ns) // period_ns
-    due_ns = goal.monitor_ns + (missed + 1) * period_ns
+        return add_events(state._replace(goal=None), goal.outcome)
+    due_ns = goal.next_monitor(now_ns, rules.monitor_period_ns)
     snapshot = take_snapshot(state)
     # What dataclasses.replace makes, sooner.
     goal = ActiveGoal(goal.request, goal.accepted_ns, due_ns, None, goal.is_canceling)
@@ -102,13 +94,12 @@ def conclude(
     goal = state.goal
     assert goal is not None
     result = FollowJointTrajectoryResult(int(code), text)
-    outcome = GoalEvent(goal.request, status, result)
-    return state._replace(goal=dc.replace(goal, outcome=outcome))
+    return state._replace(goal=goal.end(status, result))
 
 
 def is_executing(state: JointTrajectoryState) -> bool:
     """Return whether there is a goal that hasn't ended."""
-    return state.goal is not None and state.goal.outcome is None
+    return state.goal is not None and state.goal.is_executing
 
 
 def _take_scaling_factor(
@@ -164,50 +155,51 @@ def _take_request(
         return _cancel(rules, state, request)
     if not isinstance(request, SendGoal):
         return state
-    fault = _INACTIVE
-    if state.plan.is_active:
-        fault = find_fault(request.goal.trajectory, rules.allowed, inputs.time_ns) or ""
-    if fault:
-        code = FollowJointTrajectoryErrorCode.INVALID_GOAL
-        result = FollowJointTrajectoryResult(int(code), fault)
-        return add_events(state, GoalEvent(request, GoalStatus.REJECTED, result))
-    return _accept(rules, state, request, inputs.time_ns)
+    goal, fault = request.goal, _INACTIVE
+    if not isinstance(goal, FollowJointTrajectoryGoal):
+        fault = f"expected a FollowJointTrajectoryGoal, got a {type(goal).__name__}"
+    elif state.plan.is_active:
+        fault = find_fault(goal.trajectory, rules.allowed, inputs.time_ns) or ""
+        if not fault:
+            return _accept(rules, state, request, goal, inputs.time_ns)
+    code = FollowJointTrajectoryErrorCode.INVALID_GOAL
+    result = FollowJointTrajectoryResult(int(code), fault)
+    return add_events(state, GoalEvent(request, GoalStatus.REJECTED, result))
 
 
 def _accept(
     rules: JointTrajectoryRules,
     state: JointTrajectoryState,
     request: SendGoal,
+    goal: FollowJointTrajectoryGoal,
     now_ns: int,
 ) -> JointTrajectoryState:
-    resolution = resolve_tolerances(request.goal, rules.joints, rules.tolerances)
+    resolution = resolve_tolerances(goal, rules.joints, rules.tolerances)
     accepted = GoalEvent(request, GoalStatus.EXECUTING, note=resolution.problem)
     news, old = [accepted], state.goal
-    if old is not None and old.outcome is None:
+    if old is not None and old.is_executing:
         code = FollowJointTrajectoryErrorCode.INVALID_GOAL
         result = FollowJointTrajectoryResult(int(code), rules.preempted_text)
         news.append(GoalEvent(old.request, rules.preempted_status, result))
     elif old is not None:
         result = FollowJointTrajectoryResult()
         news.append(GoalEvent(old.request, GoalStatus.CANCELED, result))
-    state = _follow(state, request.goal.trajectory)
+    state = _follow(state, goal.trajectory)
     plan = state.plan._replace(tolerances=resolution.tolerances)
-    goal = ActiveGoal(request, now_ns, now_ns + rules.monitor_period_ns)
-    return add_events(state._replace(plan=plan, goal=goal), *news)
+    active = ActiveGoal(request, now_ns, now_ns + rules.monitor_period_ns)
+    return add_events(state._replace(plan=plan, goal=active), *news)
 
 
 def _cancel(
     rules: JointTrajectoryRules, state: JointTrajectoryState, request: CancelGoal
 ) -> JointTrajectoryState:
-    goal = state.goal
-    if goal is None or goal.request is not request.request or goal.is_canceling:
-        reason = "no such goal is being executed; it has ended, or was never accepted"
-        return add_events(state, CancelResponse(request, False, reason))
-    has_ended = goal.outcome is not None
+    goal, response = state.goal, answer_cancel(state.goal, request)
+    if goal is None or not response.accepted:
+        return add_events(state, response)
     state = state._replace(goal=dc.replace(goal, is_canceling=True))
-    if not has_ended:
+    if goal.is_executing:
         state = conclude(state, GoalStatus.CANCELED, 0, "")
         # Whoever has accepted a goal is active, and knows where its joints are.
         assert state.position is not None
         state = stop_motion(rules, state, state.position, state.velocity)
-    return add_events(state, CancelResponse(request, True))
+    return add_events(state, response)

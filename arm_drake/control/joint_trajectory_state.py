@@ -4,13 +4,13 @@ n is the number of joints and k that of command interfaces, see
 `joint_trajectory_rules`.
 """
 
-import dataclasses as dc
 import math
 from collections.abc import Callable
 from typing import NamedTuple, Self
 
 import numpy as np
 
+from arm_drake.control.action_goals import ActiveGoal
 from arm_drake.control.joint_trajectory_rules import JointTrajectoryRules
 from arm_drake.control.pid import PidState
 from arm_drake.control.tolerances import Array, Tolerances
@@ -21,34 +21,13 @@ from arm_drake.messages import (
     GoalEvent,
     JointTrajectory,
     JointTrajectoryPoint,
-    Message,
     ParametersRejected,
-    SendGoal,
     SpeedScalingFactor,
     TopicRejected,
 )
 
 # News of a controller.
 Event = GoalEvent | CancelResponse | TopicRejected | ParametersRejected
-
-
-@dc.dataclass(frozen=True, eq=False)
-class ActiveGoal(Message):
-    """A goal that was accepted and whose result isn't delivered yet."""
-
-    request: SendGoal
-
-    # When it was accepted [ns].
-    accepted_ns: int
-
-    # When feedback or the result is due [ns].
-    monitor_ns: int
-
-    # How it ended.
-    outcome: GoalEvent | None = None
-
-    # Whether its client was told that it is being cancelled.
-    is_canceling: bool = False
 
 
 class Plan(NamedTuple):

@@ -5,9 +5,8 @@ its row to `CONTROLLER_TYPES`.
 """
 
 import functools
-import importlib.metadata
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from arm_drake.controllers.admittance_controller import AdmittanceControllerParameters
 from arm_drake.controllers.battery_state_broadcaster import (
@@ -17,6 +16,10 @@ from arm_drake.controllers.chained_filter_controller import ChainedFilterParamet
 from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
+)
+from arm_drake.controllers.controller_type import (
+    ControllerType,
+    check_controller_type,
 )
 from arm_drake.controllers.diff_drive_controller import DiffDriveControllerParameters
 from arm_drake.controllers.force_torque_sensor_broadcaster import (
@@ -34,9 +37,11 @@ from arm_drake.controllers.gpio_controllers import GpioCommandControllerParamete
 from arm_drake.controllers.gps_sensor_broadcaster import GPSSensorBroadcasterParameters
 from arm_drake.controllers.gripper_controllers import (
     EffortGripperActionControllerParameters,
+    GripperActionController,
     GripperActionControllerParameters,
 )
 from arm_drake.controllers.imu_sensor_broadcaster import IMUSensorBroadcasterParameters
+from arm_drake.controllers.installed_types import InstalledType, installed_types
 from arm_drake.controllers.joint_state_broadcaster import (
     JointStateBroadcaster,
     JointStateBroadcasterParameters,
@@ -56,6 +61,7 @@ from arm_drake.controllers.omni_wheel_drive_controller import (
     OmniWheelDriveControllerParameters,
 )
 from arm_drake.controllers.parallel_gripper_action_controller import (
+    ParallelGripperActionController,
     ParallelGripperActionControllerParameters,
 )
 from arm_drake.controllers.pid_controller import PidController
@@ -73,20 +79,17 @@ from arm_drake.controllers.steering_controllers import (
     TricycleSteeringControllerParameters,
 )
 from arm_drake.controllers.tricycle_controller import TricycleControllerParameters
+from arm_drake.controllers.vendor_types import EQUIVALENTS
 
-
-class ControllerType(NamedTuple):
-    """How to parse and build one type of controller."""
-
-    parameters: type
-
-    # None if its parameters are read, but it isn't simulated yet.
-    system: Callable[[Any, ControllerInterfaceParams], ControllerInterface] | None = (
-        None
-    )
-
-    # The type that it is run as, if not itself.
-    runs_as: str = ""
+__all__ = [
+    "CONTROLLER_TYPES",
+    "ControllerType",
+    "check_controller_type",
+    "find_controller_type",
+    "installed_types",
+    "list_types",
+    "register_controller",
+]
 
 
 _JSB = "joint_state_broadcaster/JointStateBroadcaster"
@@ -117,13 +120,14 @@ CONTROLLER_TYPES: dict[str, ControllerType] = {
         functools.partial(JointGroupController, interface="effort"),
     ),
     "position_controllers/GripperActionController": ControllerType(
-        GripperActionControllerParameters
+        GripperActionControllerParameters, GripperActionController
     ),
     "effort_controllers/GripperActionController": ControllerType(
-        EffortGripperActionControllerParameters
+        EffortGripperActionControllerParameters,
+        functools.partial(GripperActionController, interface="effort"),
     ),
     "parallel_gripper_action_controller/GripperActionController": ControllerType(
-        ParallelGripperActionControllerParameters
+        ParallelGripperActionControllerParameters, ParallelGripperActionController
     ),
     "pid_controller/PidController": ControllerType(
         PidControllerParameters, PidController
@@ -187,22 +191,55 @@ CONTROLLER_TYPES: dict[str, ControllerType] = {
     ),
 }
 
-# Group of the entry points through which other packages add types: a name is a
-# ros2_control type, its object a ControllerType.
-ENTRY_POINTS = "arm_drake.controllers"
 
+def find_controller_type(
+    name: str,
+    own: Mapping[str, ControllerType] | None = None,
+    installed: Mapping[str, InstalledType] | None = None,
+) -> ControllerType | None:
+    """Return the row of a controller type, or None.
 
-def find_controller_type(name: str) -> ControllerType | None:
-    """Return the row of a controller type, ours or another package's, or None.
+    A robot's own types come first, then those of installed packages, then ours, and
+    last other packages' types that are one of ours.
 
     Args:
         name: A ros2_control type.
+        own: Types of the robot alone.
+        installed: What `installed_types` returns; by default it is asked.
+
+    Raises:
+        InputError: If an installed package offers what can't be used.
     """
-    if name not in CONTROLLER_TYPES:
-        for entry_point in importlib.metadata.entry_points(group=ENTRY_POINTS):
-            if entry_point.name == name:
-                CONTROLLER_TYPES[name] = entry_point.load()
-    return CONTROLLER_TYPES.get(name)
+    ours = CONTROLLER_TYPES.get(name)
+    is_ours = name in EQUIVALENTS if ours is None else not ours.origin
+    others = ("arm_drake",) if is_ours else ()
+    if own and name in own:
+        origin = "load_robot(controller_types=...)"
+        return own[name]._replace(origin=origin, others=others)
+    offer = (installed_types() if installed is None else installed).get(name)
+    if offer is not None:
+        row = check_controller_type(offer.load(), offer.origin)
+        return row._replace(origin=offer.origin, others=(*others, *offer.others))
+    if ours is not None:
+        return ours
+    if "::" in name:  # As C++ calls it.
+        written = name.replace("::", "/")
+        row_as_written = find_controller_type(written, own, installed)
+        return row_as_written and row_as_written._replace(
+            runs_as=row_as_written.runs_as or written
+        )
+    if name not in EQUIVALENTS:
+        return None
+    type_, parameters = EQUIVALENTS[name]
+    row = CONTROLLER_TYPES[type_]
+    return row._replace(
+        parameters=parameters or row.parameters, runs_as=row.runs_as or type_
+    )
+
+
+def list_types() -> list[str]:
+    """Return the names of our types, without those that are run as another one."""
+    return [name for name, row in CONTROLLER_TYPES.items() if not row.runs_as]
 
 
 def register_controller(
@@ -210,10 +247,10 @@ def register_controller(
     parameters: type,
     system: Callable[[Any, ControllerInterfaceParams], ControllerInterface],
 ) -> None:
-    """Add a controller type of one's own, before a robot that has it is loaded.
+    """Add a controller type of one's own for all robots that are loaded later.
 
-    A package that is installed does it with an entry point of the group
-    `arm_drake.controllers`.
+    `load_robot(..., controller_types=...)` does it for one robot. A package that is
+    installed does it with an entry point of the group `arm_drake.controllers`.
 
     Args:
         name: Its ros2_control type, such as "my_controllers/MyController".
@@ -222,7 +259,10 @@ def register_controller(
 
     Raises:
         ValueError: If there is a type of this name.
+        InputError: If it can't be used.
     """
-    if find_controller_type(name) is not None:
+    if name in CONTROLLER_TYPES or name in installed_types():
         raise ValueError(f"controller type {name!r} is registered already")
-    CONTROLLER_TYPES[name] = ControllerType(parameters, system)
+    origin = "register_controller"
+    row = check_controller_type(ControllerType(parameters, system), origin)
+    CONTROLLER_TYPES[name] = row._replace(origin=origin)

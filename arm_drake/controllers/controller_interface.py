@@ -48,6 +48,23 @@ class ControllerInterfaceParams:
     # URDF velocity limit of joints [rad/s] or [m/s]; others have none.
     velocity_limits: Mapping[str, float] = dc.field(default_factory=dict)
 
+    # URDF effort limit of joints [N·m] or [N]; others have none.
+    effort_limits: Mapping[str, float] = dc.field(default_factory=dict)
+
+    # Of each mimic joint: the joint that it follows in the end, and how far it moves
+    # per unit of it.
+    followed: Mapping[str, tuple[str, float]] = dc.field(default_factory=dict)
+
+    # Where grippers' joints are open and where closed [rad] or [m].
+    gripper_ranges: Mapping[str, tuple[float, float]] = dc.field(default_factory=dict)
+
+    # Links of the robot.
+    links: tuple[str, ...] = ()
+
+    # Names that Gazebo's topics contain.
+    robot_name: str = ""
+    world_name: str = "empty"
+
 
 class ControllerInterface(LeafSystem):
     """Base of all controllers: what they read, what they claim.
@@ -68,6 +85,7 @@ class ControllerInterface(LeafSystem):
         command_interfaces: tuple[str, ...] = (),
         reference_interfaces: tuple[str, ...] = (),
         exported_interfaces: tuple[str, ...] = (),
+        limit_interfaces: Mapping[str, str] | None = None,
     ) -> None:
         """Create the system with the input ports that all controllers have.
 
@@ -78,6 +96,8 @@ class ControllerInterface(LeafSystem):
             reference_interfaces: What other controllers may command of it, with its
                 own name in front: "pid/joint1/position".
             exported_interfaces: What other controllers may read of it, likewise.
+            limit_interfaces: Command interfaces that don't move a joint, but limit how
+                it is moved: "effort" or "velocity", by name; 0 is no limit.
         """
         super().__init__()
         self.set_name(params.controller_name)
@@ -86,6 +106,7 @@ class ControllerInterface(LeafSystem):
         self.command_interfaces = command_interfaces
         self.reference_interfaces = reference_interfaces
         self.exported_interfaces = exported_interfaces
+        self.limit_interfaces = dict(limit_interfaces or {})
         order = {name: index for index, name in enumerate(params.measured)}
         num_measured = 2 * len(params.joint_types)
         self.reads_all = self.is_sampled or any(

@@ -30,6 +30,7 @@ from arm_drake.controllers.ticking_controller import TickingController
 from arm_drake.controllers.topics import new_messages, new_parameters
 from arm_drake.messages import (
     ActionRequest,
+    FollowJointTrajectoryGoal,
     JointTrajectory,
     JointTrajectoryControllerState,
     ParametersRejected,
@@ -121,6 +122,8 @@ class JointTrajectoryController(
     goal_time after the end, stops the motion and aborts the goal.
     """
 
+    goal_type = FollowJointTrajectoryGoal
+
     def __init__(
         self,
         parameters: JointTrajectoryControllerParameters,
@@ -146,8 +149,7 @@ class JointTrajectoryController(
             distro=params.distro,
         )
         rules = self._make_rules(parameters)
-        # Claimed in any case, as upstream; rules say whether it is heeded.
-        self._has_scaling_state = bool(scaling.state_interface)
+        self._has_scaling_state = bool(scaling.state_interface)  # rules may ignore it
         self._has_scaling_command = rules.has_scaling_command
         super().__init__(
             params,
@@ -166,7 +168,6 @@ class JointTrajectoryController(
         self._position_at = at[interfaces.POSITION]
         self._velocity_at = at.get(interfaces.VELOCITY)
         self._acceleration_at = at.get(interfaces.ACCELERATION)
-
         self._topic = self._declare_input("joint_trajectory")
         self._action = self._declare_input("follow_joint_trajectory")
         self._scaling = (
@@ -189,8 +190,7 @@ class JointTrajectoryController(
         inbox, state = self._state(context)
         return control.query(inbox.rules, state, Time.of(time).to_nanoseconds())
 
-    def _declare_input(self, name: str) -> InputPort:
-        # Any Python object: None is none to newer versions of Drake.
+    def _declare_input(self, name: str) -> InputPort:  # None is none to newer Drakes.
         return self.DeclareAbstractInputPort(name, AbstractValue.Make(()))
 
     def _update(

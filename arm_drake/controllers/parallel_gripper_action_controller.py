@@ -1,12 +1,32 @@
 """``parallel_gripper_action_controller/GripperActionController``.
 
-Source: ros2_controllers, `parallel_gripper_controller` (version 6.9.0). Parameters
-only.
+Source: ros2_controllers, `parallel_gripper_controller` (version 6.9.0); the tick itself
+is `arm_drake.control.gripper`.
 """
 
 import dataclasses as dc
+import functools
+import math
 
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_drake import interfaces
+from arm_drake.control.gripper import Ending, GripperRules, GripperState, Target
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.gripper_controller_base import (
+    GripperControllerBase,
+    monitor_period,
+)
 from arm_drake.controllers.validation import check_at_least, check_not_empty
+from arm_drake.messages import (
+    JointState,
+    ParallelGripperCommandGoal,
+    ParallelGripperCommandResult,
+    SendGoal,
+)
+
+Array = NDArray[np.float64]
 
 
 @dc.dataclass(frozen=True)
@@ -52,3 +72,134 @@ class ParallelGripperActionControllerParameters:
         check_at_least(
             self, 0.0, "goal_tolerance", "stall_timeout", "max_effort", "max_velocity"
         )
+
+
+class ParallelGripperActionController(GripperControllerBase):
+    """Moves a joint to the position of a ParallelGripperCommand goal.
+
+    .. pydrake_system::
+
+        name: ParallelGripperActionController
+        input_ports:
+        - controller_manager
+        - state_interfaces
+        - gripper_cmd
+        - gripper_command
+        output_ports:
+        - command_interfaces
+        - events
+
+    ==================  ====  =======  =================================================
+    port                size  unit     meaning
+    ==================  ====  =======  =================================================
+    controller_manager  --    --       Cycle: when to tick
+    state_interfaces    2J    rad,     measured positions, then velocities, of all J
+                              rad/s    joints of the robot
+    gripper_cmd         --    --       SendGoal of a ParallelGripperCommandGoal, or
+                                       CancelGoal
+    gripper_command     --    --       Float32: from 0 (open) to 1 (closed); there only
+                                       where it is known what that is
+    command_interfaces  --    --       Tick; its command is the position, then as there
+                                       are such interfaces the largest effort and the
+                                       largest velocity
+    events              --    --       tuple of the latest (number, event), the newest
+                                       last; an event is a GoalEvent, a CancelResponse
+                                       or a TopicRejected
+    ==================  ====  =======  =================================================
+
+    The state is a GripperControllerState. A goal names no joint that counts; where it
+    gives no effort or velocity, the parameters do. The largest effort and velocity go
+    to `max_effort_interface` and `max_velocity_interface`, and hold for the joint's
+    drive here, whether its description has such interfaces or not; 0 is no limit.
+    """
+
+    goal_type = ParallelGripperCommandGoal
+
+    def __init__(
+        self,
+        parameters: ParallelGripperActionControllerParameters,
+        params: ControllerInterfaceParams,
+    ) -> None:
+        """Create the system.
+
+        Args:
+            parameters: The controller's parameters.
+            params: Rate and surroundings of the controller.
+        """
+        effort, velocity = (
+            parameters.max_effort_interface,
+            parameters.max_velocity_interface,
+        )
+        self._has_effort, self._has_velocity = bool(effort), bool(velocity)
+        limits = tuple(filter(None, (effort, velocity)))
+        super().__init__(
+            _make_rules(parameters),
+            params,
+            joint=parameters.joint,
+            claims=(f"{parameters.joint}/{interfaces.POSITION}", *limits),
+            limits={
+                name: kind
+                for name, kind in (
+                    (effort, interfaces.EFFORT),
+                    (velocity, interfaces.VELOCITY),
+                )
+                if name
+            },
+        )
+
+    def _write(self, state: GripperState) -> Array:
+        target = state.target
+        assert target is not None
+        values = [target.position]
+        if self._has_effort:
+            values.append(target.max_effort)
+        if self._has_velocity:
+            values.append(target.max_velocity)
+        return np.array(values)
+
+
+def _make_rules(parameters: ParallelGripperActionControllerParameters) -> GripperRules:
+    return GripperRules(
+        goal_tolerance=parameters.goal_tolerance,
+        allow_stalling=parameters.allow_stalling,
+        stall_velocity_threshold=parameters.stall_velocity_threshold,
+        stall_timeout=parameters.stall_timeout,
+        monitor_period_ns=monitor_period(parameters.action_monitor_rate),
+        max_effort=parameters.max_effort,
+        max_velocity=parameters.max_velocity,
+        read_goal=functools.partial(
+            _read_goal,
+            has_effort=bool(parameters.max_effort_interface),
+            has_velocity=bool(parameters.max_velocity_interface),
+        ),
+        make_result=_make_result,
+    )
+
+
+def _read_goal(
+    rules: GripperRules, request: SendGoal, *, has_effort: bool, has_velocity: bool
+) -> Target | str:
+    goal = request.goal
+    if not isinstance(goal, ParallelGripperCommandGoal):
+        return f"expected a ParallelGripperCommandGoal, got a {type(goal).__name__}"
+    command = goal.command
+    if len(command.position) != 1:
+        return f"command.position must have 1 value, got {len(command.position)}"
+    for field in ("position", "velocity", "effort"):
+        for value in getattr(command, field):
+            if not math.isfinite(value):
+                return f"command.{field} must be finite, got {value}"
+    effort, velocity = command.effort, command.velocity
+    return Target(
+        command.position[0],
+        effort[0] if has_effort and effort else rules.max_effort,
+        velocity[0] if has_velocity and velocity else rules.max_velocity,
+    )
+
+
+def _make_result(ending: Ending | None) -> ParallelGripperCommandResult:
+    if ending is None:
+        return ParallelGripperCommandResult()
+    state = JointState(position=(ending.position,))
+    is_stalled = ending.is_stalled
+    return ParallelGripperCommandResult(state, is_stalled, not is_stalled)

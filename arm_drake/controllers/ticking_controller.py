@@ -8,7 +8,7 @@ an unrestricted update then stores it. Off the cycles `tick` is what was stored.
 """
 
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -51,6 +51,7 @@ class TickingController(ControllerInterface, Generic[S]):
         command_interfaces: tuple[str, ...] = (),
         reference_interfaces: tuple[str, ...] = (),
         exported_interfaces: tuple[str, ...] = (),
+        limit_interfaces: Mapping[str, str] | None = None,
     ) -> None:
         """Create the system with its state, its tick and its interfaces.
 
@@ -61,6 +62,7 @@ class TickingController(ControllerInterface, Generic[S]):
             command_interfaces: As in ControllerInterface.
             reference_interfaces: As in ControllerInterface.
             exported_interfaces: As in ControllerInterface.
+            limit_interfaces: As in ControllerInterface.
         """
         super().__init__(
             params,
@@ -68,6 +70,7 @@ class TickingController(ControllerInterface, Generic[S]):
             command_interfaces=command_interfaces,
             reference_interfaces=reference_interfaces,
             exported_interfaces=exported_interfaces,
+            limit_interfaces=limit_interfaces,
         )
         k = len(command_interfaces)
         # What is active where there is no manager.

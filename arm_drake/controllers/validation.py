@@ -4,6 +4,14 @@ import math
 from typing import Any
 
 
+def check_finite(owner: Any, *names: str) -> None:
+    """Raise ValueError for a number that isn't finite."""
+    for name in names:
+        value = getattr(owner, name)
+        if not math.isfinite(value):
+            raise ValueError(f"{name} must be a finite number, got {value}")
+
+
 def check_at_least(owner: Any, low: float, *names: str) -> None:
     """Raise ValueError for a number that isn't finite and at least ``low``."""
     for name in names:

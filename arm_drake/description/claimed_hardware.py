@@ -1,7 +1,7 @@
 """Hardware of a description without `<ros2_control>`: what the controllers claim."""
 
 import collections
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from arm_drake import interfaces
@@ -56,6 +56,8 @@ def hardware_from_controllers(
     joints: Sequence[JointInfo],
     report: LoadReport,
     file: Path,
+    *,
+    others: Collection[str] = (),
 ) -> tuple[HardwareInfo, ...]:
     """Return one block with the command interfaces that the controllers claim.
 
@@ -67,8 +69,14 @@ def hardware_from_controllers(
         joints: Joints of the robot, with the mimic that holds.
         report: Where the interfaces are recorded.
         file: The description, to be named in the report.
+        others: Joints that something else moves, if no controller does.
     """
-    movable = [joint for joint in joints if joint.is_movable]
+    claimed = claimed_joints(config)
+    movable = [
+        joint
+        for joint in joints
+        if joint.is_movable and (joint.name in claimed or joint.name not in others)
+    ]
     if not movable:
         return ()
     claims: dict[str, list[str]] = {joint.name: [] for joint in movable}
@@ -105,6 +113,15 @@ def hardware_from_controllers(
             ),
         ),
     )
+
+
+def claimed_joints(config: ControllerManagerConfig) -> dict[str, str]:
+    """Return the joints that controllers name to command them, each with the first."""
+    claimed: dict[str, str] = {}
+    for controller in config.controllers:
+        for name, _ in _claims(controller):
+            claimed.setdefault(name, controller.name)
+    return claimed
 
 
 def _claims(controller: ControllerConfig) -> Iterator[tuple[str, str]]:

@@ -10,6 +10,7 @@ from arm_drake.bundled import configs_folder
 from arm_drake.description.controllers import MANAGER
 from arm_drake.description.entry import Source, text_of
 from arm_drake.description.packages import PackageFinder
+from arm_drake.description.plugin_joints import moving_plugins
 from arm_drake.description.report import LoadReport
 from arm_drake.description.ros_parameters import PARAMETERS
 from arm_drake.description.urdf import RobotDescription
@@ -103,6 +104,17 @@ def _controllers_in_package(
         for path in sorted((folder / "config").glob("**/*.y*ml"))
         if _has_controllers(path)
     ]
+    if moving_plugins(description) and not description.hardware:
+        # Gazebo runs no controllers beside them, unless it is told to.
+        if candidates:
+            report.add(
+                "info",
+                "ignored",
+                f"controllers YAML {', '.join(map(str, candidates))}",
+                "Gazebo's own plugins move the joints; --controllers FILE takes it",
+                file=description.file,
+            )
+        return None
     if len(candidates) == 1:
         return candidates
     if not candidates and not description.hardware:

@@ -4,6 +4,7 @@ import dataclasses as dc
 import os
 from collections.abc import Collection
 from pathlib import Path
+from typing import Any
 
 from arm_drake.description.controller_manager_nodes import Nodes, merge
 from arm_drake.description.controller_manager_parameters import (
@@ -46,6 +47,9 @@ class ControllerConfig:
 
     # Why it can't be loaded, which the report says too; empty if it can.
     problem: str = ""
+
+    # Tags of one kind of Gazebo's plugins that it stands for, if it isn't of a YAML.
+    plugins: tuple[Any, ...] = ()
 
 
 class ManagedControllers:

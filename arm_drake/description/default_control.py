@@ -6,6 +6,7 @@ from arm_drake.description.controllers import (
 )
 from arm_drake.description.gazebo_joints import DiffDrive, GazeboRosDiffDrive
 from arm_drake.description.parameters import Parameter
+from arm_drake.description.plugin_joints import plugin_joints
 from arm_drake.description.report import LoadReport
 from arm_drake.description.urdf import RobotDescription
 
@@ -20,14 +21,14 @@ _NAMES = {
 def default_controllers(
     description: RobotDescription, report: LoadReport
 ) -> ControllerManagerConfig:
-    """Return a trajectory controller of all joints that move on their own.
+    """Return a trajectory controller of all joints that nothing else moves.
 
     Args:
         description: The robot; its hardware is taken to have what these need.
         report: Where it is said.
     """
     file = description.file
-    wheels = {
+    moved = plugin_joints(description) | {
         name
         for plugin in description.joint_plugins
         if isinstance(plugin, DiffDrive | GazeboRosDiffDrive)
@@ -36,7 +37,7 @@ def default_controllers(
     joints = [
         joint.name
         for joint in description.movable_joints
-        if joint.mimic is None and joint.name not in wheels
+        if joint.mimic is None and joint.name not in moved
     ]
     if not joints:
         return ControllerManagerConfig()

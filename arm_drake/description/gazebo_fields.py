@@ -45,6 +45,12 @@ _CLASSES: Mapping[GazeboPluginKind, type[JointPlugin]] = {
     "gazebo_ros_diff_drive": GazeboRosDiffDrive,
 }
 
+# Kinds that the simulator stands in for.
+SIMULATED: frozenset[GazeboPluginKind] = frozenset(_CLASSES) - {
+    "diff_drive",
+    "gazebo_ros_diff_drive",
+}
+
 # Those that take all joints where they name none.
 _ALL_BY_DEFAULT = (JointTrajectoryController, JointStatePublisher)
 
@@ -151,7 +157,10 @@ class _FieldReader(ElementReader):
                 continue
             tags = field.metadata["tags"]
             is_given = any(plugin.texts(tag) for tag in tags)
-            if is_given or not isinstance(typed, _ALL_BY_DEFAULT):
+            if is_given:
+                names = [name for tag in tags for name in plugin.texts(tag)]
+                return f"the robot has none of its joints: {', '.join(names)}"
+            if not isinstance(typed, _ALL_BY_DEFAULT):
                 return f"no joint; expected <{tags[0]}>"
         if isinstance(typed, GazeboRosDiffDrive):
             pairs = max(1, typed.num_wheel_pairs)

@@ -229,7 +229,7 @@ class GazeboRosJointPoseTrajectory:
     """Sets joints to the points of "set_joint_trajectory", in Gazebo Classic."""
 
     # [Hz]; 0 is every step.
-    update_rate: float = 0.0
+    update_rate: float = 100.0
 
     namespace: str = _tags("ros/namespace", default="")
     remappings: tuple[str, ...] = _tags("ros/remapping", "ros/argument")

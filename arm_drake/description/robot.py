@@ -3,13 +3,18 @@
 import dataclasses as dc
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from arm_drake.description.bridge import TopicAlias
 from arm_drake.description.controllers import ControllerManagerConfig
 from arm_drake.description.joints import FREE_TYPES
 from arm_drake.description.report import LoadReport
 from arm_drake.description.tree import links_on
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.errors import InputError
+
+if TYPE_CHECKING:
+    from arm_drake.controllers import ControllerType
 
 # Pose of a robot's base in the world: x, y, z [m], roll, pitch, yaw [rad].
 Pose = tuple[float, float, float, float, float, float]
@@ -43,6 +48,12 @@ class Robot:
 
     # Name of the bundled robot, if it is one.
     bundled: str | None = None
+
+    # Topics of ROS that a bridge connects with Gazebo's.
+    topic_aliases: tuple[TopicAlias, ...] = ()
+
+    # Controller types of this robot alone, by their ros2_control names.
+    controller_types: Mapping[str, "ControllerType"] = dc.field(default_factory=dict)
 
     @property
     def free_links(self) -> set[str]:

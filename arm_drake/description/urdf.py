@@ -15,7 +15,11 @@ from arm_drake.description.gazebo import (
     read_gazebo_plugins,
     report_gazebo,
 )
-from arm_drake.description.gazebo_fields import JointPlugin, read_joint_plugins
+from arm_drake.description.gazebo_fields import (
+    SIMULATED,
+    JointPlugin,
+    read_joint_plugins,
+)
 from arm_drake.description.hardware_info import HardwareInfo
 from arm_drake.description.hardware_report import report_hardware
 from arm_drake.description.joints import (
@@ -137,7 +141,7 @@ def parse_urdf(
     joints = find_mimics(joints, hardware, report, file)
     plugins = read_gazebo_plugins(root)
     report_hardware(hardware, report, file)
-    report_gazebo(root, report, file)
+    report_gazebo(root, report, file, simulated=SIMULATED)
     write_mimics(root, joints)
     normalise(root, file, packages, report, decompose=decompose)
     robot = RobotDescription(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Context, InputPort
 
 from arm_drake.control.command_limits import Previous
-from arm_drake.control.drive_commands import Mask
+from arm_drake.control.drive_mode import Mask
 from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.controllers.cycles import Array, Cycle, Tick
 

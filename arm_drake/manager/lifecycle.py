@@ -8,7 +8,8 @@ controllers take over.
 from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import NamedTuple
 
-from arm_drake.control.drive_commands import DriveCommands, DriveMode
+from arm_drake.control.drive_commands import DriveCommands
+from arm_drake.control.drive_mode import DriveMode
 from arm_drake.control.update_schedule import due_period
 from arm_drake.controllers.cycles import Array, Cycle
 from arm_drake.manager.state import ControllerFailure, Event, ManagerState
@@ -219,4 +220,10 @@ class Lifecycle:
         return tuple(self.claims(sorted(active, key=active.__getitem__)))
 
     def _mode(self, active: Iterable[str]) -> DriveMode:
-        return self._drive.mode(self.claims(active))
+        names = tuple(active)
+        limits = {
+            name: kind
+            for controller in names
+            for name, kind in self._infos[controller].limit_interfaces.items()
+        }
+        return self._drive.mode(self.claims(names), limits)

@@ -9,7 +9,8 @@ from pydrake.systems.framework import Context
 
 from arm_drake import interfaces
 from arm_drake.control.command_limits import CommandLimits
-from arm_drake.control.drive_commands import DriveCommands, DriveMode
+from arm_drake.control.drive_commands import DriveCommands
+from arm_drake.control.drive_mode import DriveMode
 from arm_drake.controllers.cycles import Array, Cycle
 from arm_drake.manager.claims import Claimants
 from arm_drake.manager.lifecycle import Lifecycle

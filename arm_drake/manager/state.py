@@ -6,7 +6,7 @@ from types import MappingProxyType
 from typing import NamedTuple, Self
 
 from arm_drake.control.command_limits import Previous
-from arm_drake.control.drive_commands import DriveMode
+from arm_drake.control.drive_mode import DriveMode
 from arm_drake.controllers.cycles import Array, Cycle
 from arm_drake.messages import SwitchController, SwitchControllerResult
 

@@ -3,14 +3,29 @@
 import dataclasses as dc
 import enum
 from collections.abc import Callable
+from typing import TypeAlias, get_args
 
 from arm_drake.messages.base import Message
 from arm_drake.messages.checks import check_type
+from arm_drake.messages.grippers import (
+    GripperCommand,
+    GripperCommandGoal,
+    GripperCommandResult,
+    ParallelGripperCommandGoal,
+    ParallelGripperCommandResult,
+)
 from arm_drake.messages.trajectories import (
     FollowJointTrajectoryFeedback,
     FollowJointTrajectoryGoal,
     FollowJointTrajectoryResult,
     JointTrajectory,
+)
+
+Goal: TypeAlias = (
+    FollowJointTrajectoryGoal | GripperCommandGoal | ParallelGripperCommandGoal
+)
+Result: TypeAlias = (
+    FollowJointTrajectoryResult | GripperCommandResult | ParallelGripperCommandResult
 )
 
 
@@ -38,14 +53,16 @@ class ActionRequest(Message):
 class SendGoal(ActionRequest):
     """Execute a goal."""
 
-    goal: FollowJointTrajectoryGoal
+    goal: Goal
 
     def __post_init__(self) -> None:
         """Refuse anything but a goal."""
         hint = ""
         if isinstance(self.goal, JointTrajectory):
             hint = "FollowJointTrajectoryGoal(trajectory) is one"
-        check_type(self.goal, FollowJointTrajectoryGoal, "goal", hint=hint)
+        elif isinstance(self.goal, GripperCommand):
+            hint = "GripperCommandGoal(command) is one"
+        check_type(self.goal, get_args(Goal), "goal", hint=hint)
 
 
 @dc.dataclass(frozen=True, eq=False)
@@ -76,7 +93,7 @@ class GoalEvent(Message):
 
     request: SendGoal
     status: GoalStatus
-    result: FollowJointTrajectoryResult | None = None
+    result: Result | None = None
 
     # What of the goal is not taken as written, in words.
     note: str = ""

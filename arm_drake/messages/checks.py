@@ -62,20 +62,22 @@ def check_name(value: Any, field: str) -> None:
         raise ValueError(f"{field}: expected a string, got {_show(value)}")
 
 
-def check_type(value: Any, kind: type, field: str, *, hint: str = "") -> None:
+def check_type(
+    value: Any, kind: type | tuple[type, ...], field: str, *, hint: str = ""
+) -> None:
     """Raise ValueError if a value isn't of a kind.
 
     Args:
         value: The value.
-        kind: Class of messages that it must be of.
+        kind: Class of messages that it must be of, or several.
         field: Field that it is for.
         hint: What else to do, for the error.
     """
     if not isinstance(value, kind):
         more = f"; {hint}" if hint else ""
-        raise ValueError(
-            f"{field}: expected a {kind.__name__}, got {_show(value)}{more}"
-        )
+        kinds = kind if isinstance(kind, tuple) else (kind,)
+        names = " or ".join(f"a {each.__name__}" for each in kinds)
+        raise ValueError(f"{field}: expected {names}, got {_show(value)}{more}")
 
 
 def to_messages(values: Any, kind: type[T], field: str) -> tuple[T, ...]:

@@ -1,6 +1,13 @@
 """Motion files: what is sent to the controllers, and when; see `docs/motions.md`."""
 
 from arm_drake.motion.files import load_motion, parse_motion
-from arm_drake.motion.timeline import Motion, MotionStep, StepMessage
+from arm_drake.motion.timeline import Motion, MotionStep, StepMessage, TopicMessage
 
-__all__ = ["Motion", "MotionStep", "StepMessage", "load_motion", "parse_motion"]
+__all__ = [
+    "Motion",
+    "MotionStep",
+    "StepMessage",
+    "TopicMessage",
+    "load_motion",
+    "parse_motion",
+]

@@ -1,11 +1,13 @@
 """A motion from its file, or from a list as in one."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from arm_drake import yaml_files
 from arm_drake.errors import MotionError
-from arm_drake.motion.steps import parse_step
+from arm_drake.motion.fields import Fields
+from arm_drake.motion.steps import REPEAT, parse_step
 from arm_drake.motion.timeline import Motion
 
 
@@ -39,9 +41,27 @@ def parse_motion(data: Any, file: Path | None = None) -> Motion:
         raise MotionError(
             f"expected a list of steps, got {type(data).__name__}", file=file
         )
+    repeats = bool(data) and _is_repeat(data[-1])
     steps = [
         step
-        for index, item in enumerate(data)
+        for index, item in enumerate(data[:-1] if repeats else data)
         for step in parse_step(item, index, file)
     ]
-    return Motion(file, tuple(sorted(steps, key=lambda step: step.at)))
+    motion = Motion(file, tuple(sorted(steps, key=lambda step: step.at)), repeats)
+    if repeats:
+        _check_repeat(data[-1], motion, Fields(f"[{len(data) - 1}]", file))
+    return motion
+
+
+def _is_repeat(item: Any) -> bool:
+    return isinstance(item, Mapping) and REPEAT in item
+
+
+def _check_repeat(item: Mapping[str, Any], motion: Motion, fields: Fields) -> None:
+    """Raise MotionError if a motion can't start over as its last item says."""
+    fields.mapping(item, "", (REPEAT,))
+    if item[REPEAT] is not True:
+        raise fields.error(REPEAT, f"expected true, got {item[REPEAT]!r}")
+    if motion.duration == 0.0:
+        problem = "a round takes no time; `every` and `count` of a step give it some"
+        raise fields.error(REPEAT, problem)

@@ -1,23 +1,46 @@
 """One step of a motion file: when, to whom, and what."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from arm_drake.errors import suggest
 from arm_drake.messages import (
     Float64MultiArray,
+    GripperCommand,
     SpeedScalingFactor,
     SwitchController,
 )
 from arm_drake.motion.fields import Fields
-from arm_drake.motion.timeline import MotionStep, StepMessage
+from arm_drake.motion.timeline import MotionStep, StepMessage, TopicMessage
 from arm_drake.motion.trajectories import read_goal, read_trajectory
+
+# Key of the last item of a motion that starts over.
+REPEAT = "repeat"
 
 # More repetitions than this are a slip, and would fill the memory.
 _MAX_COUNT = 100_000
 
-_COMMON_KEYS = ("at", "every", "count", "controller", "ping_pong")
+# Keys that say whom a step is for.
+_RECEIVERS = ("controller", "topic", "topics")
+
+# Whom each kind of step may be for; that without any is for the controller manager.
+_KINDS: Mapping[str, tuple[str, ...]] = {
+    "goal": ("controller",),
+    "trajectory": ("controller", "topic"),
+    "cancel": ("controller",),
+    "commands": ("controller",),
+    "gripper_command": ("controller",),
+    "speed_scaling": ("controller",),
+    "switch_controllers": (),
+    "data": ("topic",),
+    "commands_from_to": ("controller",),
+    "data_from_to": ("topics",),
+}
+
+_RAMPS = ("commands_from_to", "data_from_to")
+
+_COMMON_KEYS = ("at", "every", "count", "ping_pong", *_RECEIVERS)
 
 _SWITCH_KEYS = ("activate", "deactivate", "strictness")
 _STRICTNESS = ("strict", "best_effort")
@@ -47,44 +70,88 @@ class _Step:
 
     def parse(self) -> Iterator[MotionStep]:
         fields, item = self._fields, self._item
-        kinds: dict[str, Callable[[Any], StepMessage]] = {
-            "goal": lambda value: read_goal(fields, value, "goal"),
-            "trajectory": lambda value: read_trajectory(fields, value, "trajectory"),
+        if REPEAT in item:
+            raise fields.error(REPEAT, "it is the last item of a motion")
+        fields.mapping(item, "", (*_KINDS, *_COMMON_KEYS, REPEAT))
+        chosen = [key for key in _KINDS if key in item]
+        if len(chosen) != 1:
+            raise fields.error("", f"expected one of {sorted(_KINDS)}, got {chosen}")
+        (kind,) = chosen
+        names = self._receivers(kind)
+        controller = item.get("controller")
+        if kind in _RAMPS:
+            rows = self._ramp(kind, item[kind])
+            times = self._times(len(rows))
+            sent = [self._row_messages(kind, names, row) for row in rows]
+        else:
+            if "ping_pong" in item:
+                problem = f"only {' and '.join(_RAMPS)} have it"
+                raise fields.error("ping_pong", problem)
+            message = self._message(kind, item[kind])
+            times = self._times()
+            sent = [[message]] * len(times)
+        every = fields.seconds(item.get("every", 0.0), "every")
+        for at, messages in zip(times, sent, strict=True):
+            for each in messages:
+                where = f"{fields.step}.{kind}"
+                yield MotionStep(at, controller, each, where, every)
+
+    def _receivers(self, kind: str) -> tuple[str, ...]:
+        """Return the names of whom the step is for; none is the controller manager."""
+        fields, item, allowed = self._fields, self._item, _KINDS[kind]
+        given = [key for key in _RECEIVERS if key in item]
+        for key in given:
+            if not allowed:
+                problem = f"{kind} is for the controller manager; leave it out"
+                raise fields.error(key, problem)
+            if key not in allowed:
+                problem = f"{kind} goes with {' or '.join(allowed)}; leave it out"
+                raise fields.error(key, problem)
+        if len(given) > 1:
+            problem = f"the step is for a {given[0]} already; leave it out"
+            raise fields.error(given[1], problem)
+        if not allowed:
+            return ()
+        key = given[0] if given else allowed[0]
+        value = item.get(key)
+        if key == "topics":
+            return self._topics(value)
+        if not isinstance(value, str):
+            raise fields.error(key, f"expected a name, got {value!r}")
+        return (value,)
+
+    def _topics(self, value: Any) -> tuple[str, ...]:
+        names = self._fields.names(value, "topics")
+        if not names:
+            raise self._fields.error("topics", "expected at least one name")
+        return names
+
+    def _message(self, kind: str, value: Any) -> StepMessage | TopicMessage:
+        """Return what a step sends that isn't a ramp."""
+        fields = self._fields
+        topic = self._item.get("topic")
+        if topic is not None:
+            if kind == "trajectory":
+                return TopicMessage(topic, read_trajectory(fields, value, kind))
+            return TopicMessage(topic, self._data(value))
+        read: Mapping[str, Callable[[Any], StepMessage]] = {
+            "goal": lambda value: read_goal(fields, value, kind),
+            "trajectory": lambda value: read_trajectory(fields, value, kind),
             "cancel": self._cancel,
-            "commands": self._commands,
+            "commands": lambda v: Float64MultiArray(fields.numbers(v, kind)),
+            "gripper_command": self._gripper_command,
             "speed_scaling": self._speed_scaling,
             "switch_controllers": self._switch,
         }
-        names = (*kinds, "commands_from_to")
-        fields.mapping(item, "", (*names, *_COMMON_KEYS))
-        chosen = [key for key in names if key in item]
-        if len(chosen) != 1:
-            raise fields.error("", f"expected one of {sorted(names)}, got {chosen}")
-        (kind,) = chosen
-        controller = self._controller(kind)
-        where = f"{fields.step}.{kind}"
-        if kind == "commands_from_to":
-            messages: list[StepMessage] = [*self._ramp(item[kind])]
-            times = self._times(len(messages))
-        else:
-            if "ping_pong" in item:
-                raise fields.error("ping_pong", "only commands_from_to has it")
-            message = kinds[kind](item[kind])
-            times = self._times()
-            messages = [message] * len(times)
-        for at, message in zip(times, messages, strict=True):
-            yield MotionStep(at, controller, message, where)
+        return read[kind](value)
 
-    def _controller(self, kind: str) -> str | None:
-        controller = self._item.get("controller")
-        if kind == "switch_controllers":
-            if "controller" in self._item:
-                problem = f"{kind} is for the controller manager; leave it out"
-                raise self._fields.error("controller", problem)
-        elif not isinstance(controller, str):
-            problem = f"expected a name, got {controller!r}"
-            raise self._fields.error("controller", problem)
-        return controller
+    def _row_messages(
+        self, kind: str, names: Sequence[str], row: tuple[float, ...]
+    ) -> list[StepMessage | TopicMessage]:
+        """Return what a ramp sends at one time."""
+        if kind == "commands_from_to":
+            return [Float64MultiArray(row)]
+        return [TopicMessage(*pair) for pair in zip(names, row, strict=True)]
 
     def _times(self, count: int = 0) -> list[float]:
         """Return when the step's messages are sent [s]; ``count`` of them if given."""
@@ -109,12 +176,15 @@ class _Step:
         if value is not True:
             raise self._fields.error("cancel", f"expected true, got {value!r}")
 
-    def _commands(self, value: Any) -> Float64MultiArray:
-        return Float64MultiArray(self._fields.numbers(value, "commands"))
+    def _data(self, value: Any) -> float | tuple[float, ...]:
+        """Return what goes to a topic: a number, or a list of them."""
+        if isinstance(value, list):
+            return self._fields.numbers(value, "data")
+        return self._fields.number(value, "data")
 
-    def _ramp(self, value: Any) -> list[Float64MultiArray]:
-        """Return commands from one list of values to another, and back if asked."""
-        fields, where = self._fields, "commands_from_to"
+    def _ramp(self, where: str, value: Any) -> list[tuple[float, ...]]:
+        """Return values from one list to another, and back if asked."""
+        fields = self._fields
         ends = fields.list(value, where)
         if len(ends) != 2:
             problem = f"expected two lists of values, got {len(ends)}"
@@ -122,6 +192,10 @@ class _Step:
         first, last = (
             fields.numbers(end, f"{where}[{index}]") for index, end in enumerate(ends)
         )
+        topics = self._item.get("topics")
+        if topics is not None and len(first) != len(topics):
+            problem = f"expected a value for each of {len(topics)} topics"
+            raise fields.error(f"{where}[0]", f"{problem}, got {len(first)}")
         if len(first) != len(last):
             problem = f"expected as many values as in the first list, {len(first)}"
             raise fields.error(f"{where}[1]", f"{problem}, got {len(last)}")
@@ -134,11 +208,17 @@ class _Step:
         if is_back_and_forth:
             parts += reversed(parts)
         return [
-            Float64MultiArray(
-                tuple((1.0 - s) * a + s * b for a, b in zip(first, last, strict=True))
-            )
+            tuple((1.0 - s) * a + s * b for a, b in zip(first, last, strict=True))
             for s in parts
         ]
+
+    def _gripper_command(self, value: Any) -> GripperCommand:
+        fields, where = self._fields, "gripper_command"
+        data = fields.mapping(value, where, ("position", "max_effort"))
+        if "position" not in data:
+            raise fields.error(where, "expected a position")
+        numbers = {key: fields.number(v, f"{where}.{key}") for key, v in data.items()}
+        return GripperCommand(**numbers)
 
     def _speed_scaling(self, value: Any) -> SpeedScalingFactor:
         factor = self._fields.number(value, "speed_scaling")

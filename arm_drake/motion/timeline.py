@@ -1,13 +1,15 @@
 """The steps of a motion, and how long they take."""
 
 import dataclasses as dc
-from collections.abc import Iterable
+import itertools
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from arm_drake.messages import (
     Float64MultiArray,
     FollowJointTrajectoryGoal,
+    GripperCommand,
     JointTrajectory,
     SpeedScalingFactor,
     SwitchController,
@@ -18,6 +20,7 @@ from arm_drake.messages import (
 StepMessage: TypeAlias = (
     FollowJointTrajectoryGoal
     | JointTrajectory
+    | GripperCommand
     | Float64MultiArray
     | SpeedScalingFactor
     | SwitchController
@@ -25,20 +28,32 @@ StepMessage: TypeAlias = (
 )
 
 
+class TopicMessage(NamedTuple):
+    """What is sent to a topic, whose type only the robot knows."""
+
+    # Name as in ROS or Gazebo.
+    topic: str
+
+    data: float | tuple[float, ...] | JointTrajectory
+
+
 @dc.dataclass(frozen=True)
 class MotionStep:
-    """Something that is sent to a controller, or to the controller manager."""
+    """Something that is sent to a controller, a topic, or the controller manager."""
 
     # When, from the start of the motion [s].
     at: float
 
-    # Name of the controller; None is the controller manager.
+    # Name of the controller; None is a topic or the controller manager.
     controller: str | None
 
-    message: StepMessage
+    message: StepMessage | TopicMessage
 
     # Place in the file, for messages.
     where: str
+
+    # Time between the messages of a step that has several [s].
+    every: float = 0.0
 
 
 @dc.dataclass(frozen=True)
@@ -48,16 +63,32 @@ class Motion:
     file: Path | None
     steps: tuple[MotionStep, ...]
 
+    # Whether it starts over when it is done.
+    repeats: bool = False
+
     @property
     def duration(self) -> float:
-        """When the last step is done, trajectories at their scaled speed [s]."""
+        """When the last step is done, trajectories at their scaled speed [s].
+
+        Of a motion that repeats it is that of one round: the next one starts when a
+        further message of its steps would be due.
+        """
         factors: dict[str | None, list[tuple[float, float]]] = {}
         for step in self.steps:
             if isinstance(step.message, SpeedScalingFactor):
                 change = (step.at, step.message.factor)
                 factors.setdefault(step.controller, []).append(change)
-        ends = (_end(step, factors.get(step.controller, ())) for step in self.steps)
+        ends = [_end(step, factors.get(step.controller, ())) for step in self.steps]
+        if self.repeats:
+            ends += [step.at + step.every for step in self.steps]
         return max(ends, default=0.0)
+
+    def timeline(self) -> Iterator[tuple[float, MotionStep]]:
+        """Yield when each step is due [s], and the step; for ever if it repeats."""
+        duration = self.duration if self.repeats else 0.0
+        for number in itertools.count() if self.repeats else range(1):
+            for step in self.steps:
+                yield number * duration + step.at, step
 
     def place(self, step: MotionStep) -> str:
         """Return where a step stands, for messages."""
@@ -67,7 +98,9 @@ class Motion:
 def _end(step: MotionStep, factors: Iterable[tuple[float, float]]) -> float:
     """Return when a step is done [s], given its controller's changes of speed."""
     message = step.message
-    if isinstance(message, FollowJointTrajectoryGoal):
+    if isinstance(message, TopicMessage):
+        message = message.data if isinstance(message.data, JointTrajectory) else None
+    elif isinstance(message, FollowJointTrajectoryGoal):
         message = message.trajectory
     if not isinstance(message, JointTrajectory) or not message.points:
         return step.at

@@ -58,6 +58,7 @@ def make_joint_servo(
     N: Array,
     *,
     has_modes: bool = False,
+    has_limits: bool = False,
     knows_friction: bool = False,
     pid: DrivePid | None = None,
 ) -> Diagram:
@@ -80,7 +81,9 @@ def make_joint_servo(
     command   2n or 7n  rad, rad/s  desired positions, then desired velocities; with
                                     modes also accelerations [rad/s^2] and efforts
                                     [N·m], and whether the velocity, the acceleration
-                                    or the effort alone is followed (1 or 0)
+                                    or the effort alone is followed (1 or 0); with
+                                    limits 2n more, lower limits of efforts and of the
+                                    velocities of approaches, 0 where there is none
     friction  n         N·m         dry friction, if it is made up for
     effort    n         N·m         what the actuators apply, within the effort limits
     ========  ========  ==========  ==================================================
@@ -93,11 +96,12 @@ def make_joint_servo(
         velocities_at: Indices of the commanded velocities in the state.
         N: As for `sample_dynamics`.
         has_modes: Whether joints may follow anything else than positions.
+        has_limits: Whether effort and velocity may be limited at run time.
         knows_friction: Whether dry friction is told, and made up for.
         pid: Gains of joints that follow the law of a PID controller; with modes only.
     """
     h, m = control_plant.time_step(), len(N)
-    layout = Layout(2 * m, positions_at, velocities_at, has_modes)
+    layout = Layout(2 * m, positions_at, velocities_at, has_modes, has_limits)
     laws = EffortLaws(gains, layout, knows_friction=knows_friction)
     wiring = _Wiring()
     state = wiring.source("state", layout.num_states)
@@ -128,6 +132,9 @@ def make_joint_servo(
     if has_modes:
         efforts.append(wiring.times("told", layout.pick(TAU_D, IS_TAU), command))
         free = [wiring.times("free", layout.pick(IS_TAU), command)]
+    if has_limits:
+        limits = wiring.times("limits", layout.pick(layout.num_parts), command)
+        efforts.append(limits)
     known = [wiring.join("efforts", efforts)]
     scale = []
     if laws.is_limited:

@@ -21,6 +21,7 @@ from arm_drake.servo.signals import (
     clamp,
     function,
     is_set,
+    lower_of,
     variables,
 )
 
@@ -99,8 +100,8 @@ class EffortLaws:
     """Laws that follow the inverse dynamics; their first inputs are the same.
 
     These are the efforts for u, then where there are such those for no acceleration,
-    those of dry friction, and with modes those that are commanded, and whether it is
-    they alone that count; n each.
+    those of dry friction, with modes those that are commanded, and whether it is they
+    alone that count, and the limits that are told; n each.
     """
 
     def __init__(
@@ -115,7 +116,9 @@ class EffortLaws:
         """
         n = layout.num_joints
         self._gains, self._layout = gains, layout
-        self.is_limited = bool(np.isfinite(gains.effort_limit).any())
+        has_limit = bool(np.isfinite(gains.effort_limit).any())
+        self.is_limited = has_limit or layout.has_limits
+        self._limits = variables("limit", n if layout.has_limits else 0)
         self._tau = variables("tau", n)
         self._bias = variables("bias", n if self.is_limited else 0)
         self._friction = variables("friction", n if knows_friction else 0)
@@ -129,7 +132,7 @@ class EffortLaws:
         """Return what computes s of each group of joints from the common inputs."""
         scales = [Expression(1.0) for _ in self._scale]
         for i in map(int, np.flatnonzero(self._gains.is_strong)):
-            limit = float(self._gains.effort_limit[i])
+            limit = self._limit_of(i)
             more = self._tau[i] - self._bias[i]
             held = Expression(self._bias[i])
             if self._friction:
@@ -153,7 +156,7 @@ class EffortLaws:
                 tau = tau - self._friction[i]
             if self._told:
                 tau = _unless(self._free, i, tau + self._told[i], self._told)
-            efforts.append(clamp(tau, float(self._gains.effort_limit[i])))
+            efforts.append(clamp(tau, self._limit_of(i)))
         return function([*self._inputs(), *self._scale], efforts)
 
     def observer(self) -> SymbolicVectorSystem:
@@ -175,9 +178,13 @@ class EffortLaws:
             return Expression(1.0)
         return Expression(self._scale[int(self._gains.group[i])])
 
+    def _limit_of(self, i: int) -> float | Expression:
+        limit = float(self._gains.effort_limit[i])
+        return lower_of(limit, self._limits[i]) if self._limits else limit
+
     def _inputs(self) -> list[Variable]:
         parts = (self._tau, self._bias, self._friction, self._told, self._free)
-        return [variable for part in parts for variable in part]
+        return [variable for part in (*parts, self._limits) for variable in part]
 
 
 def _unless(
@@ -198,7 +205,12 @@ def _wanted_by_position(
 ) -> Expression:
     """Return the acceleration that a position with its velocity asks for."""
     error = _brake(command.q_d[i] - q, float(gains.braking_error[i]))
-    error = clamp(error, float(gains.max_approach[i]))
+    approach: float | Expression = float(gains.max_approach[i])
+    if command.velocity_limit:
+        # A joint approaches with kp / kd times the error.
+        told = gains.kd[i] / gains.kp[i] * command.velocity_limit[i]
+        approach = lower_of(float(gains.max_approach[i]), told)
+    error = clamp(error, approach)
     error = error + gains.velocity_lead[i] * command.v_d[i]
     error = clamp(error, float(gains.max_error[i]))
     return gains.kp[i] * error - gains.kd[i] * v

@@ -25,6 +25,9 @@ class ControllerInfo:
     reference_interfaces: tuple[str, ...] = ()
     exported_state_interfaces: tuple[str, ...] = ()
 
+    # Those of what it claims that limit a joint's "effort" or "velocity", by name.
+    limit_interfaces: Mapping[str, str] = dc.field(default_factory=dict)
+
     # Joints of hardware that follows one controller at a time, by whatever interface.
     joints: tuple[str, ...] = ()
 

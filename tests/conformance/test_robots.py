@@ -12,6 +12,7 @@ import pytest
 import arm_drake as ad
 from arm_drake.controller_loading import load_controllers_of
 from arm_drake.description.drive_gains import find_drive_gains
+from arm_drake.description.plugin_control import PLUGIN_TYPES
 from tests.robots import read_index, robot_names, robots_folder
 
 # The types that are simulated, and names of other packages for the same. To be extended
@@ -27,6 +28,10 @@ SIMULATED = {
     "velocity_controllers/JointGroupVelocityController",
     "effort_controllers/JointGroupEffortController",
     "pid_controller/PidController",
+    "position_controllers/GripperActionController",
+    "effort_controllers/GripperActionController",
+    "parallel_gripper_action_controller/GripperActionController",
+    *PLUGIN_TYPES.values(),
 }
 
 # How long they simulate [s], and how far a held joint may be off its start [rad, m].

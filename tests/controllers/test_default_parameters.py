@@ -170,7 +170,10 @@ DEFAULTS: dict[str, dict[str, Any]] = {
     MULTI: {},
     **{group: {} for group in GROUPS},
     GRIPPER: GRIPPER_DEFAULTS,
-    EFFORT_GRIPPER: {**GRIPPER_DEFAULTS, **nested("gains.a", PID_GAINS)},
+    EFFORT_GRIPPER: {
+        **GRIPPER_DEFAULTS,
+        **nested("gains.a", dict.fromkeys(("p", "i", "d", "i_clamp"), 0.0)),
+    },
     PARALLEL_GRIPPER: {
         "action_monitor_rate": 20.0,
         "state_interfaces": ("position", "velocity"),

@@ -166,7 +166,7 @@ def check_angle_wraparound(distro: str) -> None:
 @row("F6")
 def check_i_clamp(distro: str) -> None:
     default = 0.0 if distro == "humble" else math.inf
-    for type_ in (JTC, PID, EFFORT_GRIPPER):
+    for type_ in (JTC, PID):
         loaded = dict(flat(load(type_, distro=distro)))
         assert loaded["gains.a.i_clamp_max"] == default
         assert loaded["gains.a.i_clamp_min"] == -default

@@ -177,8 +177,8 @@ CASES: list[tuple[str, dict[str, Any], str]] = [
     ),
     (
         EFFORT_GRIPPER,
-        {"gains.a.i_clamp_max": -1.0},
-        "i_clamp_min and i_clamp_max must have 0 between them, got -inf and -1.0",
+        {"gains.a.i_clamp": -1.0},
+        "gains.a: i_clamp must be at least 0, got -1.0",
     ),
     (
         PARALLEL_GRIPPER,

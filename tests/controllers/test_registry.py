@@ -1,7 +1,6 @@
 """Controller types of other packages."""
 
 import dataclasses as dc
-import importlib.metadata
 import math
 from pathlib import Path
 from typing import Any
@@ -11,17 +10,19 @@ import pytest
 
 import arm_drake as ad
 from arm_drake import controllers
-from arm_drake.controllers import ControllerType
+from arm_drake.controllers import ControllerType, find_controller_type
 from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
 )
 from arm_drake.controllers.cycles import Now
 from arm_drake.controllers.ticking_controller import TickingController
+from arm_drake.errors import InputError
 from arm_drake.messages import NANOSECONDS
 from tests import models
 
 TYPE = "my_controllers/Wave"
+JTC = "joint_trajectory_controller/JointTrajectoryController"
 
 YAML = f"""
 controller_manager:
@@ -160,23 +161,49 @@ def test_without_it_the_type_is_unknown(tmp_path):
     assert f"unknown controller type {TYPE!r}" in str(robot.report)
 
 
-def test_an_installed_package_adds_types_by_entry_points(tmp_path, monkeypatch):
-    class EntryPoint:
-        name = TYPE
+@pytest.mark.parametrize("name", [JTC, TYPE])
+def test_a_type_is_registered_once(name):
+    ad.register_controller(TYPE, WaveParameters, Wave)
 
-        def load(self) -> ControllerType:
-            return ControllerType(WaveParameters, Wave)
-
-    def entry_points(group: str) -> list[EntryPoint]:
-        return [EntryPoint()] if group == controllers.ENTRY_POINTS else []
-
-    monkeypatch.setattr(importlib.metadata, "entry_points", entry_points)
-
-    assert simulate(tmp_path).position.max() == pytest.approx(0.2, abs=0.01)
-
-
-def test_a_type_is_registered_once():
-    name = "joint_trajectory_controller/JointTrajectoryController"
-
-    with pytest.raises(ValueError, match="is registered already"):
+    with pytest.raises(ValueError, match=f"'{name}' is registered already"):
         ad.register_controller(name, WaveParameters, Wave)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "system", "message"),
+    [
+        (dict, Wave, "register_controller: parameters: expected a dataclass"),
+        (WaveParameters(()), Wave, "register_controller: parameters: expected a data"),
+        (WaveParameters, "Wave", "system: expected a class or a function, got 'Wave'"),
+    ],
+)
+def test_what_is_registered_must_be_usable(parameters, system, message):
+    with pytest.raises(InputError, match=message):
+        ad.register_controller(TYPE, parameters, system)
+
+    assert find_controller_type(TYPE) is None
+
+
+def test_a_bug_of_ours_is_no_line_of_a_report(tmp_path):
+    def fail(parameters, params):
+        raise ZeroDivisionError("ours")
+
+    controllers.CONTROLLER_TYPES[TYPE] = ControllerType(WaveParameters, fail)
+
+    with pytest.raises(ZeroDivisionError, match="ours"):
+        models.load(tmp_path, models.pendulum(), YAML)
+
+
+def test_a_robots_own_type_comes_before_all_others():
+    ad.register_controller(TYPE, WaveParameters, Wave)
+    own = {TYPE: ControllerType(WaveParameters, Watcher)}
+
+    assert find_controller_type(TYPE, own).system is Watcher
+    assert find_controller_type(TYPE, {}).system is Wave
+
+
+def test_who_brought_a_type_is_known():
+    ad.register_controller(TYPE, WaveParameters, Wave)
+
+    assert find_controller_type(TYPE).origin == "register_controller"
+    assert find_controller_type(JTC).origin == ""

@@ -99,7 +99,7 @@ def test_defaults_of_gazebo_classic_are_those_of_its_sources():
         covariance_yaw=1e-3,
     )
     # The other two .cpp files.
-    assert (states.update_rate, trajectory.update_rate) == (100.0, 0.0)
+    assert (states.update_rate, trajectory.update_rate) == (100.0, 100.0)
 
 
 def test_the_ros2_control_plugin_has_the_defaults_of_its_sources():
@@ -319,7 +319,7 @@ def test_joints_that_the_robot_lacks_are_left_out():
         (POSITION, [], "no joint; expected <joint_name>"),
         (VELOCITY, [], "no joint; expected <joint_name>"),
         (CLASSIC_STATES, [], "no joint; expected <joint_name>"),
-        (STATES, [("joint_name", "x")], "no joint; expected <joint_name>"),
+        (STATES, [("joint_name", "x")], "the robot has none of its joints: x"),
         (DRIVE, [("left_joint", "j")], "no joint; expected <right_joint>"),
         (
             CLASSIC_DRIVE,

@@ -1,0 +1,212 @@
+"""Gazebo's joint plugins as controllers of the manager, and the hardware they need.
+
+In Gazebo they act in every step of the physics, beside the controllers of ros2_control.
+Here the controller manager runs them, at the rate of Gazebo's steps; all tags of a kind
+that moves single joints are one system, for a hundred of them would take their time.
+"""
+
+import dataclasses as dc
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+from arm_drake import interfaces
+from arm_drake.description.claimed_hardware import claimed_joints
+from arm_drake.description.controllers import (
+    ControllerConfig,
+    ControllerManagerConfig,
+)
+from arm_drake.description.gazebo_joints import (
+    GazeboRosJointPoseTrajectory,
+    GazeboRosJointStatePublisher,
+    JointController,
+    JointPositionController,
+    JointStatePublisher,
+    JointTrajectoryController,
+)
+from arm_drake.description.hardware_info import (
+    ComponentInfo,
+    HardwareInfo,
+    InterfaceInfo,
+)
+from arm_drake.description.joints import JointInfo
+from arm_drake.description.parameters import Parameter
+from arm_drake.description.plugin_joints import (
+    PluginSorter,
+    PluginTag,
+    RunPlugin,
+    plugin_joints,
+)
+from arm_drake.description.report import LoadReport
+from arm_drake.description.urdf import RobotDescription
+
+# Steps of Gazebo's physics per second, where a world doesn't say otherwise.
+GAZEBO_RATE = 1000
+
+# What the kinds are called where a controller's type is.
+PLUGIN_TYPES: dict[type[RunPlugin], str] = {
+    JointPositionController: "gz::sim::systems::JointPositionController",
+    JointController: "gz::sim::systems::JointController",
+    JointTrajectoryController: "gz::sim::systems::JointTrajectoryController",
+    JointStatePublisher: "gz::sim::systems::JointStatePublisher",
+    GazeboRosJointPoseTrajectory: "gazebo_plugins/GazeboRosJointPoseTrajectory",
+    GazeboRosJointStatePublisher: "gazebo_plugins/GazeboRosJointStatePublisher",
+}
+
+# Of these all tags make one system.
+_GROUPED = (JointPositionController, JointController)
+
+
+def add_plugins(
+    description: RobotDescription, config: ControllerManagerConfig, report: LoadReport
+) -> tuple[RobotDescription, ControllerManagerConfig]:
+    """Return a robot whose plugins are controllers, with the interfaces they claim.
+
+    A joint that several plugins move follows the last of them, as in Gazebo; one that a
+    controller of the YAML claims is left to it.
+
+    Args:
+        description: The robot.
+        config: Its controllers.
+        report: Where joints are recorded that a plugin doesn't get.
+    """
+    movable = {joint.name: joint for joint in description.movable_joints}
+    sorter = PluginSorter(movable, claimed_joints(config), report, description.file)
+    plugins = [p for p in description.joint_plugins if isinstance(p, RunPlugin)]
+    tags = sorter.sort(plugins)
+    if not tags:
+        return description, config
+    if any(tag.joints for tag in tags):
+        config = _at_rate(config, description.file)
+    names = {controller.name for controller in config.controllers}
+    added = tuple(_controllers(tags, names, description.file))
+    block = _hardware(description, tags, movable)
+    hardware = (*description.hardware, block) if block else description.hardware
+    joints = _without_limits(description, tags, report)
+    return (
+        dc.replace(description, hardware=hardware, joints=joints),
+        dc.replace(config, controllers=(*config.controllers, *added)),
+    )
+
+
+def _without_limits(
+    description: RobotDescription, tags: Sequence[PluginTag], report: LoadReport
+) -> tuple[JointInfo, ...]:
+    """Return the joints; those that are put in their places know no limit on the way.
+
+    Gazebo Classic sets the positions whatever it takes, also where friction is larger
+    than the effort limit.
+    """
+    placed = {
+        name
+        for tag in tags
+        if isinstance(tag.plugin, GazeboRosJointPoseTrajectory)
+        for name in tag.joints
+    }
+    if placed:
+        what = f"gazebo_ros_joint_pose_trajectory sets the positions of {len(placed)}"
+        report.add(
+            "info",
+            "ignored",
+            f"{what} joints, whatever it takes",
+            "their effort and velocity limits don't hold",
+            file=description.file,
+        )
+    return tuple(
+        dc.replace(j, limits=dc.replace(j.limits, effort=None, velocity=None))
+        if j.name in placed
+        else j
+        for j in description.joints
+    )
+
+
+def _controllers(
+    tags: Sequence[PluginTag], names: set[str], file: Path
+) -> Iterator[ControllerConfig]:
+    """Yield the controllers that plugins are, named apart."""
+    plugins = [tag.plugin for tag in tags]
+    groups: list[tuple[RunPlugin, ...]] = [
+        tuple(p for p in plugins if isinstance(p, kind)) for kind in _GROUPED
+    ]
+    groups += [(p,) for p in plugins if not isinstance(p, _GROUPED)]
+    for group in filter(None, groups):
+        kind = type(group[0])
+        name, number = kind.__name__, 2
+        while name in names:
+            name, number = f"{kind.__name__}_{number}", number + 1
+        names.add(name)
+        yield ControllerConfig(name, PLUGIN_TYPES[kind], {}, file, 1, plugins=group)
+
+
+def _hardware(
+    description: RobotDescription,
+    tags: Sequence[PluginTag],
+    movable: Mapping[str, JointInfo],
+) -> HardwareInfo | None:
+    """Return a block with the interfaces that plugins claim and no other block has."""
+    known = {
+        f"{component.name}/{interface.name}"
+        for block in description.hardware
+        for component in block.joints
+        for interface in component.command_interfaces
+    }
+    claims: dict[str, dict[str, None]] = {}
+    for tag in tags:
+        interface = _interface_of(tag.plugin)
+        for name in tag.joints:
+            joint: JointInfo | None = movable[name]
+            if interface == interfaces.EFFORT:
+                # The force of a mimic joint acts on the one that it follows.
+                while joint is not None and joint.mimic is not None:
+                    joint = movable.get(joint.mimic.joint)
+            if joint is None or joint.mimic is not None:
+                continue
+            if f"{joint.name}/{interface}" not in known:
+                claims.setdefault(joint.name, {})[interface] = None
+    if not claims:
+        return None
+    states = tuple(InterfaceInfo(name) for name in interfaces.STATE_INTERFACES)
+    read = [n for n in movable if n not in claims and n in plugin_joints(description)]
+    return HardwareInfo(
+        "Gazebo plugins",
+        "system",
+        "",
+        joints=(
+            *(
+                ComponentInfo(name, tuple(map(InterfaceInfo, names)), states)
+                for name, names in claims.items()
+            ),
+            *(ComponentInfo(name, (), states) for name in read),
+        ),
+    )
+
+
+def _interface_of(plugin: RunPlugin) -> str:
+    """Return what a plugin commands of its joints."""
+    if isinstance(plugin, JointPositionController) and plugin.use_velocity_commands:
+        return interfaces.VELOCITY
+    if isinstance(plugin, JointController) and not plugin.use_force_commands:
+        return interfaces.VELOCITY
+    if isinstance(plugin, GazeboRosJointPoseTrajectory):
+        return interfaces.POSITION
+    return interfaces.EFFORT
+
+
+def _at_rate(config: ControllerManagerConfig, file: Path) -> ControllerManagerConfig:
+    """Return a manager that runs at the rate of Gazebo's steps, or near it.
+
+    Its controllers keep theirs.
+    """
+    old = config.update_rate
+    if not config.controllers:
+        return dc.replace(config, update_rate=GAZEBO_RATE)
+    factor = max(1, round(GAZEBO_RATE / old))
+    if factor == 1:
+        return config
+    rate = Parameter(old, file, 1)
+    controllers = tuple(
+        c
+        if c.parameters.get("update_rate", Parameter(0, file, 1)).value
+        else dc.replace(c, parameters={**c.parameters, "update_rate": rate})
+        for c in config.controllers
+    )
+    return dc.replace(config, update_rate=old * factor, controllers=controllers)

@@ -1,0 +1,390 @@
+"""Gazebo's joint plugins in a robot: who moves what, at which rate, what is told."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import arm_drake as ad
+from arm_drake.description.plugin_control import GAZEBO_RATE, PLUGIN_TYPES
+from arm_drake.errors import InputError
+from tests.models import LENGTH, bob, joint, ros2_control
+from tests.robots import real_robot, robots_folder
+
+POSITION = "gz::sim::systems::JointPositionController"
+VELOCITY = "gz::sim::systems::JointController"
+TRAJECTORY = "gz::sim::systems::JointTrajectoryController"
+PUBLISHER = "gz::sim::systems::JointStatePublisher"
+
+# The goal of the myCobot tutorial's script [rad].
+GOAL = {
+    "link1_to_link2": -1.345,
+    "link2_to_link3": -1.23,
+    "link3_to_link4": 0.264,
+    "link4_to_link5": -0.296,
+    "link5_to_link6": 0.389,
+    "link6_to_link6flange": -1.5,
+}
+
+
+def plugin(name, *tags, filename=None):
+    kind = name.rpartition("::")[2]
+    library = (
+        filename
+        or "gz-sim-"
+        + "".join(f"-{c.lower()}" if c.isupper() else c for c in kind).removeprefix("-")
+        + "-system"
+    )
+    inside = "".join(f"<{tag}>{text}</{tag}>" for tag, text in tags)
+    return (
+        f'<gazebo><plugin filename="{library}" name="{name}">{inside}</plugin></gazebo>'
+    )
+
+
+def classic(name, *tags):
+    inside = "".join(f"<{tag}>{text}</{tag}>" for tag, text in tags)
+    library = f"libgazebo_ros_{name}.so"
+    return f'<gazebo><plugin filename="{library}" name="x">{inside}</plugin></gazebo>'
+
+
+def two_links(*blocks, control=""):
+    """Return two bobs one below the other, with plugins."""
+    return f"""
+<robot name="two">
+  <link name="base"/>{bob("upper")}{bob("lower")}
+  {joint("shoulder", "base", "upper")}
+  {joint("elbow", "upper", "lower", xyz=f"0 0 {-LENGTH}")}
+  {"".join(blocks)}{control}
+</robot>"""
+
+
+def load(folder, text, **options):
+    path = folder / "two.urdf"
+    path.write_text(text, encoding="utf-8")
+    return ad.load_robot(path, **options)
+
+
+def simulate(robot, **options):
+    options = ad.SimulationOptions(**options)
+    return ad.Simulation(ad.build_diagram(robot, world="void", options=options))
+
+
+def lines(robot):
+    return [
+        f"{entry.severity}: {entry.where}: {entry.what}; {entry.done}"
+        for entry in robot.report
+    ]
+
+
+def states_of(sim):
+    return {row.name: row.state for row in sim.list_controllers()}
+
+
+def mycobot(name="mycobot_280_gazebo"):
+    return ad.load_robot(
+        real_robot(f"mycobot_280/mycobot_gazebo/urdf/{name}.urdf.xacro"),
+        package_paths=[robots_folder() / "mycobot_280"],
+    )
+
+
+def test_a_joint_follows_its_topic(tmp_path):
+    gains = (("p_gain", 400), ("d_gain", 40), ("i_gain", 0))
+    robot = load(
+        tmp_path,
+        two_links(
+            plugin(POSITION, ("joint_name", "shoulder"), *gains),
+            plugin(POSITION, ("joint_name", "elbow"), *gains),
+        ),
+    )
+    sim = simulate(robot, gravity=False)
+    assert states_of(sim) == {"JointPositionController": "active"}
+
+    sim.topic("/model/two/joint/elbow/cmd_pos").publish(0.5)
+    sim.advance_to(3.0)
+
+    assert sim.joint_states().position == pytest.approx((0.0, 0.5), abs=1e-3)
+
+
+def test_the_manager_runs_at_the_rate_of_gazebo_s_steps(tmp_path):
+    text = two_links(plugin(POSITION, ("joint_name", "elbow")))
+
+    robot = load(tmp_path, text)
+
+    assert robot.controllers.update_rate == GAZEBO_RATE
+
+
+YAML = """
+controller_manager:
+  ros__parameters:
+    update_rate: {rate}
+    joint_state_broadcaster: {{type: joint_state_broadcaster/JointStateBroadcaster}}
+    group: {{type: position_controllers/JointGroupPositionController}}
+group:
+  ros__parameters: {{joints: [shoulder]}}
+"""
+
+
+@pytest.mark.parametrize(("rate", "manager"), [(100, 1000), (250, 1000), (225, 900)])
+def test_controllers_keep_their_rate_beside_a_plugin(tmp_path, rate, manager):
+    yaml = tmp_path / "controllers.yaml"
+    yaml.write_text(YAML.format(rate=rate), encoding="utf-8")
+    control = ros2_control("shoulder", states=("elbow",))
+    text = two_links(plugin(POSITION, ("joint_name", "elbow")), control=control)
+
+    robot = load(tmp_path, text, controllers=yaml)
+    sim = simulate(robot)
+    sim.advance_to(0.1)
+
+    assert robot.controllers.update_rate == manager
+    assert states_of(sim) == dict.fromkeys(
+        ("joint_state_broadcaster", "group", "JointPositionController"), "active"
+    )
+    rates = [sim.directory.find(n)[2].params.update_rate for n in ("group",)]
+    assert rates == [rate]
+
+
+def test_a_joint_that_is_missing_is_told_and_the_rest_runs(tmp_path):
+    robot = load(
+        tmp_path,
+        two_links(
+            plugin(POSITION, ("joint_name", "elbo")),
+            plugin(POSITION),
+            plugin(POSITION, ("joint_name", "shoulder"), ("p_gain", 50)),
+        ),
+    )
+
+    told = "\n".join(lines(robot))
+    assert "the robot has no joint 'elbo'" in told
+    assert "elbow" in told
+    assert "the robot has none of its joints: elbo; the plugin is left out" in told
+    assert "no joint; expected <joint_name>; the plugin is left out" in told
+    sim = simulate(robot)
+    topics = [row.name for row in sim.list_topics()]
+    assert "/model/two/joint/shoulder/cmd_pos" in topics
+    assert not any("elbo" in name and name.endswith("cmd_pos") for name in topics)
+
+
+def test_of_two_plugins_on_a_joint_the_last_one_moves_it(tmp_path):
+    robot = load(
+        tmp_path,
+        two_links(
+            plugin(POSITION, ("joint_name", "elbow"), ("topic", "/first")),
+            plugin(POSITION, ("joint_name", "elbow"), ("topic", "/second")),
+            plugin(VELOCITY, ("joint_name", "shoulder")),
+            plugin(POSITION, ("joint_name", "shoulder"), ("topic", "/third")),
+        ),
+    )
+
+    told = [line for line in lines(robot) if "another Gazebo plugin" in line]
+    assert told == [
+        "warning: Gazebo plugin JointPositionController: another Gazebo plugin moves "
+        "joint 'elbow' too; the last one does",
+        "warning: Gazebo plugin JointController: another Gazebo plugin moves joint "
+        "'shoulder' too; the last one does",
+    ]
+    topics = [row.name for row in simulate(robot).list_topics()]
+    assert {"/second", "/third"} <= set(topics)
+    assert "/first" not in topics
+
+
+def test_a_joint_that_a_controller_commands_is_left_to_it(tmp_path):
+    yaml = tmp_path / "controllers.yaml"
+    yaml.write_text(YAML.format(rate=100), encoding="utf-8")
+    robot = load(
+        tmp_path,
+        two_links(
+            plugin(POSITION, ("joint_name", "shoulder")),
+            plugin(POSITION, ("joint_name", "elbow")),
+            control=ros2_control("shoulder"),
+        ),
+        controllers=yaml,
+    )
+
+    assert (
+        "warning: Gazebo plugin JointPositionController: controller 'group' commands "
+        "joint 'shoulder' too; the plugin leaves it alone"
+    ) in lines(robot)
+    sim = simulate(robot)
+    assert states_of(sim)["group"] == "active"
+    with pytest.raises(InputError, match="shoulder"):
+        sim.topic("/model/two/joint/shoulder/cmd_pos").publish(1.0)
+
+
+def test_what_a_tag_asks_for_in_vain_is_told(tmp_path):
+    tag = plugin(POSITION, ("joint_name", "elbow"), ("use_actuator_msg", "true"))
+
+    robot = load(tmp_path, two_links(tag))
+
+    assert any("use_actuator_msg" in line for line in lines(robot))
+
+
+def test_a_velocity_plugin_moves_at_the_velocity(tmp_path):
+    robot = load(tmp_path, two_links(plugin(VELOCITY, ("joint_name", "elbow"))))
+    sim = simulate(robot, gravity=False)
+
+    sim.topic("/model/two/joint/elbow/cmd_vel").publish(0.8)
+    sim.advance_to(1.0)
+
+    at = list(sim.joint_states().name).index("elbow")
+    assert sim.joint_states().velocity[at] == pytest.approx(0.8, rel=1e-3)
+
+
+# A trajectory without interpolation: the target is the point that comes next.
+def test_gazebo_s_own_trajectory_controller_follows_points(tmp_path):
+    gains = "900 900"
+    robot = load(
+        tmp_path,
+        two_links(
+            plugin(
+                TRAJECTORY,
+                ("joint_name", "shoulder"),
+                ("joint_name", "elbow"),
+                ("position_p_gain", gains),
+                ("position_d_gain", "60 60"),
+            )
+        ),
+    )
+    sim = simulate(robot, gravity=False)
+    point = ad.JointTrajectoryPoint
+
+    sim.topic("/model/two/joint_trajectory").publish(
+        ad.JointTrajectory(
+            joint_names=("elbow", "shoulder"),
+            points=(
+                point((0.4, 0.2), time_from_start=2.0),
+                point((0.0, -0.3), time_from_start=4.0),
+            ),
+        )
+    )
+    sim.advance_to(1.9)
+    first = sim.joint_states().position
+    progress = sim.topic("/model/two/joint_trajectory_progress").value()
+    sim.advance_to(5.0)
+
+    assert first == pytest.approx((0.2, 0.4), abs=2e-3)
+    assert progress.data == 0.5
+    assert sim.joint_states().position == pytest.approx((-0.3, 0.0), abs=2e-3)
+
+
+@pytest.mark.slow
+def test_the_published_mycobot_sags_as_its_pid_balances_gravity():
+    """At rest p e + i-term equals the torque of gravity; here it creeps.
+
+    So it is short of it by what damping and the d gain take, v (damping + d).
+    """
+    robot = mycobot()
+    sim = simulate(robot, friction=False)
+    for name, position in GOAL.items():
+        sim.topic(f"/model/mycobot_280/joint/{name}/cmd_pos").publish(position)
+
+    sim.advance_to(10.0)
+
+    rollout = sim.rollout()
+    names = list(rollout.joint_names)
+    at = [names.index(name) for name in GOAL]
+    errors = np.array(list(GOAL.values())) - rollout.position[:, at]
+    steps = np.diff(rollout.time, prepend=rollout.time[0])[:, None]
+    integral = np.clip(np.cumsum(0.1 * steps * errors, axis=0), -1.0, 1.0)[-1]
+    plant = sim.diagram.GetSubsystemByName("plant")
+    context = plant.GetMyContextFromRoot(sim.simulator.get_context())
+    joints = [plant.GetJointByName(name) for name in GOAL]
+    gravity = -plant.CalcGravityGeneralizedForces(context)
+    damping = np.array([j.default_damping_vector()[0] for j in joints])
+    balance = (
+        1.0 * errors[-1] + integral - gravity[[j.velocity_start() for j in joints]]
+    )
+    velocity = rollout.velocity[-1, at]
+    # What accelerations are left are below 0.01 rad/s^2, inertias below 0.02 kg m^2.
+    np.testing.assert_allclose(balance, (damping + 0.01) * velocity, atol=3e-4)
+    # It sags by 0.39 rad at that moment.
+    assert errors[-1, 1] == pytest.approx(0.39, abs=0.01)
+
+
+@pytest.mark.slow
+def test_the_tutorial_s_script_moves_the_published_mycobot():
+    """Without gravity, as the tutorial has it: a step to the goal, and on to it."""
+    sim = simulate(mycobot(), gravity=False, friction=False)
+    for name, position in GOAL.items():
+        sim.topic(f"model/mycobot_280/joint/{name}/cmd_pos").publish(position)
+
+    sim.advance_to(1.0)
+    names = list(sim.joint_states().name)
+    after_one = sim.joint_states().position[names.index("link2_to_link3")]
+    sim.advance_to(5.0)
+
+    after_five = sim.joint_states().position[names.index("link2_to_link3")]
+    # Computed with the plugin's gains and Drake's own dynamics, by others.
+    assert after_one == pytest.approx(-1.265, abs=0.002)
+    assert after_five == pytest.approx(-1.243, abs=0.002)
+
+
+def test_gazebo_classic_s_plugins_pose_the_mycobot_and_report_it():
+    sim = simulate(mycobot("mycobot_280_classic_gazebo"))
+    point = ad.JointTrajectoryPoint
+    poses = [tuple(part * q for q in GOAL.values()) for part in (0.2, 0.4)]
+
+    sim.topic("/set_joint_trajectory").publish(
+        ad.JointTrajectory(
+            header=ad.Header(frame_id="base_link"),
+            joint_names=tuple(GOAL),
+            points=tuple(point(pose, time_from_start=1.0) for pose in poses),
+        )
+    )
+    sim.advance_to(0.95)
+    names = list(sim.joint_states().name)
+    at = [names.index(name) for name in GOAL]
+    first = np.array(sim.joint_states().position)[at]
+    sim.advance_to(2.0)
+
+    np.testing.assert_allclose(first, poses[0], atol=2e-3)
+    second = np.array(sim.joint_states().position)[at]
+    np.testing.assert_allclose(second, poses[1], atol=2e-3)
+    message = sim.topic("/joint_states").value()
+    assert set(message.name) == set(names)
+    np.testing.assert_allclose(
+        np.array(message.position)[[message.name.index(n) for n in GOAL]],
+        poses[1],
+        atol=2e-3,
+    )
+
+
+def test_a_trajectory_for_an_unknown_frame_is_refused():
+    sim = simulate(mycobot("mycobot_280_classic_gazebo"))
+
+    sim.topic("/set_joint_trajectory").publish(
+        ad.JointTrajectory(
+            header=ad.Header(frame_id="nowhere"),
+            joint_names=("link1_to_link2",),
+            points=(ad.JointTrajectoryPoint((0.5,)),),
+        )
+    )
+    sim.advance_to(0.1)
+
+    (rejected,) = sim.rejected
+    assert "nowhere" in rejected.reason
+
+
+def test_controllers_of_the_package_stay_out_unless_they_are_asked_for():
+    robot = mycobot()
+
+    assert {c.name for c in robot.controllers.controllers} == {
+        "JointPositionController",
+        "JointStatePublisher",
+    }
+    assert any(
+        "mycobot_280_controllers.yaml" in line and "--controllers" in line
+        for line in lines(robot)
+    )
+
+
+def test_the_list_of_plugins_in_the_docs_is_complete():
+    docs = Path(__file__).parents[1] / "docs/loading.md"
+    listed = docs.read_text(encoding="utf-8").partition("## Gazebo's own plugins")[2]
+    listed = listed.partition("\n## ")[0]
+
+    for kind, name in PLUGIN_TYPES.items():
+        library = name.rpartition("GazeboRos")[2]
+        snake = "".join(f"_{c.lower()}" if c.isupper() else c for c in library)
+        is_classic = "GazeboRos" in name
+        row = f"libgazebo_ros{snake}.so" if is_classic else kind.__name__
+        assert f"| `{row}` |" in listed
