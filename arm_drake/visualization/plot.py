@@ -67,7 +67,8 @@ def plot_tracking(
                 label = f"reference ({controller})"
                 panel.plot(time, wanted[:, column], "k--", lw=1, label=label)
         unit = interfaces.unit(interfaces.POSITION, joint_type)
-        panel.set_ylabel(f"{name} [{unit}]")
+        # Names may be longer than a panel is high.
+        panel.set_title(f"{name} [{unit}]", loc="left", fontsize="small")
         panel.grid(alpha=0.3)
         if (
             len(time) and np.ptp(position[:, index]) < 1e-3
