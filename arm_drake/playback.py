@@ -62,7 +62,9 @@ class Player:
                 return
             targets = [end]
             if self._next is not None:
-                targets.append(self._start + self._next[0])
+                # Rounded, it may come after its tick, which would not see it.
+                due = self._start + self._next[0]
+                targets.append(due - 0.5 * self._tolerance)
             if progress is not None:
                 targets.append(report_at)
             simulation.advance_to(max(min(targets), simulation.time))

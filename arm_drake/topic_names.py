@@ -6,11 +6,12 @@ from typing import NamedTuple
 
 from arm_drake.controller_topics import ACTIONS
 from arm_drake.controllers.controller_interface import ControllerInterface
+from arm_drake.controllers.gripper_command import GRIPPER_COMMAND
 from arm_drake.controllers.joint_state_broadcaster import JointStateBroadcaster
 from arm_drake.description.bridge import TopicAlias
 from arm_drake.errors import InputError, suggest
 from arm_drake.manager import MANAGER, ControllerManager
-from arm_drake.messages import ActionRequest, Message
+from arm_drake.messages import ActionRequest, Float32, Message
 from arm_drake.robot_systems import exported_name
 
 # Services of controllers that their handles have, and of the manager what does them.
@@ -40,7 +41,13 @@ class VirtualTopic(NamedTuple):
 
 
 # By their names.
-VIRTUAL_TOPICS: dict[str, VirtualTopic] = {}
+VIRTUAL_TOPICS: dict[str, VirtualTopic] = {
+    f"/{GRIPPER_COMMAND}": VirtualTopic(
+        Float32,
+        lambda system: system.HasInputPort(GRIPPER_COMMAND),
+        lambda system, message: (GRIPPER_COMMAND, message),
+    )
+}
 
 
 class TopicPort(NamedTuple):

@@ -388,3 +388,22 @@ def test_the_list_of_plugins_in_the_docs_is_complete():
         is_classic = "GazeboRos" in name
         row = f"libgazebo_ros{snake}.so" if is_classic else kind.__name__
         assert f"| `{row}` |" in listed
+
+
+@pytest.mark.slow
+def test_a_gripper_of_plugins_closes_by_the_plain_topic():
+    """All six tags of the gripper follow, so that they don't pull against each other.
+
+    Two fingers have limits of 0.5 rad, narrower than that of the joint they follow.
+    """
+    sim = simulate(mycobot(), gravity=False, friction=False)
+
+    sim.topic("/gripper_command").publish(0.5)
+    sim.advance_to(3.0)
+
+    state = sim.joint_states()
+    positions = dict(zip(state.name, state.position, strict=True))
+    assert positions["gripper_controller"] == pytest.approx(-0.35, abs=2e-3)
+    assert positions["gripper_right3_to_gripper_right1"] == pytest.approx(
+        -0.35, abs=2e-3
+    )

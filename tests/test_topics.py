@@ -18,6 +18,7 @@ from arm_drake.controllers.topics import Events, add_events, new_messages
 from arm_drake.directory import TopicInfo
 from arm_drake.errors import InputError, MotionError
 from arm_drake.messages import (
+    ActionRequest,
     Float32,
     Float64,
     Float64MultiArray,
@@ -36,7 +37,7 @@ from arm_drake.topic_names import VIRTUAL_TOPICS, VirtualTopic
 from tests import models
 
 TYPES: dict[str, type[Message]] = {
-    kind.__name__: kind for kind in (Float64, Float32, ad.JointTrajectory)
+    kind.__name__: kind for kind in (Float64, Float32, Float64MultiArray, ActionRequest)
 }
 
 SHOULDER, ELBOW = (
@@ -259,6 +260,18 @@ def test_what_is_no_topic_is_an_error_that_says_so(sim, name, problem):
     assert str(error.value) == problem
 
 
+def test_a_controllers_own_action_is_no_topic(tmp_path):
+    sim = simulate(tmp_path, listeners(ear="topics: [dance], message: ActionRequest"))
+
+    with pytest.raises(InputError) as error:
+        sim.topic("/ear/dance")
+
+    assert str(error.value) == (
+        "'/ear/dance' is an action, not a topic; sim.controller('ear').send_goal "
+        "sends to it"
+    )
+
+
 def test_an_events_port_is_no_topic(sim):
     with pytest.raises(InputError, match=r"^no topic '/arm/events'"):
         sim.topic("/arm/events")
@@ -347,6 +360,20 @@ def test_values_move_the_joints_of_a_group(sim, values):
     assert sim.joint_states().position[1] == 0.3
 
 
+def test_a_list_is_heard_on_a_topic_of_lists(tmp_path):
+    text = listeners(ear="topics: [/a], message: Float64MultiArray")
+    topic = simulate(tmp_path, text).topic("/a")
+
+    topic.check([1.0, 2.0])
+    with pytest.raises(InputError) as error:
+        topic.check([1.0, math.nan])
+
+    assert str(error.value) == (
+        "topic '/a' takes a list of finite numbers or a Float64MultiArray, got "
+        "[1.0, nan]"
+    )
+
+
 def test_a_trajectory_is_followed_at_the_speed_of_its_topic(sim):
     sim.topic("/arm/speed_scaling_input").publish(0.5)
     sim.topic("/arm/joint_trajectory").publish(trajectory(0.4))
@@ -366,7 +393,7 @@ def test_references_of_a_pid_controller_are_values_too(tmp_path):
         "controller_manager: {ros__parameters: {pid: {type: pid_controller/"
         "PidController}}}\npid: {ros__parameters: {dof_names: [swing], "
         "command_interface: effort, reference_and_state_interfaces: [position], "
-        "gains: {swing: {p: 1.0}}}}"
+        "use_external_measured_states: true, gains: {swing: {p: 1.0}}}}"
     )
     sim = ad.Simulation(ad.build_diagram(models.load(tmp_path, urdf, text)))
 
@@ -375,12 +402,18 @@ def test_references_of_a_pid_controller_are_values_too(tmp_path):
 
     (dof,) = sim.topic("/pid/controller_state").value().dof_states
     assert dof.reference == 0.5
+    inputs = [row for row in sim.list_topics() if row.direction == "input"]
+    assert inputs == [
+        TopicInfo("/pid/reference", "MultiDOFCommand", "input"),
+        TopicInfo("/pid/measured_state", "MultiDOFCommand", "input"),
+    ]
 
 
 @pytest.mark.parametrize("message", [1.0, Float64(1.0)])
 def test_the_same_message_once_more_is_a_new_one(sim, message):
     for _ in range(3):
         sim.topic(SHOULDER).publish(message)
+        sim.advance_to(sim.time + 0.01)
 
     assert [h.message.data for h in heard(sim)] == [1.0] * 3
 
@@ -605,6 +638,18 @@ def test_against_the_direction_of_its_bridge_a_name_is_of_no_use(tmp_path):
     )
 
 
+def test_a_bridge_in_both_directions_takes_no_more_than_gazebos_topic(tmp_path):
+    text = entry("/a", "/b", "BIDIRECTIONAL", "JointState", "Model")
+    sim = bridged(tmp_path, text, topics="[]", outputs="[/b]")
+
+    with pytest.raises(InputError) as error:
+        sim.topic("/a").publish(JointState())
+
+    assert str(error.value) == (
+        "nobody takes messages of topic '/a'; 'ear' publishes on it"
+    )
+
+
 def test_a_bridge_to_a_topic_that_isnt_there_is_told_when_it_is_used(tmp_path):
     text = entry("/a", "/model/other/cmd_vel", "ROS_TO_GZ")
     sim = bridged(tmp_path, text, topics="[/model/mine/cmd_vel]")
@@ -726,9 +771,13 @@ SCRIPT_END = (
 )
 
 
-def test_the_tutorials_script_sends_its_poses_in_its_ticks_for_ever(tmp_path):
+# At 500 Hz the sums of rounded numbers that say when a step is due come after their
+# ticks now and then.
+@pytest.mark.parametrize("rate", [100, 500])
+def test_the_tutorials_script_sends_its_poses_in_its_ticks_for_ever(tmp_path, rate):
     topics = [f"/model/arm/joint/j{index}/cmd_pos" for index in range(12)]
-    sim = simulate(tmp_path, listeners(ear=f"topics: {topics}"))
+    text = listeners(ear=f"topics: {topics}")
+    sim = simulate(tmp_path, text.replace("rate: 100", f"rate: {rate}"))
     file = tmp_path / "script.yaml"
     file.write_text(
         f"- every: 0.05\n  count: 52\n  topics: {topics}\n"
@@ -823,6 +872,18 @@ def test_a_topic_of_an_inactive_controller_must_be_activated_first(tmp_path):
 
     assert str(error.value) == "[0].data: controller 'ear' is inactive, not active"
     assert [h.message.data for h in heard(sim)] == [1.0]
+
+
+def test_one_active_reader_of_a_topic_is_enough_for_a_motion(tmp_path):
+    text = listeners(on="topics: [/a]", off="topics: [/a]")
+    robot = models.load(tmp_path, models.TWO_LINKS, text)
+    options = ad.SimulationOptions(preset="kinematic", inactive=("off",))
+    sim = ad.Simulation(ad.build_diagram(robot, options=options))
+
+    sim.run(0.1, parse_motion([{"topic": "/a", "data": 1}]))
+
+    assert [h.message.data for h in heard(sim, "on")] == [1.0]
+    assert heard(sim, "off") == []
 
 
 def test_a_factor_of_speed_keeps_its_class(sim):
