@@ -175,7 +175,7 @@ class ControllerHandle:
     ) -> GoalHandle:
         """Send a goal to the controller's action; it sees it at its next tick.
 
-        A controller that isn't active rejects it.
+        A controller that isn't active rejects it; a gripper's only if it never was.
 
         Args:
             goal: The goal, or its trajectory or command alone. Any gripper takes a

@@ -1,14 +1,87 @@
-"""What touches what before anything moves."""
+"""How what touches is pressed together, and what touches before anything moves."""
 
 from collections.abc import Collection, Mapping, Sequence
 
-from pydrake.geometry import CollisionFilterDeclaration, GeometrySet, SceneGraph
+from pydrake.geometry import (
+    AddCompliantHydroelasticProperties,
+    AddRigidHydroelasticProperties,
+    CollisionFilterDeclaration,
+    GeometryId,
+    GeometrySet,
+    HydroelasticContactRepresentation,
+    PenetrationAsPointPair,
+    ProximityProperties,
+    QueryObject,
+    RoleAssign,
+    SceneGraph,
+)
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import ModelInstanceIndex, RigidBody
+from pydrake.multibody.tree import (
+    BodyIndex,
+    ModelInstanceIndex,
+    RigidBody,
+    world_index,
+)
 from pydrake.systems.framework import Diagram
 
 # What overlaps less than this only touches [m].
 _SMALLEST_OVERLAP = 1e-3
+
+# Hydroelastic modulus of things [Pa]: hard rubber. A gripper of 400 N presses its pads
+# 0.1 mm into a box; at 1e7 it would be 1 mm, and while the effort grows the joint would
+# be too fast to count as stalled.
+_MODULUS = 1e8
+
+# Size of the facets of round shapes [m].
+_RESOLUTION = 0.01
+
+# Below this speed a thing that is held counts as still [m/s]; Drake's own 1e-4 lets it
+# creep twice as far out of fingers that aren't parallel.
+_STICTION_TOLERANCE = 1e-5
+
+
+def let_things_be_held(
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    robots: Collection[ModelInstanceIndex],
+) -> bool:
+    """Let things of the world be touched by areas, where points can't hold them.
+
+    Drake's point contact has one point for each pair of shapes: what is held between
+    two fingers turns about the line through its two points and creeps out. Hydroelastic
+    contact presses on an area, and a step that has it takes two to five times as long.
+    So only things that move are compliant. Robots and what stands still are rigid: they
+    touch each other at points, as they do in a world without things, which is left as
+    it is. Properties that a shape has already are kept.
+
+    Args:
+        plant: A finalized plant.
+        scene_graph: Its scene graph.
+        robots: The robots' model instances; other bodies are things of the world.
+
+    Returns:
+        Whether there are any.
+    """
+    inspector, source = scene_graph.model_inspector(), plant.get_source_id()
+    is_thing: dict[GeometryId, bool] = {}
+    for index in range(plant.num_bodies()):
+        body = plant.get_body(BodyIndex(index))
+        moves = body.model_instance() not in robots and not plant.IsAnchored(body)
+        shapes = plant.GetCollisionGeometriesForBody(body)
+        is_thing.update(dict.fromkeys(shapes, moves))
+    if not any(is_thing.values()):
+        return False
+    plant.set_stiction_tolerance(_STICTION_TOLERANCE)
+    for geometry, moves in is_thing.items():
+        properties = ProximityProperties(inspector.GetProximityProperties(geometry))
+        if properties.HasProperty("hydroelastic", "compliance_type"):
+            continue
+        if moves:
+            AddCompliantHydroelasticProperties(_RESOLUTION, _MODULUS, properties)
+        else:
+            AddRigidHydroelasticProperties(_RESOLUTION, properties)
+        scene_graph.AssignRole(source, geometry, properties, RoleAssign.kReplace)
+    return True
 
 
 def separate(
@@ -19,6 +92,7 @@ def separate(
 ) -> dict[ModelInstanceIndex, list[str]]:
     """Let bodies pass through each other that overlap in the initial pose.
 
+    Before that, things of the world are made fit to be held, see `let_things_be_held`.
     Contact would throw them apart: hulls are larger than meshes, and many robots are
     drawn with a part in the ground. Links that nothing holds keep their contact with
     the world, which carries them.
@@ -32,17 +106,20 @@ def separate(
     Returns:
         What overlaps, of each robot, such as "link1 and the world".
     """
+    has_things = let_things_be_held(plant, scene_graph, free_links)
     context = diagram.CreateDefaultContext()
     port = plant.get_geometry_query_input_port()
     query = port.Eval(plant.GetMyContextFromRoot(context))
     inspector = query.inspector()
     found: dict[ModelInstanceIndex, set[str]] = {model: set() for model in free_links}
-    for pair in query.ComputePointPairPenetration():
+    for pair in _overlapping_pairs(query, has_things=has_things):
         geometries = (pair.id_A, pair.id_B)
         bodies = [
             plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
             for geometry in geometries
         ]
+        if not any(body.model_instance() in found for body in bodies):
+            continue  # Things of the world, or what they stand on.
         if pair.depth < _SMALLEST_OVERLAP or _is_carried(bodies, free_links):
             continue
         declaration = CollisionFilterDeclaration()
@@ -51,11 +128,26 @@ def separate(
         for body, other in (bodies, bodies[::-1]):
             model = body.model_instance()
             if model in found:
-                is_robot = other.model_instance() in found
-                found[model].add(
-                    f"{body.name()} and {other.name() if is_robot else 'the world'}"
-                )
+                name = "the world" if other.index() == world_index() else other.name()
+                found[model].add(f"{body.name()} and {name}")
     return {model: sorted(texts) for model, texts in found.items()}
+
+
+def _overlapping_pairs(
+    query: QueryObject, *, has_things: bool
+) -> list[PenetrationAsPointPair]:
+    """Return pairs of shapes that overlap, with how deep their hulls do.
+
+    Points know a mesh by its hull: what touches over areas must do so in truth.
+    """
+    pairs: list[PenetrationAsPointPair] = query.ComputePointPairPenetration()
+    if not has_things:
+        return pairs
+    kind = HydroelasticContactRepresentation.kTriangle
+    areas, points = query.ComputeContactSurfacesWithFallback(kind)
+    touching = {frozenset((area.id_M(), area.id_N())) for area in areas}
+    touching |= {frozenset((point.id_A, point.id_B)) for point in points}
+    return [p for p in pairs if frozenset((p.id_A, p.id_B)) in touching]
 
 
 def _is_carried(

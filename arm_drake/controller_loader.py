@@ -1,5 +1,6 @@
 """One controller from its configuration: its system, or a line in the report."""
 
+import dataclasses as dc
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -150,9 +151,16 @@ class ControllerLoader:
             for problem in find_unsupported(tag):
                 done = "it has no effect"
                 self._add(controller, "warning", "unsupported", problem, done)
-        return make_plugin(
-            controller.plugins, self._params(controller, self._config.update_rate)
-        )
+        params = self._params(controller, self._config.update_rate)
+        # What it may command, though its tag names no joints.
+        joints = controller.plugin_joints
+        offered = [
+            name
+            for name in params.command_interfaces
+            if name.rpartition("/")[0] in joints
+        ]
+        params = dc.replace(params, command_interfaces=frozenset(offered))
+        return make_plugin(controller.plugins, params)
 
     def _params(
         self, controller: ControllerConfig, rate: int

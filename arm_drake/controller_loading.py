@@ -64,8 +64,10 @@ def load_controllers(
     systems = loader.load_all()
     loaded = {n: s for n, s in systems.items() if s is not None}
     states = config.hardware_components_initial_state
+    plugins = {c.name for c in config.controllers if c.plugins}
     missing = {
-        n: find_missing(s, loaded, surroundings, states) for n, s in loaded.items()
+        n: find_missing(s, loaded, surroundings, states, reads_all=n in plugins)
+        for n, s in loaded.items()
     }
     configs = {c.name: c for c in config.controllers}
     for name, system in loaded.items():
@@ -145,11 +147,33 @@ def load_controllers_of(
     return controllers, report
 
 
+def report_motionless(
+    controllers: Iterable[LoadedController], report: LoadReport
+) -> None:
+    """Record the controllers whose efforts move nothing where there is no physics.
+
+    Args:
+        controllers: The controllers of a robot without physics.
+        report: Where they are recorded.
+    """
+    for controller in controllers:
+        system = controller.system
+        claims = () if system is None else system.command_interfaces
+        names = [n for n in claims if system and n not in system.limit_interfaces]
+        kinds = {name.rpartition("/")[2] for name in names}
+        if kinds == {interfaces.EFFORT}:
+            what = f"{len(names)} joints follow efforts"
+            done = "without physics these move nothing"
+            report.add("warning", "unsupported", what, done, where=controller.name)
+
+
 def _driven(
     system: ControllerInterface | None, surroundings: Surroundings
 ) -> tuple[str, ...]:
     """Return the joints of the drive that a controller moves."""
-    claims = () if system is None else system.command_interfaces
+    if system is None:
+        return ()
+    claims = [n for n in system.command_interfaces if n not in system.limit_interfaces]
     parts = [name.rpartition("/") for name in claims]
     joints = dict.fromkeys(
         joint for joint, _, name in parts if name in interfaces.MOTIONS

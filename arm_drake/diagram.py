@@ -9,15 +9,20 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from arm_drake.contact import separate
 from arm_drake.control.drive_commands import DriveCommands
-from arm_drake.controller_loading import load_controllers_of
+from arm_drake.controller_loading import load_controllers_of, report_motionless
 from arm_drake.description.drive_gains import find_drive_gains, holds_joints
+from arm_drake.description.finger_surfaces import with_surfaces
 from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot, list_robots
 from arm_drake.description.srdf import find_disabled_collisions
 from arm_drake.drive_report import report_drive, report_times
 from arm_drake.drives import commanded_joints, effort_limits, make_robot_drive
 from arm_drake.errors import InputError
-from arm_drake.gripper_ranges import find_gripper_ranges
+from arm_drake.gripper_ranges import (
+    find_gripper_joints,
+    find_gripper_links,
+    find_gripper_ranges,
+)
 from arm_drake.hardware import add_hardware, connect_forces
 from arm_drake.kinematic import KinematicPlant
 from arm_drake.loaded_controllers import command_order
@@ -89,7 +94,9 @@ def build_diagram(
     else:
         plant, scene_graph = add_plant(builder, step, options)
     add_world(plant, world)
-    models = [_add_model(plant, robot) for robot in robots]
+    # Only a world of one's own has things that can be held.
+    has_things = not isinstance(world, str)
+    models = [_add_model(plant, robot, has_things=has_things) for robot in robots]
     plant.Finalize()
     for robot, model in zip(robots, models, strict=True):
         place_free_links(plant, scene_graph, model, robot)
@@ -137,6 +144,7 @@ def _add_robots(
             stated=find_drive_gains(robot, report),
             bare=find_bare_joints(robot, controllers),
             lets_go=may_let_go(robot, controllers) or not holds,
+            grippers={joint.name for joint in find_gripper_joints(robot)},
         )
         commands = make_drive_commands(robot, there, controllers, drive, holds=holds)
         report_times(plant.time_step(), system.period, options, report)
@@ -188,6 +196,7 @@ def _add_mirrored_robots(
             done, where = "as mock_components has it", f"ros2_control {info.name!r}"
             for text in block.warnings:
                 report.add("warning", "ignored", text, done, where=where)
+        report_motionless(controllers, report)
         order = command_order(there, controllers)
         hardware = add_mock_hardware(
             builder, robot, blocks, order, there, system.prefix, system.period
@@ -226,10 +235,15 @@ def _report_overlaps(diagram: Diagram, robot: Robot, overlaps: list[str]) -> Non
             )
 
 
-def _add_model(plant: MultibodyPlant, robot: Robot) -> ModelInstanceIndex:
+def _add_model(
+    plant: MultibodyPlant, robot: Robot, *, has_things: bool
+) -> ModelInstanceIndex:
+    description = robot.description
+    if has_things:
+        description = with_surfaces(description, find_gripper_links(robot))
     model = add_robot_model(
         plant,
-        robot.description,
+        description,
         robot.name,
         robot.pose,
         has_free_base=robot.has_free_base,

@@ -36,6 +36,9 @@ from arm_drake.servo.pid import DrivePid
 # Standard gravity [m/s^2].
 _GRAVITY = 9.81
 
+# How far fingers are sent to let go of what they hold [m], [rad].
+_LET_GO = (1e-3, 1e-2)
+
 # Steps [s] above which a payload on a light joint is more than the servo can bear.
 _LONG_STEP = 2e-3
 
@@ -110,6 +113,7 @@ def make_robot_drive(
     stated: Mapping[str, DriveGains] | None = None,
     bare: Collection[str] = (),
     lets_go: bool = False,
+    grippers: Collection[str] = (),
 ) -> RobotDrive:
     """Return what drives a robot's commanded joints.
 
@@ -121,6 +125,7 @@ def make_robot_drive(
         stated: What the description itself says of drives, by joint.
         bare: Joints that follow nothing but efforts, which get no rotor.
         lets_go: Whether joints may move freely, beside those that are driven.
+        grippers: Joints that press against things and let them go again.
     """
     joints = commanded_joints(description)
     plant = make_servo_plant(description, pose, options, time_step)
@@ -150,6 +155,10 @@ def make_robot_drive(
         observer_gain=observer_gain if options.disturbance_observer else 0.0,
         position_rate=np.array([row.position_rate or math.nan for row in rows]),
     )
+    if grippers:
+        at = tuple(i for i, joint in enumerate(joints) if joint.name in grippers)
+        steps = np.where(limits.is_prismatic, *_LET_GO)
+        gains = dc.replace(gains, grippers=at, step=steps)
     rated = [j.name for j, row in zip(joints, rows, strict=True) if row.position_rate]
     return RobotDrive(
         joints=joints,

@@ -2,7 +2,7 @@
 
 import itertools
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -11,6 +11,7 @@ from pydrake.multibody.tree import ModelInstanceIndex
 from arm_drake.description.joints import JointInfo
 from arm_drake.description.robot import Robot
 from arm_drake.description.srdf import find_group_states
+from arm_drake.interfaces import POSITION
 from arm_drake.plant import add_robot_model
 
 # Names of joints of grippers.
@@ -24,28 +25,29 @@ _CLOSED = re.compile(r"clos", re.I)
 def find_gripper_ranges(robot: Robot) -> dict[str, tuple[float, float]]:
     """Return where grippers' joints are open and where closed [rad] or [m].
 
-    A joint with limits is a gripper's if a gripper controller moves it, or if it is
-    called so. States of MoveIt's description that are called open and closed decide;
-    else the gripper is closed at the limit at which its fingers are closer together,
-    and open at the other one, or at 0 if that lies between and nearer to it.
+    A joint with limits, its own or those of its commands, is a gripper's if a gripper
+    controller moves it, or if it is called so. States of MoveIt's description that are
+    called open and closed decide; else the gripper is closed at the limit at which its
+    fingers are closer together, and open at the other one, or at 0 if that lies between
+    and nearer to it.
 
     Args:
         robot: The robot.
     """
-    joints = list(_gripper_joints(robot))
-    if not joints:
+    limits = {j.name: _limits(robot, j) for j in find_gripper_joints(robot)}
+    limited = {name: ends for name, ends in limits.items() if None not in ends}
+    if not limited:
         return {}
     states = find_group_states(robot)
     plant = MultibodyPlant(0.0)
     model = add_robot_model(plant, robot.description, "robot", None, is_reduced=True)
     plant.Finalize()
     ranges = {}
-    for joint in joints:
-        said = [_stated(joint.name, states, name) for name in (_OPEN, _CLOSED)]
-        lower, upper = joint.limits.lower, joint.limits.upper
+    for name, (lower, upper) in limited.items():
+        said = [_stated(name, states, called) for called in (_OPEN, _CLOSED)]
         assert lower is not None
         assert upper is not None
-        gaps = [_gap(plant, model, robot, joint.name, q) for q in (lower, upper)]
+        gaps = [_gap(plant, model, robot, name, q) for q in (lower, upper)]
         wide, narrow = (upper, lower) if gaps[1] > gaps[0] else (lower, upper)
         if lower < 0.0 < upper and abs(wide) < abs(narrow):
             wide = 0.0
@@ -53,7 +55,7 @@ def find_gripper_ranges(robot: Robot) -> dict[str, tuple[float, float]]:
             limit if given is None else given
             for given, limit in zip(said, (wide, narrow), strict=True)
         )
-        ranges[joint.name] = (start, end)
+        ranges[name] = (start, end)
     return ranges
 
 
@@ -67,21 +69,58 @@ def _stated(
     return None
 
 
-def _gripper_joints(robot: Robot) -> Iterator[JointInfo]:
-    """Yield the joints that move grippers."""
+def find_gripper_joints(robot: Robot) -> list[JointInfo]:
+    """Return the independent joints that move grippers.
+
+    Args:
+        robot: The robot.
+    """
     named = {
         parameter.value
         for controller in robot.controllers.controllers
         if controller.type.endswith("GripperActionController")
         and (parameter := controller.parameters.get("joint")) is not None
+        and isinstance(parameter.value, str)
     }
-    for joint in robot.description.movable_joints:
-        limits = joint.limits
-        is_limited = limits.lower is not None and limits.upper is not None
-        is_called_so = _GRIPPER.search(joint.name)
-        is_gripper = joint.name in named or is_called_so
-        if joint.mimic is None and is_limited and is_gripper:
-            yield joint
+    return [
+        joint
+        for joint in robot.description.movable_joints
+        if joint.mimic is None and (joint.name in named or _GRIPPER.search(joint.name))
+    ]
+
+
+def find_gripper_links(robot: Robot) -> set[str]:
+    """Return the links of grippers: what their joints move, and what holds these.
+
+    Args:
+        robot: The robot.
+    """
+    joints = robot.description.joints
+    grippers = find_gripper_joints(robot)
+    moved = {joint.name for joint in grippers}
+    while True:
+        more = {j.name for j in joints if j.mimic and j.mimic.joint in moved} - moved
+        if not more:
+            break
+        moved |= more
+    links = {joint.child for joint in joints if joint.name in moved}
+    while True:
+        further = {joint.child for joint in joints if joint.parent in links} - links
+        if not further:
+            return links | {joint.parent for joint in grippers}
+        links |= further
+
+
+def _limits(robot: Robot, joint: JointInfo) -> tuple[float | None, float | None]:
+    """Return the limits of a joint, or else those of its position's commands."""
+    lower, upper = joint.limits.lower, joint.limits.upper
+    for block in robot.description.hardware:
+        for component in block.joints:
+            for interface in component.command_interfaces:
+                if component.name == joint.name and interface.name == POSITION:
+                    lower = interface.min if lower is None else lower
+                    upper = interface.max if upper is None else upper
+    return lower, upper
 
 
 def _gap(

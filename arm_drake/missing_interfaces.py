@@ -13,6 +13,8 @@ def find_missing(
     others: Mapping[str, ControllerInterface],
     there: Surroundings,
     states: HardwareComponentsInitialState,
+    *,
+    reads_all: bool = False,
 ) -> tuple[str, ...]:
     """Return why a controller can't be activated: what is not there.
 
@@ -21,12 +23,16 @@ def find_missing(
         others: All controllers that are loaded, by name.
         there: What the robot offers.
         states: Which of its hardware is active.
+        reads_all: Whether it reads all joints, as Gazebo's plugins do, not only those
+            that the hardware reports.
     """
     exported = {n for s in others.values() for n in s.exported_interfaces}
     references = {n for s in others.values() for n in s.reference_interfaces}
     limits = find_undeclared_limits(system, there)
     commands = {*there.command_interfaces, *references, *limits}
     measured = {*there.state_interfaces, *exported}
+    if reads_all:
+        measured |= {*there.measured}
     problems = []
     for kind, needed, known in (
         ("command", system.command_interfaces, commands),
@@ -54,7 +60,7 @@ def find_undeclared_limits(
         name
         for name in system.limit_interfaces
         if name not in there.command_interfaces
-        and name.rpartition("/")[0] in there.driven
+        and name.rpartition("/")[0] in (there.driven or there.joint_types)
     ]
 
 

@@ -202,7 +202,7 @@ def test_a_joint_that_a_controller_commands_is_left_to_it(tmp_path):
 
     assert (
         "warning: Gazebo plugin JointPositionController: controller 'group' commands "
-        "joint 'shoulder' too; the plugin leaves it alone"
+        "joint 'shoulder' too; the plugin leaves 'shoulder' alone"
     ) in lines(robot)
     sim = simulate(robot)
     assert states_of(sim)["group"] == "active"
@@ -407,3 +407,139 @@ def test_a_gripper_of_plugins_closes_by_the_plain_topic():
     assert positions["gripper_right3_to_gripper_right1"] == pytest.approx(
         -0.35, abs=2e-3
     )
+
+
+FINGER = f"""
+<robot name="two">
+  <link name="base"/>{bob("upper")}{bob("lower")}{bob("third")}
+  {joint("shoulder", "base", "upper")}
+  {joint("elbow", "upper", "lower", xyz=f"0 0 {-LENGTH}")}
+  {joint("finger", "upper", "third", inside='<mimic joint="elbow" multiplier="2"/>')}
+"""
+
+
+def finger(*blocks, control=""):
+    """Return two bobs and a third one that follows the second."""
+    return FINGER + "".join(blocks) + control + "</robot>"
+
+
+def test_a_mimic_joint_s_plugin_yields_to_who_commands_its_master(tmp_path):
+    yaml = tmp_path / "controllers.yaml"
+    yaml.write_text(YAML.format(rate=100).replace("shoulder", "elbow"), "utf-8")
+    robot = load(
+        tmp_path,
+        finger(
+            plugin(POSITION, ("joint_name", "finger")),
+            plugin(POSITION, ("joint_name", "shoulder")),
+            control=ros2_control("elbow"),
+        ),
+        controllers=yaml,
+    )
+
+    assert (
+        "warning: Gazebo plugin JointPositionController: controller 'group' commands "
+        "joint 'elbow' too; the plugin leaves 'finger' alone"
+    ) in lines(robot)
+    states = states_of(simulate(robot))
+    assert states["group"] == states["JointPositionController"] == "active"
+
+
+def test_a_plugin_on_a_mimic_joint_alone_moves_its_master(tmp_path):
+    gains = (("p_gain", 100), ("i_gain", 0), ("d_gain", 10))
+    text = finger(plugin(POSITION, ("joint_name", "finger"), *gains))
+
+    robot = load(tmp_path, text)
+    sim = simulate(robot, gravity=False)
+    sim.topic("/model/two/joint/finger/cmd_pos").publish(0.4)
+    sim.advance_to(4.0)
+
+    assert not any("elbow" in line and "error" in line for line in lines(robot))
+    state = sim.joint_states()
+    positions = dict(zip(state.name, state.position, strict=True))
+    assert positions["finger"] == pytest.approx(0.4, abs=2e-3)
+    assert positions["elbow"] == pytest.approx(0.2, abs=2e-3)
+
+
+def test_two_kinds_of_plugins_on_coupled_joints_are_told_apart(tmp_path):
+    robot = load(
+        tmp_path,
+        finger(
+            plugin(POSITION, ("joint_name", "finger")),
+            plugin(VELOCITY, ("joint_name", "elbow")),
+            plugin(VELOCITY, ("joint_name", "shoulder")),
+        ),
+    )
+
+    assert (
+        "warning: Gazebo plugin JointPositionController: another Gazebo plugin moves "
+        "joint 'finger' too; the last one does"
+    ) in lines(robot)
+    assert states_of(simulate(robot)) == {"JointController": "active"}
+
+
+def test_poses_leave_joints_of_controllers_alone(tmp_path):
+    yaml = tmp_path / "controllers.yaml"
+    yaml.write_text(YAML.format(rate=100), encoding="utf-8")
+    robot = load(
+        tmp_path,
+        two_links(classic("joint_pose_trajectory"), control=ros2_control("shoulder")),
+        controllers=yaml,
+    )
+    sim = simulate(robot)
+
+    sim.topic("/set_joint_trajectory").publish(
+        ad.JointTrajectory(
+            header=ad.Header(frame_id="world"),
+            joint_names=("elbow",),
+            points=(ad.JointTrajectoryPoint((0.3,)),),
+        )
+    )
+    sim.advance_to(1.0)
+
+    assert set(states_of(sim).values()) == {"active"}
+    assert sim.joint_states().position == pytest.approx((0.0, 0.3), abs=2e-3)
+
+
+def test_a_publisher_reads_joints_that_no_hardware_reports(tmp_path):
+    robot = load(
+        tmp_path,
+        two_links(plugin(PUBLISHER), control=ros2_control("elbow")),
+    )
+    sim = simulate(robot)
+    sim.advance_to(0.1)
+
+    message = sim.topic("/world/void/model/two/joint_state").value()
+    assert set(message.name) == {"shoulder", "elbow"}
+
+
+def test_a_tag_keeps_the_topic_of_its_first_joint(tmp_path):
+    yaml = tmp_path / "controllers.yaml"
+    yaml.write_text(YAML.format(rate=100), encoding="utf-8")
+    tag = plugin(POSITION, ("joint_name", "shoulder"), ("joint_name", "elbow"))
+    robot = load(
+        tmp_path, two_links(tag, control=ros2_control("shoulder")), controllers=yaml
+    )
+
+    names = [row.name for row in simulate(robot).list_topics()]
+
+    assert "/model/two/joint/shoulder/cmd_pos" in names
+
+
+def test_the_rate_of_the_manager_is_told(tmp_path):
+    yaml = tmp_path / "controllers.yaml"
+    yaml.write_text(YAML.format(rate=100), encoding="utf-8")
+    text = two_links(
+        plugin(POSITION, ("joint_name", "elbow")), control=ros2_control("shoulder")
+    )
+
+    robot = load(tmp_path, text, controllers=yaml)
+
+    assert any("the manager runs at 1000 Hz" in line for line in lines(robot))
+
+
+def test_forces_without_physics_are_told(tmp_path):
+    robot = load(tmp_path, two_links(plugin(POSITION, ("joint_name", "elbow"))))
+
+    sim = simulate(robot, preset="kinematic")
+
+    assert any("without physics" in entry.done for entry in sim.report)

@@ -60,7 +60,7 @@ EDGE = 0.1
 def add_ground_and_cube(plant: MultibodyPlant) -> None:
     """Add the ground, and a cube of 1 kg that stands on it beside the ball."""
     add_world(plant, "empty")
-    inertia = SpatialInertia.SolidCubeWithMass(1.0, EDGE)
+    inertia = SpatialInertia.SolidBoxWithMass(1.0, EDGE, EDGE, EDGE)
     body = plant.AddRigidBody("cube", plant.AddModelInstance("cube"), inertia)
     shape, friction = Box(EDGE, EDGE, EDGE), CoulombFriction(1.0, 1.0)
     plant.RegisterCollisionGeometry(body, RigidTransform(), shape, "cube", friction)
@@ -80,8 +80,10 @@ def test_a_function_adds_things_that_stand_on_the_ground(tmp_path: Path) -> None
     simulation.advance_to(2.0)
 
     moved = before.inverse() @ cube_pose(simulation)
-    # It sinks in by far less than it weighs on an area of 100 cm2.
-    np.testing.assert_allclose(moved.translation(), 0.0, rtol=0.0, atol=1e-5)
+    # Its weight on 100 cm2, by half its height and a modulus of 1e8 Pa: 0.5 um.
+    np.testing.assert_allclose(
+        moved.translation(), [0.0, 0.0, -0.5e-6], rtol=0.0, atol=1e-7
+    )
     assert moved.rotation().ToAngleAxis().angle() < 1e-5
     # The ball, a robot, falls on the same ground as ever.
     (fallen,) = simulation.joint_states().position

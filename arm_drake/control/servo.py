@@ -146,6 +146,11 @@ class ServoGains:
     # and wait for each other.
     group: NDArray[np.intp]
 
+    # Indices of grippers' joints, and steps of the position from which on a gripper
+    # forgets what it pressed against [rad], shape (n,).
+    grippers: tuple[int, ...] = ()
+    step: Array = dc.field(default_factory=lambda: np.empty(0))
+
     @property
     def max_error(self) -> Array:
         """Largest sum of position error and lead that is acted on [rad]."""

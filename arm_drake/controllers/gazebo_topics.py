@@ -112,11 +112,6 @@ def find_unsupported(tag: GazeboTag) -> list[str]:
             "use_actuator_msg: no messages of actuators are taken; the joint's own "
             "topic takes numbers"
         )
-    if isinstance(tag, JointPositionController) and tag.joint_index:
-        problems.append(
-            f"joint_index {tag.joint_index}: a joint of a URDF has one axis, with "
-            "index 0; it is the one that moves"
-        )
     if isinstance(tag, GazeboRosJointPoseTrajectory | GazeboRosJointStatePublisher):
         problems += [
             f"remapping {text!r}: expected from:=to, with names of topics"

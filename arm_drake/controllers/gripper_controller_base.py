@@ -37,6 +37,9 @@ class GripperControllerState(NamedTuple):
 
     control: GripperState = GripperState()
 
+    # Whether it writes: an end of an activation leaves all as it is.
+    is_active: bool = False
+
     # What was on the ports at the last tick.
     requests: tuple[ActionRequest, ...] = ()
     parts: tuple[Float64, ...] = ()
@@ -105,10 +108,16 @@ class GripperControllerBase(TickingController[GripperControllerState]):
         self, now: Now, state: GripperControllerState
     ) -> GripperControllerState:
         new = control.activate(self._rules, state.control, self._sense(now))
-        return state._replace(control=new)
+        return state._replace(control=new, is_active=True)
+
+    def _deactivate(
+        self, now: Now, state: GripperControllerState
+    ) -> GripperControllerState:
+        del now
+        return state._replace(is_active=False)
 
     def _command(self, state: GripperControllerState) -> Array:
-        if state.control.target is None:
+        if state.control.target is None or not state.is_active:
             return self._unknown
         return self._write(state.control)
 

@@ -72,6 +72,13 @@ class ParallelGripperActionControllerParameters:
         check_at_least(
             self, 0.0, "goal_tolerance", "stall_timeout", "max_effort", "max_velocity"
         )
+        limits = [self.max_effort_interface, self.max_velocity_interface]
+        for name in filter(None, limits):
+            if name == f"{self.joint}/{interfaces.POSITION}" or limits.count(name) > 1:
+                raise ValueError(
+                    "max_effort_interface and max_velocity_interface must be two "
+                    f"interfaces beside the position, got {limits}"
+                )
 
 
 class ParallelGripperActionController(GripperControllerBase):

@@ -51,6 +51,9 @@ class ControllerConfig:
     # Tags of one kind of Gazebo's plugins that it stands for, if it isn't of a YAML.
     plugins: tuple[Any, ...] = ()
 
+    # The joints that these move.
+    plugin_joints: frozenset[str] = frozenset()
+
 
 class ManagedControllers:
     """What a controller manager is told: its parameters, its controllers by name."""

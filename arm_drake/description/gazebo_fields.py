@@ -162,6 +162,8 @@ class _FieldReader(ElementReader):
                 return f"the robot has none of its joints: {', '.join(names)}"
             if not isinstance(typed, _ALL_BY_DEFAULT):
                 return f"no joint; expected <{tags[0]}>"
+        if isinstance(typed, JointPositionController) and typed.joint_index:
+            return f"joint_index {typed.joint_index}: a joint has one axis, of index 0"
         if isinstance(typed, GazeboRosDiffDrive):
             pairs = max(1, typed.num_wheel_pairs)
             if {len(typed.left_joints), len(typed.right_joints)} != {pairs}:

@@ -26,6 +26,9 @@ _SIZES = {
 # No size is beyond these [m]; moments of inertia take its fifth power.
 _SMALLEST, _LARGEST = 1e-9, 1e6
 
+# Attributes of a `<mesh>` that is the hull of a file: the file, and its scale.
+SOURCE, SOURCE_SCALE = "source", "source_scale"
+
 _Color = tuple[float, float, float, float]
 
 
@@ -164,6 +167,10 @@ class _Shape:
             decompose=self._decompose,
         )
         elements = []
+        if len(parts) == 1:
+            # For `with_surfaces`.
+            shape.set(SOURCE, str(path))
+            shape.set(SOURCE_SCALE, " ".join(map(repr, scale)))
         for part in parts:
             shape.set("filename", part.as_uri())
             elements.append(copy.deepcopy(self._element))

@@ -12,6 +12,7 @@ from pathlib import Path
 from arm_drake import interfaces
 from arm_drake.description.claimed_hardware import claimed_joints
 from arm_drake.description.controllers import (
+    MANAGER,
     ControllerConfig,
     ControllerManagerConfig,
 )
@@ -31,9 +32,12 @@ from arm_drake.description.hardware_info import (
 from arm_drake.description.joints import JointInfo
 from arm_drake.description.parameters import Parameter
 from arm_drake.description.plugin_joints import (
+    GROUPED,
     PluginSorter,
     PluginTag,
     RunPlugin,
+    find_carrier,
+    interface_of,
     plugin_joints,
 )
 from arm_drake.description.report import LoadReport
@@ -51,9 +55,6 @@ PLUGIN_TYPES: dict[type[RunPlugin], str] = {
     GazeboRosJointPoseTrajectory: "gazebo_plugins/GazeboRosJointPoseTrajectory",
     GazeboRosJointStatePublisher: "gazebo_plugins/GazeboRosJointStatePublisher",
 }
-
-# Of these all tags make one system.
-_GROUPED = (JointPositionController, JointController)
 
 
 def add_plugins(
@@ -76,7 +77,7 @@ def add_plugins(
     if not tags:
         return description, config
     if any(tag.joints for tag in tags):
-        config = _at_rate(config, description.file)
+        config = _at_rate(config, description.file, report)
     names = {controller.name for controller in config.controllers}
     added = tuple(_controllers(tags, names, description.file))
     block = _hardware(description, tags, movable)
@@ -123,18 +124,25 @@ def _controllers(
     tags: Sequence[PluginTag], names: set[str], file: Path
 ) -> Iterator[ControllerConfig]:
     """Yield the controllers that plugins are, named apart."""
-    plugins = [tag.plugin for tag in tags]
-    groups: list[tuple[RunPlugin, ...]] = [
-        tuple(p for p in plugins if isinstance(p, kind)) for kind in _GROUPED
+    groups: list[tuple[PluginTag, ...]] = [
+        tuple(tag for tag in tags if isinstance(tag.plugin, kind)) for kind in GROUPED
     ]
-    groups += [(p,) for p in plugins if not isinstance(p, _GROUPED)]
+    groups += [(tag,) for tag in tags if not isinstance(tag.plugin, GROUPED)]
     for group in filter(None, groups):
-        kind = type(group[0])
+        kind: type[RunPlugin] = type(group[0].plugin)
         name, number = kind.__name__, 2
         while name in names:
             name, number = f"{kind.__name__}_{number}", number + 1
         names.add(name)
-        yield ControllerConfig(name, PLUGIN_TYPES[kind], {}, file, 1, plugins=group)
+        yield ControllerConfig(
+            name,
+            PLUGIN_TYPES[kind],
+            {},
+            file,
+            1,
+            plugins=tuple(tag.plugin for tag in group),
+            plugin_joints=frozenset(n for tag in group for n in tag.joints),
+        )
 
 
 def _hardware(
@@ -151,17 +159,11 @@ def _hardware(
     }
     claims: dict[str, dict[str, None]] = {}
     for tag in tags:
-        interface = _interface_of(tag.plugin)
+        interface = interface_of(tag.plugin)
         for name in tag.joints:
-            joint: JointInfo | None = movable[name]
-            if interface == interfaces.EFFORT:
-                # The force of a mimic joint acts on the one that it follows.
-                while joint is not None and joint.mimic is not None:
-                    joint = movable.get(joint.mimic.joint)
-            if joint is None or joint.mimic is not None:
-                continue
-            if f"{joint.name}/{interface}" not in known:
-                claims.setdefault(joint.name, {})[interface] = None
+            carrier = find_carrier(movable, name, interface)
+            if carrier is not None and f"{carrier}/{interface}" not in known:
+                claims.setdefault(carrier, {})[interface] = None
     if not claims:
         return None
     states = tuple(InterfaceInfo(name) for name in interfaces.STATE_INTERFACES)
@@ -180,18 +182,9 @@ def _hardware(
     )
 
 
-def _interface_of(plugin: RunPlugin) -> str:
-    """Return what a plugin commands of its joints."""
-    if isinstance(plugin, JointPositionController) and plugin.use_velocity_commands:
-        return interfaces.VELOCITY
-    if isinstance(plugin, JointController) and not plugin.use_force_commands:
-        return interfaces.VELOCITY
-    if isinstance(plugin, GazeboRosJointPoseTrajectory):
-        return interfaces.POSITION
-    return interfaces.EFFORT
-
-
-def _at_rate(config: ControllerManagerConfig, file: Path) -> ControllerManagerConfig:
+def _at_rate(
+    config: ControllerManagerConfig, file: Path, report: LoadReport
+) -> ControllerManagerConfig:
     """Return a manager that runs at the rate of Gazebo's steps, or near it.
 
     Its controllers keep theirs.
@@ -202,6 +195,14 @@ def _at_rate(config: ControllerManagerConfig, file: Path) -> ControllerManagerCo
     factor = max(1, round(GAZEBO_RATE / old))
     if factor == 1:
         return config
+    report.add(
+        "info",
+        "repair",
+        f"update_rate {old} Hz beside Gazebo's plugins, which act in every step",
+        f"the manager runs at {old * factor} Hz, controllers at {old} Hz or their own",
+        where=MANAGER,
+        file=next(iter(config.files), file),
+    )
     rate = Parameter(old, file, 1)
     controllers = tuple(
         c

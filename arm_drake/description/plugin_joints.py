@@ -5,6 +5,7 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
+from arm_drake import interfaces
 from arm_drake.description.gazebo_fields import JointPlugin
 from arm_drake.description.gazebo_joints import (
     GazeboRosJointPoseTrajectory,
@@ -14,16 +15,21 @@ from arm_drake.description.gazebo_joints import (
     JointStatePublisher,
     JointTrajectoryController,
 )
+from arm_drake.description.joints import JointInfo
 from arm_drake.description.report import LoadReport
 from arm_drake.description.urdf import RobotDescription
 
-_OfJoints: TypeAlias = (
+OneOfJoints: TypeAlias = (
     JointPositionController | JointController | JointTrajectoryController
 )
-_Moving: TypeAlias = _OfJoints | GazeboRosJointPoseTrajectory
+Moving: TypeAlias = OneOfJoints | GazeboRosJointPoseTrajectory
 
 # Plugins that run as controllers.
-RunPlugin: TypeAlias = _Moving | JointStatePublisher | GazeboRosJointStatePublisher
+RunPlugin: TypeAlias = Moving | JointStatePublisher | GazeboRosJointStatePublisher
+
+
+# Of these all tags make one system.
+GROUPED = (JointPositionController, JointController)
 
 
 class PluginTag(NamedTuple):
@@ -35,17 +41,54 @@ class PluginTag(NamedTuple):
 
 def moving_plugins(description: RobotDescription) -> tuple[JointPlugin, ...]:
     """Return the plugins that move joints."""
-    return tuple(p for p in description.joint_plugins if isinstance(p, _Moving))
+    return tuple(p for p in description.joint_plugins if isinstance(p, Moving))
 
 
 def plugin_joints(description: RobotDescription) -> frozenset[str]:
-    """Return the joints that plugins move, mimic joints included."""
-    movable = [joint.name for joint in description.movable_joints]
-    return frozenset(
-        name
+    """Return the joints that plugins move, and those that these follow."""
+    movable = {joint.name: joint for joint in description.movable_joints}
+    asked = {
+        (name, interface_of(plugin))
         for plugin in description.joint_plugins
         for name in _joints_of(plugin, movable)
-    )
+    }
+    names = {name for name, _ in asked}
+    carriers = {find_carrier(movable, *key) for key in asked}
+    return frozenset(names | {name for name in carriers if name is not None})
+
+
+def interface_of(plugin: JointPlugin) -> str:
+    """Return what a plugin commands of its joints."""
+    if isinstance(plugin, JointPositionController) and plugin.use_velocity_commands:
+        return interfaces.VELOCITY
+    if isinstance(plugin, JointController) and not plugin.use_force_commands:
+        return interfaces.VELOCITY
+    if isinstance(plugin, GazeboRosJointPoseTrajectory):
+        return interfaces.POSITION
+    return interfaces.EFFORT
+
+
+def find_carrier(
+    movable: Mapping[str, JointInfo], name: str, interface: str
+) -> str | None:
+    """Return the joint whose drive does what is commanded of a joint, or None.
+
+    The force of a mimic joint acts on the one that it follows; positions and velocities
+    it has from that.
+
+    Args:
+        movable: The movable joints, by name.
+        name: The joint.
+        interface: What is commanded of it.
+    """
+    joint = movable[name]
+    if joint.mimic is not None and interface != interfaces.EFFORT:
+        return None
+    while joint.mimic is not None:
+        if joint.mimic.joint not in movable:
+            return None
+        joint = movable[joint.mimic.joint]
+    return joint.name
 
 
 class PluginSorter:
@@ -53,7 +96,7 @@ class PluginSorter:
 
     def __init__(
         self,
-        movable: Collection[str],
+        movable: Mapping[str, JointInfo],
         taken: Mapping[str, str],
         report: LoadReport,
         file: Path,
@@ -61,7 +104,7 @@ class PluginSorter:
         """Create it.
 
         Args:
-            movable: Names of the movable joints.
+            movable: The movable joints, by name.
             taken: Joints that controllers command, and which controller.
             report: Where joints are recorded that a plugin doesn't get.
             file: File to name there.
@@ -72,42 +115,86 @@ class PluginSorter:
         self._file = file
 
     def sort(self, plugins: Sequence[RunPlugin]) -> list[PluginTag]:
-        """Return the plugins that are left, with the joints that they get."""
+        """Return the plugins that are left, with the joints that they get.
+
+        A joint follows the last plugin that commands it. A drive follows one system: of
+        those that command it the last one gets it, with all its tags.
+        """
         asked = [_joints_of(plugin, self._movable) for plugin in plugins]
-        last = {name: at for at, names in enumerate(asked) for name in names}
+        last: dict[str, int] = {}
+        owner: dict[str, object] = {}
+        for at, (plugin, names) in enumerate(zip(plugins, asked, strict=True)):
+            for name in names:
+                carrier = find_carrier(self._movable, name, interface_of(plugin))
+                if carrier is not None:
+                    last[name], owner[carrier] = at, _system(plugin, at)
         tags = []
         for at, (plugin, names) in enumerate(zip(plugins, asked, strict=True)):
-            mine = tuple(n for n in names if last[n] == at and n not in self._taken)
-            for name in names:
-                if name not in mine:
-                    self._tell(plugin, name)
-            if isinstance(plugin, _OfJoints) and mine:
+            mine = tuple(
+                name
+                for name in names
+                if not (problem := self._find_problem(plugin, at, name, last, owner))
+                or self._tell(plugin, problem)
+            )
+            if isinstance(plugin, OneOfJoints) and mine:
                 tags.append(PluginTag(_with_joints(plugin, names, mine), mine))
-            elif mine or not isinstance(plugin, _Moving):
+            elif mine or not isinstance(plugin, Moving):
                 tags.append(PluginTag(plugin, mine))
         return tags
 
-    def _tell(self, plugin: RunPlugin, name: str) -> None:
-        what = f"another Gazebo plugin moves joint {name!r} too"
-        done = "the last one does"
-        if name in self._taken:
-            what = f"controller {self._taken[name]!r} commands joint {name!r} too"
-            done = "the plugin leaves it alone"
-        self._report.add(
-            "warning",
-            "ignored",
-            what,
-            done,
-            where=f"Gazebo plugin {type(plugin).__name__}",
-            file=self._file,
-        )
+    def _find_problem(
+        self,
+        plugin: RunPlugin,
+        at: int,
+        name: str,
+        last: Mapping[str, int],
+        owner: Mapping[str, object],
+    ) -> tuple[str, str] | None:
+        """Return why a plugin doesn't get a joint, and what happens instead."""
+        carrier = find_carrier(self._movable, name, interface_of(plugin))
+        if carrier is None:
+            done = "it moves with the joint that it follows"
+            return f"mimic joint {name!r} is commanded", done
+        controller = self._taken.get(name) or self._taken.get(carrier)
+        if controller:
+            what = f"controller {controller!r} commands joint {carrier!r} too"
+            return what, f"the plugin leaves {name!r} alone"
+        if last[name] != at or owner[carrier] != _system(plugin, at):
+            what = f"another Gazebo plugin moves joint {name!r} too"
+            return what, "the last one does"
+        return None
+
+    def _tell(self, plugin: RunPlugin, problem: tuple[str, str]) -> bool:
+        what, done = problem
+        # That of a trajectory of all joints is no mistake.
+        is_of_all = isinstance(plugin, GazeboRosJointPoseTrajectory)
+        if not (is_of_all and what.startswith("mimic")):
+            self._report.add(
+                "warning",
+                "ignored",
+                what,
+                done,
+                where=f"Gazebo plugin {type(plugin).__name__}",
+                file=self._file,
+            )
+        return False
+
+
+def _system(plugin: RunPlugin, at: int) -> object:
+    """Return what tells the systems of plugins apart."""
+    return type(plugin) if isinstance(plugin, GROUPED) else at
 
 
 def _with_joints(
-    plugin: _OfJoints, names: Sequence[str], mine: Sequence[str]
+    plugin: OneOfJoints, names: Sequence[str], mine: Sequence[str]
 ) -> RunPlugin:
-    """Return a plugin of fewer joints; n-th values stay those of their joint."""
+    """Return a plugin of fewer joints; topic and n-th values stay those of theirs."""
     changes: dict[str, Any] = {"joint_names": tuple(mine)}
+    is_first_left_out = mine[0] != names[0]
+    if is_first_left_out and not isinstance(plugin, JointTrajectoryController):
+        end = "pos" if isinstance(plugin, JointPositionController) else "vel"
+        default = f"joint/{names[0]}/cmd_{end}"
+        changes["sub_topic"] = plugin.sub_topic or default
     if isinstance(plugin, JointTrajectoryController):
         at = [names.index(name) for name in mine]
         for field in dc.fields(plugin):
@@ -120,7 +207,7 @@ def _with_joints(
 
 def _joints_of(plugin: JointPlugin, movable: Collection[str]) -> list[str]:
     """Return the joints that a plugin asks for."""
-    if not isinstance(plugin, _Moving):
+    if not isinstance(plugin, Moving):
         return []
     if isinstance(plugin, GazeboRosJointPoseTrajectory):
         return list(movable)

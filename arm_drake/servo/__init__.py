@@ -112,7 +112,8 @@ def make_joint_servo(
     read = [state, command]
     held = None
     if gains.observer_gain:
-        held = wiring.builder.AddNamedSystem("w", ZeroOrderHold(h, layout.num_joints))
+        num_held = layout.num_joints + len(gains.grippers)
+        held = wiring.builder.AddNamedSystem("w", ZeroOrderHold(h, num_held))
         read.append(held.get_output_port())
     if has_modes:
         read.append(wiring.add("felt", felt_acceleration(gains, layout, h), state))

@@ -43,12 +43,15 @@ def acceleration_law(
 ) -> SymbolicVectorSystem:
     """Return what computes the accelerations u, and what the observer keeps of itself.
 
-    Its input is the state, the command, then w with an observer, and with modes what
-    `felt_acceleration` says. Its output is u, and with an observer (1 - b) I + b v/h.
+    Its input is the state, the command, then with an observer w and the last positions
+    that grippers were sent to, and with modes what `felt_acceleration` says. Its output
+    is u, and with an observer (1 - b) I + b v/h and these positions as they are now.
     """
     n, b = layout.num_joints, gains.observer_gain
     x, command = variables("x", layout.num_states), Command(layout)
     w = variables("w", n if b else 0)
+    grippers = gains.grippers if b else ()
+    held = dict(zip(grippers, variables("held", len(grippers)), strict=True))
     felt, r = (variables(name, n if layout.has_modes else 0) for name in ("felt", "r"))
     accelerations, kept = [], []
     for i in range(n):
@@ -61,6 +64,10 @@ def acceleration_law(
         if b:
             shift = b / h * v
             disturbance = clamp(w[i] - shift, float(gains.max_disturbance[i]))
+            if i in held:
+                # What a gripper pressed against is no load when it is sent elsewhere.
+                step = abs_(command.q_d[i] - held[i]) - gains.step[i]
+                disturbance = if_then_else(step > 0.0, 0.0, disturbance)
             # Whatever holds a joint at its stop goes away with what pushes it there.
             for stop, side in ((gains.upper[i], 1.0), (gains.lower[i], -1.0)):
                 if np.isfinite(stop):
@@ -74,8 +81,9 @@ def acceleration_law(
             free = shift + b * r[i] if layout.has_modes else shift
             kept.append(_unless(command.is_tau, i, keep, free))
         accelerations.append(_unless(command.is_tau, i, u, felt))
-    inputs = [*x, *command.variables, *w, *felt, *r]
-    return function(inputs, [*accelerations, *kept])
+    inputs = [*x, *command.variables, *w, *held.values(), *felt, *r]
+    now = [Expression(command.q_d[i]) for i in held]
+    return function(inputs, [*accelerations, *kept, *now])
 
 
 def felt_acceleration(gains: ServoGains, layout: Layout, h: float) -> LinearSystem:
@@ -160,18 +168,21 @@ class EffortLaws:
         return function([*self._inputs(), *self._scale], efforts)
 
     def observer(self) -> SymbolicVectorSystem:
-        """Return what computes the next w.
+        """Return what computes the next w, and passes on where grippers are sent.
 
         Its input is the output of the acceleration law, then s, if limited, and with
         modes whether commanded efforts alone count.
         """
         n, b = self._layout.num_joints, self._gains.observer_gain
         u, kept = variables("u", n), variables("kept", n)
+        sent = variables("sent", len(self._gains.grippers))
         found = [
             _unless(self._free, i, kept[i] + b * self._scale_of(i) * u[i], kept)
             for i in range(n)
         ]
-        return function([*u, *kept, *self._scale, *self._free], found)
+        told = [Expression(position) for position in sent]
+        inputs = [*u, *kept, *sent, *self._scale, *self._free]
+        return function(inputs, [*found, *told])
 
     def _scale_of(self, i: int) -> Expression:
         if not self.is_limited:
@@ -206,13 +217,17 @@ def _wanted_by_position(
     """Return the acceleration that a position with its velocity asks for."""
     error = _brake(command.q_d[i] - q, float(gains.braking_error[i]))
     approach: float | Expression = float(gains.max_approach[i])
+    largest: float | Expression = float(gains.max_error[i])
     if command.velocity_limit:
-        # A joint approaches with kp / kd times the error.
+        # A joint moves with kp / kd times the error.
         told = gains.kd[i] / gains.kp[i] * command.velocity_limit[i]
-        approach = lower_of(float(gains.max_approach[i]), told)
+        approach, largest = (
+            lower_of(float(limits[i]), told)
+            for limits in (gains.max_approach, gains.max_error)
+        )
     error = clamp(error, approach)
     error = error + gains.velocity_lead[i] * command.v_d[i]
-    error = clamp(error, float(gains.max_error[i]))
+    error = clamp(error, largest)
     return gains.kp[i] * error - gains.kd[i] * v
 
 

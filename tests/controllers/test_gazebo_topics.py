@@ -90,8 +90,6 @@ def test_namespaces_and_remappings(
             [
                 "use_actuator_msg: no messages of actuators are taken; the joint's own "
                 "topic takes numbers",
-                "joint_index 2: a joint of a URDF has one axis, with index 0; it is "
-                "the one that moves",
             ],
         ),
         (

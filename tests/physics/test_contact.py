@@ -1,6 +1,7 @@
 """Arms that meet the ground or an obstacle: they stop, push, and come back.
 
 The ground is that of the built-in world; the obstacle is a second robot, a fixed box.
+At the end things of the world, which lie, slide and are held.
 """
 
 import dataclasses as dc
@@ -9,10 +10,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pydrake.multibody.plant import MultibodyPlant
+from pydrake.geometry import (
+    AddCompliantHydroelasticProperties,
+    Box,
+    ProximityProperties,
+    Role,
+    Sphere,
+)
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.plant import ContactResults, CoulombFriction, MultibodyPlant
+from pydrake.multibody.tree import SpatialInertia
 
 import arm_drake as ad
-from arm_drake.messages import Duration
+from arm_drake.messages import Duration, FollowJointTrajectoryResult
+from arm_drake.world import World, add_world
 from tests import models
 from tests.robots import read_index, robots_folder
 
@@ -348,7 +359,7 @@ def test_a_goal_behind_an_obstacle_violates_its_path_tolerance(
     sim.advance_to(7.0)
 
     assert goal.status is ad.GoalStatus.ABORTED
-    assert goal.result is not None
+    assert isinstance(goal.result, FollowJointTrajectoryResult)
     assert goal.result.error_code == -4  # PATH_TOLERANCE_VIOLATED
     assert goal.result.error_string == "Aborted due to path tolerance violation"
     check_obstructed(sim, back)
@@ -386,3 +397,233 @@ def check_obstructed(sim: ad.Simulation, back: ad.GoalHandle) -> None:
     np.testing.assert_allclose(
         rollout.position[-1], list(SMALL_START.values()), rtol=0.0, atol=HELD
     )
+
+
+Size = tuple[float, float, float]
+
+
+def add_thing(
+    plant: MultibodyPlant, size: Size, mass: float, mu: float, X_WB: RigidTransform
+) -> None:
+    """Add a box that moves freely."""
+    inertia = SpatialInertia.SolidBoxWithMass(mass, *size)
+    body = plant.AddRigidBody("thing", plant.AddModelInstance("things"), inertia)
+    friction = CoulombFriction(mu, mu)
+    plant.RegisterCollisionGeometry(body, RigidTransform(), Box(*size), "box", friction)
+    plant.SetDefaultFloatingBaseBodyPose(body, X_WB)
+
+
+def plant_of(sim: ad.Simulation) -> MultibodyPlant:
+    plant = sim.diagram.GetSubsystemByName("plant")
+    assert isinstance(plant, MultibodyPlant)
+    return plant
+
+
+def thing_pose(sim: ad.Simulation) -> RigidTransform:
+    plant = plant_of(sim)
+    context = plant.GetMyContextFromRoot(sim.simulator.get_context())
+    return plant.EvalBodyPoseInWorld(context, plant.GetBodyByName("thing"))
+
+
+def contacts(sim: ad.Simulation) -> ContactResults:
+    plant = plant_of(sim)
+    context = plant.GetMyContextFromRoot(sim.simulator.get_context())
+    return plant.get_contact_results_output_port().Eval(context)
+
+
+SLOPE = 0.4  # rad
+
+
+def on_a_slope(folder: Path, mu: float, h: float) -> ad.Simulation:
+    """Return a thing on a fixed robot, whose friction is 1 by default."""
+    slope = models.load(folder, box("4 1 0.1"), pose=(0.0, 0.0, 0.0, 0.0, SLOPE, 0.0))
+    size, R_WB = (0.1, 0.1, 0.04), RotationMatrix.MakeYRotation(SLOPE)
+    X_WB = RigidTransform(R_WB, R_WB @ [-1.0, 0.0, 0.07])
+    options = ad.SimulationOptions(time_step=h)
+    return ad.Simulation(
+        ad.build_diagram(
+            slope,
+            world=lambda plant: add_thing(plant, size, 0.2, mu, X_WB),
+            options=options,
+        )
+    )
+
+
+@pytest.mark.parametrize("h", [1e-3, 5e-3])
+def test_a_thing_stays_on_a_slope_that_its_friction_bears(
+    tmp_path: Path, h: float
+) -> None:
+    sim = on_a_slope(tmp_path, 0.5, h)  # With 1 that makes 2/3; the slope is 0.42.
+    sim.advance_to(0.5)
+    before = thing_pose(sim)
+
+    sim.advance_to(2.5)
+
+    moved = before.inverse() @ thing_pose(sim)
+    # Below 10 um/s is still, and the rest is what an impulse of h gives way.
+    assert np.linalg.norm(moved.translation()) < 2.0 * (1e-5 + 1e-2 * h)
+    assert moved.rotation().ToAngleAxis().angle() < 1e-3
+
+
+@pytest.mark.parametrize("h", [1e-3, 5e-3])
+def test_a_thing_slides_down_a_steeper_slope_as_coulomb_has_it(
+    tmp_path: Path, h: float
+) -> None:
+    mu = 0.2
+    sim = on_a_slope(tmp_path, mu, h)
+    together = 2.0 * mu / (mu + 1.0)
+    acceleration = models.GRAVITY * (np.sin(SLOPE) - together * np.cos(SLOPE))
+    places = []
+    for time in (0.4, 0.6, 0.8):
+        sim.advance_to(time)
+        places.append(thing_pose(sim).translation())
+
+    # The second difference: whatever it did in landing.
+    found = (places[0] - 2.0 * places[1] + places[2]) / 0.2**2
+
+    expected = acceleration * np.array([np.cos(SLOPE), 0.0, -np.sin(SLOPE)])
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=0.01 * acceleration)
+
+
+JAW = 0.04
+BEAM: Size = (0.2, 0.02, JAW)
+# How far beside the jaws the beam has its centre of mass [m], and its mass [kg].
+BESIDE, BEAM_MASS = 0.08, 0.05
+
+
+def vice(folder: Path) -> ad.Robot:
+    """Return a fixed and a moving square jaw, 22 mm apart, that press along y."""
+
+    def jaw(link: str, y: float) -> str:
+        shape = f'<box size="{JAW} 0.02 {JAW}"/>'
+        return (
+            f'<link name="{link}"><inertial><mass value="0.1"/>'
+            '<inertia ixx="1e-4" ixy="0" ixz="0" iyy="1e-4" iyz="0" izz="1e-4"/>'
+            f'</inertial><collision><origin xyz="0 {y} 0"/>'
+            f"<geometry>{shape}</geometry></collision></link>"
+        )
+
+    slide = models.joint(
+        "slide",
+        "fixed_jaw",
+        "jaw",
+        axis="0 -1 0",
+        type="prismatic",
+        limit='lower="0" upper="0.02" effort="20" velocity="1"',
+    )
+    control = models.ros2_control("slide", command="effort")
+    urdf = (
+        f'<robot name="vice">{jaw("fixed_jaw", -0.02)}{jaw("jaw", 0.022)}'
+        f"{slide}{control}</robot>"
+    )
+    return models.load(folder, urdf, forward(["slide"], "effort"))
+
+
+@pytest.mark.parametrize("h", [1e-3, 5e-3])
+# Friction 1 of two square faces with even pressure bears a moment of 0.3826 * side *
+# 2 * force. The weight has one of 39 mN·m: 1.3 N are needed beside what weight takes.
+@pytest.mark.parametrize(("force", "is_held"), [(5.0, True), (0.8, False)])
+def test_jaws_hold_a_beam_at_its_end_if_they_press_enough(
+    tmp_path: Path, force: float, is_held: bool, h: float
+) -> None:
+    start = RigidTransform([BESIDE, 0.0, 0.0])
+    sim = ad.Simulation(
+        ad.build_diagram(
+            vice(tmp_path),
+            world=lambda plant: add_thing(plant, BEAM, BEAM_MASS, 1.0, start),
+            options=ad.SimulationOptions(time_step=h),
+        )
+    )
+    plant = plant_of(sim)
+    context = plant.GetMyMutableContextFromRoot(sim.simulator.get_mutable_context())
+    plant.GetBodyByName("thing").Lock(context)
+    sim.controller("arm").command([force])
+    sim.advance_to(1.0)
+
+    plant.GetBodyByName("thing").Unlock(context)
+    sim.advance_to(1.2)
+    before = thing_pose(sim)
+    sim.advance_to(4.2)
+
+    moved = before.inverse() @ thing_pose(sim)
+    angle = moved.rotation().ToAngleAxis().angle()
+    if is_held:
+        assert np.linalg.norm(moved.translation()) < 1e-3
+        assert angle < 0.01
+    else:
+        assert start.translation()[2] - thing_pose(sim).translation()[2] > 0.01
+
+
+def test_only_what_touches_a_thing_is_touched_by_areas(tmp_path: Path) -> None:
+    arm = models.load(tmp_path, models.FALLING_BALL)
+
+    def world(plant: MultibodyPlant) -> None:
+        add_world(plant, "empty")
+        add_thing(plant, (0.1, 0.1, 0.1), 1.0, 1.0, RigidTransform([1.0, 0.0, 0.05]))
+
+    sim = ad.Simulation(ad.build_diagram(arm, world=world))
+
+    sim.advance_to(2.0)
+
+    assert contacts(sim).num_point_pair_contacts() == 1
+    assert contacts(sim).num_hydroelastic_contacts() == 1
+
+
+def add_table(plant: MultibodyPlant) -> None:
+    plant.RegisterCollisionGeometry(
+        plant.world_body(),
+        RigidTransform([0.0, 0.0, -0.5]),
+        Box(1.0, 1.0, 1.0),
+        "table",
+        CoulombFriction(1.0, 1.0),
+    )
+
+
+@pytest.mark.parametrize("world", ["empty", add_table], ids=["empty", "table"])
+def test_where_nothing_can_be_held_shapes_are_left_as_they_are(
+    tmp_path: Path, world: World
+) -> None:
+    arm = models.load(tmp_path, models.FALLING_BALL)
+
+    diagram = ad.build_diagram(arm, world=world)
+
+    inspector = diagram.GetSubsystemByName("scene_graph").model_inspector()
+    shapes = inspector.GetAllGeometryIds(Role.kProximity)
+    assert len(shapes) == 2
+    for shape in shapes:
+        properties = inspector.GetProximityProperties(shape)
+        assert not properties.HasGroup("hydroelastic")
+
+
+def test_properties_that_a_thing_has_are_kept(tmp_path: Path) -> None:
+    arm = models.load(tmp_path, models.FALLING_BALL)
+
+    def world(plant: MultibodyPlant) -> None:
+        inertia = SpatialInertia.SolidSphereWithMass(1.0, 0.1)
+        body = plant.AddRigidBody("thing", plant.AddModelInstance("things"), inertia)
+        properties = ProximityProperties()
+        AddCompliantHydroelasticProperties(0.01, 1e6, properties)
+        plant.RegisterCollisionGeometry(
+            body, RigidTransform(), Sphere(0.1), "ball", properties
+        )
+
+    diagram = ad.build_diagram(arm, world=world)
+
+    inspector = diagram.GetSubsystemByName("scene_graph").model_inspector()
+    plant = diagram.GetSubsystemByName("plant")
+    (shape,) = plant.GetCollisionGeometriesForBody(plant.GetBodyByName("thing"))
+    properties = inspector.GetProximityProperties(shape)
+    modulus = properties.GetProperty("hydroelastic", "hydroelastic_modulus")
+    assert modulus == 1e6
+
+
+def test_a_thing_that_is_in_a_robot_is_named(tmp_path: Path) -> None:
+    arm = models.load(tmp_path, models.FALLING_BALL)
+
+    def world(plant: MultibodyPlant) -> None:
+        add_thing(plant, (0.1, 0.1, 0.1), 1.0, 1.0, RigidTransform([0.0, 0.0, 1.0]))
+
+    sim = ad.Simulation(ad.build_diagram(arm, world=world))
+
+    (line,) = [entry.what for entry in sim.report if "overlap" in entry.what]
+    assert line == "links overlap in the initial pose: ball and thing"

@@ -14,6 +14,7 @@ from arm_drake.description.meshes.cache import clear_cache as clear_cache
 from arm_drake.description.meshes.files import read_bytes, references
 from arm_drake.description.meshes.gltf import encode_gltf
 from arm_drake.description.meshes.reading import read_surfaces
+from arm_drake.description.meshes.surface_obj import encode_surface
 from arm_drake.description.meshes.surfaces import Array, Color, Surface
 from arm_drake.description.report import Kind, LoadReport, ReportEntry, Severity
 
@@ -26,7 +27,7 @@ MESH_SUFFIXES = (".dae", ".glb", ".gltf", ".obj", ".ply", ".stl")
 MANY_TRIANGLES = 200_000
 
 Scale = tuple[float, float, float]
-Mode = Literal["visual", "hull", "parts"]
+Mode = Literal["visual", "hull", "parts", "surface"]
 _Paths = tuple[Path, ...]
 
 _DEFAULT_COLOR: Color = (0.7, 0.7, 0.7, 1.0)
@@ -93,6 +94,26 @@ def convert_collision(
     library = (convex.require_decomposition(),) if decompose else ()
     mode: Mode = "parts" if decompose else "hull"
     return _Conversion(mode, source, scale, report, where, file).run(cache_dir, library)
+
+
+def convert_surface(
+    source: Path, scale: Scale, *, cache_dir: Path | None = None
+) -> Path | None:
+    """Return an OBJ file with the triangles of a collision mesh, or None.
+
+    What can't be read was told when its hull was made.
+
+    Args:
+        source: The mesh file.
+        scale: Factors for x, y and z; negative ones mirror.
+        cache_dir: Folder of converted meshes, by default `cache_directory`.
+
+    Raises:
+        OutputError: Neither the cache nor a temporary folder can be written.
+    """
+    conversion = _Conversion("surface", source, scale, LoadReport(), "", None)
+    paths = conversion.run(cache_dir, ())
+    return paths[0] if paths else None
 
 
 @dc.dataclass(frozen=True)
@@ -185,6 +206,8 @@ class _Conversion:
                 notes.append(ReportEntry("info", "unsupported", what, done))
             color = self.color or _DEFAULT_COLOR
             return [encode_gltf(surfaces, color)] if surfaces else []
+        if self.mode == "surface":
+            return [encode_surface(surfaces)] if surfaces else []
         return [convex.encode_hull(body) for body in self._bodies(surfaces, notes)]
 
     def _bodies(self, surfaces: list[Surface], notes: list[ReportEntry]) -> list[Array]:
