@@ -9,6 +9,7 @@ from pydrake.geometry import (
     GeometryId,
     GeometrySet,
     HydroelasticContactRepresentation,
+    Mesh,
     PenetrationAsPointPair,
     ProximityProperties,
     QueryObject,
@@ -147,7 +148,13 @@ def _overlapping_pairs(
     areas, points = query.ComputeContactSurfacesWithFallback(kind)
     touching = {frozenset((area.id_M(), area.id_N())) for area in areas}
     touching |= {frozenset((point.id_A, point.id_B)) for point in points}
-    return [p for p in pairs if frozenset((p.id_A, p.id_B)) in touching]
+    shape_of = query.inspector().GetShape
+    return [
+        pair
+        for pair in pairs
+        if frozenset((pair.id_A, pair.id_B)) in touching
+        or not any(isinstance(shape_of(g), Mesh) for g in (pair.id_A, pair.id_B))
+    ]
 
 
 def _is_carried(
