@@ -108,7 +108,10 @@ class ControllerLoader:
                 return None
             system = row.system(parameters, self._params(controller, rate))
             if row.origin and not isinstance(system, ControllerInterface):
-                raise TypeError(f"expected a ControllerInterface, got {system!r}")
+                kind = type(system).__name__
+                raise TypeError(f"expected a ControllerInterface, got a {kind}")
+            if not row.origin:
+                report_gains(controller, parameters, self._report)
         except ParameterError as error:
             self._reject(controller, error.problem, error)
             return None
@@ -119,7 +122,6 @@ class ControllerLoader:
             what = f"controller type {controller.type!r} of {row.origin} can't be made"
             self._reject(controller, f"{what}: {type(error).__name__}: {error}")
             return None
-        report_gains(controller, parameters, self._report)
         return system
 
     def _find_type(self, controller: ControllerConfig) -> ControllerType | None:
@@ -153,12 +155,8 @@ class ControllerLoader:
                 self._add(controller, "warning", "unsupported", problem, done)
         params = self._params(controller, self._config.update_rate)
         # What it may command, though its tag names no joints.
-        joints = controller.plugin_joints
-        offered = [
-            name
-            for name in params.command_interfaces
-            if name.rpartition("/")[0] in joints
-        ]
+        joints, names = controller.plugin_joints, params.command_interfaces
+        offered = [name for name in names if name.rpartition("/")[0] in joints]
         params = dc.replace(params, command_interfaces=frozenset(offered))
         return make_plugin(controller.plugins, params)
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from arm_drake.controller_loading import load_controllers
-from arm_drake.controllers import ControllerType, check_controller_type
+from arm_drake.controllers import ControllerType, check_controller_types
 from arm_drake.description.bridge import (
     find_bridge_files,
     load_bridges,
@@ -119,10 +119,7 @@ def load_robot(
         raise InputError(f"name {name!r}: expected a name without '/'")
     if isinstance(package_paths, str | os.PathLike):
         package_paths = [package_paths]
-    types = {
-        name_: check_controller_type(row, f"controller_types[{name_!r}]")
-        for name_, row in (controller_types or {}).items()
-    }
+    types = check_controller_types(controller_types or {})
     report = LoadReport()
     distro = _check_distro(distro, report)
     entry, bundled = find_entry(source)

@@ -31,6 +31,10 @@ Failure: TypeAlias = ControllerFailure | SwitchControllerResult
 News: TypeAlias = GoalHandle | Rejection | CancelResponse | Failure | CommandLimited
 
 
+# So many messages are remembered before any is forgotten.
+_MIN_PLACES = 2000
+
+
 class _Source(NamedTuple):
     """A port of a controller or manager on which numbered events are."""
 
@@ -80,6 +84,7 @@ class Mailbox:
         # Goals, and other messages with the place that they come from, by their id.
         self._handles: dict[int, GoalHandle] = {}
         self._places: dict[int, tuple[Message, str]] = {}
+        self._max_places = _MIN_PLACES
 
         # Name of the source of each rejection and failure, by its id.
         self._names: dict[int, str] = {}
@@ -96,6 +101,23 @@ class Mailbox:
     def add_message(self, message: Message, where: str) -> None:
         """Take note of where a message that is being sent comes from."""
         self._places[id(message)] = (message, where)
+        if len(self._places) > self._max_places:
+            self._forget_places()
+
+    def _forget_places(self) -> None:
+        """Forget where messages came from that lie on no port and weren't refused."""
+        lying = [m for sent in self._published.values() for _, m in sent]
+        told = [getattr(event, "message", None) for event in self.rejected]
+        told += [getattr(event, "request", None) for event in self.failures]
+        kept = {id(message) for message in (*lying, *told)}
+        # Those that came last may be refused yet.
+        recent = set(list(self._places)[-_MIN_PLACES // 2 :])
+        self._places = {
+            key: place
+            for key, place in self._places.items()
+            if key in kept or key in recent
+        }
+        self._max_places = max(_MIN_PLACES, 2 * len(self._places))
 
     def publish(self, port: str, message: Message, period: float) -> None:
         """Put a message on a port; those of before stay while they may be unseen.
@@ -106,16 +128,19 @@ class Mailbox:
             period: Period of who reads it [s].
         """
         context = self._simulator.get_mutable_context()
-        time = context.get_time()
+        time, there = context.get_time(), self._diagram.GetInputPort(port)
+        # What the context doesn't know was sent after it: it is one of before.
+        lying = there.Eval(context) if there.HasValue(context) else ()
+        known = set(map(id, lying)) if isinstance(lying, tuple) else {id(lying)}
         recent = [
             (sent, other)
             for sent, other in self._published.get(port, ())
-            if sent > time - 2.0 * period
+            if sent > time - 2.0 * period and id(other) in known
         ]
         self._published[port] = [*recent, (time, message)]
         messages = tuple(message for _, message in self._published[port])
         value = AbstractValue.Make(messages)
-        self._diagram.GetInputPort(port).FixValue(context, value)
+        there.FixValue(context, value)
 
     def collect(self) -> Iterator[News]:
         """Yield the news since the last time, one source after the other.

@@ -86,6 +86,12 @@ def check_motion(simulation: "Simulation", motion: Motion) -> None:
         simulation: What is to run the motion.
         motion: The motion.
     """
+    if motion.repeats and not motion.duration >= simulation.period:
+        problem = (
+            f"a round of {motion.duration:g} s is shorter than a tick, "
+            f"{simulation.period:g} s"
+        )
+        raise MotionError(problem, file=motion.file)
     states = {row.name: row.state for row in simulation.list_controllers()}
     activated: set[str] = set()
     for step in motion.steps:

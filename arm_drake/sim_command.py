@@ -31,6 +31,9 @@ _HEADLESS_DURATION = 10.0
 # What follows a motion [s].
 _AFTER_MOTION = 1.0
 
+# Longer than anybody waits [s].
+_ENDLESS = 1e9
+
 
 def simulate(options: argparse.Namespace, robot: Robot) -> int:
     """Simulate a robot as the command line says; return the exit code.
@@ -140,6 +143,8 @@ def _choose_duration(
     if options.duration is not None:
         return float(options.duration)
     if motion is not None:
+        if motion.repeats and not options.headless:
+            return None
         return motion.duration + _AFTER_MOTION
     return _HEADLESS_DURATION if options.headless else None
 
@@ -162,8 +167,7 @@ def _run(
     try:
         if duration is None:
             say.line("simulating until Ctrl-C")
-            while True:
-                simulation.run(1.0, realtime_rate=rate, progress=say.progress)
+            duration = _ENDLESS
         simulation.run(duration, motion, rate, say.progress)
     except KeyboardInterrupt:  # What was simulated is kept.
         say.line(f"stopped at {simulation.time:.2f} s")

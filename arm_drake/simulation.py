@@ -53,7 +53,8 @@ class Simulation:
         self.directory = Directory(diagram)
         self._topics = TopicNames(self.directory.managers)
         managers = self.directory.managers.values()
-        self._period = min(manager.period for manager in managers)
+        # Of the quickest controller manager [s].
+        self.period = min(manager.period for manager in managers)
         self.simulator = Simulator(diagram)
         self._on_event: list[Callable[[News], None]] = []
         self._start()
@@ -220,7 +221,7 @@ class Simulation:
         if not time >= self.time or not math.isfinite(time):
             raise ValueError(f"can't go from {self.time} s to {time} s")
         while self.time < time:
-            chunk = self.time + _TICKS_AT_A_TIME * self._period
+            chunk = self.time + _TICKS_AT_A_TIME * self.period
             self.simulator.AdvanceTo(min(chunk, time))
             for news in self.mailbox.collect():
                 for callback in self._on_event:
@@ -249,7 +250,7 @@ class Simulation:
         """
         if not (math.isfinite(duration) and duration >= 0.0):
             raise ValueError(f"duration must be at least 0 s, got {duration!r}")
-        player = Player(self, motion, _TICK_TOLERANCE * self._period)
+        player = Player(self, motion, _TICK_TOLERANCE * self.period)
         # The rate counts from now.
         self.simulator.ResetStatistics()
         self.simulator.set_target_realtime_rate(realtime_rate)

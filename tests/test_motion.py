@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+import arm_drake as ad
 from arm_drake.bundled import bundled_motions, bundled_robots
 from arm_drake.errors import ArmDrakeError, MotionError
 from arm_drake.messages import (
@@ -784,3 +785,43 @@ def test_a_damaged_motion_file_gives_no_other_error(path, load):
     for text in damaged:
         with contextlib.suppress(ArmDrakeError):
             load(text)
+
+
+def test_a_last_step_without_time_can_t_be_repeated():
+    steps = [
+        {"at": 0.0, "controller": "c", "commands": [0.0]},
+        {"at": 2.0, "controller": "c", "commands": [0.5]},
+        {"repeat": True},
+    ]
+
+    with pytest.raises(MotionError, match=r"\[2\]\.repeat: the next round starts with"):
+        parse_motion(steps)
+
+
+def test_a_round_that_is_shorter_than_a_tick_is_refused():
+    steps = [
+        {"at": 0.0, "every": 1e-6, "count": 1, "controller": "c", "commands": [0.0]},
+        {"repeat": True},
+    ]
+    motion = parse_motion(steps)
+    sim = ad.Simulation(ad.build_diagram(ad.load_robot("doosan_a0912")))
+
+    with pytest.raises(MotionError, match="shorter than a tick"):
+        sim.run(1.0, motion)
+
+
+@pytest.mark.parametrize("by_topic", [False, True])
+def test_a_duration_heeds_speeds_by_topic_and_by_controller(by_topic):
+    points = [{"positions": [1.0], "time_from_start": 1.0}]
+    trajectory = {"joint_names": ["j"], "points": points}
+    speed = {"at": 0.0, "topic": "/c/speed_scaling_input", "data": 0.5}
+    if not by_topic:
+        speed = {"at": 0.0, "controller": "c", "speed_scaling": 0.5}
+
+    by_name = parse_motion(
+        [speed, {"at": 0.2, "controller": "c", "trajectory": trajectory}]
+    )
+    topic = "/c/joint_trajectory"
+    named = parse_motion([speed, {"at": 0.2, "topic": topic, "trajectory": trajectory}])
+
+    assert by_name.duration == named.duration == pytest.approx(2.2)

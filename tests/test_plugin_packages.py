@@ -238,7 +238,7 @@ def test_a_broken_package_is_one_line(
             "NO_SYSTEM",
             0.1,
             f"controller type '{TYPE}' of ORIGIN can't be made: TypeError: expected a "
-            "ControllerInterface, got 'a ramp'",
+            "ControllerInterface, got a str",
         ),
     ],
 )

@@ -715,3 +715,21 @@ def test_a_kinematic_simulation_takes_the_same_messages(multi):
     sim.advance_to(0.1)
 
     assert sim.joint_states().position == (0.3, -0.3)
+
+
+def test_what_was_sent_after_a_context_was_saved_is_undone_with_it(tmp_path):
+    sim = ad.Simulation(ad.build_diagram(ad.load_robot("doosan_a0912")))
+    sim.advance_to(0.3)
+    saved = sim.simulator.get_context().Clone()
+    sim.switch_controllers(deactivate=["joint_trajectory_controller"])
+    sim.advance_to(0.5)
+
+    sim.simulator.reset_context(saved.Clone())
+    sim.switch_controllers(deactivate=["joint_state_broadcaster"])
+    sim.advance_to(0.5)
+
+    states = {row.name: row.state for row in sim.list_controllers()}
+    assert states == {
+        "joint_state_broadcaster": "inactive",
+        "joint_trajectory_controller": "active",
+    }

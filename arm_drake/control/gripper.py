@@ -32,12 +32,10 @@ from arm_drake.messages import (
     SendGoal,
     TopicRejected,
 )
+from arm_drake.messages.news import add_news
 
 # News of a controller.
 Event = GoalEvent | CancelResponse | TopicRejected
-
-# How many events are kept for those who don't look at every tick.
-_NUM_EVENTS = 64
 
 _INACTIVE = "the controller was never active; activate it first"
 
@@ -231,11 +229,7 @@ def command(rules: GripperRules, state: GripperState, position: float) -> Grippe
 
 def add_events(state: GripperState, *news: Event) -> GripperState:
     """Return the state that tells news, after those it has told."""
-    events = state.events
-    first = events[-1][0] + 1 if events else 0
-    return state._replace(
-        events=(*events, *enumerate(news, start=first))[-_NUM_EVENTS:]
-    )
+    return state._replace(events=add_news(state.events, news))
 
 
 def _hold(rules: GripperRules, inputs: GripperInputs) -> Target:

@@ -25,6 +25,7 @@ from arm_drake.messages import (
     SpeedScalingFactor,
     TopicRejected,
 )
+from arm_drake.messages.news import add_news
 
 # News of a controller.
 Event = GoalEvent | CancelResponse | TopicRejected | ParametersRejected
@@ -173,12 +174,6 @@ def present_commands(rules: JointTrajectoryRules, inputs: TickInputs) -> Array:
 
 
 def add_events(state: JointTrajectoryState, *news: Event) -> JointTrajectoryState:
-    """Return the state with news, of which the latest `NUM_EVENTS` are kept."""
-    events = state.plan.events
-    first = events[-1][0] + 1 if events else 0
-    events = (*events, *enumerate(news, start=first))[-NUM_EVENTS:]
+    """Return the state with news."""
+    events = add_news(state.plan.events, news)
     return state._replace(plan=state.plan._replace(events=events))
-
-
-# How many events are kept for those who don't look at every tick.
-NUM_EVENTS = 64

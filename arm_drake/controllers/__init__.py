@@ -20,6 +20,7 @@ from arm_drake.controllers.controller_interface import (
 from arm_drake.controllers.controller_type import (
     ControllerType,
     check_controller_type,
+    check_controller_types,
 )
 from arm_drake.controllers.diff_drive_controller import DiffDriveControllerParameters
 from arm_drake.controllers.force_torque_sensor_broadcaster import (
@@ -85,6 +86,7 @@ __all__ = [
     "CONTROLLER_TYPES",
     "ControllerType",
     "check_controller_type",
+    "check_controller_types",
     "find_controller_type",
     "installed_types",
     "list_types",

@@ -1,7 +1,7 @@
 """What a controller type is: how its parameters are read, and its system made."""
 
 import dataclasses as dc
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from arm_drake.controllers.controller_interface import (
@@ -51,3 +51,23 @@ def check_controller_type(row: object, origin: str) -> ControllerType:
             f"{origin}: system: expected a class or a function, got {row.system!r}"
         )
     return row
+
+
+def check_controller_types(types: object) -> dict[str, ControllerType]:
+    """Return controller types by name, as `load_robot` takes them.
+
+    Args:
+        types: A mapping of names to types.
+
+    Raises:
+        InputError: If it is none.
+    """
+    if not isinstance(types, Mapping) or not all(isinstance(n, str) for n in types):
+        raise InputError(
+            "controller_types: expected a mapping of names to "
+            f"arm_drake.ControllerType, got {types!r}"
+        )
+    return {
+        name: check_controller_type(row, f"controller_types[{name!r}]")
+        for name, row in types.items()
+    }

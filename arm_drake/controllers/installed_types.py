@@ -30,7 +30,7 @@ class InstalledType(NamedTuple):
         try:
             loaded: object = self.entry_point.load()
         # Code of others, which can fail in every way; it must not take ours with it.
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise InputError(
                 f"{self.entry_point.value!r} of {self.origin} can't be imported: "
                 f"{type(error).__name__}: {error}"

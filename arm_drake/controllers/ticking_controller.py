@@ -64,6 +64,12 @@ class TickingController(ControllerInterface, Generic[S]):
             exported_interfaces: As in ControllerInterface.
             limit_interfaces: As in ControllerInterface.
         """
+        # Drake's classes take no notice of what is abstract.
+        own = type(self)
+        if own._update is TickingController._update:
+            raise TypeError(f"{own.__name__} has no _update")
+        if command_interfaces and own._command is TickingController._command:
+            raise TypeError(f"{own.__name__} has command interfaces and no _command")
         super().__init__(
             params,
             state_interfaces=state_interfaces,

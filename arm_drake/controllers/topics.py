@@ -7,6 +7,7 @@ from pydrake.systems.framework import Context, InputPort
 
 from arm_drake.controllers.cycles import messages_on
 from arm_drake.messages import Message, ParametersRejected, TopicRejected
+from arm_drake.messages.news import add_news
 
 M = TypeVar("M", bound=Message)
 
@@ -14,9 +15,6 @@ Rejection: TypeAlias = TopicRejected | ParametersRejected
 
 # The latest news, numbered, the newest last.
 Events: TypeAlias = tuple[tuple[int, Rejection], ...]
-
-# How many events are kept for those who don't look at every tick.
-_NUM_EVENTS = 64
 
 
 def new_messages(
@@ -70,7 +68,4 @@ def add_events(events: Events, news: Sequence[Rejection]) -> Events:
         events: What there was.
         news: What happened in this tick.
     """
-    if not news:
-        return events
-    first = events[-1][0] + 1 if events else 0
-    return (*events, *enumerate(news, start=first))[-_NUM_EVENTS:]
+    return add_news(events, news) if news else events

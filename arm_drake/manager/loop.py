@@ -14,8 +14,9 @@ from arm_drake.control.drive_mode import DriveMode
 from arm_drake.controllers.cycles import Array, Cycle
 from arm_drake.manager.claims import Claimants
 from arm_drake.manager.lifecycle import Lifecycle
-from arm_drake.manager.state import CommandLimited, ManagerState, add_events
+from arm_drake.manager.state import CommandLimited, ManagerState
 from arm_drake.messages import NANOSECONDS, SwitchController
+from arm_drake.messages.news import add_news
 from arm_drake.surroundings import Surroundings
 
 
@@ -115,7 +116,7 @@ class Loop:
             plan = self._lifecycle.switch(held, readings.new_requests)
             # The same as in the plan, and this very object.
             active, chain, mode = cycle.active, plan.chained, plan.mode
-            events, number = add_events(events, plan.events), plan.next_activation
+            events, number = add_news(events, plan.events), plan.next_activation
             _, drive = self._seed(readings, mode)
             values = cycle.commands.copy()
             fresh = self._claimants.fresh(cycle, held.cycle)
@@ -137,7 +138,7 @@ class Loop:
                 failed |= owners
             news = [CommandLimited(j) for j in limited if j not in held.limited]
             if news:
-                events = add_events(events, news)
+                events = add_news(events, news)
                 all_limited |= {event.joint for event in news}
         last_ns, skipped = held.last_ns, self._claimants.skipped(cycle)
         if cycle.periods:
@@ -147,7 +148,7 @@ class Loop:
         failing = frozenset(failed)
         if failed and (failing != held.failing or self._lifecycle.ends_failed):
             active, number, told = self._lifecycle.replace(failed, active, number)
-            events, chain = add_events(events, told), self._lifecycle.chained(active)
+            events, chain = add_news(events, told), self._lifecycle.chained(active)
         return ManagerState(
             cycle,
             active,

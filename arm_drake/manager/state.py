@@ -1,7 +1,7 @@
 """What the controller manager remembers from cycle to cycle, and its news."""
 
 import dataclasses as dc
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import NamedTuple, Self
 
@@ -9,9 +9,6 @@ from arm_drake.control.command_limits import Previous
 from arm_drake.control.drive_mode import DriveMode
 from arm_drake.controllers.cycles import Array, Cycle
 from arm_drake.messages import SwitchController, SwitchControllerResult
-
-# How many events are kept for those who don't look at every cycle.
-_NUM_EVENTS = 64
 
 
 @dc.dataclass(frozen=True)
@@ -80,11 +77,3 @@ class ManagerState(NamedTuple):
 
     def __deepcopy__(self, memo: dict[int, object]) -> Self:
         return self
-
-
-def add_events(
-    events: tuple[tuple[int, Event], ...], news: Iterable[Event]
-) -> tuple[tuple[int, Event], ...]:
-    """Return the latest events with some news."""
-    first = events[-1][0] + 1 if events else 0
-    return (*events, *enumerate(news, start=first))[-_NUM_EVENTS:]

@@ -65,3 +65,10 @@ def _check_repeat(item: Mapping[str, Any], motion: Motion, fields: Fields) -> No
     if motion.duration == 0.0:
         problem = "a round takes no time; `every` and `count` of a step give it some"
         raise fields.error(REPEAT, problem)
+    last = motion.steps[-1]
+    if last.at >= motion.duration:
+        problem = (
+            f"the next round starts with the last message, at {last.at:g} s, and takes "
+            f"its place; `every` and `count` of {last.where} give it time"
+        )
+        raise fields.error(REPEAT, problem)

@@ -37,6 +37,10 @@ class TopicMessage(NamedTuple):
     data: float | tuple[float, ...] | JointTrajectory
 
 
+# End of the name of the topic on which controllers are told how fast to move.
+_SPEED_TOPIC = "/speed_scaling_input"
+
+
 @dc.dataclass(frozen=True)
 class MotionStep:
     """Something that is sent to a controller, a topic, or the controller manager."""
@@ -75,10 +79,10 @@ class Motion:
         """
         factors: dict[str | None, list[tuple[float, float]]] = {}
         for step in self.steps:
-            if isinstance(step.message, SpeedScalingFactor):
-                change = (step.at, step.message.factor)
-                factors.setdefault(step.controller, []).append(change)
-        ends = [_end(step, factors.get(step.controller, ())) for step in self.steps]
+            factor = _speed_of(step.message)
+            if factor is not None:
+                factors.setdefault(_receiver(step), []).append((step.at, factor))
+        ends = [_end(step, factors.get(_receiver(step), ())) for step in self.steps]
         if self.repeats:
             ends += [step.at + step.every for step in self.steps]
         return max(ends, default=0.0)
@@ -93,6 +97,23 @@ class Motion:
     def place(self, step: MotionStep) -> str:
         """Return where a step stands, for messages."""
         return f"{self.file}: {step.where}" if self.file else step.where
+
+
+def _receiver(step: MotionStep) -> str | None:
+    """Return the controller that a step is for, also if it is a topic of one."""
+    if isinstance(step.message, TopicMessage):
+        return step.message.topic.strip("/").rpartition("/")[0]
+    return step.controller
+
+
+def _speed_of(message: StepMessage | TopicMessage) -> float | None:
+    """Return how fast trajectories are to be followed, if a message says so."""
+    if isinstance(message, SpeedScalingFactor):
+        return message.factor
+    if isinstance(message, TopicMessage) and message.topic.endswith(_SPEED_TOPIC):
+        data = message.data
+        return float(data) if isinstance(data, int | float) else None
+    return None
 
 
 def _end(step: MotionStep, factors: Iterable[tuple[float, float]]) -> float:

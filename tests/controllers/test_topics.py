@@ -4,6 +4,7 @@ from pydrake.systems.framework import LeafSystem
 
 from arm_drake.controllers.topics import add_events, new_messages
 from arm_drake.messages import Float64MultiArray, TopicRejected
+from arm_drake.messages.news import NUM_KEPT
 
 A, B, C = (Float64MultiArray([value]) for value in (1.0, 2.0, 3.0))
 
@@ -58,10 +59,11 @@ def test_a_message_that_was_away_is_new_again() -> None:
 
 
 def test_events_are_numbered_and_the_latest_are_kept() -> None:
-    news = [TopicRejected(A, str(number)) for number in range(70)]
+    last = NUM_KEPT + 5
+    news = [TopicRejected(A, str(number)) for number in range(last + 1)]
 
     events = add_events(add_events((), news[:1]), news[1:])
 
-    assert [number for number, _ in events] == list(range(6, 70))
-    assert events[-1] == (69, news[-1])
+    assert [number for number, _ in events] == list(range(6, last + 1))
+    assert events[-1] == (last, news[-1])
     assert add_events(events, ()) is events

@@ -14,8 +14,9 @@ from arm_drake.controllers.cycles import Cycle, Tick
 from arm_drake.manager.claims import Claimants
 from arm_drake.manager.lifecycle import Lifecycle, Refusal
 from arm_drake.manager.loop import Readings, StoredStates, initial_values
-from arm_drake.manager.state import ControllerFailure, ManagerState, add_events
+from arm_drake.manager.state import ControllerFailure, ManagerState
 from arm_drake.messages import SwitchController, SwitchControllerResult
+from arm_drake.messages.news import NUM_KEPT, add_news
 from arm_drake.surroundings import Surroundings
 from arm_drake.switching import ControllerInfo
 
@@ -316,16 +317,17 @@ def test_what_is_claimed_is_in_the_order_of_activation():
     assert claimed == ("a/position", "b/position", "low/a/position")
 
 
-def test_the_latest_64_events_are_kept_with_their_numbers():
-    news = [ControllerFailure(str(number), ()) for number in range(100)]
+def test_the_latest_events_are_kept_with_their_numbers():
+    num_news = NUM_KEPT + 36
+    news = [ControllerFailure(str(number), ()) for number in range(num_news)]
 
     one_by_one = ()
     for event in news:
-        one_by_one = add_events(one_by_one, [event])
-    at_once = add_events((), news)
+        one_by_one = add_news(one_by_one, [event])
+    at_once = add_news((), news)
 
-    assert one_by_one == at_once == tuple(enumerate(news))[-64:]
-    assert add_events(at_once, ()) == at_once
+    assert one_by_one == at_once == tuple(enumerate(news))[-NUM_KEPT:]
+    assert add_news(at_once, ()) == at_once
 
 
 def readings(state: ManagerState, requests: tuple[SwitchController, ...]) -> Readings:
