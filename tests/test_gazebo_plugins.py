@@ -8,6 +8,7 @@ import pytest
 import arm_drake as ad
 from arm_drake.description.plugin_control import GAZEBO_RATE, PLUGIN_TYPES
 from arm_drake.errors import InputError
+from arm_drake.motion import parse_motion
 from tests.models import LENGTH, bob, joint, ros2_control
 from tests.robots import real_robot, robots_folder
 
@@ -543,3 +544,42 @@ def test_forces_without_physics_are_told(tmp_path):
     sim = simulate(robot, preset="kinematic")
 
     assert any("without physics" in entry.done for entry in sim.report)
+
+
+# The script moves 12 joints to and fro, 52 poses one way, for ever.
+SCRIPT_GOAL = {
+    **GOAL,
+    "gripper_controller": -0.7,
+    "gripper_base_to_gripper_left2": -0.7,
+    "gripper_left3_to_gripper_left1": 0.7,
+    "gripper_base_to_gripper_right3": 0.7,
+    "gripper_base_to_gripper_right2": 0.7,
+    "gripper_right3_to_gripper_right1": -0.7,
+}
+
+
+@pytest.mark.slow
+def test_a_motion_of_twelve_topics_runs_the_tutorial_s_script():
+    sim = simulate(mycobot(), gravity=False, friction=False)
+    names = [f"model/mycobot_280/joint/{joint}/cmd_pos" for joint in SCRIPT_GOAL]
+    goal = list(SCRIPT_GOAL.values())
+    step = {
+        "at": 0.0,
+        "every": 0.05,
+        "count": 52,
+        "ping_pong": True,
+        "topics": names,
+        "data_from_to": [[0.0] * len(goal), goal],
+    }
+    motion = parse_motion([step, {"repeat": True}])
+    assert motion.duration == pytest.approx(5.2)
+
+    sim.run(8.0, motion)
+
+    assert sim.rejected == []
+    rollout = sim.rollout()
+    wrist = rollout.position[:, rollout.joint_names.index("link6_to_link6flange")]
+    # There, back, and there again: its ends are sent twice, the first ones at 2.55 and
+    # 2.6 s.
+    ends = [wrist[np.searchsorted(rollout.time, t)] for t in (2.65, 5.2, 7.85)]
+    assert ends == pytest.approx([-1.5, 0.0, -1.5], abs=0.03)

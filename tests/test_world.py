@@ -1,5 +1,6 @@
 """Worlds: a ground to stand on, nothing at all, or what a function adds."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -120,3 +121,14 @@ def test_what_is_neither_a_name_nor_a_function_is_refused(tmp_path: Path) -> Non
     assert str(caught.value) == (
         "world: expected a name or a function of the plant, got 3; known: empty, void"
     )
+
+
+def test_the_world_of_the_docs_can_be_built():
+    docs = Path(__file__).parents[1] / "docs/loading.md"
+    (program,) = re.findall(r"```python\n(.*?)```", docs.read_text("utf-8"), re.DOTALL)
+    names = {}
+
+    exec(compile(program, "loading.md", "exec"), names)  # noqa: S102  our own text.
+
+    plant = names["diagram"].GetSubsystemByName("plant")
+    assert plant.GetBodyByName("box").default_mass() == 0.05

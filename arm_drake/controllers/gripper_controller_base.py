@@ -1,8 +1,8 @@
 """What the gripper controllers share: the action `gripper_cmd`, ticks, a life cycle."""
 
 from abc import abstractmethod
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,14 @@ from pydrake.common.value import AbstractValue
 
 from arm_drake import interfaces
 from arm_drake.control import gripper as control
-from arm_drake.control.gripper import GripperInputs, GripperRules, GripperState
+from arm_drake.control.gripper import (
+    Ending,
+    GripperInputs,
+    GripperRules,
+    GripperState,
+    Target,
+)
+from arm_drake.control.pid import Pid
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Now
 from arm_drake.controllers.gripper_command import (
@@ -26,6 +33,8 @@ from arm_drake.messages import (
     Float32,
     Float64,
     Message,
+    Result,
+    SendGoal,
     TopicRejected,
 )
 
@@ -154,6 +163,32 @@ class GripperControllerBase(TickingController[GripperControllerState]):
         return GripperInputs(now.time_ns, now.period_ns, position, velocity)
 
 
-def monitor_period(rate: float) -> int:
-    """Return the period of a goal's monitor [ns] by its rate [Hz]."""
-    return int(1.0 / rate * NANOSECONDS)
+def make_rules(
+    parameters: Any,
+    *,
+    read_goal: Callable[[GripperRules, SendGoal], Target | str],
+    make_result: Callable[[Ending | None], Result],
+    max_velocity: float = 0.0,
+    pid: Pid | None = None,
+) -> GripperRules:
+    """Return the rules of a controller.
+
+    Args:
+        parameters: What all gripper controllers have among their parameters.
+        read_goal: As in GripperRules.
+        make_result: As in GripperRules.
+        max_velocity: What a hold is done with [rad/s] or [m/s].
+        pid: Commands efforts, if there is one.
+    """
+    return GripperRules(
+        goal_tolerance=parameters.goal_tolerance,
+        allow_stalling=parameters.allow_stalling,
+        stall_velocity_threshold=parameters.stall_velocity_threshold,
+        stall_timeout=parameters.stall_timeout,
+        monitor_period_ns=int(1.0 / parameters.action_monitor_rate * NANOSECONDS),
+        max_effort=parameters.max_effort,
+        max_velocity=max_velocity,
+        read_goal=read_goal,
+        make_result=make_result,
+        pid=pid,
+    )

@@ -17,7 +17,7 @@ from arm_drake.control.pid import Pid
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.gripper_controller_base import (
     GripperControllerBase,
-    monitor_period,
+    make_rules,
 )
 from arm_drake.controllers.pid_gains import PidGains
 from arm_drake.controllers.validation import (
@@ -156,7 +156,12 @@ class GripperActionController(GripperControllerBase):
         """
         self._commands_effort = is_effort = interface == interfaces.EFFORT
         super().__init__(
-            _make_rules(parameters, _make_pid(parameters) if is_effort else None),
+            make_rules(
+                parameters,
+                read_goal=_read_goal,
+                make_result=_make_result,
+                pid=_make_pid(parameters) if is_effort else None,
+            ),
             params,
             joint=parameters.joint,
             claims=(f"{parameters.joint}/{interface}",),
@@ -166,23 +171,6 @@ class GripperActionController(GripperControllerBase):
         assert state.target is not None
         is_effort = self._commands_effort
         return np.array([state.effort if is_effort else state.target.position])
-
-
-def _make_rules(
-    parameters: GripperActionControllerParameters, pid: Pid | None
-) -> GripperRules:
-    return GripperRules(
-        goal_tolerance=parameters.goal_tolerance,
-        allow_stalling=parameters.allow_stalling,
-        stall_velocity_threshold=parameters.stall_velocity_threshold,
-        stall_timeout=parameters.stall_timeout,
-        monitor_period_ns=monitor_period(parameters.action_monitor_rate),
-        max_effort=parameters.max_effort,
-        max_velocity=0.0,
-        read_goal=_read_goal,
-        make_result=_make_result,
-        pid=pid,
-    )
 
 
 def _read_goal(rules: GripperRules, request: SendGoal) -> Target | str:

@@ -16,7 +16,7 @@ from arm_drake.control.gripper import Ending, GripperRules, GripperState, Target
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.gripper_controller_base import (
     GripperControllerBase,
-    monitor_period,
+    make_rules,
 )
 from arm_drake.controllers.validation import check_at_least, check_not_empty
 from arm_drake.messages import (
@@ -140,7 +140,14 @@ class ParallelGripperActionController(GripperControllerBase):
         self._has_effort, self._has_velocity = bool(effort), bool(velocity)
         limits = tuple(filter(None, (effort, velocity)))
         super().__init__(
-            _make_rules(parameters),
+            make_rules(
+                parameters,
+                read_goal=functools.partial(
+                    _read_goal, has_effort=bool(effort), has_velocity=bool(velocity)
+                ),
+                make_result=_make_result,
+                max_velocity=parameters.max_velocity,
+            ),
             params,
             joint=parameters.joint,
             claims=(f"{parameters.joint}/{interfaces.POSITION}", *limits),
@@ -163,24 +170,6 @@ class ParallelGripperActionController(GripperControllerBase):
         if self._has_velocity:
             values.append(target.max_velocity)
         return np.array(values)
-
-
-def _make_rules(parameters: ParallelGripperActionControllerParameters) -> GripperRules:
-    return GripperRules(
-        goal_tolerance=parameters.goal_tolerance,
-        allow_stalling=parameters.allow_stalling,
-        stall_velocity_threshold=parameters.stall_velocity_threshold,
-        stall_timeout=parameters.stall_timeout,
-        monitor_period_ns=monitor_period(parameters.action_monitor_rate),
-        max_effort=parameters.max_effort,
-        max_velocity=parameters.max_velocity,
-        read_goal=functools.partial(
-            _read_goal,
-            has_effort=bool(parameters.max_effort_interface),
-            has_velocity=bool(parameters.max_velocity_interface),
-        ),
-        make_result=_make_result,
-    )
 
 
 def _read_goal(
