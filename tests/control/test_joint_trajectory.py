@@ -14,6 +14,7 @@ from arm_drake.messages import (
     JointTolerance,
     TopicRejected,
 )
+from arm_drake.messages.news import NUM_KEPT
 from tests.control.joint_trajectory_runs import (
     JOINTS,
     PERIOD_NS,
@@ -542,13 +543,14 @@ def test_every_trajectory_is_searched_from_its_start() -> None:
     np.testing.assert_allclose(middle, 1.5, rtol=1e-9)
 
 
-def test_events_are_numbered_and_the_latest_64_are_kept() -> None:
-    messages = {k / 100: make_message() for k in range(100)}
+def test_events_are_numbered_and_the_latest_are_kept() -> None:
+    messages = {k / 100: make_message() for k in range(NUM_KEPT + 36)}
 
-    states = run(make_rules(), 1.0, topic=messages)
+    states = run(make_rules(), (NUM_KEPT + 36) / 100, topic=messages)
 
     assert [number for number, _ in states[9].events] == list(range(10))
-    assert [number for number, _ in states[-1].events] == list(range(36, 100))
+    last = [number for number, _ in states[-1].events]
+    assert last == list(range(36, 36 + NUM_KEPT))
 
 
 @pytest.mark.parametrize(("is_pinned", "last"), [(True, 1.0), (False, 0.94)])
