@@ -2,7 +2,7 @@
 
 import dataclasses as dc
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from arm_drake.clients import GoalHandle
@@ -25,6 +25,7 @@ from arm_drake.messages import (
     SendGoal,
     SpeedScalingFactor,
 )
+from arm_drake.messages.checks import to_message
 from arm_drake.topic_names import Topic, TopicNames, TopicPort, message_type
 
 if TYPE_CHECKING:
@@ -154,6 +155,11 @@ class TopicHandle:
         takes = f"a {expected.__name__}"
         if isinstance(data, expected):
             return dc.replace(data)  # type: ignore[type-var]
+        if isinstance(data, Mapping) and expected is not Message:
+            try:
+                return to_message(data, expected, f"topic {self.name!r}")
+            except ValueError as error:
+                raise InputError(str(error)) from None
         try:
             if expected in _NUMBERS:
                 takes = f"a finite number or {takes}"

@@ -58,6 +58,9 @@ class ControllerInterfaceParams:
     # Where grippers' joints are open and where closed [rad] or [m].
     gripper_ranges: Mapping[str, tuple[float, float]] = dc.field(default_factory=dict)
 
+    # Namespace of the controller's node; empty at the root.
+    namespace: str = ""
+
     # Links of the robot.
     links: tuple[str, ...] = ()
 

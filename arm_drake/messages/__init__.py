@@ -1,11 +1,11 @@
 """The ROS messages that controllers exchange, as frozen dataclasses.
 
 Names and fields are those of the messages of the same name in `builtin_interfaces`,
-`std_msgs`, `sensor_msgs`, `trajectory_msgs`, `control_msgs` and
-`controller_manager_msgs`. Sequences become tuples; a time may be given as seconds. A
-message never changes and copies as itself, for a Drake Context copies its abstract
-values often. What a user sends is checked where it is made and raises ValueError; what
-controllers tell at every tick is taken as it is.
+`std_msgs`, `geometry_msgs`, `nav_msgs`, `sensor_msgs`, `trajectory_msgs`,
+`control_msgs` and `controller_manager_msgs`. Sequences become tuples; a time may be
+given as seconds. A message never changes and copies as itself, for a Drake Context
+copies its abstract values often. What a user sends is checked where it is made and
+raises ValueError; what controllers tell at every tick is taken as it is.
 """
 
 from arm_drake.messages.actions import (
@@ -39,6 +39,24 @@ from arm_drake.messages.controllers import (
     Strictness,
     SwitchController,
     SwitchControllerResult,
+)
+from arm_drake.messages.geometry import (
+    Odometry,
+    Point,
+    Pose,
+    PoseStamped,
+    PoseWithCovariance,
+    Quaternion,
+    SetOdometry,
+    TFMessage,
+    Transform,
+    TransformStamped,
+    Twist,
+    TwistStamped,
+    TwistWithCovariance,
+    Vector3,
+    Wrench,
+    WrenchStamped,
 )
 from arm_drake.messages.grippers import (
     Float32,
@@ -93,17 +111,33 @@ __all__ = [
     "MultiDOFCommand",
     "MultiDOFState",
     "MultiDOFStateStamped",
+    "Odometry",
     "ParallelGripperCommandGoal",
     "ParallelGripperCommandResult",
     "ParametersRejected",
+    "Point",
+    "Pose",
+    "PoseStamped",
+    "PoseWithCovariance",
+    "Quaternion",
     "QueryTrajectoryState",
     "Result",
     "SendGoal",
+    "SetOdometry",
     "SpeedScalingFactor",
     "Strictness",
     "SwitchController",
     "SwitchControllerResult",
+    "TFMessage",
     "Time",
     "TimeLike",
     "TopicRejected",
+    "Transform",
+    "TransformStamped",
+    "Twist",
+    "TwistStamped",
+    "TwistWithCovariance",
+    "Vector3",
+    "Wrench",
+    "WrenchStamped",
 ]

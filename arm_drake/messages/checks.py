@@ -5,7 +5,7 @@ simulation is checked, so that a slip is an error in the line that made it.
 """
 
 import dataclasses as dc
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any, TypeVar
 
 T = TypeVar("T")
@@ -78,6 +78,34 @@ def check_type(
         kinds = kind if isinstance(kind, tuple) else (kind,)
         names = " or ".join(f"a {each.__name__}" for each in kinds)
         raise ValueError(f"{field}: expected {names}, got {_show(value)}{more}")
+
+
+def to_message(value: Any, kind: type[T], field: str) -> T:
+    """Return a message of a kind, made of a mapping of its fields if it is one.
+
+    Args:
+        value: The message, or its fields by name.
+        kind: Its class.
+        field: Field that it is for.
+
+    Raises:
+        ValueError: If it is neither, or a field is not what it must be.
+    """
+    if isinstance(value, kind):
+        return value
+    if not isinstance(value, Mapping):
+        check_type(value, kind, field, hint="or a mapping of its fields")
+    names = [each.name for each in dc.fields(kind)]  # type: ignore[arg-type]
+    unknown = [str(name) for name in value if name not in names]
+    if unknown:
+        raise ValueError(
+            f"{field}: a {kind.__name__} has no field {', '.join(unknown)}; "
+            f"it has {', '.join(names)}"
+        )
+    try:
+        return kind(**value)
+    except ValueError as error:
+        raise ValueError(f"{field}.{error}") from None
 
 
 def to_messages(values: Any, kind: type[T], field: str) -> tuple[T, ...]:

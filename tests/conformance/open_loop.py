@@ -34,7 +34,13 @@ from arm_drake.controllers.cycles import Cycle, Tick
 from arm_drake.controllers.ticking_controller import TickingController
 from arm_drake.description.parameters import Parameter, load_parameters
 from arm_drake.description.report import LoadReport
-from arm_drake.messages import Float64MultiArray, Message, MultiDOFCommand
+from arm_drake.messages import (
+    Float64MultiArray,
+    Message,
+    MultiDOFCommand,
+    Time,
+    TwistStamped,
+)
 
 Event = dict[str, Any]
 Handler = Callable[["OpenLoop", Event], None]
@@ -54,6 +60,7 @@ _MESSAGES: dict[str, Callable[..., Message]] = {
     "commands": Float64MultiArray,
     "reference": MultiDOFCommand,
     "measured_state": MultiDOFCommand,
+    "cmd_vel": TwistStamped,
 }
 
 
@@ -122,6 +129,9 @@ class OpenLoop:
         """
         self.given, self.expected = given, expected
         self.name: str = given["node_name"]
+
+        # Time of the present cycle [ns].
+        self.time_ns = 0
         self._distro, self._messages = distro, messages
         self._handlers = dict(handlers or {})
         self._parameters = numbers(given["params"])
@@ -179,7 +189,7 @@ class OpenLoop:
         for event in self.given.get("events", ()):
             events.setdefault(event["cycle"], []).append(event)
         for cycle, (time_ns, period_ns) in enumerate(zip(times, periods, strict=True)):
-            self._sent = {}
+            self._sent, self.time_ns = {}, time_ns
             for event in events.get(cycle, ()):
                 self._do(event)
             self._fix_inputs(cycle, time_ns, period_ns)
@@ -192,8 +202,11 @@ class OpenLoop:
         if kind in self._handlers:
             self._handlers[kind](self, event)
         elif kind == "topic":
-            make = self._messages[event["topic"]]
-            self.send(event["topic"], make(**numbers(event["msg"])))
+            make, fields = self._messages[event["topic"]], numbers(event["msg"])
+            if event.get("stamp_now"):
+                stamp = Time.from_nanoseconds(self.time_ns)
+                fields = {**fields, "header": {"stamp": stamp}}
+            self.send(event["topic"], make(**fields))
         elif kind == "ref":
             for name, value in numbers(event["values"]).items():
                 self._references[self.system.reference_interfaces.index(name)] = value

@@ -1,0 +1,206 @@
+"""Velocities, poses and forces in space (`geometry_msgs`), and where a base is.
+
+What a user sends, twists and wrenches, may be given as mappings of their fields.
+"""
+
+import dataclasses as dc
+import math
+
+from arm_drake.messages.base import Header, Message
+from arm_drake.messages.checks import to_float, to_message
+
+
+def _take_numbers(message: Message, fields: tuple[str, ...]) -> None:
+    values = message.__dict__
+    for field in fields:
+        if type(values[field]) is not float:
+            values[field] = to_float(values[field], field)
+
+
+def _take_parts(message: Message, kinds: dict[str, type]) -> None:
+    values = message.__dict__
+    for field, kind in kinds.items():
+        if type(values[field]) is not kind:
+            values[field] = to_message(values[field], kind, field)
+
+
+@dc.dataclass(frozen=True)
+class Vector3(Message):
+    """A vector, in the unit of what it is a vector of."""
+
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Take numbers as they come."""
+        _take_numbers(self, ("x", "y", "z"))
+
+
+@dc.dataclass(frozen=True)
+class Point(Vector3):
+    """A position [m]."""
+
+
+@dc.dataclass(frozen=True)
+class Quaternion(Message):
+    """An orientation."""
+
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+    w: float = 1.0
+
+    @staticmethod
+    def from_yaw(yaw: float) -> "Quaternion":
+        """Return the rotation about z by an angle [rad]."""
+        return Quaternion(0.0, 0.0, math.sin(yaw / 2.0), math.cos(yaw / 2.0))
+
+
+@dc.dataclass(frozen=True)
+class Twist(Message):
+    """A velocity, in the frame of what moves."""
+
+    # [m/s].
+    linear: Vector3 = Vector3()
+
+    # [rad/s].
+    angular: Vector3 = Vector3()
+
+    def __post_init__(self) -> None:
+        """Take mappings as they come."""
+        _take_parts(self, {"linear": Vector3, "angular": Vector3})
+
+
+@dc.dataclass(frozen=True, eq=False)
+class TwistStamped(Message):
+    """A velocity as of a time; each message is one of its own."""
+
+    # A stamp of 0 means "now".
+    header: Header = Header()
+
+    twist: Twist = Twist()
+
+    def __post_init__(self) -> None:
+        """Take mappings as they come."""
+        _take_parts(self, {"header": Header, "twist": Twist})
+
+
+@dc.dataclass(frozen=True)
+class Pose(Message):
+    """A position and an orientation."""
+
+    position: Point = Point()
+    orientation: Quaternion = Quaternion()
+
+
+@dc.dataclass(frozen=True)
+class PoseStamped(Message):
+    """A pose as of a time, in the frame of the header."""
+
+    header: Header = Header()
+    pose: Pose = Pose()
+
+
+@dc.dataclass(frozen=True)
+class Transform(Message):
+    """Where a frame stands in another one."""
+
+    # [m].
+    translation: Vector3 = Vector3()
+
+    rotation: Quaternion = Quaternion()
+
+
+@dc.dataclass(frozen=True)
+class TransformStamped(Message):
+    """Where a frame stands in the frame of the header, as of a time."""
+
+    header: Header = Header()
+    child_frame_id: str = ""
+    transform: Transform = Transform()
+
+
+@dc.dataclass(frozen=True)
+class TFMessage(Message):
+    """Where frames stand (`tf2_msgs`)."""
+
+    transforms: tuple[TransformStamped, ...] = ()
+
+
+@dc.dataclass(frozen=True)
+class Wrench(Message):
+    """A force and a torque."""
+
+    # [N].
+    force: Vector3 = Vector3()
+
+    # [N·m].
+    torque: Vector3 = Vector3()
+
+    def __post_init__(self) -> None:
+        """Take mappings as they come."""
+        _take_parts(self, {"force": Vector3, "torque": Vector3})
+
+
+@dc.dataclass(frozen=True, eq=False)
+class WrenchStamped(Message):
+    """A wrench as of a time, in the frame of the header; each is one of its own."""
+
+    header: Header = Header()
+    wrench: Wrench = Wrench()
+
+    def __post_init__(self) -> None:
+        """Take mappings as they come."""
+        _take_parts(self, {"header": Header, "wrench": Wrench})
+
+
+@dc.dataclass(frozen=True)
+class PoseWithCovariance(Message):
+    """A pose and how certain it is."""
+
+    pose: Pose = Pose()
+
+    # Row by row of x, y, z [m] and the rotations about them [rad], shape (36,).
+    covariance: tuple[float, ...] = (0.0,) * 36
+
+
+@dc.dataclass(frozen=True)
+class TwistWithCovariance(Message):
+    """A velocity and how certain it is."""
+
+    twist: Twist = Twist()
+
+    # Row by row of x, y, z [m/s] and the rotations about them [rad/s], shape (36,).
+    covariance: tuple[float, ...] = (0.0,) * 36
+
+
+@dc.dataclass(frozen=True)
+class Odometry(Message):
+    """Where a base takes itself to be (`nav_msgs`)."""
+
+    header: Header = Header()
+
+    # Frame of the twist.
+    child_frame_id: str = ""
+
+    # In the frame of the header.
+    pose: PoseWithCovariance = PoseWithCovariance()
+
+    twist: TwistWithCovariance = TwistWithCovariance()
+
+
+@dc.dataclass(frozen=True, eq=False)
+class SetOdometry(Message):
+    """Request of the service `control_msgs/SetOdometry`: where a base is."""
+
+    # [m].
+    x: float = 0.0
+    y: float = 0.0
+
+    # [rad].
+    yaw: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Take numbers as they come."""
+        _take_numbers(self, ("x", "y", "yaw"))
