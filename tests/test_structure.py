@@ -23,6 +23,8 @@ import arm_drake as ad
 from arm_drake.control.drive_commands import DriveCommands
 from arm_drake.controllers import gazebo_plugins as gazebo
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.diff_drive_controller import DiffDriveController
+from arm_drake.controllers.diff_drive_parameters import DiffDriveControllerParameters
 from arm_drake.controllers.forward_command_controller import (
     ForwardCommandController,
     ForwardCommandControllerParameters,
@@ -127,8 +129,8 @@ KNOWN_TO_CONTROLLERS = re.compile(
     r"errors|interfaces|timing|messages(\..*)?|control(\..*)?"
     r"|controllers\.(controller_interface|ticking_controller|cycles|forward_controllers_base"
     r"|gripper_(command|controller_base)|gazebo_(topics|command_base)"
-    r"|joint_trajectory_(parameters|setup)|pid_gains|pid_parameters|speed_limits|topics"
-    r"|validation)|description\.(parameters|given|gazebo_joints)"
+    r"|joint_trajectory_(parameters|setup)|pid_gains|[a-z_]+_parameters|speed_limits|topics"
+    r"|base_topics|diff_drive_inbox|validation)|description\.(parameters|given|gazebo_joints)"
 )
 
 MAX_LINES = 300
@@ -355,6 +357,17 @@ FACTORIES: dict[type[LeafSystem], Callable[[], LeafSystem]] = {
     ),
     gazebo.GazeboRosJointStatePublisher: lambda: gazebo.make_plugin(
         [tags.GazeboRosJointStatePublisher(("joint",))], controller_params()
+    ),
+    DiffDriveController: lambda: DiffDriveController(
+        DiffDriveControllerParameters(
+            ("left",),
+            ("right",),
+            wheel_separation=1.0,
+            wheel_radius=0.1,
+            use_stamped_vel=False,
+            publish_limited_velocity=True,
+        ),
+        controller_params(),
     ),
     PidController: lambda: PidController(
         PidControllerParameters(

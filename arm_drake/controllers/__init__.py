@@ -22,7 +22,8 @@ from arm_drake.controllers.controller_type import (
     check_controller_type,
     check_controller_types,
 )
-from arm_drake.controllers.diff_drive_controller import DiffDriveControllerParameters
+from arm_drake.controllers.diff_drive_controller import DiffDriveController
+from arm_drake.controllers.diff_drive_parameters import DiffDriveControllerParameters
 from arm_drake.controllers.force_torque_sensor_broadcaster import (
     ForceTorqueSensorBroadcasterParameters,
 )
@@ -135,7 +136,7 @@ CONTROLLER_TYPES: dict[str, ControllerType] = {
         PidControllerParameters, PidController
     ),
     "diff_drive_controller/DiffDriveController": ControllerType(
-        DiffDriveControllerParameters
+        DiffDriveControllerParameters, DiffDriveController
     ),
     "bicycle_steering_controller/BicycleSteeringController": ControllerType(
         BicycleSteeringControllerParameters

@@ -98,7 +98,9 @@ def make_odometry(
 
 
 def make_transform(odometry: Odometry) -> TFMessage:
-    """Return the message of /tf for an odometry."""
+    """Return the message of /tf for an odometry; an empty one before its first."""
+    if not odometry.child_frame_id:
+        return TFMessage()
     pose = odometry.pose.pose
     where = Vector3(pose.position.x, pose.position.y, pose.position.z)
     return TFMessage(

@@ -1,146 +1,292 @@
 """``diff_drive_controller/DiffDriveController``.
 
-Source: ros2_controllers, `diff_drive_controller` (version 6.9.0; defaults of jazzy, and
-by rule those of other distros). Parameters only.
+Source: ros2_controllers, `diff_drive_controller` (version 6.9.0; humble starts with a
+command of 0). Kinematics and odometry are `arm_drake.control.diff_drive`.
 """
 
-import dataclasses as dc
 import math
-from typing import Annotated
+from collections.abc import Mapping
+from typing import ClassVar, NamedTuple
 
-from arm_drake.controllers.speed_limits import SpeedLimits
-from arm_drake.controllers.validation import (
-    check_above,
-    check_at_least,
-    check_length,
-    check_not_empty,
+import numpy as np
+from pydrake.common.value import AbstractValue
+
+from arm_drake import interfaces
+from arm_drake.control.diff_drive import (
+    DiffDriveOdometryState,
+    from_commands,
 )
-from arm_drake.description.given import Given
-from arm_drake.description.parameters import Rule
+from arm_drake.control.odometry import RollingMean
+from arm_drake.controllers.base_topics import (
+    diagonal,
+    make_odometry,
+    make_transform,
+    resolve_frames,
+)
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.cycles import Array, Now
+from arm_drake.controllers.diff_drive_inbox import (
+    DiffDriveInbox,
+    DiffDrivePorts,
+    follow,
+    make_kinematics,
+    make_limiters,
+    receive,
+)
+from arm_drake.controllers.diff_drive_parameters import DiffDriveControllerParameters
+from arm_drake.controllers.ticking_controller import TickingController
+from arm_drake.messages import (
+    NANOSECONDS,
+    Header,
+    Message,
+    Odometry,
+    SetOdometry,
+    Twist,
+    TwistStamped,
+    Vector3,
+)
 
-_LIMITS = {
-    "velocity": ("max_velocity", "min_velocity"),
-    "acceleration": ("max_acceleration", "min_acceleration"),
-    "jerk": ("max_jerk", "min_jerk"),
-}
+_CHAINED = "another controller commands the references"
+_INACTIVE = "the controller is not active"
 
-
-@dc.dataclass(frozen=True)
-class DiffDriveSpeedLimits(SpeedLimits):
-    """Limits of a velocity, which humble's has_*_limits switch on."""
-
-    @staticmethod
-    def adapt(given: Given) -> None:
-        """Take has_*_limits: in humble without it, a limit is off."""
-        for kind, names in _LIMITS.items():
-            gate = f"has_{kind}_limits"
-            is_on = given.get(gate, bool)
-            limits = [n for n in names if _is_number(given.get(n, float))]
-            if is_on and given.is_before("kilted") and names[0] not in limits:
-                given.reject(gate, f"needs {names[0]}, which is not given")
-            if given.distro == "humble" and not is_on:
-                for name in limits:
-                    what = f"{gate} is not true"
-                    given.add(name, "warning", "ignored", what, "the limit is off")
-                    given.drop(name)
-            elif given.distro != "humble" and is_on is not None:
-                given.add(
-                    gate,
-                    "warning" if limits and not is_on else "info",
-                    "ignored",
-                    "a parameter of humble",
-                    f"a limit that is given acts: {', '.join(limits) or 'none'}",
-                )
-            if is_on is not None:
-                given.drop(gate)
-        SpeedLimits.adapt(given)
+_UNKNOWN = (math.nan, math.nan)
+_REST = (0.0, 0.0)
 
 
-def _is_number(value: float | None) -> bool:
-    return value is not None and not math.isnan(value)
+class DiffDriveState(NamedTuple):
+    """State of a DiffDriveController between two ticks."""
+
+    inbox: DiffDriveInbox
+    odometry: DiffDriveOdometryState
+
+    # Forwards [m/s], turning [rad/s]: what is asked for, and the last two that the
+    # limits let through, the newest first.
+    reference: tuple[float, float]
+    limited: tuple[tuple[float, float], tuple[float, float]] = (_REST, _REST)
+
+    # Velocities of the wheels [rad/s], left ones first, shape (k,); NaN is none.
+    command: Array = np.empty(0)
+
+    # Why the last tick failed; empty if it didn't.
+    fault: str = ""
+
+    # What was published last.
+    odom: Odometry = Odometry()
+    cmd_vel_out: TwistStamped = TwistStamped()
 
 
-@dc.dataclass(frozen=True)
-class DiffDriveLinear:
-    """Limits of the velocity forwards."""
+class DiffDriveController(TickingController[DiffDriveState]):
+    """Turns wheels so that a base with differential drive moves as it is told.
 
-    x: DiffDriveSpeedLimits = DiffDriveSpeedLimits()
+    .. pydrake_system::
 
+        name: DiffDriveController
+        input_ports:
+        - controller_manager
+        - state_interfaces
+        - cmd_vel
+        - set_odometry
+        - parameters
+        - cmd_vel_unstamped
+        output_ports:
+        - command_interfaces
+        - odom
+        - tf
+        - cmd_vel_out
+        - events
 
-@dc.dataclass(frozen=True)
-class DiffDriveAngular:
-    """Limits of the velocity of turning."""
+    ==================  ====  =====  ===============================================
+    port                size  unit   meaning
+    ==================  ====  =====  ===============================================
+    controller_manager  --    --     Cycle: whether the controller is active
+    state_interfaces    m     rad    what is measured
+    cmd_vel             --    --     TwistStamped: velocity forwards and of turning
+    set_odometry        --    --     SetOdometry: where the base is
+    parameters          --    --     DiffDriveControllerParameters
+    cmd_vel_unstamped   --    --     Twist, if use_stamped_vel is false
+    command_interfaces  --    rad/s  Tick; its command is (k,), left wheels first
+    odom                --    --     Odometry: where the wheels say that the base is
+    tf                  --    --     TFMessage with the same, if enable_odom_tf
+    cmd_vel_out         --    --     TwistStamped, if publish_limited_velocity
+    events              --    --     what was not accepted
+    ==================  ====  =====  ===============================================
 
-    z: DiffDriveSpeedLimits = DiffDriveSpeedLimits()
+    References: `<name>/linear/velocity` [m/s] and `<name>/angular/velocity` [rad/s].
+    """
 
+    message_types: ClassVar[Mapping[str, type[Message]]] = {
+        "cmd_vel": TwistStamped,
+        "cmd_vel_unstamped": Twist,
+        "set_odometry": SetOdometry,
+    }
 
-@dc.dataclass(frozen=True)
-class DiffDriveControllerParameters:
-    """Parameters of a DiffDriveController."""
+    def __init__(
+        self,
+        parameters: DiffDriveControllerParameters,
+        params: ControllerInterfaceParams,
+    ) -> None:
+        """Create the system.
 
-    # Joints of the wheels of each side, at least one and as many on both.
-    left_wheel_names: tuple[str, ...]
-    right_wheel_names: tuple[str, ...]
+        Args:
+            parameters: Parameters of the controller.
+            params: Rate and surroundings of the controller.
+        """
+        given, name = parameters, params.controller_name
+        self._num_left = len(given.left_wheel_names)
+        wheels = (*given.left_wheel_names, *given.right_wheel_names)
+        feedback = "position" if given.position_feedback else "velocity"
+        # Those of the odometry stay as they are.
+        self._kinematics = make_kinematics(given)
+        self._timeout_ns = round(given.cmd_vel_timeout * NANOSECONDS)
+        self._frames = resolve_frames(
+            given.odom_frame_id,
+            given.base_frame_id,
+            prefix=given.tf_frame_prefix,
+            namespace=params.namespace,
+            is_enabled=given.tf_frame_prefix_enable,
+            is_lyrical=params.distro == "rolling",
+        )
+        self._covariances = (
+            diagonal(given.pose_covariance_diagonal),
+            diagonal(given.twist_covariance_diagonal),
+        )
+        self._first = _REST if params.distro == "humble" else _UNKNOWN
+        mean = RollingMean(given.velocity_rolling_window_size)
+        super().__init__(
+            params,
+            DiffDriveState(
+                DiffDriveInbox(given, make_limiters(given), self._first),
+                DiffDriveOdometryState(mean),
+                self._first,
+                command=np.full(len(wheels), np.nan),
+            ),
+            state_interfaces=interfaces.interface_names(
+                () if given.open_loop else wheels, (feedback,)
+            ),
+            command_interfaces=interfaces.interface_names(wheels, ("velocity",)),
+            reference_interfaces=()
+            if params.distro == "humble"
+            else (f"{name}/linear/velocity", f"{name}/angular/velocity"),
+        )
+        nothing = AbstractValue.Make(())
+        self._ports = DiffDrivePorts(
+            self.DeclareAbstractInputPort("cmd_vel", nothing),
+            self.DeclareAbstractInputPort("set_odometry", nothing),
+            self.DeclareAbstractInputPort(interfaces.PARAMETERS_PORT, nothing),
+        )
+        if not given.use_stamped_vel:
+            port = self.DeclareAbstractInputPort("cmd_vel_unstamped", nothing)
+            self._ports = self._ports._replace(unstamped=port)
+        self._declare_topic("odom", lambda state: state.odom)
+        if given.enable_odom_tf:
+            self._declare_topic("tf", lambda state: make_transform(state.odom))
+        if given.publish_limited_velocity:
+            self._declare_topic("cmd_vel_out", lambda state: state.cmd_vel_out)
+        self._declare_topic("events", lambda state: state.inbox.events)
 
-    # Distance between left and right wheels, above 0 [m], and its correction.
-    wheel_separation: float = 0.0
-    wheel_separation_multiplier: float = 1.0
-
-    # Radius of the wheels, above 0 [m], and its corrections.
-    wheel_radius: float = 0.0
-    left_wheel_radius_multiplier: float = 1.0
-    right_wheel_radius_multiplier: float = 1.0
-
-    # Wheels on a side; no later distro asks for it.
-    wheels_per_side: Annotated[int, Rule(until="humble", is_harmless=True)] = 0
-
-    # Frames of the odometry, and what goes before their names.
-    odom_frame_id: str = "odom"
-    base_frame_id: str = "base_link"
-    tf_frame_prefix_enable: bool = True
-    tf_frame_prefix: str = ""
-
-    # Diagonals of the odometry's covariances: x, y, z, roll, pitch, yaw.
-    pose_covariance_diagonal: tuple[float, ...] = (0.0,) * 6
-    twist_covariance_diagonal: tuple[float, ...] = (0.0,) * 6
-
-    # Whether odometry is computed from commands, not from measurements.
-    open_loop: bool = False
-
-    # Whether the wheels' positions are read, not their velocities.
-    position_feedback: bool = True
-
-    # Whether the odometry goes to /tf too.
-    enable_odom_tf: bool = True
-
-    # Age from which a command counts no more [s].
-    cmd_vel_timeout: float = 0.5
-
-    # Whether the limited velocity is published.
-    publish_limited_velocity: bool = False
-
-    # How many ticks the odometry's velocity is a mean of.
-    velocity_rolling_window_size: int = 10
-
-    # Whether commands are TwistStamped, not Twist; later they always are.
-    use_stamped_vel: Annotated[
-        bool, Rule(until="humble", is_kept=True, is_harmless=True)
-    ] = True
-
-    # Rate of the odometry [Hz]; later it is published at every tick.
-    publish_rate: Annotated[float, Rule(until="kilted", is_harmless=True)] = 50.0
-
-    linear: DiffDriveLinear = DiffDriveLinear()
-    angular: DiffDriveAngular = DiffDriveAngular()
-
-    def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
-        check_not_empty(self, "left_wheel_names", "right_wheel_names")
-        if len(self.left_wheel_names) != len(self.right_wheel_names):
-            raise ValueError(
-                f"right_wheel_names must be as many as left_wheel_names, got "
-                f"{list(self.right_wheel_names)} and {list(self.left_wheel_names)}"
+    def _update(self, now: Now, state: DiffDriveState) -> DiffDriveState:
+        chained = self._read_references(now)
+        inbox = self._receive(now, state, "" if chained is None else _CHAINED)
+        state = state._replace(inbox=inbox, fault="")
+        if chained is not None:
+            asked = [float(value) for value in chained]
+            v, w = (
+                old if math.isnan(new) else new
+                for new, old in zip(asked, state.reference, strict=True)
             )
-        check_above(self, 0.0, "wheel_separation", "wheel_radius")
-        check_at_least(self, 1, "velocity_rolling_window_size")
-        check_length(self, 6, "pose_covariance_diagonal", "twist_covariance_diagonal")
+            state = state._replace(reference=(v, w))
+        else:
+            last, timeout_ns = state.reference, self._timeout_ns
+            reference = follow(inbox, last, now.time_ns, timeout_ns=timeout_ns)
+            state = state._replace(reference=reference)
+        if not all(map(math.isfinite, state.reference)):
+            return state
+        return self._move(now, state)
+
+    def _receive(
+        self, now: Now, state: DiffDriveState, obstacle: str
+    ) -> DiffDriveInbox:
+        ports, timeout_ns = self._ports, self._timeout_ns
+        return receive(
+            now, ports, state.inbox, timeout_ns=timeout_ns, obstacle=obstacle
+        )
+
+    def _move(self, now: Now, state: DiffDriveState) -> DiffDriveState:
+        """Return the state after a tick with a reference."""
+        dt = now.period_ns / NANOSECONDS
+        last, before = state.limited
+        v, w = (
+            limiter.limit(asked, v0, v1, dt).value
+            for limiter, asked, v0, v1 in zip(
+                state.inbox.limiters, state.reference, last, before, strict=True
+            )
+        )
+        state = state._replace(limited=((v, w), last))
+        inbox, old = state.inbox, state.odometry
+        parameters = inbox.parameters
+        left = right = 0.0
+        if not parameters.open_loop:
+            measured = self._read(now.context)
+            if not np.isfinite(measured).all():
+                bad = np.flatnonzero(~np.isfinite(measured))[0]
+                fault = f"{self.state_interfaces[bad]!r} is {measured[bad]}"
+                nothing = np.full(len(state.command), np.nan)
+                return state._replace(command=nothing, fault=fault)
+            left = float(measured[: self._num_left].mean())
+            right = float(measured[self._num_left :].mean())
+        is_published = True
+        if inbox.pose is not None:
+            odometry = old._replace(
+                pose=inbox.pose, velocity=_REST, mean=old.mean.clear()
+            )
+            inbox = inbox._replace(pose=None)
+        elif parameters.open_loop:
+            odometry = from_commands(old, v, w, dt)
+        else:
+            move = self._kinematics.from_velocities
+            if parameters.position_feedback:
+                move = self._kinematics.from_positions
+            odometry = move(old, left, right, dt)
+            is_published = odometry is not old
+        wheels = make_kinematics(parameters).wheels(v, w)
+        command = np.repeat(wheels, self._num_left)
+        state = state._replace(inbox=inbox, odometry=odometry, command=command)
+        return self._publish(now.time_ns, state, is_published)
+
+    def _publish(
+        self, time_ns: int, state: DiffDriveState, has_moved: bool
+    ) -> DiffDriveState:
+        """Return the state with what is published after a tick."""
+        parameters, frames = state.inbox.parameters, self._frames
+        if has_moved:
+            pose, (v, w) = state.odometry.pose, state.odometry.velocity
+            odom = make_odometry(time_ns, frames, pose, (v, 0.0, w), self._covariances)
+            state = state._replace(odom=odom)
+        if parameters.publish_limited_velocity:
+            v, w = state.limited[0]
+            twist = Twist(Vector3(v), Vector3(0.0, 0.0, w))
+            header = Header.from_nanoseconds(time_ns)
+            state = state._replace(cmd_vel_out=TwistStamped(header, twist))
+        return state
+
+    def _deactivate(self, now: Now, state: DiffDriveState) -> DiffDriveState:
+        inbox = state.inbox._replace(command=self._first, stamp_ns=now.time_ns)
+        return state._replace(
+            inbox=inbox,
+            reference=self._first,
+            limited=(_REST, _REST),
+            command=np.zeros(len(state.command)),
+        )
+
+    def _idle(self, now: Now, state: DiffDriveState) -> DiffDriveState:
+        inbox = self._receive(now, state, _INACTIVE)
+        return state if inbox is state.inbox else state._replace(inbox=inbox)
+
+    def _command(self, state: DiffDriveState) -> Array:
+        return state.command
+
+    def _is_ok(self, state: DiffDriveState) -> bool:
+        return not state.fault
+
+    def _fault(self, state: DiffDriveState) -> str:
+        return state.fault

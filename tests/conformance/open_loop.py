@@ -139,6 +139,7 @@ class OpenLoop:
         self._chain = self._add_predecessor() if given.get("chained") else None
         self._values = None
         if isinstance(self.system, TickingController):
+            self.system._ends_on_failure = False
             claims = expected["command_interfaces"]
             self._values = self.system.add_command_values(claims)
         self.simulator = Simulator(self.system)
@@ -255,9 +256,6 @@ class OpenLoop:
         self.update_return = "OK" if tick.is_ok else "ERROR"
         if self._activation is None:
             self.update_return = "inactive"
-        elif not tick.is_ok:
-            kept = tick._replace(activation=self._activation)
-            self.context.get_mutable_abstract_state(0).set_value(kept)
 
     def _make_system(self) -> ControllerInterface:
         make = CONTROLLER_TYPES[self.given["controller"].replace("::", "/")].system

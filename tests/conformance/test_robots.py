@@ -28,6 +28,7 @@ SIMULATED = {
     "velocity_controllers/JointGroupVelocityController",
     "effort_controllers/JointGroupEffortController",
     "pid_controller/PidController",
+    "diff_drive_controller/DiffDriveController",
     "position_controllers/GripperActionController",
     "effort_controllers/GripperActionController",
     "parallel_gripper_action_controller/GripperActionController",

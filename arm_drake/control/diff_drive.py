@@ -1,0 +1,114 @@
+"""Kinematics and odometry of a base with differential drive.
+
+The rules are those of ros2_controllers, `diff_drive_controller` (version 6.9.0).
+"""
+
+import dataclasses as dc
+import math
+from typing import NamedTuple
+
+from arm_drake.control.odometry import PlanarPose, RollingMean, integrate_arc
+
+# Periods [s] and changes of heading [rad] below count as none.
+_TINY = 1e-6
+
+
+class DiffDriveOdometryState(NamedTuple):
+    """Where a base stands and how it moves."""
+
+    mean: RollingMean
+    pose: PlanarPose = PlanarPose()
+
+    # Forwards [m/s] and of turning [rad/s], as it is published.
+    velocity: tuple[float, float] = (0.0, 0.0)
+
+    # Last positions of the left and the right wheel [rad].
+    positions: tuple[float, float] = (0.0, 0.0)
+
+
+@dc.dataclass(frozen=True)
+class DiffDriveKinematics:
+    """Measures of a base; left and right wheels may differ."""
+
+    # Distance of the wheels [m].
+    separation: float
+
+    # [m].
+    left_radius: float
+    right_radius: float
+
+    def wheels(self, v: float, w: float) -> tuple[float, float]:
+        """Return the velocities of the left and the right wheel [rad/s].
+
+        Args:
+            v: Velocity forwards [m/s].
+            w: Velocity of turning [rad/s].
+        """
+        half = w * self.separation / 2.0
+        return (v - half) / self.left_radius, (v + half) / self.right_radius
+
+    def from_positions(
+        self, state: DiffDriveOdometryState, left: float, right: float, dt: float
+    ) -> DiffDriveOdometryState:
+        """Return the odometry after the wheels have come to positions [rad].
+
+        Args:
+            state: Odometry before; returned itself if there was no time.
+            left: Position of the left wheel [rad].
+            right: Position of the right wheel [rad].
+            dt: Time since the last positions [s].
+        """
+        if abs(dt) < _TINY:
+            return state
+        old_left, old_right = state.positions
+        state = state._replace(positions=(left, right))
+        return self.from_velocities(
+            state, (left - old_left) / dt, (right - old_right) / dt, dt
+        )
+
+    def from_velocities(
+        self, state: DiffDriveOdometryState, left: float, right: float, dt: float
+    ) -> DiffDriveOdometryState:
+        """Return the odometry after the wheels have turned for a while.
+
+        Args:
+            state: Odometry before; returned itself if there was no time.
+            left: Velocity of the left wheel [rad/s].
+            right: Velocity of the right wheel [rad/s].
+            dt: How long [s].
+        """
+        if abs(dt) < _TINY:
+            return state
+        left, right = left * self.left_radius, right * self.right_radius
+        v, w = (left + right) / 2.0, (right - left) / self.separation
+        mean = state.mean.add(v, w)
+        v_mean, w_mean = mean.means(2)
+        pose = _integrate(state.pose, v, w, dt)
+        return state._replace(mean=mean, pose=pose, velocity=(v_mean, w_mean))
+
+
+def from_commands(
+    state: DiffDriveOdometryState, v: float, w: float, dt: float
+) -> DiffDriveOdometryState:
+    """Return the odometry after a base has moved as it was told to.
+
+    Args:
+        state: Odometry before.
+        v: Velocity forwards [m/s].
+        w: Velocity of turning [rad/s].
+        dt: How long [s]; without any time, the velocity is taken nevertheless.
+    """
+    pose = state.pose
+    if abs(dt) >= _TINY:
+        pose = _integrate(pose, v, w, dt)
+    return state._replace(pose=pose, velocity=(v, w))
+
+
+def _integrate(pose: PlanarPose, v: float, w: float, dt: float) -> PlanarPose:
+    if abs(w * dt) >= _TINY:
+        return integrate_arc(pose, v, w, dt)
+    return PlanarPose(
+        pose.x + v * dt * math.cos(pose.heading),
+        pose.y + v * dt * math.sin(pose.heading),
+        pose.heading + w * dt,
+    )

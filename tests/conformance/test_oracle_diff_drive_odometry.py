@@ -1,0 +1,39 @@
+"""Replays upstream's odometry of bases with differential drive, step by step."""
+
+from typing import Any
+
+import pytest
+
+from arm_drake.control.diff_drive import (
+    DiffDriveKinematics,
+    DiffDriveOdometryState,
+    from_commands,
+)
+from arm_drake.control.odometry import RollingMean
+from tests.conformance.open_loop import assert_close
+from tests.oracle import oracle_cases
+
+CASES = oracle_cases("diff_drive_odometry")
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_odometry_equals_upstream(case: dict[str, Any]) -> None:
+    given = case["input"]
+    kinematics = DiffDriveKinematics(
+        given["separation"], given["left_radius"], given["right_radius"]
+    )
+    move = {
+        "open_loop": from_commands,
+        "position": kinematics.from_positions,
+        "velocity": kinematics.from_velocities,
+    }[given["mode"]]
+    state = DiffDriveOdometryState(RollingMean(given["window"]))
+
+    for step, (ok, *expected) in zip(
+        given["steps"], case["output"]["rows"], strict=True
+    ):
+        old, state = state, move(state, *step)
+
+        assert_close([*state.pose, *state.velocity], expected)
+        if given["mode"] != "open_loop":
+            assert (state is not old) == ok
