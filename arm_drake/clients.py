@@ -9,6 +9,7 @@ from arm_drake.controller_topics import (
     SPEED_SCALING,
     TOPIC,
     ControllerTopics,
+    describe_grip,
 )
 from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.errors import InputError
@@ -32,6 +33,7 @@ from arm_drake.messages import (
     SwitchController,
     Time,
     TimeLike,
+    Twist,
 )
 from arm_drake.motion import StepMessage
 from arm_drake.parameter_changes import publish_parameters
@@ -87,25 +89,14 @@ class GoalHandle:
         else:
             why = self.note
             if isinstance(result, GripperCommandResult):
-                text += _describe_grip(result, (result.position,))
+                text += describe_grip(result, (result.position,))
             elif isinstance(result, ParallelGripperCommandResult):
-                text += _describe_grip(result, result.state.position)
+                text += describe_grip(result, result.state.position)
         return f"{text}: {why}" if why else text
 
     def __repr__(self) -> str:
         """Return controller, status and result."""
         return f"GoalHandle({self.controller!r}, {self.status.value}, {self.result})"
-
-
-def _describe_grip(
-    result: GripperCommandResult | ParallelGripperCommandResult,
-    position: Sequence[float],
-) -> str:
-    """Return how a gripper's motion ended, if it did by itself."""
-    if not (result.stalled or result.reached_goal):
-        return ""
-    how = "stalled" if result.stalled else "reached the goal"
-    return f", {how} at {', '.join(f'{q:.4g}' for q in position)}"
 
 
 class ControllerHandle:
@@ -140,6 +131,8 @@ class ControllerHandle:
         """
         if isinstance(message, Float64MultiArray):
             self._topics.make_command(message.data)
+        elif isinstance(message, Twist):
+            self._topics.make_velocity(message)
         elif isinstance(message, SpeedScalingFactor):
             self._topics.check(SPEED_SCALING)
         elif isinstance(message, JointTrajectory):
@@ -191,6 +184,19 @@ class ControllerHandle:
         self._simulation.mailbox.add_goal(handle)
         self._send(port, request)
         return handle
+
+    def send_velocity(self, twist: Twist, *, where: str = "") -> None:
+        """Tell a base how to move; its controller stops it when no more is heard.
+
+        Args:
+            twist: Velocity in the frame of the base [m/s], [rad/s].
+            where: Where it comes from, for messages.
+
+        Raises:
+            InputError: If the controller takes no velocities.
+        """
+        port, message = self._topics.make_velocity(twist)
+        self._send(port, message, where)
 
     def send_trajectory(self, trajectory: JointTrajectory, *, where: str = "") -> None:
         """Send a trajectory to the controller's topic.

@@ -3,7 +3,7 @@
 import dataclasses as dc
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 from arm_drake import interfaces
 from arm_drake.controllers.controller_interface import ControllerInterface
@@ -14,12 +14,20 @@ from arm_drake.messages import (
     Goal,
     GripperCommand,
     GripperCommandGoal,
+    GripperCommandResult,
     JointState,
     JointTrajectory,
+    Message,
     MultiDOFCommand,
     ParallelGripperCommandGoal,
+    ParallelGripperCommandResult,
     SpeedScalingFactor,
+    Twist,
+    TwistStamped,
 )
+
+# A class of messages; in a class with a field `type` it has no other name.
+_Kind: TypeAlias = type[Message]
 
 # Input ports of controllers.
 ACTIONS: Mapping[str, tuple[type, ...]] = {
@@ -29,6 +37,7 @@ ACTIONS: Mapping[str, tuple[type, ...]] = {
 TOPIC = "joint_trajectory"
 COMMANDS = "commands"
 REFERENCE = "reference"
+VELOCITY = "cmd_vel"
 SPEED_SCALING = "speed_scaling_input"
 
 
@@ -111,12 +120,14 @@ class ControllerTopics:
             InputError: If it takes none, others, or another number of them.
         """
         system = self.system
-        if system.HasInputPort(COMMANDS):
+        if self._takes(COMMANDS, Float64MultiArray):
             if len(values_dot):
                 raise self._error("it takes no rates (values_dot)")
             data = self._check_values(values, system.command_interfaces)
             return COMMANDS, Float64MultiArray(data)
-        if not system.HasInputPort(REFERENCE):
+        if not self._takes(REFERENCE, MultiDOFCommand):
+            if system.HasInputPort(COMMANDS):
+                raise self._error(f"its {COMMANDS} aren't numbers; see `sim.topic`")
             self.check(COMMANDS)
         # All names of the first interface come first.
         prefix = f"{system.params.controller_name}/"
@@ -132,6 +143,28 @@ class ControllerTopics:
             data_dot = self._check_values(values_dot, rates)
         names = tuple(dof.rpartition("/")[0] for dof in dofs)
         return REFERENCE, MultiDOFCommand(names, data, data_dot)
+
+    def make_velocity(self, twist: Twist) -> tuple[str, TwistStamped]:
+        """Return the port on which a base takes velocities, and the message.
+
+        Args:
+            twist: Velocity of the base, as of the tick that takes it.
+
+        Raises:
+            InputError: If it takes none.
+        """
+        message = TwistStamped(twist=twist)
+        types = getattr(self.system, "message_types", {})
+        for port in (VELOCITY, REFERENCE):
+            if types.get(port) is TwistStamped:
+                return port, message
+        self.check(VELOCITY)
+        raise AssertionError
+
+    def _takes(self, port: str, kind: _Kind) -> bool:
+        """Return whether the controller has a port, and messages of a kind go there."""
+        types = getattr(self.system, "message_types", {})
+        return self.system.HasInputPort(port) and types.get(port, kind) is kind
 
     def make_speed_scaling(self, factor: float) -> SpeedScalingFactor:
         """Return a speed scaling.
@@ -182,3 +215,19 @@ def _parallel_goal(command: GripperCommand) -> ParallelGripperCommandGoal:
     effort = (command.max_effort,) if command.max_effort else ()
     state = JointState(position=(command.position,), effort=effort)
     return ParallelGripperCommandGoal(state)
+
+
+def describe_grip(
+    result: GripperCommandResult | ParallelGripperCommandResult,
+    position: Sequence[float],
+) -> str:
+    """Return how a gripper's motion ended, if it did by itself.
+
+    Args:
+        result: Result of the action.
+        position: Where it ended [rad] or [m].
+    """
+    if not (result.stalled or result.reached_goal):
+        return ""
+    how = "stalled" if result.stalled else "reached the goal"
+    return f", {how} at {', '.join(f'{q:.4g}' for q in position)}"

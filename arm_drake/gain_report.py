@@ -23,6 +23,8 @@ def report_gains(
     joints: Mapping[str, PidGains] = getattr(gains, "joint", None) or getattr(
         gains, "dof", {}
     )
+    if not joints:
+        return
     commands = getattr(parameters, "command_interfaces", (EFFORT,))
     if EFFORT not in commands and tuple(commands) != (VELOCITY,):
         return  # They have no effect, and that is said.

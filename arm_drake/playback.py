@@ -11,6 +11,7 @@ from arm_drake.messages import (
     JointTrajectory,
     SpeedScalingFactor,
     SwitchController,
+    Twist,
 )
 from arm_drake.motion import Motion, MotionStep, TopicMessage
 
@@ -130,6 +131,8 @@ def send_step(simulation: "Simulation", motion: Motion, step: MotionStep) -> Non
         handle.send_trajectory(message, where=where)
     elif isinstance(message, Float64MultiArray):
         handle.command(message.data, where=where)
+    elif isinstance(message, Twist):
+        handle.send_velocity(message, where=where)
     elif isinstance(message, SpeedScalingFactor):
         handle.set_speed_scaling(message.factor, where=where)
 

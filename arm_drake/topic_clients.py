@@ -144,7 +144,8 @@ class TopicHandle:
             message = self._message(reader.virtual.message_type, data)
             return (reader, *reader.virtual.make(reader.system, message))
         expected = input_type(reader)
-        if reader.port in _VALUES and _is_sequence(data):
+        is_named = expected in (Float64MultiArray, MultiDOFCommand)
+        if reader.port in _VALUES and is_named and _is_sequence(data):
             type_ = type(reader.system).__name__
             topics = ControllerTopics(reader.controller, type_, reader.system)
             return (reader, *topics.make_command(data))

@@ -36,12 +36,12 @@ from arm_drake.motion import (
 POINT = "{positions: [1, 2.5], time_from_start: 2}"
 TIME = "expected seconds or {sec: int, nanosec: int}"
 KINDS = (
-    "['cancel', 'commands', 'commands_from_to', 'data', 'data_from_to', 'goal', "
-    "'gripper_command', 'speed_scaling', 'switch_controllers', 'trajectory']"
+    "['cancel', 'cmd_vel', 'commands', 'commands_from_to', 'data', 'data_from_to', "
+    "'goal', 'gripper_command', 'speed_scaling', 'switch_controllers', 'trajectory']"
 )
 KEYS = (
-    "at, cancel, commands, commands_from_to, controller, count, data, data_from_to, "
-    "every, goal, gripper_command, ping_pong, repeat, speed_scaling, "
+    "at, cancel, cmd_vel, commands, commands_from_to, controller, count, data, "
+    "data_from_to, every, goal, gripper_command, ping_pong, repeat, speed_scaling, "
     "switch_controllers, topic, topics, trajectory"
 )
 RAMP = "every: 1, count: 3, controller: a, commands_from_to"

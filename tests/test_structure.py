@@ -22,9 +22,21 @@ import arm_drake
 import arm_drake as ad
 from arm_drake.control.drive_commands import DriveCommands
 from arm_drake.controllers import gazebo_plugins as gazebo
+from arm_drake.controllers.battery_state_broadcaster import (
+    BatteryStateBroadcaster,
+    BatteryStateBroadcasterParameters,
+)
+from arm_drake.controllers.chained_filter_controller import (
+    ChainedFilter,
+    ChainedFilterParameters,
+)
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.diff_drive_controller import DiffDriveController
 from arm_drake.controllers.diff_drive_parameters import DiffDriveControllerParameters
+from arm_drake.controllers.force_torque_sensor_broadcaster import (
+    ForceTorqueSensorBroadcaster,
+    ForceTorqueSensorBroadcasterParameters,
+)
 from arm_drake.controllers.forward_command_controller import (
     ForwardCommandController,
     ForwardCommandControllerParameters,
@@ -33,9 +45,23 @@ from arm_drake.controllers.forward_command_controller import (
     MultiInterfaceForwardCommandController,
     MultiInterfaceForwardCommandControllerParameters,
 )
+from arm_drake.controllers.gpio_controllers import (
+    GpioCommandController,
+    GpioCommandControllerParameters,
+    GpioInterfaces,
+    InterfacesByGpio,
+)
+from arm_drake.controllers.gps_sensor_broadcaster import (
+    GPSSensorBroadcaster,
+    GPSSensorBroadcasterParameters,
+)
 from arm_drake.controllers.gripper_controllers import (
     GripperActionController,
     GripperActionControllerParameters,
+)
+from arm_drake.controllers.imu_sensor_broadcaster import (
+    IMUSensorBroadcaster,
+    IMUSensorBroadcasterParameters,
 )
 from arm_drake.controllers.joint_state_broadcaster import (
     JointStateBroadcaster,
@@ -45,13 +71,44 @@ from arm_drake.controllers.joint_trajectory_controller import (
     JointTrajectoryController,
     JointTrajectoryControllerParameters,
 )
+from arm_drake.controllers.magnetometer_broadcaster import (
+    MagnetometerBroadcaster,
+    MagnetometerBroadcasterParameters,
+)
+from arm_drake.controllers.mecanum_drive_controller import MecanumDriveController
+from arm_drake.controllers.mecanum_drive_parameters import (
+    MecanumDriveControllerParameters,
+    MecanumKinematicsParameters,
+)
+from arm_drake.controllers.omni_wheel_drive_controller import OmniWheelDriveController
+from arm_drake.controllers.omni_wheel_drive_parameters import (
+    OmniWheelDriveControllerParameters,
+)
 from arm_drake.controllers.parallel_gripper_action_controller import (
     ParallelGripperActionController,
     ParallelGripperActionControllerParameters,
 )
 from arm_drake.controllers.pid_controller import PidController
 from arm_drake.controllers.pid_parameters import PidControllerParameters
+from arm_drake.controllers.pose_broadcaster import (
+    PoseBroadcaster,
+    PoseBroadcasterParameters,
+)
+from arm_drake.controllers.range_sensor_broadcaster import (
+    RangeSensorBroadcaster,
+    RangeSensorBroadcasterParameters,
+)
 from arm_drake.controllers.sampled_states import SampledStates
+from arm_drake.controllers.state_interfaces_broadcaster import (
+    StateInterfacesBroadcaster,
+    StateInterfacesBroadcasterParameters,
+)
+from arm_drake.controllers.steering_controllers import SteeringController
+from arm_drake.controllers.steering_parameters import (
+    BicycleSteeringControllerParameters,
+)
+from arm_drake.controllers.tricycle_controller import TricycleController
+from arm_drake.controllers.tricycle_parameters import TricycleControllerParameters
 from arm_drake.description import gazebo_joints as tags
 from arm_drake.frames import LinkFrames
 from arm_drake.kinematic import KinematicPlant
@@ -239,6 +296,7 @@ def test_controllers_know_neither_the_robot_nor_each_other() -> None:
     modules = [m for m in MODULES if m.startswith("controllers.")]
     modules.remove("controllers.__init__")
     modules.remove("controllers.gazebo_plugins")
+    modules.remove("controllers.standard_types")
 
     assert len(modules) > 2
     for module in modules:
@@ -368,6 +426,91 @@ FACTORIES: dict[type[LeafSystem], Callable[[], LeafSystem]] = {
             publish_limited_velocity=True,
         ),
         controller_params(),
+    ),
+    SteeringController: lambda: SteeringController(
+        BicycleSteeringControllerParameters(
+            ("rear",), ("front",), wheelbase=1.0, traction_wheel_radius=0.1
+        ),
+        controller_params(),
+    ),
+    TricycleController: lambda: TricycleController(
+        TricycleControllerParameters(
+            "rear",
+            "front",
+            wheelbase=1.0,
+            wheel_radius=0.1,
+            enable_odom_tf=True,
+            publish_ackermann_command=True,
+        ),
+        controller_params(),
+    ),
+    MecanumDriveController: lambda: MecanumDriveController(
+        MecanumDriveControllerParameters(
+            *"abcd",
+            kinematics=MecanumKinematicsParameters(
+                wheels_radius=0.1, sum_of_robot_center_projection_on_X_Y_axis=1.0
+            ),
+        ),
+        controller_params(),
+    ),
+    OmniWheelDriveController: lambda: OmniWheelDriveController(
+        OmniWheelDriveControllerParameters(
+            ("a", "b", "c"), wheel_offset=0.0, robot_radius=1.0, wheel_radius=0.1
+        ),
+        controller_params(),
+    ),
+    GpioCommandController: lambda: GpioCommandController(
+        GpioCommandControllerParameters(
+            ("g",), InterfacesByGpio({"g": GpioInterfaces(("x",))})
+        ),
+        controller_params(),
+    ),
+    ChainedFilter: lambda: ChainedFilter(
+        ChainedFilterParameters(
+            ("a/position",),
+            ("a/filtered",),
+            {
+                "filter1.name": "mean",
+                "filter1.type": "filters/MeanFilterDouble",
+                "filter1.params.number_of_observations": 2,
+            },
+        ),
+        controller_params(),
+    ),
+    IMUSensorBroadcaster: lambda: IMUSensorBroadcaster(
+        IMUSensorBroadcasterParameters("s", "frame"), controller_params()
+    ),
+    ForceTorqueSensorBroadcaster: lambda: ForceTorqueSensorBroadcaster(
+        ForceTorqueSensorBroadcasterParameters(
+            "frame",
+            "s",
+            sensor_filter_chain={
+                "filter1.name": "low_pass",
+                "filter1.type": "control_filters/LowPassFilterWrench",
+                "filter1.params.sampling_frequency": 100.0,
+                "filter1.params.damping_frequency": 10.0,
+                "filter1.params.damping_intensity": 1.0,
+            },
+        ),
+        controller_params(),
+    ),
+    RangeSensorBroadcaster: lambda: RangeSensorBroadcaster(
+        RangeSensorBroadcasterParameters("s", "frame"), controller_params()
+    ),
+    PoseBroadcaster: lambda: PoseBroadcaster(
+        PoseBroadcasterParameters("frame", "s"), controller_params()
+    ),
+    GPSSensorBroadcaster: lambda: GPSSensorBroadcaster(
+        GPSSensorBroadcasterParameters("s", "frame"), controller_params()
+    ),
+    MagnetometerBroadcaster: lambda: MagnetometerBroadcaster(
+        MagnetometerBroadcasterParameters("s", "frame"), controller_params()
+    ),
+    BatteryStateBroadcaster: lambda: BatteryStateBroadcaster(
+        BatteryStateBroadcasterParameters(sensor_name="s"), controller_params()
+    ),
+    StateInterfacesBroadcaster: lambda: StateInterfacesBroadcaster(
+        StateInterfacesBroadcasterParameters(("joint/position",)), controller_params()
     ),
     PidController: lambda: PidController(
         PidControllerParameters(

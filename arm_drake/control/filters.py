@@ -1,7 +1,8 @@
 """Filters of measurements, n channels at a time.
 
-The rules are those of control_toolbox's ``LowPassFilter`` and ``ExponentialFilter``
-(version 6.3.0) for numbers: each channel is a filter of its own.
+The rules are those of control_toolbox's ``LowPassFilter``, ``ExponentialFilter`` and
+``RateLimiter`` (version 6.3.0) for numbers: each channel is a filter of its own. Those
+of ROS's package `filters` are in `sample_filters`.
 """
 
 import dataclasses as dc
@@ -10,6 +11,8 @@ from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
+
+from arm_drake.control.rate_limiter import RateLimiter
 
 Array = NDArray[np.float64]
 
@@ -68,6 +71,11 @@ class LowPassFilter:
         decay *= 10.0 ** min(self.damping_intensity / 10.0, 300.0)
         object.__setattr__(self, "a", math.exp(-decay))
 
+    @staticmethod
+    def initial(n: int) -> FilterState:
+        """Return the state of n channels before the first sample."""
+        return FilterState.initial(n)
+
     def update(self, state: FilterState, sample: Array) -> FilterState:
         """Return the state after a sample; it holds the output.
 
@@ -104,6 +112,11 @@ class ExponentialFilter:
         if not 0.0 <= self.alpha <= 1.0:
             raise ValueError(f"alpha must be from 0 to 1, got {self.alpha}")
 
+    @staticmethod
+    def initial(n: int) -> FilterState:
+        """Return the state of n channels before the first sample."""
+        return FilterState.initial(n)
+
     def update(self, state: FilterState, sample: Array) -> FilterState:
         """Return the state after a sample; it holds the output.
 
@@ -120,6 +133,80 @@ class ExponentialFilter:
         with np.errstate(invalid="ignore"):
             smooth = self.alpha * sample + (1.0 - self.alpha) * output
         return FilterState(sample, smooth)
+
+
+class LimiterState(NamedTuple):
+    """What a rate limiter of n channels remembers; arrays of shape (n,)."""
+
+    # The last output but one.
+    before: Array
+
+    # What came out; NaN where there has been nothing to start from.
+    output: Array
+
+
+@dc.dataclass(frozen=True)
+class RateLimiterFilter:
+    """A `RateLimiter` whose last values are its own outputs.
+
+    It begins at its first sample, as if it had been there before. NaN is no limit.
+    """
+
+    # Time between samples [s], above 0.
+    sampling_interval: float
+
+    # As in RateLimiter; a maximum isn't below 0, a minimum not above.
+    max_value: float = math.nan
+    min_value: float = math.nan
+    max_first_derivative_pos: float = math.nan
+    min_first_derivative_pos: float = math.nan
+    max_first_derivative_neg: float = math.nan
+    min_first_derivative_neg: float = math.nan
+    max_second_derivative: float = math.nan
+    min_second_derivative: float = math.nan
+
+    _limiter: RateLimiter = dc.field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Make the limiter.
+
+        Raises:
+            ValueError: If a parameter is out of range.
+        """
+        if not 0.0 < self.sampling_interval < math.inf:
+            raise ValueError(
+                f"sampling_interval must be above 0, got {self.sampling_interval}"
+            )
+        limits = {
+            field.name: getattr(self, field.name) for field in dc.fields(RateLimiter)
+        }
+        for name, limit in limits.items():
+            if name.startswith("max") and limit < 0.0:
+                raise ValueError(f"{name} must not be below 0, got {limit}")
+            if name.startswith("min") and limit > 0.0:
+                raise ValueError(f"{name} must not be above 0, got {limit}")
+        object.__setattr__(self, "_limiter", RateLimiter(**limits))
+
+    @staticmethod
+    def initial(n: int) -> LimiterState:
+        """Return the state of n channels before the first sample."""
+        nothing = np.full(n, np.nan)
+        return LimiterState(nothing, nothing)
+
+    def update(self, state: LimiterState, sample: Array) -> LimiterState:
+        """Return the state after a sample; it holds the output.
+
+        Args:
+            state: The state so far.
+            sample: What is measured, shape (n,).
+        """
+        is_new = np.isnan(state.output)
+        last = np.where(is_new, sample, state.output)
+        before = np.where(is_new, sample, state.before)
+        columns = zip(sample.tolist(), last.tolist(), before.tolist(), strict=True)
+        limit, period = self._limiter.limit, self.sampling_interval
+        output = [limit(v, v0, v1, period).value for v, v0, v1 in columns]
+        return LimiterState(last, np.array(output))
 
 
 def _start(state: FilterState, sample: Array) -> FilterState:

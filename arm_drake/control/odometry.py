@@ -20,20 +20,31 @@ class PlanarPose(NamedTuple):
 
 
 class RollingMean(NamedTuple):
-    """Mean of the last samples of several quantities."""
+    """Mean of the last samples of several quantities, from sums that go along.
 
-    # How many are kept, and those, the newest last.
+    What sums lose when they are rounded stays in them, as it does upstream.
+    """
+
+    # How many are kept, and those, the newest last; and their sums.
     window: int
     samples: tuple[tuple[float, ...], ...] = ()
+    sums: tuple[float, ...] = ()
 
     def add(self, *values: float) -> Self:
         """Return the mean with one more sample of each quantity."""
-        samples = (*self.samples, values)
-        return self._replace(samples=samples[-self.window :])
+        zeros = (0.0,) * len(values)
+        is_full = len(self.samples) >= self.window
+        gone = self.samples[0] if is_full else zeros
+        sums = tuple(
+            total - old + new
+            for total, old, new in zip(self.sums or zeros, gone, values, strict=True)
+        )
+        samples = (*self.samples, values)[-self.window :]
+        return self._replace(samples=samples, sums=sums)
 
     def clear(self) -> Self:
         """Return a mean of nothing."""
-        return self._replace(samples=())
+        return self._replace(samples=(), sums=())
 
     def means(self, number: int) -> tuple[float, ...]:
         """Return the mean of each quantity; 0 if there is no sample.
@@ -43,8 +54,7 @@ class RollingMean(NamedTuple):
         """
         if not self.samples:
             return (0.0,) * number
-        count = len(self.samples)
-        return tuple(sum(column) / count for column in zip(*self.samples, strict=True))
+        return tuple(total / len(self.samples) for total in self.sums)
 
 
 def integrate_arc(pose: PlanarPose, v: float, w: float, dt: float) -> PlanarPose:

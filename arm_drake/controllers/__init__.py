@@ -1,18 +1,12 @@
 """The controller types, by their ros2_control names.
 
 To add one, write its module (parameters dataclass and system) and its test, then add
-its row to `CONTROLLER_TYPES`.
+its row to `STANDARD_TYPES`.
 """
 
-import functools
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from arm_drake.controllers.admittance_controller import AdmittanceControllerParameters
-from arm_drake.controllers.battery_state_broadcaster import (
-    BatteryStateBroadcasterParameters,
-)
-from arm_drake.controllers.chained_filter_controller import ChainedFilterParameters
 from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
@@ -22,65 +16,8 @@ from arm_drake.controllers.controller_type import (
     check_controller_type,
     check_controller_types,
 )
-from arm_drake.controllers.diff_drive_controller import DiffDriveController
-from arm_drake.controllers.diff_drive_parameters import DiffDriveControllerParameters
-from arm_drake.controllers.force_torque_sensor_broadcaster import (
-    ForceTorqueSensorBroadcasterParameters,
-)
-from arm_drake.controllers.forward_command_controller import (
-    ForwardCommandController,
-    ForwardCommandControllerParameters,
-    JointGroupController,
-    JointGroupControllerParameters,
-    MultiInterfaceForwardCommandController,
-    MultiInterfaceForwardCommandControllerParameters,
-)
-from arm_drake.controllers.gpio_controllers import GpioCommandControllerParameters
-from arm_drake.controllers.gps_sensor_broadcaster import GPSSensorBroadcasterParameters
-from arm_drake.controllers.gripper_controllers import (
-    EffortGripperActionControllerParameters,
-    GripperActionController,
-    GripperActionControllerParameters,
-)
-from arm_drake.controllers.imu_sensor_broadcaster import IMUSensorBroadcasterParameters
 from arm_drake.controllers.installed_types import InstalledType, installed_types
-from arm_drake.controllers.joint_state_broadcaster import (
-    JointStateBroadcaster,
-    JointStateBroadcasterParameters,
-)
-from arm_drake.controllers.joint_trajectory_controller import JointTrajectoryController
-from arm_drake.controllers.joint_trajectory_parameters import (
-    JointTrajectoryControllerParameters,
-    ScaledJointTrajectoryControllerParameters,
-)
-from arm_drake.controllers.magnetometer_broadcaster import (
-    MagnetometerBroadcasterParameters,
-)
-from arm_drake.controllers.mecanum_drive_controller import (
-    MecanumDriveControllerParameters,
-)
-from arm_drake.controllers.omni_wheel_drive_controller import (
-    OmniWheelDriveControllerParameters,
-)
-from arm_drake.controllers.parallel_gripper_action_controller import (
-    ParallelGripperActionController,
-    ParallelGripperActionControllerParameters,
-)
-from arm_drake.controllers.pid_controller import PidController
-from arm_drake.controllers.pid_parameters import PidControllerParameters
-from arm_drake.controllers.pose_broadcaster import PoseBroadcasterParameters
-from arm_drake.controllers.range_sensor_broadcaster import (
-    RangeSensorBroadcasterParameters,
-)
-from arm_drake.controllers.state_interfaces_broadcaster import (
-    StateInterfacesBroadcasterParameters,
-)
-from arm_drake.controllers.steering_controllers import (
-    AckermannSteeringControllerParameters,
-    BicycleSteeringControllerParameters,
-    TricycleSteeringControllerParameters,
-)
-from arm_drake.controllers.tricycle_controller import TricycleControllerParameters
+from arm_drake.controllers.standard_types import STANDARD_TYPES
 from arm_drake.controllers.vendor_types import EQUIVALENTS
 
 __all__ = [
@@ -95,104 +32,7 @@ __all__ = [
 ]
 
 
-_JSB = "joint_state_broadcaster/JointStateBroadcaster"
-_JTC = "joint_trajectory_controller/JointTrajectoryController"
-
-CONTROLLER_TYPES: dict[str, ControllerType] = {
-    _JSB: ControllerType(JointStateBroadcasterParameters, JointStateBroadcaster),
-    _JTC: ControllerType(
-        JointTrajectoryControllerParameters, JointTrajectoryController
-    ),
-    "forward_command_controller/ForwardCommandController": ControllerType(
-        ForwardCommandControllerParameters, ForwardCommandController
-    ),
-    "forward_command_controller/MultiInterfaceForwardCommandController": ControllerType(
-        MultiInterfaceForwardCommandControllerParameters,
-        MultiInterfaceForwardCommandController,
-    ),
-    "position_controllers/JointGroupPositionController": ControllerType(
-        JointGroupControllerParameters,
-        functools.partial(JointGroupController, interface="position"),
-    ),
-    "velocity_controllers/JointGroupVelocityController": ControllerType(
-        JointGroupControllerParameters,
-        functools.partial(JointGroupController, interface="velocity"),
-    ),
-    "effort_controllers/JointGroupEffortController": ControllerType(
-        JointGroupControllerParameters,
-        functools.partial(JointGroupController, interface="effort"),
-    ),
-    "position_controllers/GripperActionController": ControllerType(
-        GripperActionControllerParameters, GripperActionController
-    ),
-    "effort_controllers/GripperActionController": ControllerType(
-        EffortGripperActionControllerParameters,
-        functools.partial(GripperActionController, interface="effort"),
-    ),
-    "parallel_gripper_action_controller/GripperActionController": ControllerType(
-        ParallelGripperActionControllerParameters, ParallelGripperActionController
-    ),
-    "pid_controller/PidController": ControllerType(
-        PidControllerParameters, PidController
-    ),
-    "diff_drive_controller/DiffDriveController": ControllerType(
-        DiffDriveControllerParameters, DiffDriveController
-    ),
-    "bicycle_steering_controller/BicycleSteeringController": ControllerType(
-        BicycleSteeringControllerParameters
-    ),
-    "tricycle_steering_controller/TricycleSteeringController": ControllerType(
-        TricycleSteeringControllerParameters
-    ),
-    "ackermann_steering_controller/AckermannSteeringController": ControllerType(
-        AckermannSteeringControllerParameters
-    ),
-    "tricycle_controller/TricycleController": ControllerType(
-        TricycleControllerParameters
-    ),
-    "mecanum_drive_controller/MecanumDriveController": ControllerType(
-        MecanumDriveControllerParameters
-    ),
-    "omni_wheel_drive_controller/OmniWheelDriveController": ControllerType(
-        OmniWheelDriveControllerParameters
-    ),
-    "admittance_controller/AdmittanceController": ControllerType(
-        AdmittanceControllerParameters
-    ),
-    "gpio_controllers/GpioCommandController": ControllerType(
-        GpioCommandControllerParameters
-    ),
-    "chained_filter_controller/ChainedFilter": ControllerType(ChainedFilterParameters),
-    "imu_sensor_broadcaster/IMUSensorBroadcaster": ControllerType(
-        IMUSensorBroadcasterParameters
-    ),
-    "force_torque_sensor_broadcaster/ForceTorqueSensorBroadcaster": ControllerType(
-        ForceTorqueSensorBroadcasterParameters
-    ),
-    "range_sensor_broadcaster/RangeSensorBroadcaster": ControllerType(
-        RangeSensorBroadcasterParameters
-    ),
-    "pose_broadcaster/PoseBroadcaster": ControllerType(PoseBroadcasterParameters),
-    "gps_sensor_broadcaster/GPSSensorBroadcaster": ControllerType(
-        GPSSensorBroadcasterParameters
-    ),
-    "magnetometer_broadcaster/MagnetometerBroadcaster": ControllerType(
-        MagnetometerBroadcasterParameters
-    ),
-    "battery_state_broadcaster/BatteryStateBroadcaster": ControllerType(
-        BatteryStateBroadcasterParameters
-    ),
-    "state_interfaces_broadcaster/StateInterfacesBroadcaster": ControllerType(
-        StateInterfacesBroadcasterParameters
-    ),
-    # By other packages, and by older names.
-    "ur_controllers/ScaledJointTrajectoryController": ControllerType(
-        ScaledJointTrajectoryControllerParameters, JointTrajectoryController, _JTC
-    ),
-    "joint_state_controller/JointStateController": ControllerType(
-        JointStateBroadcasterParameters, JointStateBroadcaster, _JSB
-    ),
-}
+CONTROLLER_TYPES: dict[str, ControllerType] = dict(STANDARD_TYPES)
 
 
 def find_controller_type(

@@ -1,13 +1,34 @@
 """``battery_state_broadcaster/BatteryStateBroadcaster``.
 
-Source: ros2_controllers, `battery_state_broadcaster` (version 6.9.0). Parameters only.
+Source: ros2_controllers, `battery_state_broadcaster` (version 6.9.0).
 """
 
 import dataclasses as dc
 import math
+from typing import NamedTuple
 
+from arm_drake.control.battery import are_known, combine, measure
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.cycles import Now
+from arm_drake.controllers.ticking_controller import TickingController
 from arm_drake.controllers.validation import check_unique, check_within
 from arm_drake.description.parameters import per_element_of
+from arm_drake.errors import ParameterError
+from arm_drake.messages import Header
+from arm_drake.messages.sensors import BatteryState, BatteryStateArray
+
+# What is combined of those batteries that have it.
+_COMBINED = ("voltage", "temperature", "current", "charge", "percentage")
+
+# What is said before anything is measured.
+_UNKNOWN = BatteryState(
+    voltage=math.nan,
+    temperature=math.nan,
+    current=math.nan,
+    charge=math.nan,
+    percentage=math.nan,
+    present=True,
+)
 
 
 @dc.dataclass(frozen=True)
@@ -53,6 +74,11 @@ class Battery:
         """Reject what the types alone can't express."""
         check_within(self, 0, 8, "power_supply_technology")
 
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Voltages of an empty and of a full battery [V]."""
+        return self.minimum_voltage, self.maximum_voltage
+
 
 @dc.dataclass(frozen=True)
 class BatteryStateBroadcasterParameters:
@@ -73,3 +99,164 @@ class BatteryStateBroadcasterParameters:
         """Reject what the types alone can't express."""
         check_unique(self, "batteries")
         check_within(self, 0, 8, "power_supply_technology")
+        if self.sensor_name and self.batteries:
+            raise ValueError(
+                f"expected either batteries or sensor_name, got {list(self.batteries)} "
+                f"and {self.sensor_name!r}"
+            )
+        for name, known in self.battery.items():
+            low, high = known.limits
+            if low >= high and "percentage" not in self.quantities(name):
+                raise ValueError(
+                    f"{name}.minimum_voltage must be below maximum_voltage, "
+                    f"got {low} and {high}"
+                )
+
+    def quantities(self, battery: str) -> tuple[str, ...]:
+        """Return the quantities of a battery that are read, in their order."""
+        switches = dc.asdict(self.interfaces.battery.get(battery, BatteryInterfaces()))
+        read = (name.removeprefix("battery_") for name, on in switches.items() if on)
+        return ("voltage", *read)
+
+
+class BatteryStateBroadcasterState(NamedTuple):
+    """What a BatteryStateBroadcaster published last."""
+
+    combined: BatteryState = BatteryState()
+    raw: BatteryStateArray = BatteryStateArray()
+
+
+class BatteryStateBroadcaster(TickingController[BatteryStateBroadcasterState]):
+    """Publishes the states of batteries, one by one and as one.
+
+    .. pydrake_system::
+
+        name: BatteryStateBroadcaster
+        input_ports:
+        - controller_manager
+        - state_interfaces
+        output_ports:
+        - command_interfaces
+        - battery_state
+        - raw_battery_states
+
+    ==================  ====  =======================================================
+    port                size  meaning
+    ==================  ====  =======================================================
+    controller_manager  --    Cycle: when to tick
+    state_interfaces    m     everything that is measured; it reads
+                              ``<battery>/battery_voltage`` of each battery and what
+                              ``interfaces`` switches on, or ``<sensor_name>/voltage``
+    command_interfaces  --    Tick; it commands nothing
+    battery_state       --    BatteryState of all batteries in the last tick
+    raw_battery_states  --    BatteryStateArray of them; without any if there is only a
+                              ``sensor_name``
+    ==================  ====  =======================================================
+
+    The state is a BatteryStateBroadcasterState. A percentage that isn't read is where
+    the voltage stands between minimum and maximum; a battery that doesn't tell whether
+    it is present is, unless its voltage is 0 or NaN. Of all batteries the voltage,
+    temperature, current and percentage are means of those that have them, the charge
+    and the capacities are sums, status and health the largest numbers, and the
+    technology is that of all or 0. Locations and serial numbers are in a row, each
+    followed by a comma.
+    """
+
+    def __init__(
+        self,
+        parameters: BatteryStateBroadcasterParameters,
+        params: ControllerInterfaceParams,
+    ) -> None:
+        """Create the system.
+
+        Args:
+            parameters: The broadcaster's parameters.
+            params: Rate and surroundings of the broadcaster.
+
+        Raises:
+            ParameterError: If there is no battery; upstream isn't activated then.
+        """
+        self._quantities = {n: parameters.quantities(n) for n in parameters.batteries}
+        names = [f"{n}/battery_{q}" for n, own in self._quantities.items() for q in own]
+        if parameters.sensor_name:
+            names = [f"{parameters.sensor_name}/voltage"]
+        if not names:
+            raise ParameterError("batteries must have at least one element, got []")
+        super().__init__(
+            params, BatteryStateBroadcasterState(), state_interfaces=tuple(names)
+        )
+        self._known = [parameters.battery.get(n, Battery()) for n in self._quantities]
+        self._having = {
+            quantity: [
+                index
+                for index, own in enumerate(self._quantities.values())
+                if quantity in own
+                or (quantity == "percentage" and are_known(self._known[index].limits))
+            ]
+            for quantity in _COMBINED
+        }
+        self._at_start = self._make_initial(parameters)
+        self._declare_topic("battery_state", lambda state: state.combined)
+        self._declare_topic("raw_battery_states", lambda state: state.raw)
+
+    def _make_initial(
+        self, parameters: BatteryStateBroadcasterParameters
+    ) -> BatteryStateBroadcasterState:
+        """Return what is published when the broadcaster is activated."""
+        raw = tuple(
+            dc.replace(
+                _UNKNOWN,
+                header=Header(frame_id=name),
+                capacity=known.capacity,
+                design_capacity=known.design_capacity,
+                power_supply_technology=known.power_supply_technology,
+                location=known.location,
+                serial_number=known.serial_number,
+            )
+            for name, known in zip(self._quantities, self._known, strict=True)
+        )
+        technologies = {each.power_supply_technology for each in raw}
+        technology = technologies.pop() if len(technologies) == 1 else 0
+        design = sum((each.design_capacity for each in raw), 0.0)
+        if parameters.sensor_name:
+            technology = parameters.power_supply_technology
+            design = parameters.design_capacity
+        combined = dc.replace(
+            _UNKNOWN,
+            capacity=sum((each.capacity for each in raw), 0.0),
+            design_capacity=design,
+            power_supply_technology=technology,
+            location="".join(f"{each.location}, " for each in raw),
+            serial_number="".join(f"{each.serial_number}, " for each in raw),
+        )
+        return BatteryStateBroadcasterState(combined, BatteryStateArray(raw))
+
+    def _activate(
+        self, now: Now, state: BatteryStateBroadcasterState
+    ) -> BatteryStateBroadcasterState:
+        del now, state
+        return self._at_start
+
+    def _update(
+        self, now: Now, state: BatteryStateBroadcasterState
+    ) -> BatteryStateBroadcasterState:
+        del state
+        values = self._read(now.context).tolist()
+        combined, raw = self._at_start
+        combined = dc.replace(combined, header=Header.from_nanoseconds(now.time_ns))
+        if not self._quantities:
+            combined = dc.replace(combined, voltage=values[0])
+            return BatteryStateBroadcasterState(combined, raw)
+        batteries = []
+        for battery, (name, quantities), known in zip(
+            raw.battery_states, self._quantities.items(), self._known, strict=True
+        ):
+            measured = dict(zip(quantities, values, strict=False))
+            del values[: len(quantities)]
+            header = Header.from_nanoseconds(now.time_ns, name)
+            battery = dc.replace(battery, header=header)
+            batteries.append(measure(battery, measured, known.limits))
+        return BatteryStateBroadcasterState(
+            combine(combined, batteries, self._having),
+            BatteryStateArray(tuple(batteries)),
+        )

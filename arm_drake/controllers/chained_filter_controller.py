@@ -1,13 +1,30 @@
 """``chained_filter_controller/ChainedFilter``.
 
-Source: ros2_controllers, `chained_filter_controller` (version 6.9.0). Parameters only.
+Source: ros2_controllers, `chained_filter_controller` (version 6.9.0); the filters are
+in `arm_drake.control.filter_chains`.
 """
 
 import dataclasses as dc
-from typing import Any
+import math
+from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_drake.control.filter_chains import ChainState, make_filter_chain
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.cycles import Now
+from arm_drake.controllers.ticking_controller import TickingController
 from arm_drake.controllers.validation import check_not_empty
+from arm_drake.description.given import Given
 from arm_drake.description.parameters import per_element_of
+from arm_drake.errors import ParameterError
+
+Array = NDArray[np.float64]
+
+# Group of a chain's parameters, and the one that makes it hold for several inputs.
+_CHAIN = "filter_chain"
+_FIRST_NAME = "filter1.name"
 
 
 @dc.dataclass(frozen=True)
@@ -29,7 +46,7 @@ class ChainedFilterParameters:
     # Parameters of filters by name, such as "filter1.type", for all inputs.
     filter_chain: dict[str, Any] = dc.field(default_factory=dict)
 
-    # The same for single inputs.
+    # The same for single inputs of several, if there is no filter for all.
     input: dict[str, InputFilters] = per_element_of("input_interfaces")
 
     def __post_init__(self) -> None:
@@ -40,3 +57,121 @@ class ChainedFilterParameters:
                 f"output_interfaces must be as many as input_interfaces, got "
                 f"{list(self.output_interfaces)} and {list(self.input_interfaces)}"
             )
+
+    @staticmethod
+    def adapt(given: Given) -> None:
+        """Report filters that others stand in for."""
+        inputs = given.get("input_interfaces", tuple[str, ...]) or ()
+        own = dict.fromkeys(f"{name}.{_CHAIN}" for name in inputs)
+        if f"{_CHAIN}.{_FIRST_NAME}" in given:
+            ignored, what = list(own), f"{_CHAIN} holds for all inputs"
+        elif len(inputs) > 1:
+            ignored, what = [_CHAIN], f"without {_FIRST_NAME} it holds for no input"
+        else:
+            ignored, what = list(own), f"a single input has no filters but {_CHAIN}"
+        for group in ignored:
+            first = given.first_of(group)
+            if first is not None:
+                given.add(first, "warning", "ignored", what, f"{group} has no effect")
+
+    def chain_of(self, name: str) -> tuple[dict[str, Any], str]:
+        """Return the parameters of an input's filters, and where they stand.
+
+        Args:
+            name: One of ``input_interfaces``.
+        """
+        if len(self.input_interfaces) == 1 or _FIRST_NAME in self.filter_chain:
+            return self.filter_chain, _CHAIN
+        return self.input[name].filter_chain, f"{name}.{_CHAIN}"
+
+
+class ChainedFilterState(NamedTuple):
+    """State of a ChainedFilter between two ticks."""
+
+    # What it exports, shape (n,); NaN where there has been nothing to filter.
+    outputs: Array
+
+    # What the filters of each input remember.
+    chains: tuple[ChainState, ...]
+
+
+class ChainedFilter(TickingController[ChainedFilterState]):
+    """Filters state interfaces, for other controllers to read.
+
+    .. pydrake_system::
+
+        name: ChainedFilter
+        input_ports:
+        - controller_manager
+        - state_interfaces
+        output_ports:
+        - command_interfaces
+        - exported_state_interfaces
+
+    With n = len(input_interfaces), vectors in their order:
+
+    =========================  ====  ==================================================
+    port                       size  meaning
+    =========================  ====  ==================================================
+    controller_manager         --    Cycle: when to tick
+    state_interfaces           2J    positions and velocities of all J joints of the
+                                     robot, or more
+    command_interfaces         --    Tick; it commands nothing
+    exported_state_interfaces  n     outputs of the last tick, each in the unit of its
+                                     input
+    =========================  ====  ==================================================
+
+    They are called "<controller>/<output>" for an output of ``output_interfaces``. The
+    state is a ChainedFilterState, renewed at every tick: a finite input goes through
+    its filters, any other leaves its output as it is. An activation makes the outputs
+    NaN; what the filters remember stays.
+
+    Of several inputs each has the filters of ``filter_chain`` for itself, or else
+    those of its own; without filters it is passed on.
+    """
+
+    def __init__(
+        self,
+        parameters: ChainedFilterParameters,
+        params: ControllerInterfaceParams,
+    ) -> None:
+        """Create the system.
+
+        Args:
+            parameters: The controller's parameters.
+            params: Rate and surroundings of the controller.
+
+        Raises:
+            ParameterError: If a filter can't be made.
+        """
+        inputs = parameters.input_interfaces
+        try:
+            self._chains = [make_filter_chain(*parameters.chain_of(n)) for n in inputs]
+        except ValueError as error:
+            raise ParameterError(str(error)) from None
+        self._nothing = np.full(len(inputs), np.nan)
+        chains = tuple(chain.initial(1) for chain in self._chains)
+        outputs = parameters.output_interfaces
+        super().__init__(
+            params,
+            ChainedFilterState(self._nothing, chains),
+            state_interfaces=inputs,
+            exported_interfaces=tuple(f"{params.controller_name}/{n}" for n in outputs),
+        )
+
+    def _update(self, now: Now, state: ChainedFilterState) -> ChainedFilterState:
+        measured = self._read(now.context).tolist()
+        outputs, chains = state.outputs.copy(), list(state.chains)
+        for index, value in enumerate(measured):
+            if math.isfinite(value):
+                last = chains[index]
+                chains[index] = self._chains[index].update(last, np.array([value]))
+                outputs[index] = chains[index].output[0]
+        return ChainedFilterState(outputs, tuple(chains))
+
+    def _activate(self, now: Now, state: ChainedFilterState) -> ChainedFilterState:
+        del now
+        return state._replace(outputs=self._nothing)
+
+    def _export(self, state: ChainedFilterState) -> Array:
+        return state.outputs

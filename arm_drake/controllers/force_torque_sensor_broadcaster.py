@@ -1,14 +1,35 @@
 """``force_torque_sensor_broadcaster/ForceTorqueSensorBroadcaster``.
 
-Source: ros2_controllers, `force_torque_sensor_broadcaster` (version 6.9.0). Parameters
-only.
+Source: ros2_controllers, `force_torque_sensor_broadcaster` (version 6.9.0), and
+filters, `filter_chain.hpp`.
 """
 
 import dataclasses as dc
-from typing import Annotated, Any
+import math
+from collections.abc import Mapping
+from typing import Annotated, Any, Final, NamedTuple
 
+import numpy as np
+
+from arm_drake.control.filters import FilterState, LowPassFilter
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.cycles import Array, Now
+from arm_drake.controllers.ticking_controller import TickingController
 from arm_drake.controllers.validation import check_not_empty
 from arm_drake.description.parameters import Rule
+from arm_drake.errors import ParameterError
+from arm_drake.messages import Header, Vector3, Wrench, WrenchStamped
+
+# Where the axes of a wrench stand in its parameters, in the order of its numbers.
+_AXES: Final = tuple((part, axis) for part in ("force", "torque") for axis in "xyz")
+
+# The filter of wrenches there is, and its parameters.
+_FILTER_TYPE: Final = "control_filters/LowPassFilterWrench"
+_FILTER_PARAMETERS: Final = (
+    "sampling_frequency",
+    "damping_frequency",
+    "damping_intensity",
+)
 
 
 @dc.dataclass(frozen=True)
@@ -90,3 +111,175 @@ class ForceTorqueSensorBroadcasterParameters:
             raise ValueError(
                 f"expected either sensor_name or interface_names, got {got}"
             )
+
+
+class ForceTorqueSensorBroadcasterState(NamedTuple):
+    """What a ForceTorqueSensorBroadcaster published last, and its filters."""
+
+    wrench: WrenchStamped
+    filtered: WrenchStamped
+    filters: tuple[FilterState, ...]
+
+
+class ForceTorqueSensorBroadcaster(
+    TickingController[ForceTorqueSensorBroadcasterState]
+):
+    """Publishes a wrench.
+
+    .. pydrake_system::
+
+        name: ForceTorqueSensorBroadcaster
+        input_ports:
+        - controller_manager
+        - state_interfaces
+        output_ports:
+        - command_interfaces
+        - exported_state_interfaces
+        - wrench
+        - wrench_filtered
+
+    =========================  ====  =================================================
+    port                       size  meaning
+    =========================  ====  =================================================
+    controller_manager         --    Cycle: when to tick
+    state_interfaces           m     everything that is measured; it reads
+                                     ``force.{x,y,z}`` [N] and ``torque.{x,y,z}`` [N·m]
+                                     of ``<sensor_name>``, or ``interface_names``
+    command_interfaces         --    Tick; it commands nothing
+    exported_state_interfaces  k     the wrench of the last tick, as ``<name>/`` and
+                                     the name of what is read; not in humble
+    wrench                     --    WrenchStamped of the last tick; NaN along axes
+                                     without an interface
+    wrench_filtered            --    the same, filtered; there only with a
+                                     ``sensor_filter_chain``
+    =========================  ====  =================================================
+
+    The state is a ForceTorqueSensorBroadcasterState. Of each axis::
+
+        wrench = (measured + offset) * multiplier
+
+    Filters are applied one after the other, to each axis by itself; they go on where
+    they were when the broadcaster is activated again.
+    """
+
+    def __init__(
+        self,
+        parameters: ForceTorqueSensorBroadcasterParameters,
+        params: ControllerInterfaceParams,
+    ) -> None:
+        """Create the system.
+
+        Args:
+            parameters: The broadcaster's parameters.
+            params: Rate and surroundings of the broadcaster.
+
+        Raises:
+            ParameterError: If a filter can't be made.
+        """
+        self._filters = make_filters(parameters.sensor_filter_chain)
+        names = _of_axes(parameters.interface_names)
+        if parameters.sensor_name:
+            names = [f"{parameters.sensor_name}/{part}.{axis}" for part, axis in _AXES]
+        read = tuple(name for name in names if name)
+        exported = tuple(f"{params.controller_name}/{name}" for name in read)
+        super().__init__(
+            params,
+            ForceTorqueSensorBroadcasterState(
+                WrenchStamped(),
+                WrenchStamped(),
+                tuple(FilterState.initial(len(_AXES)) for _ in self._filters),
+            ),
+            state_interfaces=read,
+            exported_interfaces=() if params.distro == "humble" else exported,
+        )
+        # Where what is read stands in the wrench.
+        self._at = [index for index, name in enumerate(names) if name]
+        self._offset = np.array(_of_axes(parameters.offset))
+        self._multiplier = np.array(_of_axes(parameters.multiplier))
+        self._frame_id = parameters.frame_id
+        self._declare_topic("wrench", lambda state: state.wrench)
+        if self._filters:
+            self._declare_topic("wrench_filtered", lambda state: state.filtered)
+
+    def _update(
+        self, now: Now, state: ForceTorqueSensorBroadcasterState
+    ) -> ForceTorqueSensorBroadcasterState:
+        values = np.full(len(_AXES), math.nan)
+        values[self._at] = self._read(now.context)
+        values = (values + self._offset) * self._multiplier
+        header = Header.from_nanoseconds(now.time_ns, self._frame_id)
+        filtered, filters = values, []
+        for rule, last in zip(self._filters, state.filters, strict=True):
+            filters.append(rule.update(last, filtered))
+            filtered = filters[-1].output
+        return ForceTorqueSensorBroadcasterState(
+            WrenchStamped(header, make_wrench(values)),
+            WrenchStamped(header, make_wrench(filtered)),
+            tuple(filters),
+        )
+
+    def _export(self, state: ForceTorqueSensorBroadcasterState) -> Array:
+        return np.array(_of_axes(state.wrench.wrench))[self._at]
+
+
+def make_wrench(values: Array) -> Wrench:
+    """Return a wrench of its force and torque along x, y and z, shape (6,)."""
+    numbers = values.tolist()
+    return Wrench(Vector3(*numbers[:3]), Vector3(*numbers[3:]))
+
+
+def make_filters(chain: Mapping[str, Any]) -> tuple[LowPassFilter, ...]:
+    """Return the filters of a wrench, in their order.
+
+    Args:
+        chain: Parameters by name: "filter1.name", "filter1.type",
+            "filter1.params.damping_frequency" and so on, counted from 1.
+
+    Raises:
+        ParameterError: If a filter can't be made, or a parameter belongs to none.
+    """
+    filters: list[LowPassFilter] = []
+    names: list[str] = []
+    left = set(chain)
+    while any(key.startswith(f"filter{len(filters) + 1}.") for key in chain):
+        prefix = f"filter{len(filters) + 1}"
+        name, kind = (_take(chain, f"{prefix}.{n}", str) for n in ("name", "type"))
+        if name in names:
+            raise _error(f"{prefix}.name", f"must not repeat a name, got {name!r}")
+        if kind != _FILTER_TYPE:
+            raise _error(f"{prefix}.type", f"expected {_FILTER_TYPE!r}, got {kind!r}")
+        keys = [f"{prefix}.params.{n}" for n in _FILTER_PARAMETERS]
+        values = [_take(chain, key, float) for key in keys]
+        try:
+            filters.append(LowPassFilter(*values))
+        except ValueError as error:
+            raise _error(f"{prefix}.params", str(error)) from None
+        names.append(name)
+        left -= {f"{prefix}.name", f"{prefix}.type", *keys}
+    if left:
+        known = ["name", "type", *(f"params.{n}" for n in _FILTER_PARAMETERS)]
+        raise _error(
+            min(left), f"unknown; filter1, filter2, ... have {', '.join(known)}"
+        )
+    return tuple(filters)
+
+
+def _take(chain: Mapping[str, Any], key: str, kind: type) -> Any:
+    """Return a parameter of a filter that is a string or a float."""
+    if key not in chain:
+        raise _error(key, "is required but missing")
+    value = chain[key]
+    if kind is float and type(value) is int:
+        return float(value)
+    if not isinstance(value, kind):
+        raise _error(key, f"expected {kind.__name__}, got {value!r}")
+    return value
+
+
+def _error(key: str, problem: str) -> ParameterError:
+    return ParameterError(f"sensor_filter_chain.{key}: {problem}")
+
+
+def _of_axes(group: Any) -> list[Any]:
+    """Return what a group has for x, y and z of force and torque."""
+    return [getattr(getattr(group, part), axis) for part, axis in _AXES]

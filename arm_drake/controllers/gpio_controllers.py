@@ -1,12 +1,26 @@
 """``gpio_controllers/GpioCommandController``.
 
-Source: ros2_controllers, `gpio_controllers` (version 6.9.0). Parameters only.
+Source: ros2_controllers, `gpio_controllers` (version 6.9.0).
 """
 
 import dataclasses as dc
+from typing import ClassVar, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.common.value import AbstractValue
+
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.cycles import Now
+from arm_drake.controllers.ticking_controller import TickingController
+from arm_drake.controllers.topics import Events, add_events, new_messages
 from arm_drake.controllers.validation import check_not_empty, check_unique
 from arm_drake.description.parameters import per_element_of
+from arm_drake.errors import ParameterError, suggest
+from arm_drake.messages import Header, InterfaceValue, Message, Time, TopicRejected
+from arm_drake.messages.dynamic_interfaces import DynamicInterfaceGroupValues
+
+Array = NDArray[np.float64]
 
 
 @dc.dataclass(frozen=True)
@@ -45,3 +59,236 @@ class GpioCommandControllerParameters:
         """Reject what the types alone can't express."""
         check_not_empty(self, "gpios")
         check_unique(self, "gpios")
+
+
+class GpioCommandControllerState(NamedTuple):
+    """State of a GpioCommandController between two ticks."""
+
+    # What to write, shape (k,); NaN leaves a command interface as it is.
+    command: Array
+
+    # What was read, shape (m,); NaN before the first tick.
+    measured: Array
+
+    # Whether names and values of the message in effect are as many.
+    is_ok: bool = True
+
+    # Time of the last tick [ns].
+    time_ns: int = 0
+
+    # Messages on the port at the last tick.
+    seen: tuple[DynamicInterfaceGroupValues, ...] = ()
+
+    # The latest messages that were not accepted, or not all of them.
+    events: Events = ()
+
+
+class GpioCommandController(TickingController[GpioCommandControllerState]):
+    """Writes the values of a topic to GPIOs, and shows what they report.
+
+    .. pydrake_system::
+
+        name: GpioCommandController
+        input_ports:
+        - controller_manager
+        - state_interfaces
+        - commands
+        output_ports:
+        - command_interfaces
+        - gpio_states
+        - events
+
+    With k command interfaces, one GPIO after the other:
+
+    ==================  ====  =========================================================
+    port                size  meaning
+    ==================  ====  =========================================================
+    controller_manager  --    Cycle: when to tick
+    state_interfaces    --    all that is measured
+    commands            --    DynamicInterfaceGroupValues: values by GPIO and interface
+    command_interfaces  --    Tick; its command is (k,), in units of the hardware
+    gpio_states         --    DynamicInterfaceGroupValues of the last tick, a group for
+                              each of ``gpios``; NaN before the first one
+    events              --    tuple of the latest (number, TopicRejected), the newest
+                              last
+    ==================  ====  =========================================================
+
+    The state is a GpioCommandControllerState. The last message holds until the
+    controller is deactivated. What it doesn't name stays as it is, as with a value that
+    isn't finite. A name that isn't claimed is skipped, with an event; the others are
+    written. With another number of values than of names, of groups or of interfaces,
+    every tick fails and nothing is written, where upstream writes the groups before.
+    """
+
+    message_types: ClassVar[dict[str, type[Message]]] = {
+        "commands": DynamicInterfaceGroupValues
+    }
+
+    def __init__(
+        self,
+        parameters: GpioCommandControllerParameters,
+        params: ControllerInterfaceParams,
+    ) -> None:
+        """Create the system.
+
+        Args:
+            parameters: The controller's parameters.
+            params: Rate and surroundings of the controller.
+
+        Raises:
+            ParameterError: If there is nothing to command and nothing to read.
+        """
+        self._gpios = parameters.gpios
+        claims = _full_names(parameters.command_interfaces, self._gpios)
+        states = _full_names(parameters.state_interfaces, self._gpios)
+        if not any(states.values()):
+            states = {gpio: _find_states(gpio, params) for gpio in self._gpios}
+        command_interfaces = tuple(name for names in claims.values() for name in names)
+        state_interfaces = tuple(name for names in states.values() for name in names)
+        if not command_interfaces and not state_interfaces:
+            has = ", ".join(sorted(params.state_interfaces)) or "none"
+            raise ParameterError(
+                "no command interface and no state interface is configured, and the "
+                f"hardware reports none of {', '.join(self._gpios)}; it has {has}"
+            )
+        self._places = {name: i for i, name in enumerate(command_interfaces)}
+        # Names of the state interfaces of each GPIO, without its own.
+        self._names = [
+            tuple(name.removeprefix(f"{gpio}/") for name in names)
+            for gpio, names in states.items()
+        ]
+        self._nothing = np.full(len(command_interfaces), np.nan)
+        unknown = np.full(len(state_interfaces), np.nan)
+        super().__init__(
+            params,
+            GpioCommandControllerState(self._nothing, unknown),
+            state_interfaces=state_interfaces,
+            command_interfaces=command_interfaces,
+        )
+        self._topic = self.DeclareAbstractInputPort("commands", AbstractValue.Make(()))
+        self._declare_topic("gpio_states", self._describe)
+        self._declare_topic("events", lambda state: state.events)
+
+    def _update(
+        self, now: Now, state: GpioCommandControllerState
+    ) -> GpioCommandControllerState:
+        state = state._replace(
+            measured=np.array(self._read(now.context)), time_ns=now.time_ns
+        )
+        new, seen = new_messages(
+            self._topic, now.context, DynamicInterfaceGroupValues, state.seen
+        )
+        if seen is state.seen:
+            return state
+        command, is_ok, rejected = state.command, state.is_ok, []
+        for message in new:
+            fault = _find_fault(message)
+            is_ok = not fault
+            command = self._nothing
+            if is_ok:
+                command, fault = self._sort(message)
+            if fault:
+                rejected.append(TopicRejected(message, fault))
+        events = add_events(state.events, rejected)
+        return state._replace(command=command, is_ok=is_ok, seen=seen, events=events)
+
+    def _sort(self, message: DynamicInterfaceGroupValues) -> tuple[Array, str]:
+        """Return the values of a message, shape (k,), and what is skipped of it."""
+        command, skipped = self._nothing.copy(), []
+        groups = zip(message.interface_groups, message.interface_values, strict=True)
+        for gpio, group in groups:
+            for name, value in zip(group.interface_names, group.values, strict=True):
+                full = f"{gpio}/{name}"
+                if full in self._places:
+                    command[self._places[full]] = value
+                else:
+                    skipped.append(full)
+        if not skipped:
+            return command, ""
+        listed = ", ".join(map(repr, skipped))
+        hint = suggest(skipped[0], self._places)
+        return command, f"no command interface {listed} here, skipped; {hint}"
+
+    def _activate(
+        self, now: Now, state: GpioCommandControllerState
+    ) -> GpioCommandControllerState:
+        del now
+        return state._replace(is_ok=True)
+
+    def _deactivate(
+        self, now: Now, state: GpioCommandControllerState
+    ) -> GpioCommandControllerState:
+        del now
+        return state._replace(command=self._nothing)
+
+    def _idle(
+        self, now: Now, state: GpioCommandControllerState
+    ) -> GpioCommandControllerState:
+        new, seen = new_messages(
+            self._topic, now.context, DynamicInterfaceGroupValues, state.seen
+        )
+        if seen is state.seen:
+            return state
+        rejected = [TopicRejected(m, "the controller is not active") for m in new]
+        events = add_events(state.events, rejected)
+        return state._replace(seen=seen, events=events)
+
+    def _command(self, state: GpioCommandControllerState) -> Array:
+        return state.command
+
+    def _is_ok(self, state: GpioCommandControllerState) -> bool:
+        return state.is_ok
+
+    def _fault(self, state: GpioCommandControllerState) -> str:
+        reason = state.events[-1][1].reason if state.events else ""
+        return reason.removesuffix("; the update fails")
+
+    def _describe(
+        self, state: GpioCommandControllerState
+    ) -> DynamicInterfaceGroupValues:
+        """Return the topic gpio_states."""
+        values = iter(state.measured.tolist())
+        return DynamicInterfaceGroupValues(
+            Header(Time.from_nanoseconds(state.time_ns)),
+            self._gpios,
+            tuple(
+                InterfaceValue(names, tuple(next(values) for _ in names))
+                for names in self._names
+            ),
+        )
+
+
+def _full_names(
+    chosen: InterfacesByGpio, gpios: tuple[str, ...]
+) -> dict[str, tuple[str, ...]]:
+    """Return the interfaces that are configured, by GPIO."""
+    nothing = GpioInterfaces()
+    return {
+        gpio: tuple(f"{gpio}/{n}" for n in chosen.gpio.get(gpio, nothing).interfaces)
+        for gpio in gpios
+    }
+
+
+def _find_states(gpio: str, params: ControllerInterfaceParams) -> tuple[str, ...]:
+    """Return all state interfaces that a GPIO has, in the order of the description."""
+    names = (name for name in params.measured if name in params.state_interfaces)
+    # Names of interfaces may have slashes, too.
+    return tuple(name for name in names if name.startswith(f"{gpio}/"))
+
+
+def _find_fault(message: DynamicInterfaceGroupValues) -> str:
+    """Return why a message makes the update fail; empty if it doesn't."""
+    groups, values = message.interface_groups, message.interface_values
+    if len(groups) != len(values):
+        return (
+            f"interface_values must be as many as interface_groups, {len(groups)}, "
+            f"got {len(values)}; the update fails"
+        )
+    for index, value in enumerate(values):
+        num_names, num_values = len(value.interface_names), len(value.values)
+        if num_names != num_values:
+            return (
+                f"interface_values[{index}].values ({groups[index]}) must be as many "
+                f"as interface_names, {num_names}, got {num_values}; the update fails"
+            )
+    return ""

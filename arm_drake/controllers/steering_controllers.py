@@ -1,196 +1,297 @@
-"""``BicycleSteeringController``, ``Tricycle...`` and ``AckermannSteeringController``.
+"""The bicycle, tricycle and ackermann ``...SteeringController``, one system for all.
 
-Source: ros2_controllers, `steering_controllers_library`, `bicycle_steering_controller`,
-`tricycle_steering_controller`, `ackermann_steering_controller` (version 6.9.0; names of
-humble by `adapt`). Parameters only.
+Source: ros2_controllers, `steering_controllers_library` (version 6.9.0); the equations
+are in `arm_drake.control.steering`.
 """
 
-import dataclasses as dc
-from collections.abc import Mapping
-from typing import Annotated, ClassVar
+import math
+from typing import NamedTuple
 
-from arm_drake.controllers.validation import (
-    check_above,
-    check_at_least,
-    check_length,
-    check_not_empty,
-    check_unique,
+import numpy as np
+from pydrake.common.value import AbstractValue
+
+from arm_drake import interfaces
+from arm_drake.control.odometry import RollingMean
+from arm_drake.control.steering import SteeringOdometry, to_wheel_commands
+from arm_drake.control.steering_references import SteeringReferences
+from arm_drake.controllers.base_topics import (
+    diagonal,
+    make_odometry,
+    make_transform,
+    resolve_frames,
 )
-from arm_drake.description.given import Given
-from arm_drake.description.parameters import Rule
-
-_WHEELS = (
-    "traction_joints_names",
-    "steering_joints_names",
-    "traction_joints_state_names",
-    "steering_joints_state_names",
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.cycles import Array, Now
+from arm_drake.controllers.steering_parameters import (
+    SteeringControllerParameters,
 )
+from arm_drake.controllers.ticking_controller import TickingController
+from arm_drake.controllers.topics import new_messages
+from arm_drake.messages import (
+    NANOSECONDS,
+    Header,
+    Odometry,
+    SetOdometry,
+    TFMessage,
+    Twist,
+    TwistStamped,
+)
+from arm_drake.messages.steering import SteeringControllerStatus
+
+# Why references of the topic aren't taken.
+_CHAINED = "another controller commands the references"
+_INACTIVE = "the controller is not active"
 
 
-@dc.dataclass(frozen=True)
-class SteeringControllerParameters:
-    """Parameters that all steering controllers have."""
+class SteeringControllerState(NamedTuple):
+    """State of a steering controller between two ticks."""
 
-    # How many driven and how many steered wheels there are.
-    wheels: ClassVar[tuple[int, int]]
+    odometry: SteeringOdometry
 
-    # Humble's names of measures, of front and rear wheels: what they are where these
-    # are driven, and where they are steered; "" is without use.
-    front_and_rear: ClassVar[Mapping[tuple[str, str], tuple[str, str]]]
+    # Commands since the activation, driven wheels first; NaN is none.
+    command: Array
 
-    # Driven joints, each once; of two the right one first.
-    traction_joints_names: Annotated[tuple[str, ...], Rule(since="jazzy", is_kept=True)]
+    references: SteeringReferences = SteeringReferences()
 
-    # Steered joints, each once; of two the right one first.
-    steering_joints_names: Annotated[tuple[str, ...], Rule(since="jazzy", is_kept=True)]
-
-    # Joints to read in their places; () is the same.
-    traction_joints_state_names: tuple[str, ...] = ()
-    steering_joints_state_names: tuple[str, ...] = ()
-
-    # Distance between front and rear wheels, above 0 [m].
-    wheelbase: float = 0.0
-
-    # Age from which a command counts no more [s]; 0 uses each one once.
-    reference_timeout: float = 1.0
-
-    # Whether odometry is computed from commands, not from measurements.
-    open_loop: bool = False
-
-    # Whether wheels slow down until they are steered.
-    reduce_wheel_speed_until_steering_reached: bool = False
-
-    # How many ticks the odometry's velocity is a mean of.
-    velocity_rolling_window_size: int = 10
-
-    # Frames of the odometry, and what goes before their names.
-    base_frame_id: str = "base_link"
-    odom_frame_id: str = "odom"
-    tf_frame_prefix: str = ""
-
-    # Whether the odometry goes to /tf too.
-    enable_odom_tf: bool = True
-
-    # Diagonals of the odometry's covariances: x, y, z, roll, pitch, yaw.
-    twist_covariance_diagonal: tuple[float, ...] = (0.0, 7.0, 14.0, 21.0, 28.0, 35.0)
-    pose_covariance_diagonal: tuple[float, ...] = (0.0, 7.0, 14.0, 21.0, 28.0, 35.0)
-
-    # Whether the driven joints' positions are read, not their velocities.
-    position_feedback: bool = False
-
-    # Whether commands are TwistStamped, not Twist; later they always are.
-    use_stamped_vel: Annotated[
-        bool, Rule(until="humble", is_kept=True, is_harmless=True)
-    ] = True
-
-    @classmethod
-    def adapt(cls, given: Given) -> None:
-        """Take humble's names, by front and rear."""
-        is_front = given.get("front_steering", bool)
-        steers_front = is_front is None or is_front
-        driven, steered = ("rear", "front") if steers_front else ("front", "rear")
-        for end, use in ((driven, "traction"), (steered, "steering")):
-            given.rename(f"{end}_wheels_names", f"{use}_joints_names")
-            given.rename(f"{end}_wheels_state_names", f"{use}_joints_state_names")
-        for (front, rear), (traction, steering) in cls.front_and_rear.items():
-            of_driven, of_steered = (rear, front) if steers_front else (front, rear)
-            given.rename(of_driven, traction)
-            if steering:
-                given.rename(of_steered, steering)
-            elif of_steered in given:
-                what = "the steered wheels' radius has no use"
-                given.add(of_steered, "info", "ignored", what, "it has no effect")
-                given.drop(of_steered)
-        if is_front is not None:
-            if given.distro != "humble":
-                what = "a parameter of humble"
-                done = f"{driven} wheels are the traction joints"
-                given.add("front_steering", "info", "repair", what, done)
-            given.drop("front_steering")
-        for name in _WHEELS:
-            joints: tuple[str, ...] = given.get(name, tuple[str, ...]) or ()
-            if len(joints) == 2 and "left" in joints[0] and "right" in joints[1]:
-                what = f"the right joint comes first, got {list(joints)}"
-                done = "taken as written: left and right are swapped"
-                given.add(name, "warning", "invalid", what, done)
-
-    def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
-        check_not_empty(self, *_WHEELS[:2])
-        check_unique(self, *_WHEELS)
-        check_length(self, self.wheels[0], "traction_joints_names")
-        check_length(self, self.wheels[1], "steering_joints_names")
-        for name in _WHEELS[2:]:
-            use = name.replace("_state", "")
-            if getattr(self, name):
-                check_length(self, len(getattr(self, use)), name)
-        check_above(self, 0.0, "wheelbase")
-        check_at_least(self, 1, "velocity_rolling_window_size")
-        check_length(self, 6, "pose_covariance_diagonal", "twist_covariance_diagonal")
+    # Of the last tick: its time [ns], None before the first one, what it measured and
+    # what it commanded.
+    time_ns: int | None = None
+    measured: tuple[float, ...] = ()
+    shown: tuple[float, ...] = ()
 
 
-@dc.dataclass(frozen=True)
-class BicycleSteeringControllerParameters(SteeringControllerParameters):
-    """Parameters of a BicycleSteeringController: one driven, one steered wheel."""
+class SteeringController(TickingController[SteeringControllerState]):
+    """Drives a base with steered wheels, and tells where it is.
 
-    wheels = (1, 1)
-    front_and_rear: ClassVar = {
-        ("front_wheel_radius", "rear_wheel_radius"): ("traction_wheel_radius", "")
-    }
+    .. pydrake_system::
 
-    # Radius of the driven wheel, above 0 [m].
-    traction_wheel_radius: float = 0.0
+        name: SteeringController
+        input_ports:
+        - controller_manager
+        - state_interfaces
+        - reference
+        - set_odometry
+        output_ports:
+        - command_interfaces
+        - odometry
+        - tf_odometry
+        - controller_state
+        - events
 
-    def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
-        super().__post_init__()
-        check_above(self, 0.0, "traction_wheel_radius")
+    With n driven and k steered wheels; of two the right one comes first:
 
+    ==================  ====  =========================================================
+    port                size  meaning
+    ==================  ====  =========================================================
+    controller_manager  --    Cycle: when to tick
+    state_interfaces    2J    positions and velocities of all J joints of the robot, or
+                              more
+    reference           --    TwistStamped: velocity of the base from now on; with
+                              humble's ``use_stamped_vel: false`` the port is
+                              ``reference_unstamped`` and takes a Twist
+    set_odometry        --    SetOdometry: where the base is
+    command_interfaces  --    Tick; its command is (n + k,): velocities [rad/s], then
+                              angles [rad]
+    odometry            --    Odometry
+    tf_odometry         --    TFMessage; there only with ``enable_odom_tf``
+    controller_state    --    SteeringControllerStatus
+    events              --    tuple of the latest (number, event), the newest last; an
+                              event is a TopicRejected
+    ==================  ====  =========================================================
 
-@dc.dataclass(frozen=True)
-class TricycleSteeringControllerParameters(SteeringControllerParameters):
-    """Parameters of a TricycleSteeringController: two driven, one steered wheel."""
+    Other controllers can command the references, linear and angular velocity; the topic
+    is ignored then. A reference holds for ``reference_timeout``, or one tick if that is
+    0. Without one the driven wheels stop and the steered ones stay. One that isn't
+    finite is none; upstream would command infinite ones. The state is a
+    SteeringControllerState.
+    """
 
-    wheels = (2, 1)
-    front_and_rear: ClassVar = {
-        ("front_wheels_radius", "rear_wheels_radius"): ("traction_wheels_radius", "")
-    }
+    def __init__(
+        self,
+        parameters: SteeringControllerParameters,
+        params: ControllerInterfaceParams,
+    ) -> None:
+        """Create the system.
 
-    # Distance between the driven wheels, above 0 [m].
-    traction_track_width: Annotated[float, Rule(was=("wheel_track",))] = 0.0
+        Args:
+            parameters: The controller's parameters.
+            params: Rate and surroundings of the controller.
+        """
+        driven = parameters.traction_joints_names
+        steered = parameters.steering_joints_names
+        self._geometry = parameters.make_geometry()
+        self._num_driven = len(driven)
+        self._is_open_loop = parameters.open_loop
+        self._slows_down = parameters.reduce_wheel_speed_until_steering_reached
+        self._reads_positions = parameters.position_feedback
+        self._timeout_ns = int(parameters.reference_timeout * NANOSECONDS)
+        self._frames = resolve_frames(
+            parameters.odom_frame_id,
+            parameters.base_frame_id,
+            prefix=parameters.tf_frame_prefix,
+            namespace=params.namespace,
+            is_lyrical=True,
+        )
+        self._covariances = (
+            diagonal(parameters.pose_covariance_diagonal),
+            diagonal(parameters.twist_covariance_diagonal),
+        )
+        self._nothing = np.full(len(driven) + len(steered), np.nan)
+        feedback = interfaces.POSITION if self._reads_positions else interfaces.VELOCITY
+        read = parameters.traction_joints_state_names or driven
+        turned = parameters.steering_joints_state_names or steered
+        means = RollingMean(parameters.velocity_rolling_window_size)
+        super().__init__(
+            params,
+            SteeringControllerState(SteeringOdometry(means), self._nothing),
+            state_interfaces=(
+                *interfaces.interface_names(read, (feedback,)),
+                *interfaces.interface_names(turned, (interfaces.POSITION,)),
+            ),
+            command_interfaces=(
+                *interfaces.interface_names(driven, (interfaces.VELOCITY,)),
+                *interfaces.interface_names(steered, (interfaces.POSITION,)),
+            ),
+            reference_interfaces=(
+                f"{params.controller_name}/linear/{interfaces.VELOCITY}",
+                f"{params.controller_name}/angular/{interfaces.VELOCITY}",
+            ),
+        )
+        is_stamped = parameters.use_stamped_vel
+        topic = "reference" if is_stamped else "reference_unstamped"
+        self._kind = TwistStamped if is_stamped else Twist
+        self.message_types = {topic: self._kind, "set_odometry": SetOdometry}
+        nothing = AbstractValue.Make(())
+        self._reference = self.DeclareAbstractInputPort(topic, nothing)
+        self._set_odometry = self.DeclareAbstractInputPort("set_odometry", nothing)
+        self._declare_topic("odometry", self._tell_odometry, default=Odometry())
+        if parameters.enable_odom_tf:
+            self._declare_topic("tf_odometry", self._tell_frames, default=TFMessage())
+        self._declare_topic(
+            "controller_state", self._tell_status, default=SteeringControllerStatus()
+        )
+        self._declare_topic("events", lambda state: state.references.events)
 
-    # Radius of the driven wheels, above 0 [m].
-    traction_wheels_radius: float = 0.0
+    def _update(
+        self, now: Now, state: SteeringControllerState
+    ) -> SteeringControllerState:
+        chained = self._read_references(now)
+        obstacle = "" if chained is None else _CHAINED
+        references = self._receive(now, state.references, obstacle)
+        if chained is not None:
+            v, w = chained.tolist()
+        else:
+            current = references.current(now.time_ns, self._timeout_ns)
+            v, w = current or (math.nan, math.nan)
+            if not self._timeout_ns:
+                references = references._replace(asked=None)
+        measured = tuple(self._read(now.context).tolist())
+        odometry = state.odometry
+        if references.pose is None:
+            odometry = self._locate(odometry, (v, w), measured, now)
+        else:  # In the place of what is measured.
+            odometry = odometry.set_pose(references.pose)
+        if math.isfinite(v) and math.isfinite(w):
+            commands = to_wheel_commands(
+                self._geometry,
+                v,
+                w,
+                measured=None if self._is_open_loop else odometry.steering,
+                slows_down=self._slows_down,
+            )
+            command = np.array([*commands.traction, *commands.steering])
+        else:
+            command = state.command.copy()
+            command[: self._num_driven] = 0.0
+        return SteeringControllerState(
+            odometry,
+            command,
+            references._replace(pose=None),
+            now.time_ns,
+            measured,
+            tuple(command.tolist()),
+        )
 
-    def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
-        super().__post_init__()
-        check_above(self, 0.0, "traction_track_width", "traction_wheels_radius")
+    def _locate(
+        self,
+        odometry: SteeringOdometry,
+        asked: tuple[float, float],
+        measured: tuple[float, ...],
+        now: Now,
+    ) -> SteeringOdometry:
+        """Return the odometry after a tick."""
+        dt = now.period_ns / NANOSECONDS
+        if self._is_open_loop:
+            v, w = (value if math.isfinite(value) else 0.0 for value in asked)
+            return odometry.follow(v, w, dt)
+        wheels, angles = measured[: self._num_driven], measured[self._num_driven :]
+        if self._reads_positions:
+            return odometry.measure_positions(self._geometry, wheels, angles, dt)
+        return odometry.measure_velocities(self._geometry, wheels, angles, dt)
 
+    def _receive(
+        self, now: Now, references: SteeringReferences, obstacle: str
+    ) -> SteeringReferences:
+        """Return what has come in; an obstacle says why no velocities are taken."""
+        context = now.context
+        requests, asked = new_messages(
+            self._set_odometry, context, SetOdometry, references.requests
+        )
+        new, messages = new_messages(
+            self._reference, context, self._kind, references.messages
+        )
+        if asked is references.requests and messages is references.messages:
+            return references
+        references = references._replace(requests=asked, messages=messages)
+        references = references.put(requests)
+        return references.take(new, now.time_ns, self._timeout_ns, obstacle)
 
-@dc.dataclass(frozen=True)
-class AckermannSteeringControllerParameters(SteeringControllerParameters):
-    """Parameters of an AckermannSteeringController: two driven, two steered wheels."""
+    def _activate(
+        self, now: Now, state: SteeringControllerState
+    ) -> SteeringControllerState:
+        del now
+        references = state.references._replace(asked=None)
+        return state._replace(command=self._nothing, references=references)
 
-    wheels = (2, 2)
-    front_and_rear: ClassVar = {
-        ("front_wheels_radius", "rear_wheels_radius"): ("traction_wheels_radius", ""),
-        ("front_wheel_track", "rear_wheel_track"): (
-            "traction_track_width",
-            "steering_track_width",
-        ),
-    }
+    def _deactivate(
+        self, now: Now, state: SteeringControllerState
+    ) -> SteeringControllerState:
+        return self._activate(now, state)
 
-    # Distance between the driven wheels, above 0 [m].
-    traction_track_width: float = 0.0
+    def _idle(
+        self, now: Now, state: SteeringControllerState
+    ) -> SteeringControllerState:
+        return state._replace(
+            references=self._receive(now, state.references, _INACTIVE)
+        )
 
-    # Distance between the steered wheels [m]; 0 is traction_track_width.
-    steering_track_width: float = 0.0
+    def _command(self, state: SteeringControllerState) -> Array:
+        return state.command
 
-    # Radius of the driven wheels, above 0 [m].
-    traction_wheels_radius: float = 0.0
+    def _tell_odometry(self, state: SteeringControllerState) -> Odometry:
+        if state.time_ns is None:
+            return Odometry()
+        v, w = state.odometry.velocity
+        pose, velocity = state.odometry.pose, (v, 0.0, w)
+        return make_odometry(
+            state.time_ns, self._frames, pose, velocity, self._covariances
+        )
 
-    def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
-        super().__post_init__()
-        check_above(self, 0.0, "traction_track_width", "traction_wheels_radius")
+    def _tell_frames(self, state: SteeringControllerState) -> TFMessage:
+        if state.time_ns is None:
+            return TFMessage()
+        return make_transform(self._tell_odometry(state))
+
+    def _tell_status(self, state: SteeringControllerState) -> SteeringControllerStatus:
+        if state.time_ns is None:
+            return SteeringControllerStatus()
+        n = self._num_driven
+        wheels = state.measured[:n]
+        return SteeringControllerStatus(
+            Header.from_nanoseconds(state.time_ns),
+            wheels if self._reads_positions else (),
+            () if self._reads_positions else wheels,
+            state.measured[n:],
+            state.shown[:n],
+            state.shown[n:],
+        )

@@ -1,134 +1,298 @@
 """``tricycle_controller/TricycleController``.
 
-Source: ros2_controllers, `tricycle_controller` (version 6.9.0). Parameters only.
+Source: ros2_controllers, `tricycle_controller` (version 6.9.0); the equations are in
+`arm_drake.control.tricycle`.
 """
 
-import dataclasses as dc
 import math
-from typing import Annotated, Any
+from typing import NamedTuple
 
-from arm_drake.controllers.validation import (
-    check_above,
-    check_at_least,
-    check_length,
-    check_not_empty,
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.common.value import AbstractValue
+
+from arm_drake import interfaces
+from arm_drake.control.odometry import PlanarPose, RollingMean
+from arm_drake.control.steering_references import SteeringReferences
+from arm_drake.control.tricycle import (
+    SteeringLimiter,
+    TractionLimiter,
+    TricycleCommand,
+    TricycleOdometry,
+    make_range,
+    make_symmetric_range,
+    speed_scale,
+    to_wheel_command,
 )
-from arm_drake.description.parameters import Rule
+from arm_drake.controllers.base_topics import (
+    BaseFrames,
+    diagonal,
+    make_odometry,
+    make_transform,
+)
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.cycles import Now
+from arm_drake.controllers.ticking_controller import TickingController
+from arm_drake.controllers.topics import new_messages
+from arm_drake.controllers.tricycle_parameters import (
+    SteeringLimits,
+    TractionLimits,
+    TricycleControllerParameters,
+)
+from arm_drake.messages import (
+    NANOSECONDS,
+    Odometry,
+    TFMessage,
+    Twist,
+    TwistStamped,
+)
+from arm_drake.messages.steering import AckermannDrive, ResetOdometry
+
+Array = NDArray[np.float64]
+
+_MILLISECONDS = NANOSECONDS // 1000
+
+# Why messages aren't taken.
+_INACTIVE = "the controller is not active"
 
 
-def _check_ranges(limits: Any, *quantities: str) -> None:
-    """Raise ValueError where a smallest limit exceeds the largest."""
-    for quantity in quantities:
-        low, high = (getattr(limits, f"{end}_{quantity}") for end in ("min", "max"))
-        if low > high:
-            raise ValueError(
-                f"min_{quantity} must be at most max_{quantity}, got {low} and {high}"
+class TricycleControllerState(NamedTuple):
+    """State of a TricycleController between two ticks."""
+
+    odometry: TricycleOdometry
+
+    # Commands, shape (2,): velocity [rad/s] and angle [rad]; NaN is none.
+    command: Array
+
+    references: SteeringReferences = SteeringReferences()
+
+    # Whether the next tick is to reset the odometry, and what was on that port.
+    is_reset: bool = False
+    resets: tuple[ResetOdometry, ...] = ()
+
+    # The last two commands, the newest last; as upstream keeps them, see `_round`.
+    previous: tuple[TricycleCommand, TricycleCommand] = (TricycleCommand(),) * 2
+
+    # Time of the last tick [ns]; None before the first one.
+    time_ns: int | None = None
+
+    # Whether the last tick could read what it needs.
+    is_ok: bool = True
+
+
+class TricycleController(TickingController[TricycleControllerState]):
+    """Drives a base whose front wheel drives and steers, and tells where it is.
+
+    .. pydrake_system::
+
+        name: TricycleController
+        input_ports:
+        - controller_manager
+        - state_interfaces
+        - cmd_vel
+        - reset_odometry
+        output_ports:
+        - command_interfaces
+        - odom
+        - tf
+        - cmd_ackermann
+        - events
+
+    ==================  ====  =========================================================
+    port                size  meaning
+    ==================  ====  =========================================================
+    controller_manager  --    Cycle: when to tick
+    state_interfaces    2J    positions and velocities of all J joints of the robot, or
+                              more
+    cmd_vel             --    TwistStamped: velocity of the base from now on; with
+                              humble's ``use_stamped_vel: false`` the port is
+                              ``cmd_vel_unstamped`` and takes a Twist
+    reset_odometry      --    ResetOdometry: the base is at the origin now
+    command_interfaces  --    Tick; its command is (2,): velocity [rad/s], angle [rad]
+    odom                --    Odometry
+    tf                  --    TFMessage; there only with ``enable_odom_tf``
+    cmd_ackermann       --    AckermannDrive, the limited command; there only with
+                              ``publish_ackermann_command``
+    events              --    tuple of the latest (number, event), the newest last; an
+                              event is a TopicRejected
+    ==================  ====  =========================================================
+
+    Without a command of the last ``cmd_vel_timeout`` the base stops and the wheel goes
+    straight. A command that isn't finite stops it, too; upstream would pass it on. A
+    tick that can't read the joints fails. The state is a TricycleControllerState.
+    """
+
+    def __init__(
+        self,
+        parameters: TricycleControllerParameters,
+        params: ControllerInterfaceParams,
+    ) -> None:
+        """Create the system.
+
+        Args:
+            parameters: The controller's parameters.
+            params: Rate and surroundings of the controller.
+        """
+        self._wheelbase, self._radius = parameters.wheelbase, parameters.wheel_radius
+        self._is_open_loop = parameters.open_loop
+        self._timeout_ns = parameters.cmd_vel_timeout * _MILLISECONDS
+        self._traction = _make_traction_limiter(parameters.traction)
+        self._steering = _make_steering_limiter(parameters.steering)
+        self._frames = BaseFrames(parameters.odom_frame_id, parameters.base_frame_id)
+        self._has_pose = not parameters.odom_only_twist
+        self._covariances = (
+            diagonal(parameters.pose_covariance_diagonal),
+            diagonal(parameters.twist_covariance_diagonal),
+        )
+        names = (
+            f"{parameters.traction_joint_name}/{interfaces.VELOCITY}",
+            f"{parameters.steering_joint_name}/{interfaces.POSITION}",
+        )
+        means = RollingMean(parameters.velocity_rolling_window_size)
+        super().__init__(
+            params,
+            TricycleControllerState(TricycleOdometry(means), np.full(2, np.nan)),
+            state_interfaces=names,
+            command_interfaces=names,
+        )
+        topic = "cmd_vel" if parameters.use_stamped_vel else "cmd_vel_unstamped"
+        self._kind = TwistStamped if parameters.use_stamped_vel else Twist
+        self.message_types = {topic: self._kind, "reset_odometry": ResetOdometry}
+        nothing = AbstractValue.Make(())
+        self._cmd_vel = self.DeclareAbstractInputPort(topic, nothing)
+        self._reset = self.DeclareAbstractInputPort("reset_odometry", nothing)
+        self._declare_topic("odom", self._tell_odometry, default=Odometry())
+        if parameters.enable_odom_tf:
+            self._declare_topic("tf", self._tell_frames, default=TFMessage())
+        if parameters.publish_ackermann_command:
+            self._declare_topic(
+                "cmd_ackermann", self._tell_command, default=AckermannDrive()
             )
+        self._declare_topic("events", lambda state: state.references.events)
+
+    def _update(
+        self, now: Now, state: TricycleControllerState
+    ) -> TricycleControllerState:
+        state = self._receive(now, state)
+        references = state.references
+        v = w = 0.0
+        age_ns = now.time_ns - references.stamp_ns
+        if references.asked is not None and age_ns <= self._timeout_ns:
+            v, w = references.asked
+        rate, angle = self._read(now.context).tolist()
+        if not math.isfinite(angle) or not (self._is_open_loop or math.isfinite(rate)):
+            return state._replace(is_ok=False)
+        dt = now.period_ns / NANOSECONDS
+        if self._is_open_loop:
+            odometry = state.odometry.follow(v, w, dt)
+        else:
+            speed = rate * self._radius
+            odometry = state.odometry.measure(speed, angle, self._wheelbase, dt)
+        if state.is_reset:
+            odometry = odometry.reset()
+        asked = to_wheel_command(v, w, wheelbase=self._wheelbase, radius=self._radius)
+        slowed = asked.rate * speed_scale(abs(asked.angle - angle))
+        second, last = state.previous
+        command = TricycleCommand(
+            self._traction.limit(slowed, last.rate, second.rate, dt),
+            self._steering.limit(asked.angle, last.angle, second.angle, dt),
+        )
+        return state._replace(
+            odometry=odometry,
+            command=np.array(command),
+            is_reset=False,
+            previous=(last, _round(command)),
+            time_ns=now.time_ns,
+            is_ok=True,
+        )
+
+    def _receive(
+        self, now: Now, state: TricycleControllerState, obstacle: str = ""
+    ) -> TricycleControllerState:
+        """Return the state with what has come in."""
+        context, references = now.context, state.references
+        new_resets, resets = new_messages(
+            self._reset, context, ResetOdometry, state.resets
+        )
+        new, messages = new_messages(
+            self._cmd_vel, context, self._kind, references.messages
+        )
+        if resets is state.resets and messages is references.messages:
+            return state
+        references = references._replace(messages=messages)
+        # Any age is taken; what is too old has no effect.
+        references = references.take(new, now.time_ns, 0, obstacle)
+        return state._replace(
+            references=references,
+            is_reset=state.is_reset or bool(new_resets),
+            resets=resets,
+        )
+
+    def _deactivate(
+        self, now: Now, state: TricycleControllerState
+    ) -> TricycleControllerState:
+        del now
+        return state._replace(command=np.zeros(2))
+
+    def _idle(
+        self, now: Now, state: TricycleControllerState
+    ) -> TricycleControllerState:
+        return self._receive(now, state, _INACTIVE)
+
+    def _command(self, state: TricycleControllerState) -> Array:
+        return state.command
+
+    def _is_ok(self, state: TricycleControllerState) -> bool:
+        return state.is_ok
+
+    def _fault(self, state: TricycleControllerState) -> str:
+        del state
+        return f"not all of {', '.join(self.state_interfaces)} could be read"
+
+    def _tell_odometry(self, state: TricycleControllerState) -> Odometry:
+        pose = state.odometry.pose if self._has_pose else PlanarPose()
+        return self._make_odometry(state, pose)
+
+    def _tell_frames(self, state: TricycleControllerState) -> TFMessage:
+        if state.time_ns is None:
+            return TFMessage()
+        return make_transform(self._make_odometry(state, state.odometry.pose))
+
+    def _tell_command(self, state: TricycleControllerState) -> AckermannDrive:
+        rate, angle = state.previous[-1]
+        return AckermannDrive(steering_angle=angle, speed=rate)
+
+    def _make_odometry(
+        self, state: TricycleControllerState, pose: PlanarPose
+    ) -> Odometry:
+        if state.time_ns is None:
+            return Odometry()
+        v, w = state.odometry.velocity
+        return make_odometry(
+            state.time_ns, self._frames, pose, (v, 0.0, w), self._covariances
+        )
 
 
-@dc.dataclass(frozen=True)
-class TractionLimits:
-    """Limits of the driven wheel, of either direction, at least 0; NaN is no limit."""
-
-    # Velocity [rad/s].
-    max_velocity: float = math.nan
-    min_velocity: float = math.nan
-
-    # Speeding up [rad/s^2].
-    max_acceleration: float = math.nan
-    min_acceleration: float = math.nan
-
-    # Slowing down [rad/s^2].
-    max_deceleration: float = math.nan
-    min_deceleration: float = math.nan
-
-    # Rate of change of the acceleration [rad/s^3].
-    max_jerk: float = math.nan
-    min_jerk: float = math.nan
-
-    def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
-        for name, value in dc.asdict(self).items():
-            if value < 0.0:
-                raise ValueError(f"{name} must be at least 0, got {value}")
-        _check_ranges(self, "velocity", "acceleration", "deceleration", "jerk")
+def _make_traction_limiter(limits: TractionLimits) -> TractionLimiter:
+    return TractionLimiter(
+        velocity=make_range(limits.min_velocity, limits.max_velocity),
+        acceleration=make_range(limits.min_acceleration, limits.max_acceleration),
+        deceleration=make_range(limits.min_deceleration, limits.max_deceleration),
+        jerk=make_range(limits.min_jerk, limits.max_jerk),
+    )
 
 
-@dc.dataclass(frozen=True)
-class SteeringLimits:
-    """Limits of the steered joint; NaN is no limit."""
-
-    # Position [rad]; a smallest one that is NaN is the opposite of the largest.
-    max_position: float = math.nan
-    min_position: float = math.nan
-
-    # Velocity, of either direction, at least 0 [rad/s].
-    max_velocity: float = math.nan
-    min_velocity: float = math.nan
-
-    # Acceleration, of either direction, at least 0 [rad/s^2].
-    max_acceleration: float = math.nan
-    min_acceleration: float = math.nan
-
-    def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
-        for name, value in dc.asdict(self).items():
-            if value < 0.0 and not name.endswith("position"):
-                raise ValueError(f"{name} must be at least 0, got {value}")
-        _check_ranges(self, "position", "velocity", "acceleration")
+def _make_steering_limiter(limits: SteeringLimits) -> SteeringLimiter:
+    return SteeringLimiter(
+        position=make_symmetric_range(limits.min_position, limits.max_position),
+        velocity=make_range(limits.min_velocity, limits.max_velocity),
+        acceleration=make_range(limits.min_acceleration, limits.max_acceleration),
+    )
 
 
-@dc.dataclass(frozen=True)
-class TricycleControllerParameters:
-    """Parameters of a TricycleController, whose front wheel drives and steers."""
+def _round(command: TricycleCommand) -> TricycleCommand:
+    """Return a command in the single precision of AckermannDrive.
 
-    # Joints that drive and that steer.
-    traction_joint_name: str
-    steering_joint_name: str
-
-    # Distance between the front wheel and the rear axle, above 0 [m].
-    wheelbase: float = 0.0
-
-    # Radius of the driven wheel, above 0 [m].
-    wheel_radius: float = 0.0
-
-    # Frames of the odometry.
-    odom_frame_id: str = "odom"
-    base_frame_id: str = "base_link"
-
-    # Diagonals of the odometry's covariances: x, y, z, roll, pitch, yaw.
-    pose_covariance_diagonal: tuple[float, ...] = (0.0,) * 6
-    twist_covariance_diagonal: tuple[float, ...] = (0.0,) * 6
-
-    # Whether odometry is computed from commands, not from measurements.
-    open_loop: bool = False
-
-    # Whether the odometry goes to /tf too.
-    enable_odom_tf: bool = False
-
-    # Whether the odometry has no pose.
-    odom_only_twist: bool = False
-
-    # Age from which a command counts no more, in milliseconds: upstream's own unit.
-    cmd_vel_timeout: int = 500
-
-    # Whether the limited command is published.
-    publish_ackermann_command: bool = False
-
-    # How many ticks the odometry's velocity is a mean of, at least 1.
-    velocity_rolling_window_size: int = 10
-
-    # Whether commands are TwistStamped, not Twist; later they always are.
-    use_stamped_vel: Annotated[
-        bool, Rule(until="humble", is_kept=True, is_harmless=True)
-    ] = True
-
-    traction: TractionLimits = TractionLimits()
-    steering: SteeringLimits = SteeringLimits()
-
-    def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
-        check_not_empty(self, "traction_joint_name", "steering_joint_name")
-        check_above(self, 0.0, "wheelbase", "wheel_radius")
-        check_at_least(self, 1, "velocity_rolling_window_size")
-        check_length(self, 6, "pose_covariance_diagonal", "twist_covariance_diagonal")
+    Upstream limits the next command by the last two in this form.
+    """
+    return TricycleCommand(*map(float, np.array(command, dtype=np.float32)))

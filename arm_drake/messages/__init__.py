@@ -40,6 +40,7 @@ from arm_drake.messages.controllers import (
     SwitchController,
     SwitchControllerResult,
 )
+from arm_drake.messages.dynamic_interfaces import DynamicInterfaceGroupValues
 from arm_drake.messages.geometry import (
     Odometry,
     Point,
@@ -67,6 +68,23 @@ from arm_drake.messages.grippers import (
     ParallelGripperCommandGoal,
     ParallelGripperCommandResult,
 )
+from arm_drake.messages.mecanum import MecanumDriveControllerState
+from arm_drake.messages.sensors import (
+    BatteryState,
+    BatteryStateArray,
+    Float64Values,
+    Imu,
+    Keys,
+    MagneticField,
+    NavSatFix,
+    NavSatStatus,
+    Range,
+)
+from arm_drake.messages.steering import (
+    AckermannDrive,
+    ResetOdometry,
+    SteeringControllerStatus,
+)
 from arm_drake.messages.trajectories import (
     FollowJointTrajectoryErrorCode,
     FollowJointTrajectoryFeedback,
@@ -82,14 +100,19 @@ from arm_drake.messages.trajectories import (
 
 __all__ = [
     "NANOSECONDS",
+    "AckermannDrive",
     "ActionRequest",
+    "BatteryState",
+    "BatteryStateArray",
     "CancelGoal",
     "CancelResponse",
     "Duration",
+    "DynamicInterfaceGroupValues",
     "DynamicJointState",
     "Float32",
     "Float64",
     "Float64MultiArray",
+    "Float64Values",
     "FollowJointTrajectoryErrorCode",
     "FollowJointTrajectoryFeedback",
     "FollowJointTrajectoryGoal",
@@ -101,16 +124,22 @@ __all__ = [
     "GripperCommandGoal",
     "GripperCommandResult",
     "Header",
+    "Imu",
     "InterfaceValue",
     "JointState",
     "JointTolerance",
     "JointTrajectory",
     "JointTrajectoryControllerState",
     "JointTrajectoryPoint",
+    "Keys",
+    "MagneticField",
+    "MecanumDriveControllerState",
     "Message",
     "MultiDOFCommand",
     "MultiDOFState",
     "MultiDOFStateStamped",
+    "NavSatFix",
+    "NavSatStatus",
     "Odometry",
     "ParallelGripperCommandGoal",
     "ParallelGripperCommandResult",
@@ -121,10 +150,13 @@ __all__ = [
     "PoseWithCovariance",
     "Quaternion",
     "QueryTrajectoryState",
+    "Range",
+    "ResetOdometry",
     "Result",
     "SendGoal",
     "SetOdometry",
     "SpeedScalingFactor",
+    "SteeringControllerStatus",
     "Strictness",
     "SwitchController",
     "SwitchControllerResult",

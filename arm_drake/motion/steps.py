@@ -10,6 +10,7 @@ from arm_drake.messages import (
     GripperCommand,
     SpeedScalingFactor,
     SwitchController,
+    Twist,
 )
 from arm_drake.motion.fields import Fields
 from arm_drake.motion.timeline import MotionStep, StepMessage, TopicMessage
@@ -31,6 +32,7 @@ _KINDS: Mapping[str, tuple[str, ...]] = {
     "cancel": ("controller",),
     "commands": ("controller",),
     "gripper_command": ("controller",),
+    "cmd_vel": ("controller",),
     "speed_scaling": ("controller",),
     "switch_controllers": (),
     "data": ("topic",),
@@ -140,6 +142,7 @@ class _Step:
             "cancel": self._cancel,
             "commands": lambda v: Float64MultiArray(fields.numbers(v, kind)),
             "gripper_command": self._gripper_command,
+            "cmd_vel": self._cmd_vel,
             "speed_scaling": self._speed_scaling,
             "switch_controllers": self._switch,
         }
@@ -176,8 +179,10 @@ class _Step:
         if value is not True:
             raise self._fields.error("cancel", f"expected true, got {value!r}")
 
-    def _data(self, value: Any) -> float | tuple[float, ...]:
-        """Return what goes to a topic: a number, or a list of them."""
+    def _data(self, value: Any) -> float | tuple[float, ...] | Mapping[str, Any]:
+        """Return what goes to a topic: a number, a list of them, or fields."""
+        if isinstance(value, Mapping):
+            return value
         if isinstance(value, list):
             return self._fields.numbers(value, "data")
         return self._fields.number(value, "data")
@@ -219,6 +224,14 @@ class _Step:
             raise fields.error(where, "expected a position")
         numbers = {key: fields.number(v, f"{where}.{key}") for key, v in data.items()}
         return GripperCommand(**numbers)
+
+    def _cmd_vel(self, value: Any) -> Twist:
+        fields, where = self._fields, "cmd_vel"
+        for part, vector in fields.mapping(value, where, ("linear", "angular")).items():
+            place = f"{where}.{part}"
+            for axis, number in fields.mapping(vector, place, ("x", "y", "z")).items():
+                fields.number(number, f"{place}.{axis}")
+        return Twist(**value)
 
     def _speed_scaling(self, value: Any) -> SpeedScalingFactor:
         factor = self._fields.number(value, "speed_scaling")

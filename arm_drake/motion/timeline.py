@@ -2,9 +2,9 @@
 
 import dataclasses as dc
 import itertools
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from arm_drake.messages import (
     Float64MultiArray,
@@ -13,6 +13,7 @@ from arm_drake.messages import (
     JointTrajectory,
     SpeedScalingFactor,
     SwitchController,
+    Twist,
 )
 
 # None cancels the controller's goal. Numbers are for any controller that takes
@@ -24,6 +25,7 @@ StepMessage: TypeAlias = (
     | Float64MultiArray
     | SpeedScalingFactor
     | SwitchController
+    | Twist
     | None
 )
 
@@ -34,7 +36,8 @@ class TopicMessage(NamedTuple):
     # Name as in ROS or Gazebo.
     topic: str
 
-    data: float | tuple[float, ...] | JointTrajectory
+    # Fields of its message, if it is a mapping.
+    data: float | tuple[float, ...] | JointTrajectory | Mapping[str, Any]
 
 
 # End of the name of the topic on which controllers are told how fast to move.

@@ -20,8 +20,8 @@ from arm_drake.errors import ParameterError
 from arm_drake.surroundings import Surroundings
 from tests.controllers.parameters import (
     ACKERMANN,
+    ADMITTANCE,
     DIFF_DRIVE,
-    GPIO,
     JSB,
     JTC,
     MINIMAL,
@@ -166,14 +166,17 @@ def loaded_by_manager(type_: str, **given: Any) -> tuple[list[str], list[str], b
 
 def test_a_type_that_is_not_simulated_has_its_parameters_checked():
     done = "the controller does not run"
-    what = f"error: c.yaml:3: c: controller type {GPIO!r} is not simulated yet; {done}"
+    what = (
+        f"error: c.yaml:3: c: controller type {ADMITTANCE!r} is not simulated yet; "
+        f"{done}"
+    )
 
-    assert loaded_by_manager(GPIO) == (["unconfigured"], [what], False)
-    assert loaded_by_manager(GPIO, gpios=[]) == (
+    assert loaded_by_manager(ADMITTANCE) == (["unconfigured"], [what], False)
+    assert loaded_by_manager(ADMITTANCE, joints=[]) == (
         ["unconfigured"],
         [
             what,
-            f"error: c.yaml: c: gpios must have at least one element; {done}",
+            f"error: c.yaml: c: joints must have at least one element; {done}",
         ],
         False,
     )

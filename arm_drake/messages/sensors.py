@@ -1,0 +1,181 @@
+"""What sensors measure (`sensor_msgs`), and values of named interfaces.
+
+Numbers that are of single precision in ROS keep the digits that they have here.
+"""
+
+import dataclasses as dc
+import math
+from typing import Final
+
+from arm_drake.messages.base import Header, Message
+from arm_drake.messages.geometry import Quaternion, Vector3
+
+_NO_COVARIANCE: Final = (0.0,) * 9
+_ZERO: Final = Vector3()
+_UPRIGHT: Final = Quaternion()
+
+
+@dc.dataclass(frozen=True)
+class Imu(Message):
+    """What an inertial measurement unit measures (`sensor_msgs`)."""
+
+    header: Header = Header()
+
+    # Of the header's frame in a fixed one.
+    orientation: Quaternion = _UPRIGHT
+
+    # [rad^2], row by row, shape (9,).
+    orientation_covariance: tuple[float, ...] = _NO_COVARIANCE
+
+    # [rad/s], in the header's frame.
+    angular_velocity: Vector3 = _ZERO
+
+    # [rad^2/s^2], row by row, shape (9,).
+    angular_velocity_covariance: tuple[float, ...] = _NO_COVARIANCE
+
+    # [m/s^2], in the header's frame.
+    linear_acceleration: Vector3 = _ZERO
+
+    # [m^2/s^4], row by row, shape (9,).
+    linear_acceleration_covariance: tuple[float, ...] = _NO_COVARIANCE
+
+
+@dc.dataclass(frozen=True)
+class Range(Message):
+    """A distance (`sensor_msgs`)."""
+
+    header: Header = Header()
+
+    # 0 is ultrasound, 1 is infrared.
+    radiation_type: int = 0
+
+    # Width of the beam [rad].
+    field_of_view: float = 0.0
+
+    # Smallest and largest distance that the sensor can tell [m].
+    min_range: float = 0.0
+    max_range: float = 0.0
+
+    # The distance [m]; it may be beyond these.
+    range: float = 0.0
+
+    # [m^2]; 0 is unknown.
+    variance: float = 0.0
+
+
+@dc.dataclass(frozen=True)
+class NavSatStatus(Message):
+    """How good a satellite fix is (`sensor_msgs`)."""
+
+    # -2 is unknown, -1 no fix, 0 a fix, 1 one with satellite-based and 2 one with
+    # ground-based augmentation.
+    status: int = -2
+
+    # Sum of 1 GPS, 2 GLONASS, 4 COMPASS and 8 GALILEO; 0 is unknown.
+    service: int = 0
+
+
+@dc.dataclass(frozen=True)
+class NavSatFix(Message):
+    """A place on earth (`sensor_msgs`)."""
+
+    header: Header = Header()
+    status: NavSatStatus = NavSatStatus()
+
+    # [degrees], positive north and east.
+    latitude: float = 0.0
+    longitude: float = 0.0
+
+    # Above the WGS 84 ellipsoid [m].
+    altitude: float = 0.0
+
+    # [m^2] of east, north and up, row by row, shape (9,).
+    position_covariance: tuple[float, ...] = _NO_COVARIANCE
+
+    # 0 is unknown, 1 an approximation, 2 a known diagonal, 3 known.
+    position_covariance_type: int = 0
+
+
+@dc.dataclass(frozen=True)
+class MagneticField(Message):
+    """A magnetic field (`sensor_msgs`)."""
+
+    header: Header = Header()
+
+    # [T], in the header's frame.
+    magnetic_field: Vector3 = _ZERO
+
+    # [T^2], row by row, shape (9,).
+    magnetic_field_covariance: tuple[float, ...] = _NO_COVARIANCE
+
+
+@dc.dataclass(frozen=True)
+class BatteryState(Message):
+    """State of a battery, or of several in one (`sensor_msgs`); NaN is unknown."""
+
+    header: Header = Header()
+
+    # [V].
+    voltage: float = 0.0
+
+    # [degrees Celsius].
+    temperature: float = 0.0
+
+    # [A], negative when it is discharged.
+    current: float = 0.0
+
+    # What is left, what it can hold, and what it could when new [A·h].
+    charge: float = 0.0
+    capacity: float = 0.0
+    design_capacity: float = 0.0
+
+    # What is left, as the sensor tells it; [percent] if it is told by the voltage.
+    percentage: float = 0.0
+
+    # POWER_SUPPLY_STATUS, _HEALTH and _TECHNOLOGY of the message; 0 is unknown.
+    power_supply_status: int = 0
+    power_supply_health: int = 0
+    power_supply_technology: int = 0
+
+    present: bool = False
+
+    # [V] and [degrees Celsius] of each cell; () is unknown.
+    cell_voltage: tuple[float, ...] = ()
+    cell_temperature: tuple[float, ...] = ()
+
+    # Where it is, and its number.
+    location: str = ""
+    serial_number: str = ""
+
+
+@dc.dataclass(frozen=True)
+class BatteryStateArray(Message):
+    """States of batteries (`control_msgs`)."""
+
+    battery_states: tuple[BatteryState, ...] = ()
+
+
+@dc.dataclass(frozen=True)
+class Keys(Message):
+    """Names of values (`control_msgs`)."""
+
+    header: Header = Header()
+    keys: tuple[str, ...] = ()
+
+
+@dc.dataclass(frozen=True)
+class Float64Values(Message):
+    """Values, in the order of their Keys (`control_msgs`)."""
+
+    header: Header = Header()
+    values: tuple[float, ...] = ()
+
+
+def to_code(value: float, unknown: int) -> int:
+    """Return the integer of a message that a state interface holds as a number.
+
+    Args:
+        value: The number; its fraction is cut off, as C++ does.
+        unknown: What stands for a number that isn't finite.
+    """
+    return int(value) if math.isfinite(value) else unknown

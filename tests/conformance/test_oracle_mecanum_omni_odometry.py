@@ -1,0 +1,58 @@
+"""Replays upstream's odometries of bases with mecanum and with omni wheels."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from arm_drake.control.mecanum import (
+    MecanumKinematics,
+    MecanumOdometry,
+    MecanumWheels,
+)
+from arm_drake.control.odometry import PlanarPose
+from arm_drake.control.omni_wheel import OmniWheelKinematics, OmniWheelOdometry
+from tests.conformance.open_loop import assert_close, numbers
+from tests.conformance.oracle_files import read_files
+
+FILES = read_files(("mecanum_odometry", "omni_wheel_odometry"))
+
+
+@pytest.mark.parametrize("case", FILES.get("mecanum_odometry", ()))
+def test_mecanum_odometry_is_upstream_s(case: dict[str, Any]) -> None:
+    given, expected = numbers(case["input"]), numbers(case["output"]["rows"])
+    offset = PlanarPose(*given["base_offset"])
+    kinematics = MecanumKinematics(given["radius"], given["sum_lxy"], offset)
+    odometry, rows = MecanumOdometry(), []
+
+    for front_left, rear_left, rear_right, front_right, dt in given["steps"]:
+        wheels = MecanumWheels(front_left, front_right, rear_right, rear_left)
+        old, odometry = odometry, odometry.update(kinematics, wheels, dt)
+        rows.append([odometry is not old, *odometry.pose, *odometry.velocity])
+
+    assert [row[0] for row in rows] == [row[0] for row in expected]
+    assert_close([row[1:] for row in rows], [row[1:] for row in expected])
+
+
+@pytest.mark.parametrize("case", FILES.get("omni_wheel_odometry", ()))
+def test_omni_wheel_odometry_is_upstream_s(case: dict[str, Any]) -> None:
+    given, expected = numbers(case["input"]), numbers(case["output"]["rows"])
+    n = given["wheels"]
+    kinematics = OmniWheelKinematics(
+        n, given["wheel_offset"], given["robot_radius"], given["wheel_radius"]
+    )
+    odometry, rows = OmniWheelOdometry((0.0,) * n), []
+
+    for *values, dt in given["steps"]:
+        old = odometry
+        if given["mode"] == "open_loop":
+            vx, vy, w = values
+            odometry = old.move((vx, vy, w), dt)
+        elif given["mode"] == "position":
+            odometry = old.from_positions(kinematics, values, dt)
+        else:
+            odometry = old.from_velocities(kinematics, np.array(values), dt)
+        rows.append([odometry is not old, *odometry.pose, *odometry.velocity])
+
+    assert [row[0] for row in rows] == [row[0] for row in expected]
+    assert_close([row[1:] for row in rows], [row[1:] for row in expected])

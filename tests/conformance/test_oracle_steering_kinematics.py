@@ -1,0 +1,84 @@
+"""Replays what upstream's class SteeringOdometry did: odometry and wheel commands."""
+
+from typing import Any
+
+import pytest
+
+from arm_drake.control.odometry import RollingMean
+from arm_drake.control.steering import (
+    SteeringGeometry,
+    SteeringOdometry,
+    to_wheel_commands,
+)
+from tests.conformance.open_loop import assert_close
+from tests.oracle import oracle_cases
+
+CASES = oracle_cases("steering_kinematics")
+
+# Driven and steered wheels by `config`: bicycle, tricycle, ackermann.
+WHEELS = ((1, 1), (2, 1), (2, 2))
+
+
+def make_geometry(given: dict[str, Any]) -> SteeringGeometry:
+    radius, wheelbase, *widths = given["geometry"]
+    # Of four, the steered wheels' comes first.
+    return SteeringGeometry(
+        wheelbase,
+        radius,
+        *WHEELS[given["config"]],
+        traction_track_width=widths[-1],
+        steering_track_width=widths[0],
+    )
+
+
+def replay(given: dict[str, Any]) -> list[list[float]]:
+    """Return a row for each step: whether the means are new, pose, velocity."""
+    geometry = make_geometry(given)
+    odometry = SteeringOdometry(RollingMean(given["window"]))
+    rows = []
+    n = geometry.num_driven
+    for *values, dt in given["steps"]:
+        before, wheels, angles = odometry, tuple(values[:n]), tuple(values[n:])
+        if given["mode"] == "open_loop":
+            v, w = values
+            odometry = odometry.follow(v, w, dt)
+        elif given["mode"] == "position":
+            odometry = odometry.measure_positions(geometry, wheels, angles, dt)
+        else:
+            odometry = odometry.measure_velocities(geometry, wheels, angles, dt)
+        is_new = odometry.means.samples is not before.means.samples
+        is_ok = is_new or given["mode"] == "open_loop"
+        rows.append([is_ok, *odometry.pose, *odometry.velocity])
+    return rows
+
+
+@pytest.mark.parametrize("case", [c for c in CASES if c["input"]["mode"] != "ik"])
+def test_odometry_is_upstream_s(case: dict[str, Any]) -> None:
+    rows = replay(case["input"])
+
+    assert_close(rows, case["output"]["rows"])
+
+
+@pytest.mark.parametrize("case", [c for c in CASES if c["input"]["mode"] == "ik"])
+def test_commands_are_upstream_s(case: dict[str, Any]) -> None:
+    given, rows = case["input"], case["output"]["rows"]
+    geometry = make_geometry(given)
+    odometry = SteeringOdometry(RollingMean(given["window"]))
+    follow = given.get("follow")
+
+    for step, (v, w, dt) in enumerate(given["steps"]):
+        expected = rows[step]
+        commands = to_wheel_commands(
+            geometry,
+            v,
+            w,
+            measured=None if given["open_loop"] else odometry.steering,
+            slows_down=given["reduce"],
+        )
+        assert_close(commands.traction, expected["traction"], f"step {step}")
+        assert_close(commands.steering, expected["steering"], f"step {step}")
+        if follow is not None:
+            angles = tuple(follow * angle for angle in commands.steering)
+            odometry = odometry.measure_velocities(
+                geometry, commands.traction, angles, dt
+            )
