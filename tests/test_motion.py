@@ -24,6 +24,8 @@ from arm_drake.messages import (
     SpeedScalingFactor,
     SwitchController,
     Time,
+    Twist,
+    Vector3,
 )
 from arm_drake.motion import (
     Motion,
@@ -191,6 +193,23 @@ def test_a_switch_is_for_the_controller_manager(load, text, expected):
         message.deactivate_controllers,
         message.strictness,
     )
+
+
+def test_a_velocity_of_a_base_is_sent_again_and_again(load):
+    motion = load(
+        "- {every: 0.1, count: 3, controller: b, cmd_vel: {linear: {x: 1}, "
+        "angular: {z: -0.5}}}"
+    )
+
+    twist = Twist(Vector3(1.0), Vector3(0.0, 0.0, -0.5))
+    assert [step.message for step in motion.steps] == [twist] * 3
+    assert [step.at for step in motion.steps] == pytest.approx([0.0, 0.1, 0.2])
+
+
+def test_a_topic_takes_the_fields_of_its_message(load):
+    (step,) = load("- {topic: /b/cmd_vel, data: {twist: {linear: {x: 1}}}}").steps
+
+    assert step.message == TopicMessage("/b/cmd_vel", {"twist": {"linear": {"x": 1}}})
 
 
 def test_a_gripper_command_has_the_fields_of_the_message(load):
@@ -568,6 +587,18 @@ def test_an_error_of_a_list_in_python_has_no_file():
             "- {controller: a, switch_controllers: {activate: [a]}}",
             "[0].controller: switch_controllers is for the controller manager; leave "
             "it out",
+        ),
+        (
+            "- {controller: b, cmd_vel: 0.1}",
+            "[0].cmd_vel: expected a mapping, got 0.1",
+        ),
+        (
+            "- {controller: b, cmd_vel: {forwards: 0.1}}",
+            "[0].cmd_vel: unknown key 'forwards'; known: angular, linear",
+        ),
+        (
+            "- {controller: b, cmd_vel: {linear: {x: fast}}}",
+            "[0].cmd_vel.linear.x: expected a finite number, got 'fast'",
         ),
         (
             "- {controller: g, gripper_command: 0.1}",
