@@ -326,6 +326,7 @@ def test_the_motions_of_the_docs_can_be_read():
         SpeedScalingFactor,
         SwitchController,
         TopicMessage,
+        Twist,
         type(None),
     }
 
