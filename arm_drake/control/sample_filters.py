@@ -7,6 +7,7 @@ filter of its own. Samples are finite.
 
 import dataclasses as dc
 import math
+from abc import ABC, abstractmethod
 from typing import NamedTuple
 
 import numpy as np
@@ -24,8 +25,8 @@ class WindowState(NamedTuple):
 
 
 @dc.dataclass(frozen=True)
-class MeanFilter:
-    """The mean of the last samples, of fewer as long as there are no more."""
+class WindowFilter(ABC):
+    """Says something of the last samples, of fewer as long as there are no more."""
 
     # Of how many samples; at least one.
     number_of_observations: int
@@ -36,7 +37,9 @@ class MeanFilter:
         Raises:
             ValueError: If it is out of range.
         """
-        _check_window(self.number_of_observations)
+        n = self.number_of_observations
+        if n < 1:
+            raise ValueError(f"number_of_observations must be at least 1, got {n}")
 
     @staticmethod
     def initial(n: int) -> WindowState:
@@ -50,40 +53,29 @@ class MeanFilter:
             state: The state so far.
             sample: What is measured, shape (n,).
         """
-        samples = _append(state.samples, sample, self.number_of_observations)
+        samples = (*state.samples, np.array(sample, dtype=float))
+        samples = samples[-self.number_of_observations :]
+        return WindowState(samples, self._combine(samples))
+
+    @abstractmethod
+    def _combine(self, samples: tuple[Array, ...]) -> Array:
+        """Return what comes out, shape (n,)."""
+
+
+class MeanFilter(WindowFilter):
+    """The mean of the last samples."""
+
+    def _combine(self, samples: tuple[Array, ...]) -> Array:
         # One after the other, for the last bit.
-        return WindowState(samples, np.asarray(sum(samples) / len(samples)))
+        return np.asarray(sum(samples) / len(samples))
 
 
-@dc.dataclass(frozen=True)
-class MedianFilter:
+class MedianFilter(WindowFilter):
     """The median of the last samples; of an even number the lower of the middle two."""
 
-    # Of how many samples; at least one.
-    number_of_observations: int
-
-    def __post_init__(self) -> None:
-        """Check the parameter.
-
-        Raises:
-            ValueError: If it is out of range.
-        """
-        _check_window(self.number_of_observations)
-
-    @staticmethod
-    def initial(n: int) -> WindowState:
-        """Return the state of n channels before the first sample."""
-        return WindowState((), np.full(n, np.nan))
-
-    def update(self, state: WindowState, sample: Array) -> WindowState:
-        """Return the state after a sample; it holds the output.
-
-        Args:
-            state: The state so far.
-            sample: What is measured, shape (n,).
-        """
-        samples = _append(state.samples, sample, self.number_of_observations)
-        return WindowState(samples, np.sort(samples, axis=0)[(len(samples) - 1) // 2])
+    def _combine(self, samples: tuple[Array, ...]) -> Array:
+        middle: Array = np.sort(samples, axis=0)[(len(samples) - 1) // 2]
+        return middle
 
 
 class TransferState(NamedTuple):
@@ -150,12 +142,3 @@ class TransferFunctionFilter:
             (output, *state.outputs)[: len(self.a) - 1],
             output,
         )
-
-
-def _append(samples: tuple[Array, ...], sample: Array, n: int) -> tuple[Array, ...]:
-    return (*samples, np.array(sample, dtype=float))[-n:]
-
-
-def _check_window(n: int) -> None:
-    if n < 1:
-        raise ValueError(f"number_of_observations must be at least 1, got {n}")

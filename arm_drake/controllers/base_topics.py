@@ -68,7 +68,7 @@ def diagonal(variances: Sequence[float]) -> tuple[float, ...]:
 
 
 def make_odometry(
-    time_ns: int,
+    time_ns: int | None,
     frames: BaseFrames,
     pose: PlanarPose,
     velocity: tuple[float, float, float],
@@ -77,12 +77,14 @@ def make_odometry(
     """Return the message of an odometry.
 
     Args:
-        time_ns: Time of the tick [ns].
+        time_ns: Time of the tick [ns]; None before the first one, the message is empty.
         frames: Names of the frames.
         pose: Where the base stands.
         velocity: Forwards and to the left [m/s], and of turning [rad/s].
         covariances: Of the pose and of the twist, shape (36,) each.
     """
+    if time_ns is None:
+        return Odometry()
     vx, vy, wz = velocity
     return Odometry(
         Header.from_nanoseconds(time_ns, frames.odom),

@@ -35,6 +35,7 @@ from arm_drake.controllers.diff_drive_inbox import (
 )
 from arm_drake.controllers.diff_drive_parameters import DiffDriveControllerParameters
 from arm_drake.controllers.ticking_controller import TickingController
+from arm_drake.controllers.topics import CHAINED, INACTIVE
 from arm_drake.messages import (
     NANOSECONDS,
     Header,
@@ -45,9 +46,6 @@ from arm_drake.messages import (
     TwistStamped,
     Vector3,
 )
-
-_CHAINED = "another controller commands the references"
-_INACTIVE = "the controller is not active"
 
 _UNKNOWN = (math.nan, math.nan)
 _REST = (0.0, 0.0)
@@ -70,8 +68,8 @@ class DiffDriveState(NamedTuple):
     # Why the last tick failed; empty if it didn't.
     fault: str = ""
 
-    # What was published last.
-    odom: Odometry = Odometry()
+    # When the odometry was published last [ns], and what else was.
+    time_ns: int | None = None
     cmd_vel_out: TwistStamped = TwistStamped()
 
 
@@ -155,7 +153,9 @@ class DiffDriveController(TickingController[DiffDriveState]):
         super().__init__(
             params,
             DiffDriveState(
-                DiffDriveInbox(given, make_limiters(given), self._first),
+                DiffDriveInbox(
+                    given, make_limiters(given), self._kinematics, self._first
+                ),
                 DiffDriveOdometryState(mean),
                 self._first,
                 command=np.full(len(wheels), np.nan),
@@ -177,16 +177,18 @@ class DiffDriveController(TickingController[DiffDriveState]):
         if not given.use_stamped_vel:
             port = self.DeclareAbstractInputPort("cmd_vel_unstamped", nothing)
             self._ports = self._ports._replace(unstamped=port)
-        self._declare_topic("odom", lambda state: state.odom)
+        self._declare_topic("odom", self._describe_odometry)
         if given.enable_odom_tf:
-            self._declare_topic("tf", lambda state: make_transform(state.odom))
+            self._declare_topic(
+                "tf", lambda s: make_transform(self._describe_odometry(s))
+            )
         if given.publish_limited_velocity:
             self._declare_topic("cmd_vel_out", lambda state: state.cmd_vel_out)
         self._declare_topic("events", lambda state: state.inbox.events)
 
     def _update(self, now: Now, state: DiffDriveState) -> DiffDriveState:
         chained = self._read_references(now)
-        inbox = self._receive(now, state, "" if chained is None else _CHAINED)
+        inbox = self._receive(now, state, "" if chained is None else CHAINED)
         state = state._replace(inbox=inbox, fault="")
         if chained is not None:
             asked = [float(value) for value in chained]
@@ -248,24 +250,14 @@ class DiffDriveController(TickingController[DiffDriveState]):
                 move = self._kinematics.from_positions
             odometry = move(old, left, right, dt)
             is_published = odometry is not old
-        wheels = make_kinematics(parameters).wheels(v, w)
+        wheels = inbox.kinematics.wheels(v, w)
         command = np.repeat(wheels, self._num_left)
         state = state._replace(inbox=inbox, odometry=odometry, command=command)
-        return self._publish(now.time_ns, state, is_published)
-
-    def _publish(
-        self, time_ns: int, state: DiffDriveState, has_moved: bool
-    ) -> DiffDriveState:
-        """Return the state with what is published after a tick."""
-        parameters, frames = state.inbox.parameters, self._frames
-        if has_moved:
-            pose, (v, w) = state.odometry.pose, state.odometry.velocity
-            odom = make_odometry(time_ns, frames, pose, (v, 0.0, w), self._covariances)
-            state = state._replace(odom=odom)
+        if is_published:
+            state = state._replace(time_ns=now.time_ns)
         if parameters.publish_limited_velocity:
-            v, w = state.limited[0]
             twist = Twist(Vector3(v), Vector3(0.0, 0.0, w))
-            header = Header.from_nanoseconds(time_ns)
+            header = Header.from_nanoseconds(now.time_ns)
             state = state._replace(cmd_vel_out=TwistStamped(header, twist))
         return state
 
@@ -279,7 +271,7 @@ class DiffDriveController(TickingController[DiffDriveState]):
         )
 
     def _idle(self, now: Now, state: DiffDriveState) -> DiffDriveState:
-        inbox = self._receive(now, state, _INACTIVE)
+        inbox = self._receive(now, state, INACTIVE)
         return state if inbox is state.inbox else state._replace(inbox=inbox)
 
     def _command(self, state: DiffDriveState) -> Array:
@@ -290,3 +282,10 @@ class DiffDriveController(TickingController[DiffDriveState]):
 
     def _fault(self, state: DiffDriveState) -> str:
         return state.fault
+
+    def _describe_odometry(self, state: DiffDriveState) -> Odometry:
+        """Return the topic odom."""
+        pose, (v, w) = state.odometry.pose, state.odometry.velocity
+        return make_odometry(
+            state.time_ns, self._frames, pose, (v, 0.0, w), self._covariances
+        )

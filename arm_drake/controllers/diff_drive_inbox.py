@@ -54,9 +54,11 @@ class DiffDrivePorts(NamedTuple):
 class DiffDriveInbox(NamedTuple):
     """What came in on the ports of a DiffDriveController."""
 
-    # Parameters in effect, and the limits forwards and of turning that they set.
+    # Parameters in effect, and what they set: the limits forwards and of turning, and
+    # the measures that wheels are commanded with.
     parameters: DiffDriveControllerParameters
     limiters: tuple[RateLimiter, RateLimiter]
+    kinematics: DiffDriveKinematics
 
     # Last command: forwards [m/s], turning [rad/s]; and its stamp [ns], None before
     # the first cycle.
@@ -126,8 +128,11 @@ def receive(
         except ValueError as error:
             news.append(ParametersRejected(str(error)))
         else:
-            limiters = make_limiters(parameters)
-            inbox = inbox._replace(parameters=parameters, limiters=limiters)
+            inbox = inbox._replace(
+                parameters=parameters,
+                limiters=make_limiters(parameters),
+                kinematics=make_kinematics(parameters),
+            )
     new, stamped = new_messages(ports.cmd_vel, context, TwistStamped, inbox.stamped)
     for message in new:
         inbox = _take(now, inbox, message, message, obstacle, timeout_ns, news)

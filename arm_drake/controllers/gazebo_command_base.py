@@ -19,7 +19,7 @@ from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Now
 from arm_drake.controllers.gripper_command import GRIPPER_COMMAND, find_part_fault
 from arm_drake.controllers.ticking_controller import TickingController
-from arm_drake.controllers.topics import Events, add_events, new_messages
+from arm_drake.controllers.topics import INACTIVE, Events, add_events, new_messages
 from arm_drake.description.gazebo_joints import JointController, JointPositionController
 from arm_drake.messages import NANOSECONDS, Float32, Float64, TopicRejected
 
@@ -200,7 +200,7 @@ class GazeboCommandBase(TickingController[JointCommandState]):
         return state._replace(command=self._at_rest)
 
     def _idle(self, now: Now, state: JointCommandState) -> JointCommandState:
-        return self._receive(now, state, "the controller is not active")
+        return self._receive(now, state, INACTIVE)
 
     def _command(self, state: JointCommandState) -> Array:
         return state.command

@@ -16,7 +16,7 @@ from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Now
 from arm_drake.controllers.gazebo_topics import ros_topic
 from arm_drake.controllers.ticking_controller import TickingController
-from arm_drake.controllers.topics import Events, add_events, new_messages
+from arm_drake.controllers.topics import INACTIVE, Events, add_events, new_messages
 from arm_drake.description.gazebo_joints import (
     GazeboRosJointPoseTrajectory as GazeboRosJointPoseTrajectoryTag,
 )
@@ -215,7 +215,7 @@ class GazeboRosJointPoseTrajectory(TickingController[PoseTrajectoryState]):
         return state._replace(command=self._nothing)
 
     def _idle(self, now: Now, state: PoseTrajectoryState) -> PoseTrajectoryState:
-        return self._receive(now, state, "the controller is not active")
+        return self._receive(now, state, INACTIVE)
 
     def _command(self, state: PoseTrajectoryState) -> Array:
         return state.command

@@ -24,7 +24,7 @@ from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Now
 from arm_drake.controllers.gazebo_topics import trajectory_topic
 from arm_drake.controllers.ticking_controller import TickingController
-from arm_drake.controllers.topics import Events, add_events, new_messages
+from arm_drake.controllers.topics import INACTIVE, Events, add_events, new_messages
 from arm_drake.description.gazebo_joints import (
     JointTrajectoryController as JointTrajectoryControllerTag,
 )
@@ -258,7 +258,7 @@ class JointTrajectoryController(TickingController[GazeboTrajectoryState]):
         return state._replace(command=self._at_rest)
 
     def _idle(self, now: Now, state: GazeboTrajectoryState) -> GazeboTrajectoryState:
-        return self._receive(now, state, "the controller is not active")
+        return self._receive(now, state, INACTIVE)
 
     def _command(self, state: GazeboTrajectoryState) -> Array:
         return state.command

@@ -13,7 +13,7 @@ from pydrake.common.value import AbstractValue
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Now
 from arm_drake.controllers.ticking_controller import TickingController
-from arm_drake.controllers.topics import Events, add_events, new_messages
+from arm_drake.controllers.topics import INACTIVE, Events, add_events, new_messages
 from arm_drake.controllers.validation import check_not_empty, check_unique
 from arm_drake.description.parameters import per_element_of
 from arm_drake.errors import ParameterError, suggest
@@ -229,7 +229,7 @@ class GpioCommandController(TickingController[GpioCommandControllerState]):
         )
         if seen is state.seen:
             return state
-        rejected = [TopicRejected(m, "the controller is not active") for m in new]
+        rejected = [TopicRejected(m, INACTIVE) for m in new]
         events = add_events(state.events, rejected)
         return state._replace(seen=seen, events=events)
 

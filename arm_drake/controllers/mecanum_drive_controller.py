@@ -34,14 +34,20 @@ from arm_drake.controllers.mecanum_drive_parameters import (
     make_limiters,
 )
 from arm_drake.controllers.ticking_controller import TickingController
-from arm_drake.controllers.topics import Events, Rejection, add_events, new_messages
+from arm_drake.controllers.topics import (
+    CHAINED,
+    INACTIVE,
+    Events,
+    Rejection,
+    add_events,
+    new_messages,
+)
 from arm_drake.messages import (
     NANOSECONDS,
     Header,
     Message,
     Odometry,
     SetOdometry,
-    TFMessage,
     TopicRejected,
     Twist,
     TwistStamped,
@@ -52,9 +58,6 @@ from arm_drake.messages.mecanum import MecanumDriveControllerState
 _WHEELS = ("front_left", "front_right", "rear_right", "rear_left")
 
 _NOTHING = np.full(len(_WHEELS), np.nan)
-
-_CHAINED = "another controller commands the references"
-_INACTIVE = "the controller is not active"
 
 
 class MecanumInbox(NamedTuple):
@@ -192,13 +195,15 @@ class MecanumDriveController(TickingController[MecanumDriveState]):
         self._set_odometry = self.DeclareAbstractInputPort("set_odometry", nothing)
         self._declare_topic("odometry", self._describe_odometry)
         if parameters.enable_odom_tf:
-            self._declare_topic("tf_odometry", self._describe_transform)
+            self._declare_topic(
+                "tf_odometry", lambda s: make_transform(self._describe_odometry(s))
+            )
         self._declare_topic("controller_state", self._describe)
         self._declare_topic("events", lambda state: state.inbox.events)
 
     def _update(self, now: Now, state: MecanumDriveState) -> MecanumDriveState:
         chained = self._read_references(now)
-        inbox = self._receive(now, state.inbox, "" if chained is None else _CHAINED)
+        inbox = self._receive(now, state.inbox, "" if chained is None else CHAINED)
         if chained is None:
             left, asked = inbox.reference.follow(now.time_ns, self._timeout_ns)
             inbox = inbox._replace(reference=left)
@@ -255,7 +260,7 @@ class MecanumDriveController(TickingController[MecanumDriveState]):
                 reference = MecanumReference()
             inbox = inbox._replace(reference=reference)
         for request in poses:
-            if obstacle == _INACTIVE:
+            if obstacle == INACTIVE:
                 news.append(TopicRejected(request, obstacle))
             else:
                 pose = PlanarPose(request.x, request.y, request.yaw)
@@ -269,7 +274,7 @@ class MecanumDriveController(TickingController[MecanumDriveState]):
         return state._replace(inbox=inbox, command=_NOTHING, limited=(REST, REST))
 
     def _idle(self, now: Now, state: MecanumDriveState) -> MecanumDriveState:
-        inbox = self._receive(now, state.inbox, _INACTIVE)
+        inbox = self._receive(now, state.inbox, INACTIVE)
         return state if inbox is state.inbox else state._replace(inbox=inbox)
 
     def _command(self, state: MecanumDriveState) -> Array:
@@ -277,16 +282,9 @@ class MecanumDriveController(TickingController[MecanumDriveState]):
 
     def _describe_odometry(self, state: MecanumDriveState) -> Odometry:
         """Return the topic odometry."""
-        if state.time_ns is None:
-            return Odometry()
         return make_odometry(
             state.time_ns, self._frames, *state.odometry, self._covariances
         )
-
-    def _describe_transform(self, state: MecanumDriveState) -> TFMessage:
-        """Return the topic tf_odometry."""
-        odometry = self._describe_odometry(state)
-        return TFMessage() if state.time_ns is None else make_transform(odometry)
 
     def _describe(self, state: MecanumDriveState) -> MecanumDriveControllerState:
         """Return the topic controller_state."""

@@ -31,19 +31,22 @@ from arm_drake.controllers.omni_wheel_drive_parameters import (
     OmniWheelDriveControllerParameters,
 )
 from arm_drake.controllers.ticking_controller import TickingController
-from arm_drake.controllers.topics import Events, Rejection, add_events, new_messages
+from arm_drake.controllers.topics import (
+    CHAINED,
+    INACTIVE,
+    Events,
+    Rejection,
+    add_events,
+    new_messages,
+)
 from arm_drake.messages import (
     NANOSECONDS,
     Message,
     Odometry,
     SetOdometry,
-    TFMessage,
     TopicRejected,
     TwistStamped,
 )
-
-_CHAINED = "another controller commands the references"
-_INACTIVE = "the controller is not active"
 
 
 class OmniWheelInbox(NamedTuple):
@@ -186,12 +189,14 @@ class OmniWheelDriveController(TickingController[OmniWheelDriveState]):
         self._set_odometry = self.DeclareAbstractInputPort("set_odometry", nothing)
         self._declare_topic("odom", self._describe_odometry)
         if parameters.enable_odom_tf:
-            self._declare_topic("tf", self._describe_transform)
+            self._declare_topic(
+                "tf", lambda s: make_transform(self._describe_odometry(s))
+            )
         self._declare_topic("events", lambda state: state.inbox.events)
 
     def _update(self, now: Now, state: OmniWheelDriveState) -> OmniWheelDriveState:
         chained = self._read_references(now)
-        inbox = self._receive(now, state.inbox, "" if chained is None else _CHAINED)
+        inbox = self._receive(now, state.inbox, "" if chained is None else CHAINED)
         assert inbox.command is not None
         asked = inbox.command.follow(now.time_ns, self._timeout_ns)
         if chained is not None:
@@ -258,7 +263,7 @@ class OmniWheelDriveController(TickingController[OmniWheelDriveState]):
             if not command.is_old(now.time_ns, self._timeout_ns):
                 inbox = inbox._replace(command=command)
         for request in poses:
-            if obstacle == _INACTIVE:
+            if obstacle == INACTIVE:
                 news.append(TopicRejected(request, obstacle))
             else:
                 pose = PlanarPose(request.x, request.y, request.yaw)
@@ -272,7 +277,7 @@ class OmniWheelDriveController(TickingController[OmniWheelDriveState]):
         return state._replace(inbox=inbox, command=rest, reference=UNKNOWN)
 
     def _idle(self, now: Now, state: OmniWheelDriveState) -> OmniWheelDriveState:
-        inbox = self._receive(now, state.inbox, _INACTIVE)
+        inbox = self._receive(now, state.inbox, INACTIVE)
         return state if inbox is state.inbox else state._replace(inbox=inbox)
 
     def _command(self, state: OmniWheelDriveState) -> Array:
@@ -286,14 +291,7 @@ class OmniWheelDriveController(TickingController[OmniWheelDriveState]):
 
     def _describe_odometry(self, state: OmniWheelDriveState) -> Odometry:
         """Return the topic odom."""
-        if state.time_ns is None:
-            return Odometry()
         _, pose, velocity = state.odometry
         return make_odometry(
             state.time_ns, self._frames, pose, velocity, self._covariances
         )
-
-    def _describe_transform(self, state: OmniWheelDriveState) -> TFMessage:
-        """Return the topic tf."""
-        odometry = self._describe_odometry(state)
-        return TFMessage() if state.time_ns is None else make_transform(odometry)

@@ -18,6 +18,8 @@ from arm_drake.controllers.cycles import Now
 from arm_drake.controllers.pid_parameters import DofGains, PidControllerParameters
 from arm_drake.controllers.ticking_controller import TickingController
 from arm_drake.controllers.topics import (
+    CHAINED,
+    INACTIVE,
     Events,
     Rejection,
     add_events,
@@ -42,10 +44,6 @@ _READ_ONLY = (
     "reference_and_state_interfaces",
     "use_external_measured_states",
 )
-
-# Why references of the topic aren't taken.
-_CHAINED = "another controller commands the references"
-_INACTIVE = "the controller is not active"
 
 
 class Inbox(NamedTuple):
@@ -180,7 +178,7 @@ class PidController(TickingController[PidControllerState]):
 
     def _update(self, now: Now, state: PidControllerState) -> PidControllerState:
         chained = self._read_references(now)
-        obstacle = "" if chained is None else _CHAINED
+        obstacle = "" if chained is None else CHAINED
         inbox, asked = self._receive(now, state.inbox, obstacle)
         references = state.control.references
         if chained is not None:
@@ -280,7 +278,7 @@ class PidController(TickingController[PidControllerState]):
         return state._replace(control=state.control._replace(command=nothing))
 
     def _idle(self, now: Now, state: PidControllerState) -> PidControllerState:
-        inbox, _ = self._receive(now, state.inbox, _INACTIVE)
+        inbox, _ = self._receive(now, state.inbox, INACTIVE)
         return state if inbox is state.inbox else state._replace(inbox=inbox)
 
     def _command(self, state: PidControllerState) -> Array:

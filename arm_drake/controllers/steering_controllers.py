@@ -26,7 +26,7 @@ from arm_drake.controllers.steering_parameters import (
     SteeringControllerParameters,
 )
 from arm_drake.controllers.ticking_controller import TickingController
-from arm_drake.controllers.topics import new_messages
+from arm_drake.controllers.topics import CHAINED, INACTIVE, new_messages
 from arm_drake.messages import (
     NANOSECONDS,
     Header,
@@ -37,10 +37,6 @@ from arm_drake.messages import (
     TwistStamped,
 )
 from arm_drake.messages.steering import SteeringControllerStatus
-
-# Why references of the topic aren't taken.
-_CHAINED = "another controller commands the references"
-_INACTIVE = "the controller is not active"
 
 
 class SteeringControllerState(NamedTuple):
@@ -176,7 +172,7 @@ class SteeringController(TickingController[SteeringControllerState]):
         self, now: Now, state: SteeringControllerState
     ) -> SteeringControllerState:
         chained = self._read_references(now)
-        obstacle = "" if chained is None else _CHAINED
+        obstacle = "" if chained is None else CHAINED
         references = self._receive(now, state.references, obstacle)
         if chained is not None:
             v, w = chained.tolist()
@@ -261,16 +257,15 @@ class SteeringController(TickingController[SteeringControllerState]):
     def _idle(
         self, now: Now, state: SteeringControllerState
     ) -> SteeringControllerState:
-        return state._replace(
-            references=self._receive(now, state.references, _INACTIVE)
-        )
+        references = self._receive(now, state.references, INACTIVE)
+        if references is state.references:
+            return state
+        return state._replace(references=references)
 
     def _command(self, state: SteeringControllerState) -> Array:
         return state.command
 
     def _tell_odometry(self, state: SteeringControllerState) -> Odometry:
-        if state.time_ns is None:
-            return Odometry()
         v, w = state.odometry.velocity
         pose, velocity = state.odometry.pose, (v, 0.0, w)
         return make_odometry(
@@ -278,8 +273,6 @@ class SteeringController(TickingController[SteeringControllerState]):
         )
 
     def _tell_frames(self, state: SteeringControllerState) -> TFMessage:
-        if state.time_ns is None:
-            return TFMessage()
         return make_transform(self._tell_odometry(state))
 
     def _tell_status(self, state: SteeringControllerState) -> SteeringControllerStatus:

@@ -13,6 +13,10 @@ M = TypeVar("M", bound=Message)
 
 Rejection: TypeAlias = TopicRejected | ParametersRejected
 
+# Why messages aren't taken.
+CHAINED = "another controller commands the references"
+INACTIVE = "the controller is not active"
+
 # The latest news, numbered, the newest last.
 Events: TypeAlias = tuple[tuple[int, Rejection], ...]
 

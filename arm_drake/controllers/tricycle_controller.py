@@ -33,7 +33,7 @@ from arm_drake.controllers.base_topics import (
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Now
 from arm_drake.controllers.ticking_controller import TickingController
-from arm_drake.controllers.topics import new_messages
+from arm_drake.controllers.topics import INACTIVE, new_messages
 from arm_drake.controllers.tricycle_parameters import (
     SteeringLimits,
     TractionLimits,
@@ -51,9 +51,6 @@ from arm_drake.messages.steering import AckermannDrive, ResetOdometry
 Array = NDArray[np.float64]
 
 _MILLISECONDS = NANOSECONDS // 1000
-
-# Why messages aren't taken.
-_INACTIVE = "the controller is not active"
 
 
 class TricycleControllerState(NamedTuple):
@@ -237,7 +234,7 @@ class TricycleController(TickingController[TricycleControllerState]):
     def _idle(
         self, now: Now, state: TricycleControllerState
     ) -> TricycleControllerState:
-        return self._receive(now, state, _INACTIVE)
+        return self._receive(now, state, INACTIVE)
 
     def _command(self, state: TricycleControllerState) -> Array:
         return state.command
@@ -265,8 +262,6 @@ class TricycleController(TickingController[TricycleControllerState]):
     def _make_odometry(
         self, state: TricycleControllerState, pose: PlanarPose
     ) -> Odometry:
-        if state.time_ns is None:
-            return Odometry()
         v, w = state.odometry.velocity
         return make_odometry(
             state.time_ns, self._frames, pose, (v, 0.0, w), self._covariances
