@@ -179,8 +179,21 @@ def _add_view_arguments(parser: argparse.ArgumentParser) -> None:
 def _add_sim_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("--motion", metavar="NAME|FILE", help="what to send to the controllers")
+    add(
+        "--set",
+        metavar="NAME=VALUE",
+        action="append",
+        default=[],
+        type=_pair("="),
+        help="value of a motion's parameter, as in YAML; repeatable",
+    )
     add("--duration", metavar="S", type=_positive, help="how long to simulate [s]")
-    add("--world", metavar="NAME", default="empty", help="built-in world (empty)")
+    add(
+        "--world",
+        metavar="NAME|FILE",
+        default="empty",
+        help="built-in world (empty), or a .world or .sdf file",
+    )
     add(
         "--pose",
         metavar=("X", "Y", "Z", "R", "P", "Y"),
@@ -188,7 +201,11 @@ def _add_sim_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         help="pose of the base [m, rad]",
     )
-    add("--gravity", choices=("on", "off"), default="on", help="gravity (on)")
+    add(
+        "--gravity",
+        choices=("on", "off"),
+        help="gravity of 9.81 m/s^2 (that of the world)",
+    )
     add(
         "--initial",
         metavar="JOINT=VALUE",

@@ -186,7 +186,7 @@ class ControllerHandle:
         return handle
 
     def send_velocity(self, twist: Twist, *, where: str = "") -> None:
-        """Tell a base how to move; its controller stops it when no more is heard.
+        """Tell a base how to move; controllers stop it when no more is heard.
 
         Args:
             twist: Velocity in the frame of the base [m/s], [rad/s].
@@ -295,4 +295,4 @@ class ControllerHandle:
         if where:
             self._simulation.mailbox.add_message(message, where)
         period = 1.0 / self._system.params.update_rate
-        self._simulation.publish(f"{self.name}.{port}", message, period)
+        self._simulation.publish(self._topics.exported_as(port), message, period)

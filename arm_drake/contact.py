@@ -16,7 +16,7 @@ from pydrake.geometry import (
     RoleAssign,
     SceneGraph,
 )
-from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import (
     BodyIndex,
     ModelInstanceIndex,
@@ -39,6 +39,31 @@ _RESOLUTION = 0.01
 # Below this speed a thing that is held counts as still [m/s]; Drake's own 1e-4 lets it
 # creep twice as far out of fingers that aren't parallel.
 _STICTION_TOLERANCE = 1e-5
+
+
+def set_friction(
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    model: ModelInstanceIndex,
+    friction: Mapping[str, float],
+) -> None:
+    """Give the links of a robot the friction that they state.
+
+    Args:
+        plant: A finalized plant.
+        scene_graph: Its scene graph.
+        model: The robot's model instance.
+        friction: Coefficients, static and dynamic, by the links' names.
+    """
+    inspector, source = scene_graph.model_inspector(), plant.get_source_id()
+    for name, mu in friction.items():
+        link = plant.GetBodyByName(name, model)
+        for geometry in plant.GetCollisionGeometriesForBody(link):
+            properties = ProximityProperties(inspector.GetProximityProperties(geometry))
+            properties.UpdateProperty(
+                "material", "coulomb_friction", CoulombFriction(mu, mu)
+            )
+            scene_graph.AssignRole(source, geometry, properties, RoleAssign.kReplace)
 
 
 def let_things_be_held(

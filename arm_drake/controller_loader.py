@@ -179,9 +179,11 @@ class ControllerLoader:
             effort_limits=there.effort_limits,
             followed=there.followed,
             gripper_ranges=there.gripper_ranges,
+            namespace=there.namespace,
             links=there.links,
             robot_name=there.robot_name,
             world_name=there.world_name,
+            make_kinematics=there.make_kinematics,
         )
 
     def _take_rate(self, controller: ControllerConfig, own: dict[str, Any]) -> int:

@@ -66,7 +66,9 @@ def load_controllers(
     states = config.hardware_components_initial_state
     plugins = {c.name for c in config.controllers if c.plugins}
     missing = {
-        n: find_missing(s, loaded, surroundings, states, reads_all=n in plugins)
+        n: find_missing(
+            s, loaded, surroundings, states, configured=names, reads_all=n in plugins
+        )
         for n, s in loaded.items()
     }
     configs = {c.name: c for c in config.controllers}

@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 from arm_drake import interfaces
 from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.errors import InputError
+from arm_drake.exports import exported_name
 from arm_drake.messages import (
     Float64MultiArray,
     FollowJointTrajectoryGoal,
@@ -64,6 +65,11 @@ class ControllerTopics:
         raise InputError(
             f"controller {self.name!r} of type {self.type!r} has no {port}{takes}"
         )
+
+    def exported_as(self, port: str) -> str:
+        """Return the name in the diagram of a port of the controller."""
+        own = self.system.params.controller_name
+        return self.name.removesuffix(own) + exported_name(port, own)
 
     def find_action(self) -> str:
         """Return the port of the controller's action.
@@ -144,7 +150,7 @@ class ControllerTopics:
         names = tuple(dof.rpartition("/")[0] for dof in dofs)
         return REFERENCE, MultiDOFCommand(names, data, data_dot)
 
-    def make_velocity(self, twist: Twist) -> tuple[str, TwistStamped]:
+    def make_velocity(self, twist: Twist) -> tuple[str, Twist | TwistStamped]:
         """Return the port on which a base takes velocities, and the message.
 
         Args:
@@ -158,6 +164,10 @@ class ControllerTopics:
         for port in (VELOCITY, REFERENCE):
             if types.get(port) is TwistStamped:
                 return port, message
+        for port, kind in types.items():
+            # Gazebo's plugins call their ports as their tags say.
+            if kind is Twist and port.startswith("/"):
+                return port, dc.replace(twist)
         self.check(VELOCITY)
         raise AssertionError
 

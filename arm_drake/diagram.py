@@ -1,5 +1,6 @@
 """build_diagram: robots to one Drake Diagram. The table of contents of the program."""
 
+import dataclasses as dc
 from collections.abc import Sequence
 
 from pydrake.geometry import Meshcat, SceneGraph
@@ -27,6 +28,7 @@ from arm_drake.hardware import add_hardware, connect_forces
 from arm_drake.kinematic import KinematicPlant
 from arm_drake.loaded_controllers import command_order
 from arm_drake.manager import ControllerManager
+from arm_drake.mobile_bases import RobotBases
 from arm_drake.mock_hardware import add_mock_hardware, make_blocks
 from arm_drake.options import SimulationOptions
 from arm_drake.placement import place_free_links
@@ -39,10 +41,12 @@ from arm_drake.plant import (
     set_initial_positions,
 )
 from arm_drake.robot_commands import find_bare_joints, make_drive_commands, may_let_go
+from arm_drake.robot_sensors import add_sensors
 from arm_drake.robot_systems import RobotSystems
 from arm_drake.timing import choose_time_step
-from arm_drake.visualization.meshcat import add_visualizer
-from arm_drake.world import World, add_world
+from arm_drake.visualization.meshcat import add_visualizer, show_backdrop
+from arm_drake.world import World, load_world
+from arm_drake.worlds.loaded_world import LoadedWorld
 
 
 def build_diagram(
@@ -59,19 +63,22 @@ def build_diagram(
 
     Args:
         robots: One or several loaded robots.
-        world: Name of a built-in world, or a function that adds things to the plant
-            before the robots come and before it is finalized, see
-            `arm_drake.world.add_world`.
+        world: Name of a built-in world, an SDF file, or a function that adds things to
+            the plant before the robots come and before it is finalized, see
+            `arm_drake.world.load_world`.
         options: How to simulate.
         meshcat: Where to draw, if anywhere.
 
     Raises:
-        InputError: If the robots can't be put together.
+        InputError: If the robots can't be put together, or the world can't be used.
     """
     options = SimulationOptions() if options is None else options
     if not isinstance(options, SimulationOptions):
         raise InputError(f"options: expected SimulationOptions, got {options!r}")
     robots = list_robots(robots)
+    loaded = load_world(world, [path for r in robots for path in r.package_paths])
+    if options.gravity is None:
+        options = dc.replace(options, gravity=loaded.gravity)
     step, periods = choose_time_step(
         options.time_step, [robot.controllers.update_rate for robot in robots]
     )
@@ -83,7 +90,7 @@ def build_diagram(
             f"{robot.name}/" if len(robots) > 1 else "",
             period,
             options,
-            world if isinstance(world, str) else "empty",
+            loaded.name,
         )
         for robot, period in zip(robots, periods, strict=True)
     ]
@@ -93,23 +100,25 @@ def build_diagram(
         plant.RegisterAsSourceForSceneGraph(scene_graph)
     else:
         plant, scene_graph = add_plant(builder, step, options)
-    add_world(plant, world)
-    # Only a world of one's own has things that can be held.
-    has_things = not isinstance(world, str)
-    models = [_add_model(plant, robot, has_things=has_things) for robot in robots]
+    loaded.add_to(plant)
+    bases = [RobotBases.of(r, has_physics=not is_kinematic) for r in robots]
+    models = [_add_model(plant, b, has_things=loaded.has_things) for b in bases]
     plant.Finalize()
-    for robot, model in zip(robots, models, strict=True):
-        place_free_links(plant, scene_graph, model, robot)
+    for base, model in zip(bases, models, strict=True):
+        place_free_links(plant, scene_graph, model, base.robot)
+        base.set_friction(plant, scene_graph, model)
     if is_kinematic:
         _add_mirrored_robots(systems, plant, scene_graph, models)
     else:
-        _add_robots(systems, plant, scene_graph, models)
+        _add_robots(systems, plant, scene_graph, models, bases)
     if meshcat is not None:
         add_visualizer(builder, scene_graph, meshcat)
+        show_backdrop(meshcat, has_grid=loaded.has_grid, background=loaded.background)
     diagram = builder.Build()
     diagram.set_name("arm_drake")
+    _report_world(diagram, loaded)
     if not is_kinematic:
-        free = [robot.free_links for robot in robots]
+        free = [base.free_links for base in bases]
         links = dict(zip(models, free, strict=True))
         overlaps = separate(diagram, plant, scene_graph, links)
         for robot, model in zip(robots, models, strict=True):
@@ -122,11 +131,12 @@ def _add_robots(
     plant: MultibodyPlant,
     scene_graph: SceneGraph,
     models: Sequence[ModelInstanceIndex],
+    bases: Sequence[RobotBases],
 ) -> None:
     """Add hardware and controllers of robots that move by their dynamics."""
     builder = systems[0].builder
     forces = {}
-    for system, model in zip(systems, models, strict=True):
+    for system, model, base in zip(systems, models, bases, strict=True):
         robot, options = system.robot, system.options
         there = system.find_surroundings(gripper_ranges=find_gripper_ranges(robot))
         controllers, report = load_controllers_of(robot, system.period, options, there)
@@ -145,6 +155,7 @@ def _add_robots(
             bare=find_bare_joints(robot, controllers),
             lets_go=may_let_go(robot, controllers) or not holds,
             grippers={joint.name for joint in find_gripper_joints(robot)},
+            carried=base.carried_inertia,
         )
         commands = make_drive_commands(robot, there, controllers, drive, holds=holds)
         report_times(plant.time_step(), system.period, options, report)
@@ -161,12 +172,20 @@ def _add_robots(
             has_modes=commands.has_modes,
             has_limits=commands.has_limits,
         )
+        hardware = add_sensors(
+            hardware, builder, plant, scene_graph, model, robot, system.prefix
+        )
         poses = plant.get_body_poses_output_port()
         system.add_frames(poses, _bodies(plant, model, robot))
         system.add(hardware, there, controllers, report, commands)
+        base.add_truths(
+            builder, plant, scene_graph, model, controllers, report, system.prefix
+        )
         if hardware.friction is not None:
             forces[model] = hardware.friction
     connect_forces(builder, plant, forces)
+    push = plant.get_applied_spatial_force_input_port()
+    builder.ExportInput(push, "applied_spatial_force")
     builder.ExportOutput(plant.get_state_output_port(), "state")
 
 
@@ -221,6 +240,14 @@ def _bodies(
     return [int(body.index()) for body in bodies]
 
 
+def _report_world(diagram: Diagram, world: LoadedWorld) -> None:
+    """Add what was not taken as written of a world to the report of each robot."""
+    for system in diagram.GetSystems():
+        if isinstance(system, ControllerManager):
+            for entry in world.report:
+                system.report.add(**dc.asdict(entry))
+
+
 def _report_overlaps(diagram: Diagram, robot: Robot, overlaps: list[str]) -> None:
     if not overlaps:
         return
@@ -236,9 +263,9 @@ def _report_overlaps(diagram: Diagram, robot: Robot, overlaps: list[str]) -> Non
 
 
 def _add_model(
-    plant: MultibodyPlant, robot: Robot, *, has_things: bool
+    plant: MultibodyPlant, base: RobotBases, *, has_things: bool
 ) -> ModelInstanceIndex:
-    description = robot.description
+    robot, description = base.robot, base.describe()
     if has_things:
         description = with_surfaces(description, find_gripper_links(robot))
     model = add_robot_model(

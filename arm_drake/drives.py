@@ -17,6 +17,7 @@ from arm_drake.control.servo import (
     compute_rotor_inertia,
     compute_servo_gains,
 )
+from arm_drake.control.wheel_drive import compute_carried_inertia
 from arm_drake.couplings import find_followers, velocity_map
 from arm_drake.description.drive_gains import DriveGains
 from arm_drake.description.joints import JointInfo
@@ -114,6 +115,7 @@ def make_robot_drive(
     bare: Collection[str] = (),
     lets_go: bool = False,
     grippers: Collection[str] = (),
+    carried: Mapping[str, float] | None = None,
 ) -> RobotDrive:
     """Return what drives a robot's commanded joints.
 
@@ -126,6 +128,7 @@ def make_robot_drive(
         bare: Joints that follow nothing but efforts, which get no rotor.
         lets_go: Whether joints may move freely, beside those that are driven.
         grippers: Joints that press against things and let them go again.
+        carried: Inertia of what wheels move on the ground [kg·m^2], by their joints.
     """
     joints = commanded_joints(description)
     plant = make_servo_plant(description, pose, options, time_step)
@@ -145,14 +148,25 @@ def make_robot_drive(
     rows = [(stated or {}).get(joint.name, DriveGains()) for joint in joints]
     pid = DrivePid([r.position_pid for r in rows], [r.velocity_pid for r in rows])
     is_passive = n < len([j for j in description.movable_joints if j.mimic is None])
-    is_careful = lets_go or is_passive or pid.is_given
+    is_careful = lets_go or is_passive or pid.is_given or bool(carried)
     observer_gain = CAREFUL_OBSERVER_GAIN if is_careful else OBSERVER_GAIN
+    if not options.disturbance_observer:
+        observer_gain = 0.0
+    known = samples.with_rotors(rotors)
+    ground = compute_carried_inertia(
+        known.inertia.min(axis=0),
+        np.array([(carried or {}).get(joint.name, 0.0) for joint in joints]),
+        bandwidth=options.servo_bandwidth,
+        time_step=time_step,
+        observer_gain=observer_gain,
+    )
+    add_rotors(plant, dict(zip([j.name for j in joints], ground, strict=True)))
     gains = compute_servo_gains(
-        samples.with_rotors(rotors),
+        known.with_rotors(ground),
         limits,
         bandwidth=options.servo_bandwidth,
         time_step=time_step,
-        observer_gain=observer_gain if options.disturbance_observer else 0.0,
+        observer_gain=observer_gain,
         position_rate=np.array([row.position_rate or math.nan for row in rows]),
     )
     if grippers:
@@ -168,7 +182,7 @@ def make_robot_drive(
         lacking_inertia=lacking,
         gains=gains,
         pid=pid if pid.is_given else None,
-        min_inertia=samples.with_rotors(rotors).inertia.min(axis=0),
+        min_inertia=known.inertia.min(axis=0),
         rated=tuple(rated),
     )
 

@@ -53,6 +53,12 @@ class Hardware:
     # What drives the commanded joints; it must live as long as the diagram.
     drive: RobotDrive | None
 
+    # What sensors measure, if there are any.
+    readings: OutputPort | None = None
+
+    # What touches the robot, if the physics tells.
+    contacts: OutputPort | None = None
+
     # Everything that can be read, if that is known here.
     everything: OutputPort | None = None
 

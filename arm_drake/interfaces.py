@@ -19,6 +19,19 @@ STATE_INTERFACES: Final = (POSITION, VELOCITY, EFFORT)
 # What a joint can be told to do, one at a time.
 MOTIONS: Final = (POSITION, VELOCITY, ACCELERATION, EFFORT)
 
+# What sensors measure; units are those of `sensor_msgs` and `geometry_msgs`.
+FORCES: Final = tuple(f"{p}.{axis}" for p in ("force", "torque") for axis in "xyz")
+POSITIONS: Final = tuple(f"position.{axis}" for axis in "xyz")
+ORIENTATIONS: Final = tuple(f"orientation.{axis}" for axis in "xyzw")
+RATES: Final = tuple(f"angular_velocity.{axis}" for axis in "xyz")
+ACCELERATIONS: Final = tuple(f"linear_acceleration.{axis}" for axis in "xyz")
+RANGE: Final = "range"
+
+# Names of state interfaces that the physics knows.
+MEASURED: Final = frozenset(
+    (*FORCES, *POSITIONS, *ORIENTATIONS, *RATES, *ACCELERATIONS, RANGE)
+)
+
 _ANGULAR_UNITS = {POSITION: "rad", VELOCITY: "rad/s", EFFORT: "N·m"}
 _LINEAR_UNITS = {POSITION: "m", VELOCITY: "m/s", EFFORT: "N"}
 
@@ -35,6 +48,12 @@ EXPORT_PORT: Final = "exported_state_interfaces"
 # Time of the tick in which a slow controller's state interfaces were sampled.
 TICK_PORT: Final = "tick_time"
 
+# Poses of the robot's links in the world, which only simulated hardware knows.
+FRAMES_PORT: Final = "link_frames"
+
+# What touches the robot, which only the physics knows.
+CONTACTS_PORT: Final = "contacts"
+
 # Names of the command interfaces that are claimed.
 CLAIMED_PORT: Final = "claimed"
 
@@ -48,7 +67,9 @@ CHAIN_PORT: Final = "chain:"
 def is_internal(port: str) -> bool:
     """Return whether a port of a controller is none of its topics."""
     own = (STATE_PORT, COMMAND_PORT, VALUES_PORT, MANAGER_PORT, PARAMETERS_PORT)
-    return port in (*own, TICK_PORT) or port.startswith((EXPORT_PORT, CHAIN_PORT))
+    return port in (*own, TICK_PORT, FRAMES_PORT, CONTACTS_PORT) or port.startswith(
+        (EXPORT_PORT, CHAIN_PORT)
+    )
 
 
 def interface_names(joints: Iterable[str], names: Iterable[str]) -> tuple[str, ...]:

@@ -15,6 +15,7 @@ from arm_drake.description.bridge import (
     split_bridges,
 )
 from arm_drake.description.claimed_hardware import hardware_from_controllers
+from arm_drake.description.contact_sensors import add_contact_sensors
 from arm_drake.description.control_files import find_control_files
 from arm_drake.description.controllers import MANAGER, ControllerManagerConfig
 from arm_drake.description.controllers import (
@@ -34,10 +35,12 @@ from arm_drake.description.plugin_control import add_plugins
 from arm_drake.description.plugin_joints import plugin_joints
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Pose, Robot
+from arm_drake.description.sensors import find_sensors
 from arm_drake.description.urdf import RobotDescription, parse_urdf
 from arm_drake.description.xacro import expand_xacro
 from arm_drake.description.xacro_sources import read_sources
 from arm_drake.errors import InputError, suggest
+from arm_drake.mobile_bases import RobotBases
 from arm_drake.model_check import check_model
 from arm_drake.surroundings import find_surroundings
 
@@ -66,7 +69,7 @@ BASE_CONTROLLERS = frozenset(
     }
 )
 BASE_PLUGINS = re.compile(
-    r"(ackermann|diff|mecanum|skid|tricycle|omni)\w*(drive|steer)|planar_?move", re.I
+    r"(ackermann|diff|mecanum|skid|tricycle|omni)[\w-]*(drive|steer)|planar_?move", re.I
 )
 
 
@@ -148,6 +151,7 @@ def load_robot(
         )
         description = dc.replace(description, hardware=hardware)
     description, config = add_plugins(description, config, report)
+    config = add_contact_sensors(description, config, report)
     has_free_base = _has_free_base(description, config)
     if has_free_base:
         urdf = repair_free_base(description.urdf, description.base, report, entry)
@@ -165,11 +169,15 @@ def load_robot(
         package_paths=tuple(folders),
         distro=distro,
         bundled=bundled,
+        sensors=find_sensors(description, config, report),
         topic_aliases=load_bridges(bridges, report),
         controller_types=types,
     )
     surroundings = find_surroundings(
-        description, robot.initial_positions, robot_name=robot.name
+        description,
+        robot.initial_positions,
+        sensors=robot.sensors,
+        robot_name=robot.name,
     )
     load_controllers(
         config,
@@ -180,6 +188,7 @@ def load_robot(
         controller_types=types,
     )
     check_model(robot)
+    RobotBases.of(robot).report(report)
     report.add_lines(find_place(lambda: read_sources(entry, packages).files))
     if strict and len(report):
         raise InputError(f"not everything was taken as written:\n{report}")

@@ -27,8 +27,9 @@ class SimulationOptions:
     # controller manager evenly, so that a command acts on the step that starts with it.
     time_step: float = 1e-3
 
-    # Whether gravity of 9.81 m/s^2 acts along -z of the world.
-    gravity: bool = True
+    # Whether gravity of 9.81 m/s^2 acts along -z of the world, or the acceleration of
+    # gravity in the world [m/s^2]. None: that of the world's file, else 9.81 along -z.
+    gravity: bool | tuple[float, float, float] | None = None
 
     # Bandwidth of the joint servo [rad/s]: a step settles in about 5.8 / bandwidth.
     servo_bandwidth: float = 40.0
@@ -67,6 +68,8 @@ class SimulationOptions:
         """Reject what can't be simulated."""
         for field in dc.fields(self):
             _check_type(field.name, field.type, getattr(self, field.name))
+        if isinstance(self.gravity, tuple):
+            object.__setattr__(self, "gravity", _vector("gravity", self.gravity))
         if self.preset not in PRESETS:
             raise InputError(
                 f"no preset {self.preset!r}; {suggest(self.preset, PRESETS)}"
@@ -97,6 +100,10 @@ class SimulationOptions:
 _KINDS: Mapping[object, tuple[tuple[type, ...], str]] = {
     bool: ((bool,), "True or False"),
     bool | None: ((bool, NoneType), "True, False or None"),
+    bool | tuple[float, float, float] | None: (
+        (bool, tuple, NoneType),
+        "True, False, (x, y, z) [m/s^2] or None",
+    ),
     float: ((Real,), "a number"),
     float | None: ((Real, NoneType), "a number or None"),
     str: ((str,), "a text"),
@@ -111,3 +118,12 @@ def _check_type(name: str, kind: object, value: object) -> None:
         is_wrong = not all(isinstance(item, str) for item in value)  # type: ignore[attr-defined]
     if is_wrong:
         raise InputError(f"{name}: expected {expected}, got {value!r}")
+
+
+def _vector(name: str, value: tuple[float, ...]) -> tuple[float, float, float]:
+    """Return three finite numbers, or raise InputError."""
+    is_number = [isinstance(x, Real) and math.isfinite(x) for x in value]
+    if len(value) != 3 or not all(is_number):
+        raise InputError(f"{name}: expected three finite numbers, got {value!r}")
+    x, y, z = map(float, value)
+    return (x, y, z)

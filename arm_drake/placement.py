@@ -1,24 +1,18 @@
 """Where what nothing holds starts: free bases, links on floating joints."""
 
 import xml.etree.ElementTree as ET
+from collections.abc import Iterable
 
-import numpy as np
-from pydrake.geometry import (
-    Capsule,
-    Cylinder,
-    GeometryId,
-    SceneGraph,
-    SceneGraphInspector,
-    Sphere,
-)
+from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
 
 from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot
 from arm_drake.description.tree import from_the_root
 from arm_drake.plant import origin_of, transform_of
+from arm_drake.resting import PlacedShape, placed_shape, rest_on_ground
 
 
 def place_free_links(
@@ -29,8 +23,8 @@ def place_free_links(
 ) -> None:
     """Set where a free base starts, and links on floating joints.
 
-    Without a pose, a free base starts so that the robot's lowest collision point is on
-    the ground, z = 0. Floating links start where their joints' origins are; Drake makes
+    Without a pose, a free base starts where it rests on the ground, z = 0. Floating
+    links start where their joints' origins are; Drake makes
     them free bodies, at the world's origin.
 
     Args:
@@ -62,45 +56,41 @@ def place_free_links(
         place(description.base, X_WB)
     place_floating()
     if robot.has_free_base and robot.pose is None:
-        lowest = _lowest_point(plant, scene_graph, model)
-        place(description.base, RigidTransform([0.0, 0.0, -lowest]))
+        place(description.base, _resting_pose(plant, scene_graph, model))
         place_floating()
 
 
-def _lowest_point(
-    plant: MultibodyPlant, scene_graph: SceneGraph, model: ModelInstanceIndex
-) -> float:
-    """Return the height of a robot's lowest collision point [m]; 0 if it has none."""
-    context = plant.CreateDefaultContext()
-    inspector = scene_graph.model_inspector()
-    heights = []
-    for index in plant.GetBodyIndices(model):
+def find_shapes(
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    bodies: Iterable[BodyIndex],
+    X_AW: RigidTransform,
+) -> list[PlacedShape]:
+    """Return the collision shapes of bodies as they stand by default.
+
+    Args:
+        plant: The finalized plant.
+        scene_graph: Its scene graph.
+        bodies: The bodies.
+        X_AW: Pose of the world in the frame in which they are wanted.
+    """
+    context, inspector = plant.CreateDefaultContext(), scene_graph.model_inspector()
+    shapes = []
+    for index in bodies:
         body = plant.get_body(index)
-        X_WB = plant.EvalBodyPoseInWorld(context, body)
+        X_AB = X_AW @ plant.EvalBodyPoseInWorld(context, body)
         for geometry in plant.GetCollisionGeometriesForBody(body):
-            X_WG = X_WB @ inspector.GetPoseInFrame(geometry)
-            heights.append(_lowest_point_of(inspector, geometry, X_WG))
-    return float(min(heights, default=0.0))
+            X_AG = X_AB @ inspector.GetPoseInFrame(geometry)
+            shapes.append(placed_shape(inspector, geometry, X_AG))
+    return shapes
 
 
-def _lowest_point_of(
-    inspector: SceneGraphInspector, geometry: GeometryId, X_WG: RigidTransform
-) -> float:
-    """Return the height of a shape's lowest point [m]."""
-    shape, z = inspector.GetShape(geometry), X_WG.translation()[2]
-    along = abs(X_WG.rotation().matrix()[2, 2])  # Of the shape's axis, upwards.
-    if isinstance(shape, Sphere):
-        return float(z - shape.radius())
-    if isinstance(shape, Capsule):
-        return float(z - along * shape.length() / 2.0 - shape.radius())
-    if isinstance(shape, Cylinder):
-        across = np.sqrt(max(0.0, 1.0 - along**2))
-        return float(z - along * shape.length() / 2.0 - across * shape.radius())
-    hull = inspector.GetConvexHull(geometry)
-    if hull is not None:
-        corners = [X_WG @ hull.vertex(i) for i in range(hull.num_vertices())]
-        return float(min(corner[2] for corner in corners))
-    box = inspector.GetObbInGeometryFrame(geometry)
-    X_WO = X_WG @ box.pose()
-    reach = np.abs(X_WO.rotation().matrix()[2]) @ box.half_width()
-    return float(X_WO.translation()[2] - reach)
+def _resting_pose(
+    plant: MultibodyPlant, scene_graph: SceneGraph, model: ModelInstanceIndex
+) -> RigidTransform:
+    """Return how a base at the world's origin comes to rest on the ground."""
+    bodies = plant.GetBodyIndices(model)
+    shapes = find_shapes(plant, scene_graph, bodies, RigidTransform())
+    context = plant.CreateDefaultContext()
+    center = plant.CalcCenterOfMassPositionInWorld(context, [model])
+    return rest_on_ground(shapes, center)

@@ -43,7 +43,9 @@ def add_plant(
 
 def set_gravity(plant: MultibodyPlant, options: SimulationOptions) -> None:
     """Let gravity act, or not, as the options say."""
-    if not options.gravity:
+    if isinstance(options.gravity, tuple):
+        plant.mutable_gravity_field().set_gravity_vector(options.gravity)
+    elif options.gravity is False:
         plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, 0.0])
 
 

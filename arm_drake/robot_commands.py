@@ -70,6 +70,7 @@ def make_drive_commands(
         ),
         has_limits=any(c.system and c.system.limit_interfaces for c in controllers),
         holds=holds,
+        stops=(drive.gains.lower, drive.gains.upper),
     )
 
 

@@ -1,19 +1,21 @@
 """What a diagram has for each robot beside its hardware: manager, controllers, logs."""
 
 import dataclasses as dc
-import itertools
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Multiplexer, VectorLogSink, ZeroOrderHold
 
 from arm_drake import interfaces
+from arm_drake.chains import connect_chains
 from arm_drake.control.drive_commands import DriveCommands
 from arm_drake.control.generic_system import GenericSystem
 from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.controllers.sampled_states import SampledStates
+from arm_drake.description.gazebo_joints import Ros2ControlPlugin
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
+from arm_drake.exports import export_topics
 from arm_drake.frames import LinkFrames
 from arm_drake.hardware import Hardware
 from arm_drake.loaded_controllers import LoadedController
@@ -63,10 +65,25 @@ class RobotSystems:
             self.robot.description,
             self.robot.initial_positions,
             blocks,
+            sensors=self.robot.sensors,
             robot_name=self.robot.name,
             world_name=self.world_name,
         )
-        return dc.replace(there, gripper_ranges=gripper_ranges or {})
+        return dc.replace(
+            there, gripper_ranges=gripper_ranges or {}, namespace=self.namespace
+        )
+
+    @property
+    def namespace(self) -> str:
+        """Namespace of the robot's nodes.
+
+        With several robots it is the robot's name, or else that of the Gazebo plugin.
+        """
+        if self.prefix:
+            return f"/{self.robot.name}"
+        plugins = self.robot.description.joint_plugins
+        named = (p.namespace for p in plugins if isinstance(p, Ros2ControlPlugin))
+        return next(filter(None, named), "")
 
     @property
     def log_period(self) -> float:
@@ -129,13 +146,15 @@ class RobotSystems:
             if port is not None:
                 builder.Connect(manager.GetOutputPort(name), port)
         builder.Connect(joint_states, manager.GetInputPort(interfaces.STATE_PORT))
-        everything = hardware.everything or self._all_states(manager, joint_states)
+        everything = hardware.everything or self._all_states(
+            manager, joint_states, hardware.readings
+        )
         systems = {c.name: c.system for c in controllers if c.system is not None}
         for name, system in systems.items():
             self._add_controller(name, system, hardware, everything)
             manager.add_controller(builder, system)
-        _connect_chains(builder, systems.values())
-        _export_topics(builder, systems, prefix, report)
+        connect_chains(builder, systems.values())
+        export_topics(builder, systems, prefix, report)
         if controllers:
             switch = manager.GetInputPort(SWITCH_PORT)
             builder.ExportInput(switch, f"{prefix}{MANAGER}.{SWITCH_PORT}")
@@ -176,22 +195,33 @@ class RobotSystems:
                 kind = ":all" if everything is not hardware.joint_states else ""
                 measured = self._sample(measured, self.period, kind)
         self.builder.Connect(measured, system.GetInputPort(interfaces.STATE_PORT))
+        if system.HasInputPort(name := interfaces.FRAMES_PORT):
+            frames = self.builder.GetSubsystemByName(f"{self.prefix}frames")
+            self.builder.Connect(frames.get_output_port(), system.GetInputPort(name))
+        if system.HasInputPort(interfaces.CONTACTS_PORT) and hardware.contacts:
+            felt = system.GetInputPort(interfaces.CONTACTS_PORT)
+            self.builder.Connect(hardware.contacts, felt)
 
     def _all_states(
         self,
         manager: ControllerManager,
         joint_states: OutputPort,
+        readings: OutputPort | None,
     ) -> OutputPort:
-        """Return everything that can be read: joints, and what is only stored."""
-        if not manager.HasOutputPort(STORED_PORT):
+        """Return everything that can be read: joints, sensors, what is only stored."""
+        ports = [joint_states]
+        if readings is not None:
+            ports.append(readings)
+        if manager.HasOutputPort(STORED_PORT):
+            ports.append(manager.GetOutputPort(STORED_PORT))
+        if len(ports) == 1:
             return joint_states
-        stored = manager.GetOutputPort(STORED_PORT)
         total = self.builder.AddNamedSystem(
             f"{self.prefix}state_interfaces",
-            Multiplexer([joint_states.size(), stored.size()]),
+            Multiplexer([port.size() for port in ports]),
         )
-        self.builder.Connect(joint_states, total.get_input_port(0))
-        self.builder.Connect(stored, total.get_input_port(1))
+        for index, port in enumerate(ports):
+            self.builder.Connect(port, total.get_input_port(index))
         return total.get_output_port()
 
     def _record(self, joint_states: OutputPort) -> None:
@@ -235,66 +265,3 @@ class RobotSystems:
             f"{self.prefix}log:{name}", VectorLogSink(port.size(), period)
         )
         self.builder.Connect(port, log.get_input_port())
-
-
-def exported_name(port: str, controller: str) -> str:
-    """Return what a port is called in the diagram, without its robot's prefix.
-
-    A name with a slash in front, as Gazebo's topics have, is its own.
-
-    Args:
-        port: Name of a controller's port.
-        controller: Name of the controller.
-
-    Returns:
-        The name; empty if the port is no topic.
-    """
-    if interfaces.is_internal(port):
-        return ""
-    return port if port.startswith("/") else f"{controller}.{port}"
-
-
-def _connect_chains(
-    builder: DiagramBuilder, systems: Collection[ControllerInterface]
-) -> None:
-    """Connect controllers that command or read each other."""
-    for system, other in itertools.permutations(systems, 2):
-        if set(other.reference_interfaces) & set(system.command_interfaces):
-            tick = system.GetOutputPort(interfaces.COMMAND_PORT)
-            builder.Connect(tick, other.add_predecessor(system))
-        if set(system.exported_interfaces) & set(other.state_interfaces):
-            exported = system.GetOutputPort(interfaces.EXPORT_PORT)
-            builder.Connect(exported, other.add_exporter(system))
-
-
-def _export_topics(
-    builder: DiagramBuilder,
-    systems: Mapping[str, ControllerInterface],
-    prefix: str,
-    report: LoadReport,
-) -> None:
-    """Export the ports of controllers that are topics: all but their interfaces.
-
-    A topic with a name of its own may have several readers, and one publisher.
-    """
-    readers: set[str] = set()
-    publishers: dict[str, str] = {}
-    for name, system in systems.items():
-        for index in range(system.num_input_ports()):
-            port = system.get_input_port(index)
-            topic = exported_name(port.get_name(), name)
-            if topic in readers:
-                builder.ConnectInput(f"{prefix}{topic}", port)
-            elif topic:
-                builder.ExportInput(port, f"{prefix}{topic}")
-                readers.add(topic)
-        for index in range(system.num_output_ports()):
-            output = system.get_output_port(index)
-            topic = exported_name(output.get_name(), name)
-            first = publishers.setdefault(topic, name) if topic else name
-            if first != name:
-                what = f"{first!r} and {name!r} publish on the topic {topic!r}"
-                done = f"what {first!r} publishes is there"
-                report.add("warning", "unsupported", what, done)
-            elif topic:
-                builder.ExportOutput(output, f"{prefix}{topic}")

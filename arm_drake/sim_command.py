@@ -4,10 +4,13 @@ import argparse
 import json
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from pydrake.geometry import Meshcat
 
+from arm_drake import yaml_files
 from arm_drake.bundled import bundled_motions
 from arm_drake.description.robot import Robot
 from arm_drake.diagram import build_diagram
@@ -24,6 +27,7 @@ from arm_drake.visualization.browser import check_installed
 from arm_drake.visualization.meshcat import frame_points, save_html, start_meshcat
 from arm_drake.visualization.plot import check_plot_path
 from arm_drake.visualization.screenshot import SCREENSHOT_SUFFIXES, save_screenshot
+from arm_drake.world import load_world
 
 # How long a simulation without a motion lasts, headless [s].
 _HEADLESS_DURATION = 10.0
@@ -42,19 +46,21 @@ def simulate(options: argparse.Namespace, robot: Robot) -> int:
         options: Arguments of `arm-drake sim`.
         robot: The robot.
     """
+    # What Drake says of its file is kept, which native logging wouldn't.
+    world = load_world(options.world, robot.package_paths)
     use_native_logging()
     say = Speaker(is_quiet=options.json)
     if options.hold and options.headless:
         raise InputError("--hold keeps the page, and with --headless there is none")
     _check_outputs(options)
-    motion = _find_motion(options.motion, robot)
+    motion = _find_motion(options.motion, options.set, robot)
     meshcat = None
     if not options.headless or options.record or options.screenshot:
         meshcat = start_meshcat(host=options.host, port=options.port)
     simulation = Simulation(
         build_diagram(
             robot,
-            world=options.world,
+            world=world,
             options=_simulation_options(options),
             meshcat=meshcat,
         )
@@ -80,7 +86,7 @@ def simulate(options: argparse.Namespace, robot: Robot) -> int:
     duration = _choose_duration(options, motion)
     wall_time = _run(simulation, duration, motion, options, meshcat, say)
     rollout = simulation.rollout()
-    _write(rollout, options, meshcat, say)
+    _write(rollout, options, meshcat, say, robot)
     failures = list_failures(simulation)
     if options.json:
         print(json.dumps(summarize(simulation, robot, rollout, wall_time)))
@@ -100,7 +106,7 @@ def _simulation_options(options: argparse.Namespace) -> SimulationOptions:
     return SimulationOptions(
         preset=options.preset,
         time_step=options.time_step or defaults.time_step,
-        gravity=options.gravity == "on",
+        gravity=None if options.gravity is None else options.gravity == "on",
         active=tuple(options.active),
         inactive=tuple(options.inactive),
     )
@@ -122,18 +128,34 @@ def _check_outputs(options: argparse.Namespace) -> None:
             check_writable(path)
 
 
-def _find_motion(name: str | None, robot: Robot) -> Motion | None:
-    """Return the motion of a name or a file."""
+def _find_motion(
+    name: str | None, given: Sequence[tuple[str, str]], robot: Robot
+) -> Motion | None:
+    """Return the motion of a name or a file, with values of its parameters."""
     if name is None:
+        if given:
+            raise InputError("--set is for a parameter of a motion; give --motion, too")
         return None
+    parameters = _read_parameters(given)
     known = bundled_motions(robot.bundled) if robot.bundled else {}
     if name in known:
-        return load_motion(known[name])
+        return load_motion(known[name], parameters)
     if not Path(name).suffix and not Path(name).is_file():
         owner = robot.bundled or robot.name
         hint = suggest(name, known) if known else "give the file of a motion"
         raise MotionError(f"no motion {name!r} of {owner!r}, and no such file; {hint}")
-    return load_motion(name)
+    return load_motion(name, parameters)
+
+
+def _read_parameters(given: Sequence[tuple[str, str]]) -> dict[str, Any]:
+    """Return the values of `--set`, read as YAML."""
+    parameters = {}
+    for name, text in given:
+        try:
+            parameters[name] = yaml_files.parse(text)
+        except yaml_files.YamlError as error:
+            raise InputError(f"--set {name}={text}: {error.problem}") from None
+    return parameters
 
 
 def _choose_duration(
@@ -179,6 +201,7 @@ def _write(
     options: argparse.Namespace,
     meshcat: Meshcat | None,
     say: Speaker,
+    robot: Robot,
 ) -> None:
     """Write what the command line asks for."""
     if options.log is not None:
@@ -194,7 +217,9 @@ def _write(
         size = options.record.stat().st_size / 1e6
         say.line(f"recording: {options.record} ({size:.1f} MB)")
     if options.screenshot is not None and meshcat is not None:
-        save_screenshot(meshcat, options.screenshot)
+        # A house around the robot would be all that is seen of it.
+        path = f"drake/visual/{robot.name}"
+        save_screenshot(meshcat, options.screenshot, paths=[path])
         say.line(f"screenshot: {options.screenshot}")
 
 

@@ -6,7 +6,14 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial
 
 from arm_drake import interfaces
+from arm_drake.chain_kinematics import PlantKinematics
+from arm_drake.control.admittance import ChainKinematics
 from arm_drake.control.generic_system import GenericSystem
+from arm_drake.description.sensors import (
+    SensorInfo,
+    accelerating_joints,
+    sensed_names,
+)
 from arm_drake.description.urdf import RobotDescription
 
 
@@ -34,8 +41,14 @@ class Surroundings:
     # Name of the `<ros2_control>` block that an interface belongs to.
     blocks: Mapping[str, str] = dc.field(default_factory=dict)
 
+    # What `<ros2_control>` blocks name: "joint", "sensor" or "gpio", by name.
+    components: Mapping[str, str] = dc.field(default_factory=dict)
+
     # State interfaces that hold anything but a double, such as a bool.
     other_types: frozenset[str] = frozenset()
+
+    # State interfaces that sensors measure, in the order of their readings.
+    sensed: tuple[str, ...] = ()
 
     # Whether states come from physics, not from commands.
     has_physics: bool = True
@@ -57,10 +70,16 @@ class Surroundings:
     # Where grippers' joints are open and where closed [rad] or [m].
     gripper_ranges: Mapping[str, tuple[float, float]] = dc.field(default_factory=dict)
 
+    # Namespace of the robot's nodes; empty at the root.
+    namespace: str = ""
+
     # Names of the links, of the robot and of the world.
     links: tuple[str, ...] = ()
     robot_name: str = ""
     world_name: str = "empty"
+
+    # Returns the kinematics of joints, seen from a link; None if it isn't known.
+    make_kinematics: Callable[[Sequence[str], str], ChainKinematics] | None = None
 
     @property
     def measured(self) -> tuple[str, ...]:
@@ -68,7 +87,7 @@ class Surroundings:
         joints = interfaces.interface_names(
             self.joint_types, interfaces.STATE_INTERFACES
         )
-        return (*joints, *self.stored)
+        return (*joints, *self.sensed, *self.stored)
 
 
 def find_surroundings(
@@ -76,6 +95,7 @@ def find_surroundings(
     initial_positions: Mapping[str, float],
     blocks: Sequence[GenericSystem] | None = None,
     *,
+    sensors: Sequence[SensorInfo] = (),
     robot_name: str = "",
     world_name: str = "empty",
 ) -> Surroundings:
@@ -85,6 +105,7 @@ def find_surroundings(
         description: The robot.
         initial_positions: Initial positions by joint [rad] or [m].
         blocks: Hardware that mirrors commands, if that is what it has.
+        sensors: Its sensors; hardware that mirrors commands has none.
         robot_name: Name of the robot.
         world_name: Name of the world that it is in.
     """
@@ -107,12 +128,16 @@ def find_surroundings(
                 states[f"{component.name}/{interface.name}"] = (
                     default if value is None else value
                 )
+    sensed: tuple[str, ...] = ()
+    if blocks is None:
+        sensed = sensed_names(sensors, accelerating_joints(description))
+    known = simulated.union(sensed)
     return Surroundings(
         movable,
         tuple(commands),
         tuple(states),
         initial_positions,
-        {name: value for name, value in states.items() if name not in simulated},
+        {name: value for name, value in states.items() if name not in known},
         _driven(description, commands) if blocks is None else frozenset(),
         {
             f"{component.name}/{interface.name}": block.name
@@ -123,6 +148,16 @@ def find_surroundings(
                 *component.state_interfaces,
             )
         },
+        components={
+            component.name: kind
+            for block in description.hardware
+            for kind, components in (
+                ("gpio", block.gpios),
+                ("sensor", block.sensors),
+                ("joint", block.joints),
+            )
+            for component in components
+        },
         other_types=frozenset(
             f"{component.name}/{interface.name}"
             for block in description.hardware
@@ -130,6 +165,7 @@ def find_surroundings(
             for interface in component.state_interfaces
             if interface.data_type != "double"
         ),
+        sensed=sensed,
         has_physics=blocks is None,
         refuse=None if blocks is None else partial(_find_objections, blocks),
         velocity_limits={
@@ -146,6 +182,7 @@ def find_surroundings(
         links=tuple(description.links),
         robot_name=robot_name,
         world_name=world_name,
+        make_kinematics=partial(PlantKinematics, description, initial_positions),
     )
 
 

@@ -16,6 +16,7 @@ from arm_drake.controller_topics import (
 from arm_drake.directory import TopicInfo, TopicList
 from arm_drake.errors import InputError
 from arm_drake.messages import (
+    Bool,
     Float32,
     Float64,
     Float64MultiArray,
@@ -24,6 +25,9 @@ from arm_drake.messages import (
     MultiDOFCommand,
     SendGoal,
     SpeedScalingFactor,
+    TFMessage,
+    Twist,
+    TwistStamped,
 )
 from arm_drake.messages.checks import to_message
 from arm_drake.topic_names import Topic, TopicNames, TopicPort, message_type
@@ -111,6 +115,8 @@ class TopicHandle:
     def value(self) -> Any:
         """Return the latest message that was published on the topic.
 
+        Of frames it is the latest of each that anybody tells.
+
         Raises:
             InputError: If nobody publishes on it.
         """
@@ -125,6 +131,8 @@ class TopicHandle:
             self._simulation.eval_output(port.exported_as(port.port))
             for port in outputs
         ]
+        if all(isinstance(value, TFMessage) for value in values):
+            return _merge(values)
         # Without a stamp they are all as new; the first of equals is taken.
         return max(values, key=_stamp)
 
@@ -154,6 +162,12 @@ class TopicHandle:
     def _message(self, expected: type[Message], data: Any) -> Message:
         """Return data as a message of a class, always a new one."""
         takes = f"a {expected.__name__}"
+        if expected is Twist and self._topic.aliases:
+            # Bridges take stamped ones, and leave the stamp out.
+            if isinstance(data, Mapping) and "twist" in data:
+                data = self._message(TwistStamped, data)
+            if isinstance(data, TwistStamped):
+                data = data.twist
         if isinstance(data, expected):
             return dc.replace(data)  # type: ignore[type-var]
         if isinstance(data, Mapping) and expected is not Message:
@@ -167,6 +181,9 @@ class TopicHandle:
                 message = _NUMBERS[expected](data)
                 if all(map(math.isfinite, vars(message).values())):
                     return message
+            elif expected is Bool:
+                takes = "true, false or a Bool"
+                return Bool(data)
             elif expected is Float64MultiArray:
                 takes = f"a list of finite numbers or {takes}"
                 if _is_sequence(data):
@@ -216,6 +233,16 @@ def list_topics(names: TopicNames, eval_output: Callable[[str], Any]) -> TopicLi
             kind = type(eval_output(port.exported_as(port.port))).__name__
             rows.append(TopicInfo(topic.name, kind, "output", bridged_to))
     return rows
+
+
+def _merge(messages: Sequence[TFMessage]) -> TFMessage:
+    """Return one message with all frames, of equal ones the latest."""
+    if len(messages) == 1:
+        return messages[0]
+    told = (transform for message in messages for transform in message.transforms)
+    return TFMessage(
+        tuple({t.child_frame_id: t for t in sorted(told, key=_stamp)}.values())
+    )
 
 
 def _stamp(message: Any) -> tuple[int, int]:

@@ -10,9 +10,9 @@ from arm_drake.controllers.gripper_command import GRIPPER_COMMAND
 from arm_drake.controllers.joint_state_broadcaster import JointStateBroadcaster
 from arm_drake.description.bridge import TopicAlias
 from arm_drake.errors import InputError, suggest
+from arm_drake.exports import exported_name, with_prefix
 from arm_drake.manager import MANAGER, ControllerManager
 from arm_drake.messages import ActionRequest, Float32, Message
-from arm_drake.robot_systems import exported_name
 
 # Services of controllers that their handles have, and of the manager what does them.
 _SERVICES = ("query_state", "set_parameters")
@@ -23,6 +23,9 @@ _MANAGER_SERVICES = {
 
 # News for the Simulation; no topic of ROS.
 _EVENTS = "events"
+
+# Where all of a robot publish where their frames are, in ROS.
+_TF = "/tf"
 
 # Gazebo's default name has the index of the joint's axis; there is but one.
 _AXIS = re.compile(r"^(/model/.+/joint/.+)/0(/cmd_pos)$")
@@ -69,7 +72,7 @@ class TopicPort(NamedTuple):
     def exported_as(self, port: str) -> str:
         """Return the name in the diagram of a port of the same controller."""
         name = exported_name(port, self.system.params.controller_name)
-        return f"{self.manager.prefix}{name}"
+        return with_prefix(self.manager.prefix, name)
 
 
 class Topic(NamedTuple):
@@ -217,9 +220,10 @@ class _RobotTopics:
             own = _own_name(port, name)
             if isinstance(system, JointStateBroadcaster) and not self._is_local(name):
                 self._same[own] = own = f"/{port}"
-            topic = self._topic(own)
-            new = (*topic.outputs, TopicPort(self._manager, system, port))
-            self._topics[_key(topic.name)] = topic._replace(outputs=new)
+            for each in (own, _TF) if f"/{port}" == _TF else (own,):
+                topic = self._topic(each)
+                new = (*topic.outputs, TopicPort(self._manager, system, port))
+                self._topics[_key(topic.name)] = topic._replace(outputs=new)
 
     def _topic(self, own: str) -> Topic:
         return self._topics.get(_key(own), Topic(own))

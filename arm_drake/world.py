@@ -1,22 +1,59 @@
 """Worlds: what a robot stands on, bumps into and picks up."""
 
-from collections.abc import Callable, Mapping
+import os
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 
-from pydrake.geometry import Box
-from pydrake.math import RigidTransform
-from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
+from pydrake.multibody.plant import MultibodyPlant
 
 from arm_drake.errors import InputError, suggest
+from arm_drake.worlds.ground import add_ground
+from arm_drake.worlds.house import add_house
+from arm_drake.worlds.loaded_world import LoadedWorld
+from arm_drake.worlds.sdf_plant import load_sdf_world
 
-# Friction of the ground, static and dynamic.
-_GROUND_FRICTION = 1.0
+# Files that are worlds, by the ends of their names.
+WORLD_SUFFIXES = (".world", ".sdf")
 
-# A box, for Drake warns about half spaces [m].
-_GROUND_SIZE = (100.0, 100.0, 1.0)
+# Name of a built-in world, see `WORLDS`; an SDF file, as a Path or as a text that ends
+# like one; what adds a world to a plant; or a world that is loaded already.
+World = str | Path | Callable[[MultibodyPlant], None] | LoadedWorld
+
+WORLDS: Mapping[str, LoadedWorld] = {
+    "empty": LoadedWorld("empty", add_ground),
+    "house": LoadedWorld("house", add_house, has_grid=False),
+    "void": LoadedWorld("void"),
+}
 
 
-# Name of a built-in world, see `WORLDS`, or what adds one to a plant.
-World = str | Callable[[MultibodyPlant], None]
+def load_world(world: World, package_paths: Sequence[Path] = ()) -> LoadedWorld:
+    """Return a world that can be added to plants.
+
+    Args:
+        world: Name of a built-in world, see `WORLDS`; the file of an SDF world, as
+            Gazebo has them; or a function that adds bodies, joints and shapes to the
+            plant, and doesn't finalize it; it may call `add_world(plant, "empty")` for
+            the ground. A loaded world is returned.
+        package_paths: Folders to search first for models of an SDF world.
+
+    Raises:
+        InputError: If there is no such world, or its file can't be used.
+    """
+    if isinstance(world, LoadedWorld):
+        return world
+    if callable(world):
+        return LoadedWorld(add_to=_checked(world), has_things=True)
+    if isinstance(world, str) and world in WORLDS:
+        return WORLDS[world]
+    if isinstance(world, Path) or (isinstance(world, str) and _is_file_name(world)):
+        return load_sdf_world(Path(world).expanduser(), package_paths)
+    if not isinstance(world, str):
+        raise InputError(
+            "world: expected a name, a file or a function of the plant, "
+            f"got {world!r}; known: {', '.join(sorted(WORLDS))}"
+        )
+    hint = suggest(world, WORLDS)
+    raise InputError(f"unknown world {world!r}; {hint}, or a .world or .sdf file")
 
 
 def add_world(plant: MultibodyPlant, world: World) -> None:
@@ -24,46 +61,27 @@ def add_world(plant: MultibodyPlant, world: World) -> None:
 
     Args:
         plant: Where to add it.
-        world: Name of a built-in world, see `WORLDS`. Or a function that adds bodies,
-            joints and shapes to the plant, and doesn't finalize it; it may call
-            `add_world(plant, "empty")` for the ground.
+        world: As that of `load_world`.
 
     Raises:
-        InputError: If there is no such world, or if the function finalizes the plant.
+        InputError: If there is no such world, if its file can't be used, or if the
+            function finalizes the plant.
     """
-    if callable(world):
-        world(plant)
+    load_world(world).add_to(plant)
+
+
+def _is_file_name(world: str) -> bool:
+    return world.lower().endswith(WORLD_SUFFIXES) or os.sep in world
+
+
+def _checked(
+    function: Callable[[MultibodyPlant], None],
+) -> Callable[[MultibodyPlant], None]:
+    def add_to(plant: MultibodyPlant) -> None:
+        function(plant)
         if plant.is_finalized():
             raise InputError(
                 "world: the function finalized the plant; the robots come after it"
             )
-        return
-    if not isinstance(world, str):
-        raise InputError(
-            "world: expected a name or a function of the plant, "
-            f"got {world!r}; known: {', '.join(sorted(WORLDS))}"
-        )
-    if world not in WORLDS:
-        raise InputError(f"unknown world {world!r}; {suggest(world, WORLDS)}")
-    WORLDS[world](plant)
 
-
-def _add_ground(plant: MultibodyPlant) -> None:
-    """Add the ground plane z = 0, as Gazebo's empty world has it."""
-    plant.RegisterCollisionGeometry(
-        plant.world_body(),
-        RigidTransform([0.0, 0.0, -_GROUND_SIZE[2] / 2.0]),
-        Box(*_GROUND_SIZE),
-        "ground",
-        CoulombFriction(_GROUND_FRICTION, _GROUND_FRICTION),
-    )
-
-
-def _add_nothing(plant: MultibodyPlant) -> None:
-    del plant
-
-
-WORLDS: Mapping[str, Callable[[MultibodyPlant], None]] = {
-    "empty": _add_ground,
-    "void": _add_nothing,
-}
+    return add_to

@@ -191,7 +191,16 @@ def load(path: Path) -> Any:
     Raises:
         YamlError: If it can't be read or is malformed.
     """
-    node = compose(read_text(path))
+    return parse(read_text(path))
+
+
+def parse(text: str) -> Any:
+    """Return the plain value of a YAML text.
+
+    Raises:
+        YamlError: If it is malformed.
+    """
+    node = compose(text)
     return None if node is None else plain(node)
 
 

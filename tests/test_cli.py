@@ -18,6 +18,7 @@ from arm_drake.sim_output import list_failures
 from tests.robots import real_robot
 
 JTC = "joint_trajectory_controller"
+BUMPER = "end_effector_sensor"
 JOINTS = [f"joint{i}" for i in range(1, 7)]
 
 
@@ -57,14 +58,14 @@ def test_list_names_robots_motions_and_worlds(run):
     code, out, _ = run("list")
     assert code == 0
     assert "doosan_a0912\n  motions: topic, tutorial, waypoints" in out
-    assert "worlds: empty, void" in out
+    assert "worlds: empty, house, void" in out
 
 
 def test_list_as_json_is_one_object(run):
     _, out, _ = run("list", "--json")
     listed = json.loads(out)
     assert listed["robots"]["doosan_a0912"] == ["topic", "tutorial", "waypoints"]
-    assert listed["worlds"] == ["empty", "void"]
+    assert listed["worlds"] == ["empty", "house", "void"]
 
 
 def test_check_of_a_clean_robot_exits_with_0(run):
@@ -105,7 +106,11 @@ def test_check_exits_with_1_for_a_controller_that_does_not_load(run, tmp_path):
         "you mean 'joint_state_broadcaster/JointStateBroadcaster'?"
     )
     states = {row["name"]: row["state"] for row in checked["controllers"]}
-    assert states == {"joint_state_broadcaster": "unconfigured", JTC: "active"}
+    assert states == {
+        "joint_state_broadcaster": "unconfigured",
+        JTC: "active",
+        BUMPER: "active",
+    }
 
 
 def test_check_reports_a_joint_that_the_robot_lacks(run, tmp_path):
@@ -187,7 +192,7 @@ def test_check_tells_what_the_robot_is(run):
     assert (checked["links"], len(checked["joints"])) == (8, 6)
     assert checked["base"] == "fixed"
     assert checked["reach"] == pytest.approx(1.24, abs=0.01)
-    assert [row["problem"] for row in checked["controllers"]] == [None, None]
+    assert [row["problem"] for row in checked["controllers"]] == [None] * 3
 
 
 def test_check_reads_as_blocks_by_severity_and_file(run, tmp_path, monkeypatch):
@@ -344,7 +349,8 @@ def test_sim_exits_with_1_when_a_topic_message_is_refused(run, tmp_path):
         (
             ["dosan_a0912"],
             "unknown robot 'dosan_a0912': neither a bundled robot nor a file or "
-            "folder; did you mean 'doosan_a0912'? known: doosan_a0912",
+            "folder; did you mean 'doosan_a0912'? known: "
+            "centauri, doosan_a0912, lab5_arm, mycobot_280, teslabot",
         ),
         (
             ["doosan_a0912", "--motion", "tutoria"],
@@ -372,16 +378,17 @@ def test_sim_exits_with_1_when_a_topic_message_is_refused(run, tmp_path):
             "a.mp4: expected a .html file to record to",
         ),
         (
-            ["doosan_a0912", "--world", "house"],
-            "unknown world 'house'; known: empty, void",
+            ["doosan_a0912", "--world", "hous"],
+            "unknown world 'hous'; did you mean 'house'? known: empty, house, void, "
+            "or a .world or .sdf file",
         ),
         (
             ["doosan_a0912", "--inactive", "jtc"],
-            f"no controller 'jtc'; known: joint_state_broadcaster, {JTC}",
+            f"no controller 'jtc'; known: {BUMPER}, joint_state_broadcaster, {JTC}",
         ),
         (
             ["doosan_a0912", "--active", "jtc"],
-            f"no controller 'jtc'; known: joint_state_broadcaster, {JTC}",
+            f"no controller 'jtc'; known: {BUMPER}, joint_state_broadcaster, {JTC}",
         ),
         (
             ["doosan_a0912", "--active", JTC, "--inactive", JTC],

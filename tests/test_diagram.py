@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 import pinocchio
 import pytest
+from pydrake.common.value import Value
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.math import SpatialForce
+from pydrake.multibody.plant import ExternallyAppliedSpatialForce, MultibodyPlant
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
@@ -26,12 +28,16 @@ INPUTS = [
     "joint_trajectory_controller.speed_scaling_input",
     "controller_manager.switch_controller",
 ]
+# Of the plant, for all robots.
+PUSH = "applied_spatial_force"
 OUTPUTS = [
+    "contacts",
     "frames",
     "joint_state_broadcaster.joint_states",
     "joint_state_broadcaster.dynamic_joint_states",
     "joint_trajectory_controller.controller_state",
     "joint_trajectory_controller.events",
+    "/contact_sensor/bumper_link6",
     "joint_states",
 ]
 
@@ -83,7 +89,7 @@ def state_bytes(diagram: Diagram, context: Context) -> list[bytes]:
 def test_ports_of_one_robot_are_named_as_in_ros() -> None:
     diagram = ad.build_diagram(ad.load_robot("doosan_a0912"))
 
-    assert input_names(diagram) == INPUTS
+    assert input_names(diagram) == [*INPUTS, PUSH]
     assert output_names(diagram) == [*OUTPUTS, "state"]
 
 
@@ -96,9 +102,10 @@ def test_ports_of_several_robots_start_with_the_robot() -> None:
     diagram = ad.build_diagram(robots)
 
     names = ("left", "right")
-    assert input_names(diagram) == [f"{name}/{p}" for name in names for p in INPUTS]
+    inputs = [f"{name}/{port}" for name in names for port in INPUTS]
+    assert input_names(diagram) == [*inputs, PUSH]
     assert output_names(diagram) == [
-        *(f"{name}/{port}" for name in names for port in OUTPUTS),
+        *(f"{name}/{port.lstrip('/')}" for name in names for port in OUTPUTS),
         "state",
     ]
 
@@ -106,8 +113,28 @@ def test_ports_of_several_robots_start_with_the_robot() -> None:
 def test_ports_of_a_robot_without_controllers_are_its_states(tmp_path: Path) -> None:
     diagram = ad.build_diagram(models.load(tmp_path, models.TWO_LINKS))
 
-    assert input_names(diagram) == []
-    assert output_names(diagram) == ["frames", "joint_states", "state"]
+    assert input_names(diagram) == [PUSH]
+    assert output_names(diagram) == ["contacts", "frames", "joint_states", "state"]
+
+
+def test_a_force_pushes_a_body(tmp_path: Path) -> None:
+    # A mass of 1 kg on a vertical slide that nothing drives, without gravity.
+    control = models.ros2_control(states=("slide",))
+    urdf = models.LIFT.replace(models.ros2_control("slide"), control)
+    options = ad.SimulationOptions(gravity=False)
+    diagram = ad.build_diagram(models.load(tmp_path, urdf), options=options)
+    sim = ad.Simulation(diagram)
+    push = ExternallyAppliedSpatialForce()
+    push.body_index = diagram.GetSubsystemByName("plant").GetBodyByName("load").index()
+    push.F_Bq_W = SpatialForce([0.0, 0.0, 0.0], [0.0, 0.0, 0.3])
+    port = diagram.GetInputPort(PUSH)
+    port.FixValue(sim.simulator.get_mutable_context(), Value([push]))
+
+    sim.run(1.0)
+
+    rollout = sim.rollout()
+    v = rollout.velocity[:, 0]
+    np.testing.assert_allclose(v, 0.3 / models.MASS * rollout.time, atol=1e-9)
 
 
 def test_every_system_has_a_name(tmp_path: Path) -> None:

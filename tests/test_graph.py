@@ -163,6 +163,6 @@ def test_a_chain_leads_from_controller_to_controller(tmp_path):
 
     graph = make_graph(robot, controllers)
 
-    assert [node.followers for node in graph.controllers] == [("pid",), ()]
+    assert [node.followers for node in graph.controllers] == [("pid",), (), ()]
     assert graph.notes[0] == "top commands pid"
     assert '"controller top" -> "controller pid";' in make_dot(graph)

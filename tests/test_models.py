@@ -1,14 +1,19 @@
 """The bundled robots are the published ones: same kinematics, dynamics and limits."""
 
 import itertools
+import runpy
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
 from xml.etree import ElementTree
 
+import collada
 import numpy as np
 import pinocchio
 import pytest
+import trimesh
 import xacro
 import xacro.substitution_args
 import yaml
@@ -137,23 +142,13 @@ def numbers(element: ElementTree.Element, *names: str) -> np.ndarray:
 
 
 def extent(visual: ElementTree.Element) -> np.ndarray:
-    """Lower and upper corner of the box around a shape, in the link's axes."""
+    """Lower and upper corner of the box around a mesh, in the link's axes."""
     (shape,) = visual.find("geometry")
-    sizes = {
-        key: np.array([float(word) for word in value.split()])
-        for key, value in shape.attrib.items()
-    }
-    R = pinocchio.rpy.rpyToMatrix(numbers(visual, "rpy"))
-    if shape.tag == "box":
-        half = np.abs(R) @ sizes["size"] / 2
-    elif shape.tag == "sphere":
-        half = np.full(3, sizes["radius"].item())
-    else:
-        axis = np.abs(R[:, 2])
-        across = np.sqrt(np.clip(1 - axis**2, 0, None))
-        half = sizes["length"] / 2 * axis + sizes["radius"] * across
-    center = numbers(visual, "xyz")
-    return np.array([center - half, center + half])
+    path = url2pathname(urlsplit(shape.attrib["filename"]).path)
+    mesh = trimesh.load(path, force="mesh")
+    assert shape.attrib["scale"] == "1 1 1"
+    assert not numbers(visual, "xyz", "rpy").any()
+    return np.asarray(mesh.bounds)
 
 
 def parse(urdf: str) -> ElementTree.Element:
@@ -317,13 +312,21 @@ def test_a0912_names_each_shape_of_a_link_once(a0912: str, tag: str) -> None:
         assert len(set(names)) == len(names)
 
 
-def test_a0912_can_be_white(expand: Expand) -> None:
-    white = expand_a0912(expand, color="white")
+@pytest.mark.parametrize(
+    ("color", "body"), [("blue", (0.138, 0.188, 0.238)), ("white", (0.8, 0.81, 0.82))]
+)
+def test_a0912_is_painted_by_its_argument(
+    expand: Expand, color: str, body: tuple[float, float, float]
+) -> None:
+    root = parse(expand_a0912(expand, color=color))
 
-    color = parse(white).find("material[@name='body']/color")
-    red, green, blue, alpha = (float(word) for word in color.attrib["rgba"].split())
-    assert min(red, green, blue) > 0.85
-    assert alpha == 1
+    for link in ("link1", "link2", "link3", "link4", "link5"):
+        (mesh,) = root.iterfind(f"link[@name='{link}']/visual/geometry/mesh")
+        path = url2pathname(urlsplit(mesh.attrib["filename"]).path)
+        document = collada.Collada(path)
+        (paint,) = [m for m in document.materials if m.name == "body"]
+        assert paint.effect.diffuse == pytest.approx((*body, 1.0))
+        assert document.assetInfo.unitmeter == 1.0
 
 
 def test_a0912_refuses_a_paint_it_does_not_have(expand: Expand) -> None:
@@ -331,6 +334,23 @@ def test_a0912_refuses_a_paint_it_does_not_have(expand: Expand) -> None:
         xacro.XacroException, match="color: expected blue or white, got 'pink'"
     ):
         expand_a0912(expand, color="pink")
+
+
+def test_a0912_refuses_a_gripper_it_does_not_have(expand: Expand) -> None:
+    with pytest.raises(
+        xacro.XacroException, match="gripper: expected none, got 'robotiq_2f'"
+    ):
+        expand_a0912(expand, gripper="robotiq_2f")
+
+
+@pytest.mark.parametrize(("namespace", "found"), [("", []), ("cell", ["cell"])])
+def test_a0912_controllers_can_have_a_name_space(
+    expand: Expand, namespace: str, found: list[str]
+) -> None:
+    root = parse(expand_a0912(expand, namespace=namespace))
+
+    tags = root.iterfind("gazebo/plugin/ros/namespace")
+    assert [tag.text for tag in tags] == found
 
 
 def test_a0912_expands_without_a_word(
@@ -428,3 +448,156 @@ def test_a0912_topic_repeats_one_pose_each_second() -> None:
     (point,) = step["trajectory"]["points"]
     assert point["positions"] == [-0.5, -0.5, -0.5, 0.5, 0.5, -0.5]
     assert point["time_from_start"] == 2.0
+
+
+MYCOBOT = MODELS / "mycobot_280"
+MYCOBOT_URDFS = "mycobot_280/mycobot_gazebo/urdf"
+
+# What moves the joints, and the published description where it does.
+MYCOBOT_CONTROLS = {
+    "gazebo": f"{MYCOBOT_URDFS}/mycobot_280_gazebo.urdf.xacro",
+    "ros2_control": f"{MYCOBOT_URDFS}/ros2_control/gazebo/mycobot_280.urdf.xacro",
+    "classic": f"{MYCOBOT_URDFS}/mycobot_280_classic_gazebo.urdf.xacro",
+}
+
+# The joints whose published limits of 0.5 don't let the gripper close to -0.7 [rad].
+MYCOBOT_OUTER_JOINTS = (
+    "gripper_left3_to_gripper_left1",
+    "gripper_right3_to_gripper_right1",
+)
+
+# Corners of the box around each published mesh, in the link's frame [mm].
+MYCOBOT_BOXES = {
+    "link2": ((-24.0, -36.6, -64.1), (24.0, 24.0, 22.9)),
+    "link3": ((-132.0, -24.0, 29.8), (24.0, 24.0, 85.3)),
+    "link4": ((-115.2, -21.6, -22.4), (21.6, 21.6, 35.4)),
+    "link5": ((-19.3, -36.6, -33.7), (19.3, 19.7, 19.1)),
+    "link6": ((-19.2, -21.6, -38.0), (19.2, 35.1, 19.1)),
+    "link6_flange": ((-19.2, -19.2, -12.0), (19.2, 19.2, 1.7)),
+    "gripper_base": ((-29.0, -32.3, -13.2), (29.0, 29.9, 37.7)),
+    "gripper_left1": ((-5.7, -5.0, -18.5), (18.8, 53.2, 2.1)),
+    "gripper_left2": ((-32.4, -4.7, -18.2), (3.5, 19.6, 1.8)),
+    "gripper_left3": ((-32.2, -14.2, -3.2), (12.8, 19.3, 1.8)),
+    "gripper_right1": ((-20.0, -4.6, -18.5), (4.5, 53.6, 2.1)),
+    "gripper_right2": ((-4.5, -4.7, -18.2), (31.2, 20.0, 1.8)),
+    "gripper_right3": ((-14.0, -14.3, -3.2), (31.0, 19.7, 1.8)),
+}
+
+
+@pytest.fixture(params=MYCOBOT_CONTROLS)
+def mycobots(request: pytest.FixtureRequest, expand: Expand) -> tuple[str, str]:
+    """Return the URDFs of our myCobot and of the published one."""
+    published = real_robot(MYCOBOT_CONTROLS[request.param])
+    folder = published.parents[published.parts[::-1].index("mycobot_280") - 1]
+    names = ("mycobot_gazebo", "mycobot_description")
+    packages = {name: folder / name for name in names}
+    ours = expand_mycobot(expand, control=request.param)
+    return ours, expand(published, packages)
+
+
+def expand_mycobot(expand: Expand, **args: str) -> str:
+    file = MYCOBOT / "urdf" / "mycobot_280.urdf.xacro"
+    return expand(file, {"mycobot_280": MYCOBOT}, **args)
+
+
+def inertials(urdf: str) -> dict[str, list[float]]:
+    """Return mass, centre of mass, its axes and inertia of the links that have them."""
+    moments = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    return {
+        link.attrib["name"]: [
+            float(inertial.find("mass").attrib["value"]),
+            *numbers(inertial, "xyz", "rpy"),
+            *(float(inertial.find("inertia").attrib[key]) for key in moments),
+        ]
+        for link in parse(urdf).findall("link")
+        for inertial in link.findall("inertial")
+    }
+
+
+def mimics(urdf: str) -> dict[str, tuple[str, float, float]]:
+    return {
+        joint.attrib["name"]: (
+            mimic.attrib["joint"],
+            float(mimic.attrib["multiplier"]),
+            float(mimic.attrib["offset"]),
+        )
+        for joint in parse(urdf).findall("joint")
+        for mimic in joint.findall("mimic")
+    }
+
+
+def test_mycobot_has_the_published_limits_but_two(mycobots: tuple[str, str]) -> None:
+    ours, published = map(joint_figures, mycobots)
+
+    for joint in MYCOBOT_OUTER_JOINTS:
+        assert (published[joint]["lower"], published[joint]["upper"]) == (-0.5, 0.5)
+        assert (ours[joint]["lower"], ours[joint]["upper"]) == (-0.8, 0.8)
+        ours[joint] |= {"lower": -0.5, "upper": 0.5}
+    assert {"lower", "upper", "damping", "friction"} < set(ours["link1_to_link2"])
+    assert ours == published
+
+
+def test_mycobot_has_the_published_masses_and_inertias(
+    mycobots: tuple[str, str],
+) -> None:
+    ours, published = map(inertials, mycobots)
+
+    assert ours == published
+    # The sum of the figures in the published file.
+    assert sum(link[0] for link in ours.values()) == pytest.approx(1.2549, abs=1e-9)
+
+
+def test_mycobot_poses_all_links_like_the_published_arm(
+    mycobots: tuple[str, str],
+) -> None:
+    ours, published = map(pinocchio.buildModelFromXML, mycobots)
+    links = [frame.name for frame in published.frames]
+
+    assert list(ours.names) == list(published.names)
+    assert sorted(frame.name for frame in ours.frames) == sorted(links)
+    assert mimics(mycobots[0]) == mimics(mycobots[1])
+    assert len(mimics(mycobots[0])) == 5
+    for q in configurations(published):
+        for link in links:
+            X_WL = link_pose(published, q, link)
+            np.testing.assert_allclose(link_pose(ours, q, link), X_WL, atol=1e-12)
+
+
+@pytest.mark.parametrize("link", MYCOBOT_BOXES)
+def test_mycobot_meshes_fill_the_box_of_the_published_ones(link: str) -> None:
+    mesh = trimesh.load(MYCOBOT / "meshes" / f"{link}.dae").to_geometry()
+
+    # Most are within 1.5 mm; the ends that stick in each other differ by up to 3.7 mm.
+    np.testing.assert_allclose(mesh.bounds * 1e3, MYCOBOT_BOXES[link], atol=4.0)
+
+
+def test_mycobot_meshes_are_those_that_the_script_makes() -> None:
+    script = runpy.run_path(str(MYCOBOT / "meshes" / "make_meshes.py"))
+    links, document = script["links"], script["document"]
+
+    for link, parts in links().items():
+        made = document(link, parts)
+        kept = collada.Collada(str(MYCOBOT / "meshes" / f"{link}.dae"))
+        assert kept.assetInfo.unitmeter == 1.0
+        assert [e.id for e in kept.effects] == [e.id for e in made.effects]
+        for ours, file in zip(made.geometries, kept.geometries, strict=True):
+            (shape,), (written,) = ours.primitives, file.primitives
+            assert ours.id == file.id
+            np.testing.assert_array_equal(written.vertex_index, shape.vertex_index)
+            # Written with seven digits.
+            np.testing.assert_allclose(written.vertex, shape.vertex, atol=1e-6)
+
+
+def test_mycobot_refuses_a_control_it_does_not_have(expand: Expand) -> None:
+    message = "control: expected gazebo, ros2_control, classic, got 'ros1'"
+    with pytest.raises(xacro.XacroException, match=message):
+        expand_mycobot(expand, control="ros1")
+
+
+@pytest.mark.parametrize("control", MYCOBOT_CONTROLS)
+def test_mycobot_expands_without_a_word(
+    expand: Expand, capsys: pytest.CaptureFixture[str], control: str
+) -> None:
+    expand_mycobot(expand, control=control)
+
+    assert capsys.readouterr().err == ""

@@ -39,12 +39,13 @@ POINT = "{positions: [1, 2.5], time_from_start: 2}"
 TIME = "expected seconds or {sec: int, nanosec: int}"
 KINDS = (
     "['cancel', 'cmd_vel', 'commands', 'commands_from_to', 'data', 'data_from_to', "
-    "'goal', 'gripper_command', 'speed_scaling', 'switch_controllers', 'trajectory']"
+    "'goal', 'gripper_command', 'speed_scaling', 'switch_controllers', 'trajectory', "
+    "'trajectory_table']"
 )
 KEYS = (
     "at, cancel, cmd_vel, commands, commands_from_to, controller, count, data, "
     "data_from_to, every, goal, gripper_command, ping_pong, repeat, speed_scaling, "
-    "switch_controllers, topic, topics, trajectory"
+    "switch_controllers, topic, topics, trajectory, trajectory_table"
 )
 RAMP = "every: 1, count: 3, controller: a, commands_from_to"
 TOPICS = "every: 1, count: 3, topics: [/a, /b], data_from_to"
@@ -425,7 +426,7 @@ def test_an_error_of_a_list_in_python_has_no_file():
     ("text", "message"),
     [
         ("", "expected a list of steps, got NoneType"),
-        ("a: 1", "expected a list of steps, got dict"),
+        ("a: 1", "unknown key 'a'; known: parameters, steps"),
         ("hello", "expected a list of steps, got str"),
         (
             "- {at: 0, controller: a, cancel: true}\n- 5",
@@ -685,9 +686,9 @@ def test_an_error_of_a_list_in_python_has_no_file():
             "some",
         ),
         (
-            "- {every: 1, controller: a, trajectory_table: a.csv}",
-            f"[0]: unknown key 'trajectory_table'; did you mean 'trajectory'? known: "
-            f"{KEYS}",
+            "- {every: 1, controller: a, trajectory_tables: a.csv}",
+            f"[0]: unknown key 'trajectory_tables'; did you mean 'trajectory_table'? "
+            f"known: {KEYS}",
         ),
         (goal("5"), "[0].goal: expected a mapping, got 5"),
         (

@@ -41,7 +41,7 @@ def test_defaults_are_a_millisecond_of_full_physics_without_self_collision() -> 
 
     assert options.time_step == 1e-3
     assert options.servo_bandwidth == 40.0
-    assert options.gravity
+    assert options.gravity is None
     assert options.friction
     assert not options.self_collision
     assert options.log_rate is None
@@ -71,6 +71,9 @@ def test_a_text_is_no_list_of_controllers(field: str) -> None:
         ("gravity_compensation", "off", "True or False"),
         ("friction", math.nan, "True or False"),
         ("reflected_inertia", "yes", "True, False or None"),
+        ("gravity", "off", "True, False, (x, y, z) [m/s^2] or None"),
+        ("gravity", (0.0, -9.81), "three finite numbers"),
+        ("gravity", (0.0, 0.0, math.inf), "three finite numbers"),
         ("servo_bandwidth", "40", "a number"),
         ("servo_bandwidth", True, "a number"),
         ("time_step", None, "a number"),

@@ -194,7 +194,8 @@ def test_messages_of_a_motion_are_sent_when_they_are_due(sim):
     [
         (
             {"controller": "jtc", "cancel": True},
-            "[0].cancel: no controller 'jtc'; known: joint_state_broadcaster, "
+            "[0].cancel: no controller 'jtc'; known: end_effector_sensor, "
+            "joint_state_broadcaster, "
             "joint_trajectory_controller",
         ),
         (
@@ -432,8 +433,14 @@ def test_the_list_of_controllers_reads_as_a_table(sim):
         "          active",
         "joint_trajectory_controller  joint_trajectory_controller/"
         "JointTrajectoryController  active",
+        "end_effector_sensor          gazebo_plugins/GazeboRosBumper"
+        "                         active",
     ]
-    assert [row.name for row in listed] == ["joint_state_broadcaster", JTC]
+    assert [row.name for row in listed] == [
+        "joint_state_broadcaster",
+        JTC,
+        "end_effector_sensor",
+    ]
     assert isinstance(listed, list)
 
 
@@ -512,7 +519,7 @@ def test_the_result_of_a_switch_is_news(competing):
         ({"robot": ["r2"]}, "no robot ['r2']; known: a0912"),
         (
             {"activate": ["jtc"]},
-            "no controller 'jtc'; known: joint_state_broadcaster, "
+            "no controller 'jtc'; known: end_effector_sensor, joint_state_broadcaster, "
             "joint_trajectory_controller",
         ),
     ],
@@ -530,7 +537,7 @@ def test_a_request_to_switch_is_one(sim):
 
 
 def test_a_controller_is_found_by_its_name_alone(sim):
-    with pytest.raises(InputError, match=r"^no controller \[1\]; known: joint_state"):
+    with pytest.raises(InputError, match=r"^no controller \[1\]; known: end_effector"):
         sim.controller([1])
 
 
@@ -549,8 +556,10 @@ def test_a_switch_of_several_robots_names_them():
     assert states(sim) == {
         "left/joint_state_broadcaster": "inactive",
         f"left/{JTC}": "active",
+        "left/end_effector_sensor": "active",
         "right/joint_state_broadcaster": "active",
         f"right/{JTC}": "inactive",
+        "right/end_effector_sensor": "active",
     }
 
 
@@ -732,4 +741,5 @@ def test_what_was_sent_after_a_context_was_saved_is_undone_with_it(tmp_path):
     assert states == {
         "joint_state_broadcaster": "inactive",
         "joint_trajectory_controller": "active",
+        "end_effector_sensor": "active",
     }

@@ -14,14 +14,31 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from pydrake.geometry import SceneGraph
+from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import PrismaticJoint, SpatialInertia
 from pydrake.systems.framework import LeafSystem
 
 import arm_drake
 import arm_drake as ad
+from arm_drake import interfaces
+from arm_drake.contact_readings import ContactReadings
 from arm_drake.control.drive_commands import DriveCommands
 from arm_drake.controllers import gazebo_plugins as gazebo
+from arm_drake.controllers.admittance_controller import AdmittanceController
+from arm_drake.controllers.admittance_parameters import (
+    Admittance,
+    AdmittanceControllerParameters,
+    CoG,
+    Frame,
+    FtSensor,
+    GravityCompensation,
+    InFrame,
+    Kinematics,
+)
 from arm_drake.controllers.battery_state_broadcaster import (
     BatteryStateBroadcaster,
     BatteryStateBroadcasterParameters,
@@ -88,6 +105,10 @@ from arm_drake.controllers.parallel_gripper_action_controller import (
     ParallelGripperActionController,
     ParallelGripperActionControllerParameters,
 )
+from arm_drake.controllers.passthrough_controller import (
+    PassthroughController,
+    PassthroughControllerParameters,
+)
 from arm_drake.controllers.pid_controller import PidController
 from arm_drake.controllers.pid_parameters import PidControllerParameters
 from arm_drake.controllers.pose_broadcaster import (
@@ -109,12 +130,23 @@ from arm_drake.controllers.steering_parameters import (
 )
 from arm_drake.controllers.tricycle_controller import TricycleController
 from arm_drake.controllers.tricycle_parameters import TricycleControllerParameters
+from arm_drake.controllers.vda5050_safety_state_broadcaster import (
+    SafetyInterfaces,
+    Vda5050SafetyStateBroadcaster,
+    Vda5050SafetyStateBroadcasterParameters,
+)
+from arm_drake.description import gazebo_drives as drives
 from arm_drake.description import gazebo_joints as tags
+from arm_drake.description.gazebo_bumpers import ContactSensorTag
+from arm_drake.description.sensors import SensorInfo
 from arm_drake.frames import LinkFrames
 from arm_drake.kinematic import KinematicPlant
 from arm_drake.manager import ControllerManager
 from arm_drake.mock_hardware import MockHardware
+from arm_drake.sensor_readings import SensorReadings
 from arm_drake.surroundings import Surroundings
+from arm_drake.wheel_slip import BaseTruth
+from arm_drake.wheels import Wheel
 
 PACKAGE = Path(arm_drake.__file__).parent
 
@@ -125,11 +157,14 @@ LAYERS = [
     ["arguments", "drake_log", "output_files"],
     ["description", "options", "visualization"],
     [
+        "beams",
         "contact",
         "control",
         "plant",
+        "plant_ports",
+        "resting",
         "switching",
-        "world",
+        "worlds",
         "frames",
         "motion",
         "rollout",
@@ -137,12 +172,16 @@ LAYERS = [
     [
         "servo",
         "controllers",
+        "world",
         "placement",
+        "wheels",
         "dynamics_samples",
         "gripper_ranges",
-        "surroundings",
+        "chain_kinematics",
+        "contact_readings",
+        "sensor_readings",
     ],
-    ["couplings", "gain_report"],
+    ["couplings", "exports", "gain_report", "ground_check", "surroundings"],
     [
         "drives",
         "joint_friction",
@@ -150,10 +189,11 @@ LAYERS = [
         "kinematic",
         "controller_topics",
         "missing_interfaces",
+        "chains",
         "parameter_changes",
     ],
-    ["hardware", "controller_loader", "model_check", "robot_commands"],
-    ["drive_report"],
+    ["hardware", "controller_loader", "model_check", "robot_commands", "wheel_slip"],
+    ["drive_report", "mobile_bases", "robot_sensors"],
     ["controller_loading", "mock_hardware"],
     ["manager", "loading"],
     ["clients", "directory", "recording", "robot_systems"],
@@ -185,9 +225,9 @@ WITHOUT_DRAKE = [
 KNOWN_TO_CONTROLLERS = re.compile(
     r"errors|interfaces|timing|messages(\..*)?|control(\..*)?"
     r"|controllers\.(controller_interface|ticking_controller|cycles|forward_controllers_base"
-    r"|gripper_(command|controller_base)|gazebo_(topics|command_base)"
+    r"|gripper_(command|controller_base)|gazebo_(topics|command_base|truth)"
     r"|joint_trajectory_(parameters|setup)|pid_gains|[a-z_]+_parameters|speed_limits|topics"
-    r"|base_topics|diff_drive_inbox|validation)|description\.(parameters|given|gazebo_joints)"
+    r"|base_topics|diff_drive_inbox|admittance_(inbox|setup|status)|validation)|description\.(parameters|given|gazebo_(joints|drives|bumpers))"
 )
 
 MAX_LINES = 300
@@ -366,13 +406,71 @@ def make_plant() -> MultibodyPlant:
     return plant
 
 
+class OneJoint:
+    """Kinematics of a single joint."""
+
+    def pose(self, q: np.ndarray, link: str) -> np.ndarray:
+        return np.eye(4)
+
+    def jacobian(self, q: np.ndarray, link: str) -> np.ndarray:
+        return np.zeros((6, 1))
+
+    def joints_to(self, link: str) -> tuple[str, ...]:
+        return ("joint",)
+
+
+def make_admittance_controller() -> AdmittanceController:
+    frame, six = Frame("tip"), (1.0,) * 6
+    parameters = AdmittanceControllerParameters(
+        ("joint",),
+        ("position",),
+        ("position",),
+        ("position", "velocity"),
+        Kinematics("plugin", "package", "base", "tip"),
+        FtSensor("s", frame),
+        InFrame(frame),
+        InFrame(Frame("base")),
+        GravityCompensation(frame, CoG((0.0, 0.0, 0.0))),
+        Admittance((True,) * 6, six, six, six),
+    )
+    params = dc.replace(
+        controller_params(),
+        links=("base", "tip"),
+        make_kinematics=lambda joints, base: OneJoint(),
+    )
+    return AdmittanceController(parameters, params)
+
+
+def make_sensor_readings() -> SensorReadings:
+    measured = tuple(sorted(interfaces.MEASURED))
+    sensor = SensorInfo("s", measured, "child", joint="joint")
+    plant = MultibodyPlant(0.0)
+    body = plant.AddRigidBody("child", SpatialInertia.SolidSphereWithMass(1.0, 1.0))
+    frames = (plant.world_frame(), body.body_frame())
+    plant.AddJoint(PrismaticJoint("joint", *frames, [1.0, 0.0, 0.0]))
+    plant.Finalize()
+    model = plant.GetModelInstanceByName("DefaultModelInstance")
+    return SensorReadings(plant, SceneGraph(), model, [sensor], ["joint"])
+
+
+def make_contact_readings() -> ContactReadings:
+    plant = make_plant()
+    model = plant.GetModelInstanceByName("DefaultModelInstance")
+    return ContactReadings(plant, SceneGraph(), model)
+
+
 # How to make each system, small.
 FACTORIES: dict[type[LeafSystem], Callable[[], LeafSystem]] = {
     MockHardware: lambda: MockHardware(
         ad.load_robot("doosan_a0912"), [], [], [], period=0.01
     ),
     KinematicPlant: lambda: KinematicPlant(make_plant(), {}),
+    BaseTruth: lambda: BaseTruth(
+        "base", 1, RigidTransform(), [Wheel("j", 2, np.zeros(3), np.eye(3)[1], 0.1)]
+    ),
     LinkFrames: lambda: LinkFrames([0]),
+    SensorReadings: make_sensor_readings,
+    ContactReadings: make_contact_readings,
     ControllerManager: make_manager,
     SampledStates: lambda: SampledStates("controller", 3, 0.01),
     JointStateBroadcaster: lambda: JointStateBroadcaster(
@@ -410,12 +508,37 @@ FACTORIES: dict[type[LeafSystem], Callable[[], LeafSystem]] = {
     gazebo.JointStatePublisher: lambda: gazebo.make_plugin(
         [tags.JointStatePublisher(topic="<topic>")], controller_params()
     ),
+    gazebo.ContactSensor: lambda: gazebo.make_plugin(
+        [ContactSensorTag("s", "base", ("base::hull",), "<topic>", frame="base")],
+        dc.replace(controller_params(), links=("base",)),
+    ),
     gazebo.GazeboRosJointPoseTrajectory: lambda: gazebo.make_plugin(
         [tags.GazeboRosJointPoseTrajectory()], controller_params()
     ),
     gazebo.GazeboRosJointStatePublisher: lambda: gazebo.make_plugin(
         [tags.GazeboRosJointStatePublisher(("joint",))], controller_params()
     ),
+    gazebo.DiffDrive: lambda: gazebo.make_plugin(
+        [
+            drives.DiffDrive(
+                ("joint",),
+                ("joint",),
+                topic="<topic>",
+                odom_topic="<odom_topic>",
+                tf_topic="<tf_topic>",
+            )
+        ],
+        dc.replace(controller_params(), robot_name="<model>"),
+    ),
+    gazebo.GazeboRosDiffDrive: lambda: gazebo.make_plugin(
+        [
+            drives.GazeboRosDiffDrive(
+                ("joint",), ("joint",), publish_odom=True, publish_odom_tf=True
+            )
+        ],
+        controller_params(),
+    ),
+    AdmittanceController: make_admittance_controller,
     DiffDriveController: lambda: DiffDriveController(
         DiffDriveControllerParameters(
             ("left",),
@@ -511,6 +634,13 @@ FACTORIES: dict[type[LeafSystem], Callable[[], LeafSystem]] = {
     ),
     StateInterfacesBroadcaster: lambda: StateInterfacesBroadcaster(
         StateInterfacesBroadcasterParameters(("joint/position",)), controller_params()
+    ),
+    Vda5050SafetyStateBroadcaster: lambda: Vda5050SafetyStateBroadcaster(
+        Vda5050SafetyStateBroadcasterParameters(SafetyInterfaces(("a/field",))),
+        controller_params(),
+    ),
+    PassthroughController: lambda: PassthroughController(
+        PassthroughControllerParameters(("joint/position",)), controller_params()
     ),
     PidController: lambda: PidController(
         PidControllerParameters(

@@ -541,6 +541,58 @@ def test_of_several_publishers_the_latest_message_counts(tmp_path):
     assert publisher() == "jsb"
 
 
+def pose_sensor(name: str, x: float) -> str:
+    """Return a sensor that tells a pose for ever."""
+    values = {"position.x": x, "position.y": 0, "position.z": 0}
+    values |= {f"orientation.{axis}": axis == "w" for axis in "xyzw"}
+    states = "".join(
+        f'<state_interface name="{key}"><param name="initial_value">{float(value)}'
+        "</param></state_interface>"
+        for key, value in values.items()
+    )
+    return f'<sensor name="{name}">{states}</sensor>'
+
+
+POSES = """
+controller_manager:
+  ros__parameters:
+    a: {type: pose_broadcaster/PoseBroadcaster}
+    b: {type: pose_broadcaster/PoseBroadcaster}
+    c: {type: pose_broadcaster/PoseBroadcaster}
+a: {ros__parameters: {pose_name: one, frame_id: map}}
+b: {ros__parameters: {pose_name: two, frame_id: map}}
+c: {ros__parameters: {pose_name: three, frame_id: map, tf: {child_frame_id: two}}}
+"""
+
+
+@pytest.mark.parametrize(("ended", "there"), [("b", 3.0), ("c", 2.0)])
+def test_the_frames_of_all_publishers_are_on_tf(tmp_path, ended, there):
+    names = {"one": 1.0, "two": 2.0, "three": 3.0}
+    sensors = "".join(pose_sensor(name, x) for name, x in names.items())
+    control = models.ros2_control("swing").replace(
+        "</ros2_control>", f"{sensors}</ros2_control>"
+    )
+    robot = models.load(tmp_path, models.pendulum(control=control), POSES)
+    sim = start(robot)
+    sim.advance_to(0.1)
+    sim.switch_controllers(deactivate=[ended])
+    sim.advance_to(0.2)
+
+    message = sim.topic("/tf").value()
+
+    # "two" is told by two of them, one of whom has ended.
+    told = {t.child_frame_id: t.transform.translation.x for t in message.transforms}
+    assert told == {"one": 1.0, "two": there}
+    assert len(message.transforms) == 2
+    assert sim.topic("/b/tf").value().transforms[0].transform.translation.x == 2.0
+    assert "/tf" in [topic.name for topic in sim.list_topics()]
+
+
+def test_without_a_publisher_there_is_no_tf(sim):
+    with pytest.raises(InputError, match="no topic '/tf'"):
+        sim.topic("/tf")
+
+
 def test_two_publishers_of_one_name_are_reported(tmp_path):
     sim = simulate(tmp_path, listeners(a="outputs: [/b]", c="outputs: [/b]"))
 

@@ -50,7 +50,8 @@ def test_an_unknown_world_is_refused(tmp_path: Path) -> None:
         falling_ball(tmp_path, "emty")
 
     assert str(caught.value) == (
-        "unknown world 'emty'; did you mean 'empty'? known: empty, void"
+        "unknown world 'emty'; did you mean 'empty'? known: empty, house, void, "
+        "or a .world or .sdf file"
     )
 
 
@@ -119,13 +120,15 @@ def test_what_is_neither_a_name_nor_a_function_is_refused(tmp_path: Path) -> Non
         falling_ball(tmp_path, 3)  # type: ignore[arg-type]
 
     assert str(caught.value) == (
-        "world: expected a name or a function of the plant, got 3; known: empty, void"
+        "world: expected a name, a file or a function of the plant, got 3; "
+        "known: empty, house, void"
     )
 
 
 def test_the_world_of_the_docs_can_be_built():
     docs = Path(__file__).parents[1] / "docs/loading.md"
-    (program,) = re.findall(r"```python\n(.*?)```", docs.read_text("utf-8"), re.DOTALL)
+    programs = re.findall(r"```python\n(.*?)```", docs.read_text("utf-8"), re.DOTALL)
+    (program,) = (text for text in programs if "def table" in text)
     names = {}
 
     exec(compile(program, "loading.md", "exec"), names)  # noqa: S102  our own text.

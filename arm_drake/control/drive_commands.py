@@ -43,6 +43,7 @@ class DriveCommands:
         has_modes: bool = True,
         has_limits: bool = False,
         holds: bool = True,
+        stops: tuple[Array, Array] | None = None,
     ) -> None:
         """Create the map.
 
@@ -54,7 +55,11 @@ class DriveCommands:
             has_modes: Whether a joint may follow anything else than positions.
             has_limits: Whether effort and velocity may be limited at run time.
             holds: Whether joints that nobody commands hold their position.
+            stops: Lowest and highest positions that joints can reach, shapes (n,): a
+                drive that is sent beyond would push with all that it has, and its
+                robot would have nothing left for the other joints. None: no stops.
         """
+        self._stops = stops
         self.joints = tuple(joints)
         self.has_modes = has_modes
         self.has_limits = has_limits
@@ -205,6 +210,8 @@ class DriveCommands:
             q = values[mode.position_at]
         else:
             q = np.where(mode.is_position, values[mode.position_at], last[:n])
+        if self._stops is not None:
+            q = np.clip(q, *self._stops)
         rate, before = (q - last[:n]) * mode.rate, last[len(last) - n :]
         if fresh is not None:
             rate[fresh] = 0.0

@@ -6,7 +6,7 @@ The rules are those of ROS's package `filters` (branch ``ros2``, ``filter_chain.
 
 import dataclasses as dc
 import typing
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -84,19 +84,20 @@ class FilterChain:
 def make_filter_chain(parameters: Mapping[str, Any], where: str) -> FilterChain:
     """Return the chain that parameters configure.
 
+    What belongs to no filter has no effect, as in ROS; `find_unused` finds it.
+
     Args:
         parameters: By their names within the chain, such as "filter1.type".
         where: Name of the chain, for messages.
 
     Raises:
-        ValueError: If one is missing, unknown, of the wrong type or out of range.
+        ValueError: If one is missing, of the wrong type or out of range.
     """
     filters: list[Filter] = []
     names: list[str] = []
-    rest = dict(parameters)
     while True:
         place = f"filter{len(filters) + 1}"
-        name, type_ = (rest.pop(f"{place}.{key}", None) for key in ("name", "type"))
+        name, type_ = (parameters.get(f"{place}.{key}") for key in ("name", "type"))
         if name is None and type_ is None:
             break
         for key, value in (("name", name), ("type", type_)):
@@ -115,30 +116,68 @@ def make_filter_chain(parameters: Mapping[str, Any], where: str) -> FilterChain:
                 f"{suggest(str(type_), FILTERS)}"
             )
         start = f"{place}.params."
-        own = {key: rest.pop(key) for key in list(rest) if key.startswith(start)}
-        given = {key.removeprefix(start): value for key, value in own.items()}
+        given = {
+            key.removeprefix(start): value
+            for key, value in parameters.items()
+            if key.startswith(start)
+        }
         filters.append(_make_filter(FILTERS[str(type_)], given, f"{where}.{start}"))
         names.append(str(name))
-    if rest:
-        raise ValueError(
-            f"{where}.{next(iter(rest))}: belongs to no filter; they are numbered from "
-            f"filter1 on, and the chain has {len(filters)}, each with name, type and "
-            "params"
-        )
     return FilterChain(tuple(filters))
+
+
+def find_unused(
+    parameters: Mapping[str, Any], known: Mapping[str, Collection[str]] | None = None
+) -> dict[str, str]:
+    """Return parameters of a chain that belong to none of its filters, and why.
+
+    Args:
+        parameters: By their names within the chain.
+        known: Parameters of filters by their types, if not those of filters of numbers.
+    """
+    if known is None:
+        known = {type_: parameters_of(kind) for type_, kind in FILTERS.items()}
+    size = 0
+    while not {f"filter{size + 1}.{n}" for n in ("name", "type")}.isdisjoint(
+        parameters
+    ):
+        size += 1
+    places = [f"filter{number}" for number in range(1, size + 1)]
+    found = {}
+    for name in parameters:
+        place, _, key = name.partition(".")
+        start, _, parameter = key.partition(".")
+        if place not in places or (start != "params" and key not in ("name", "type")):
+            found[name] = (
+                "belongs to no filter; they are numbered from filter1 on, and the "
+                f"chain has {size}, each with name, type and params"
+            )
+        elif start == "params":
+            own = known.get(str(parameters.get(f"{place}.type")))
+            if own is not None and parameter not in own:
+                found[name] = (
+                    f"the filter has no such parameter; {suggest(parameter, own)}"
+                )
+    return found
+
+
+def parameters_of(kind: type) -> tuple[str, ...]:
+    """Return the names of a filter's parameters."""
+    return tuple(field.name for field in dc.fields(kind) if field.init)
 
 
 def _make_filter(kind: type, given: Mapping[str, Any], where: str) -> Filter:
     """Return a filter of a kind with these parameters."""
     fields = {field.name: field for field in dc.fields(kind) if field.init}
-    for name in given:
-        if name not in fields:
-            raise ValueError(f"{where}{name}: unknown; {suggest(name, fields)}")
     for name, field in fields.items():
         if field.default is dc.MISSING and name not in given:
             raise ValueError(f"{where}{name}: is required but missing")
     hints = typing.get_type_hints(kind)
-    values = {n: _convert(hints[n], v, f"{where}{n}") for n, v in given.items()}
+    values = {
+        name: _convert(hints[name], value, f"{where}{name}")
+        for name, value in given.items()
+        if name in fields
+    }
     try:
         made: Filter = kind(**values)
     except ValueError as error:

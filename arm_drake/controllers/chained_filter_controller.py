@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_drake.control.filter_chains import ChainState, make_filter_chain
+from arm_drake.control.filter_chains import ChainState, find_unused, make_filter_chain
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Now
 from arm_drake.controllers.ticking_controller import TickingController
@@ -60,7 +60,7 @@ class ChainedFilterParameters:
 
     @staticmethod
     def adapt(given: Given) -> None:
-        """Report filters that others stand in for."""
+        """Report filters that others stand in for, and what belongs to no filter."""
         inputs = given.get("input_interfaces", tuple[str, ...]) or ()
         own = dict.fromkeys(f"{name}.{_CHAIN}" for name in inputs)
         if f"{_CHAIN}.{_FIRST_NAME}" in given:
@@ -73,6 +73,11 @@ class ChainedFilterParameters:
             first = given.first_of(group)
             if first is not None:
                 given.add(first, "warning", "ignored", what, f"{group} has no effect")
+        for group in (_CHAIN, *own):
+            if group not in ignored:
+                for name, why in find_unused(given.group(group)).items():
+                    what = f"{group}.{name}"
+                    given.add(what, "warning", "ignored", why, "it has no effect")
 
     def chain_of(self, name: str) -> tuple[dict[str, Any], str]:
         """Return the parameters of an input's filters, and where they stand.

@@ -1,7 +1,7 @@
 """What all controllers share: what they read and claim, and when they run."""
 
 import dataclasses as dc
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from pydrake.common.value import AbstractValue
@@ -12,9 +12,13 @@ from pydrake.systems.framework import (
 )
 
 from arm_drake import interfaces
+from arm_drake.control.admittance import ChainKinematics
 from arm_drake.controllers.cycles import Array, Cycle
 from arm_drake.errors import InputError
 from arm_drake.messages import NANOSECONDS
+
+# Returns what a controller exports.
+_ReadExports = Callable[[Context], Array]
 
 
 @dc.dataclass(frozen=True)
@@ -67,6 +71,9 @@ class ControllerInterfaceParams:
     # Names that Gazebo's topics contain.
     robot_name: str = ""
     world_name: str = "empty"
+
+    # Returns the kinematics of joints, seen from a link; None if it isn't known.
+    make_kinematics: Callable[[Sequence[str], str], ChainKinematics] | None = None
 
 
 class ControllerInterface(LeafSystem):
@@ -123,10 +130,10 @@ class ControllerInterface(LeafSystem):
         self._measured = self.DeclareVectorInputPort(
             interfaces.STATE_PORT, num_measured
         )
-        # Ports of controllers that export state interfaces, and where these go; and
-        # what nobody has. The manager never starts a controller that lacks something,
+        # What controllers export, where it goes and where it stands there; and what
+        # nobody has. The manager never starts a controller that lacks something,
         # but one that is inactive reads, too.
-        self._exporters: list[tuple[InputPort, list[int], list[int]]] = []
+        self._exporters: list[tuple[_ReadExports, list[int], list[int]]] = []
         self._missing = dict.fromkeys(n for n in state_interfaces if n not in order)
         # Of those that are measured: where they go, and where they stand.
         self._measured_here = [i for i, n in enumerate(state_interfaces) if n in order]
@@ -145,21 +152,29 @@ class ControllerInterface(LeafSystem):
         return port
 
     def add_exporter(self, controller: "ControllerInterface") -> InputPort:
-        """Declare the port of a controller some of whose state this one reads.
+        """Declare the port of what a controller's last tick has exported.
 
         Args:
             controller: One whose exported interfaces are among the state interfaces.
         """
         names = controller.exported_interfaces
+        name = f"{interfaces.EXPORT_PORT}:{controller.params.controller_name}"
+        port = self.DeclareVectorInputPort(name, len(names))
+        self._read_exports(names, port.Eval)
+        return port
+
+    def _read_exports(self, names: tuple[str, ...], read: _ReadExports) -> None:
+        """Take state interfaces from another controller.
+
+        Args:
+            names: Names of all that it exports.
+            read: Returns their values, in this order.
+        """
         here = [i for i, name in enumerate(self.state_interfaces) if name in names]
         there = [names.index(self.state_interfaces[i]) for i in here]
-        port = self.DeclareVectorInputPort(
-            f"{interfaces.EXPORT_PORT}:{controller.params.controller_name}", len(names)
-        )
-        self._exporters.append((port, here, there))
+        self._exporters.append((read, here, there))
         for name in names:
             self._missing.pop(name, None)
-        return port
 
     def _read(self, context: Context) -> Array:
         """Return the measured `state_interfaces`; NaN where there is none.
@@ -177,8 +192,8 @@ class ControllerInterface(LeafSystem):
             )
         values = np.full(len(self.state_interfaces), np.nan)
         values[self._measured_here] = self._measured.Eval(context)[self._measured_there]
-        for port, here, there in self._exporters:
-            values[here] = port.Eval(context)[there]
+        for read, here, there in self._exporters:
+            values[here] = read(context)[there]
         return values
 
     def _is_active(self, context: Context) -> bool:

@@ -11,17 +11,22 @@ from typing import Annotated, Any, Final, NamedTuple
 
 import numpy as np
 
+from arm_drake.control.filter_chains import find_unused
 from arm_drake.control.filters import FilterState, LowPassFilter
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Array, Now
 from arm_drake.controllers.ticking_controller import TickingController
 from arm_drake.controllers.validation import check_not_empty
+from arm_drake.description.given import Given
 from arm_drake.description.parameters import Rule
 from arm_drake.errors import ParameterError
 from arm_drake.messages import Header, Vector3, Wrench, WrenchStamped
 
 # Where the axes of a wrench stand in its parameters, in the order of its numbers.
 _AXES: Final = tuple((part, axis) for part in ("force", "torque") for axis in "xyz")
+
+# Group of the filters' parameters.
+_CHAIN: Final = "sensor_filter_chain"
 
 # The filter of wrenches there is, and its parameters.
 _FILTER_TYPE: Final = "control_filters/LowPassFilterWrench"
@@ -101,6 +106,16 @@ class ForceTorqueSensorBroadcasterParameters:
     sensor_filter_chain: Annotated[dict[str, Any], Rule(since="jazzy")] = dc.field(
         default_factory=dict
     )
+
+    @staticmethod
+    def adapt(given: Given) -> None:
+        """Report what belongs to no filter."""
+        if given.is_before("jazzy"):
+            return
+        known = {_FILTER_TYPE: _FILTER_PARAMETERS}
+        for name, why in find_unused(given.group(_CHAIN), known).items():
+            what = f"{_CHAIN}.{name}"
+            given.add(what, "warning", "ignored", why, "it has no effect")
 
     def __post_init__(self) -> None:
         """Reject what the types alone can't express."""
@@ -236,13 +251,14 @@ def make_filters(chain: Mapping[str, Any]) -> tuple[LowPassFilter, ...]:
             "filter1.params.damping_frequency" and so on, counted from 1.
 
     Raises:
-        ParameterError: If a filter can't be made, or a parameter belongs to none.
+        ParameterError: If a filter can't be made.
     """
     filters: list[LowPassFilter] = []
     names: list[str] = []
-    left = set(chain)
-    while any(key.startswith(f"filter{len(filters) + 1}.") for key in chain):
+    while True:
         prefix = f"filter{len(filters) + 1}"
+        if f"{prefix}.name" not in chain and f"{prefix}.type" not in chain:
+            return tuple(filters)
         name, kind = (_take(chain, f"{prefix}.{n}", str) for n in ("name", "type"))
         if name in names:
             raise _error(f"{prefix}.name", f"must not repeat a name, got {name!r}")
@@ -255,13 +271,6 @@ def make_filters(chain: Mapping[str, Any]) -> tuple[LowPassFilter, ...]:
         except ValueError as error:
             raise _error(f"{prefix}.params", str(error)) from None
         names.append(name)
-        left -= {f"{prefix}.name", f"{prefix}.type", *keys}
-    if left:
-        known = ["name", "type", *(f"params.{n}" for n in _FILTER_PARAMETERS)]
-        raise _error(
-            min(left), f"unknown; filter1, filter2, ... have {', '.join(known)}"
-        )
-    return tuple(filters)
 
 
 def _take(chain: Mapping[str, Any], key: str, kind: type) -> Any:
@@ -277,7 +286,7 @@ def _take(chain: Mapping[str, Any], key: str, kind: type) -> Any:
 
 
 def _error(key: str, problem: str) -> ParameterError:
-    return ParameterError(f"sensor_filter_chain.{key}: {problem}")
+    return ParameterError(f"{_CHAIN}.{key}: {problem}")
 
 
 def _of_axes(group: Any) -> list[Any]:

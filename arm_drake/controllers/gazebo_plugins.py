@@ -7,6 +7,8 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
 )
+from arm_drake.controllers.gazebo_contact_sensor import ContactSensor
+from arm_drake.controllers.gazebo_diff_drive import DiffDrive
 from arm_drake.controllers.gazebo_joint_controller import JointController
 from arm_drake.controllers.gazebo_joint_pose_trajectory import (
     GazeboRosJointPoseTrajectory,
@@ -21,7 +23,9 @@ from arm_drake.controllers.gazebo_joint_state_publisher import (
 from arm_drake.controllers.gazebo_joint_trajectory_controller import (
     JointTrajectoryController,
 )
-from arm_drake.description import gazebo_joints
+from arm_drake.controllers.gazebo_ros_diff_drive import GazeboRosDiffDrive
+from arm_drake.description import gazebo_drives, gazebo_joints
+from arm_drake.description.gazebo_bumpers import ContactSensorTag
 
 # Those whose system stands for all tags of the kind.
 _OF_ALL: Mapping[type, Callable[..., ControllerInterface]] = {
@@ -33,6 +37,9 @@ _OF_ALL: Mapping[type, Callable[..., ControllerInterface]] = {
 _OF_ONE: Mapping[type, Callable[..., ControllerInterface]] = {
     gazebo_joints.JointTrajectoryController: JointTrajectoryController,
     gazebo_joints.JointStatePublisher: JointStatePublisher,
+    ContactSensorTag: ContactSensor,
+    gazebo_drives.DiffDrive: DiffDrive,
+    gazebo_drives.GazeboRosDiffDrive: GazeboRosDiffDrive,
     gazebo_joints.GazeboRosJointPoseTrajectory: GazeboRosJointPoseTrajectory,
     gazebo_joints.GazeboRosJointStatePublisher: GazeboRosJointStatePublisher,
 }

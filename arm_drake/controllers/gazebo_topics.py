@@ -5,9 +5,13 @@ those beside it; gz-transport, src/TopicUtils.cc; ROS 2's design, "Topic and Ser
 name mapping" and "Static Remapping of Names".
 """
 
+import math
 import re
 from collections.abc import Sequence
+from typing import NamedTuple
 
+from arm_drake.description.gazebo_bumpers import ContactSensorTag
+from arm_drake.description.gazebo_drives import DiffDrive, GazeboRosDiffDrive
 from arm_drake.description.gazebo_joints import (
     GazeboRosJointPoseTrajectory,
     GazeboRosJointStatePublisher,
@@ -16,16 +20,22 @@ from arm_drake.description.gazebo_joints import (
     JointStatePublisher,
     JointTrajectoryController,
 )
+from arm_drake.messages import Twist
 
 GazeboTag = (
     JointPositionController
     | JointController
     | JointTrajectoryController
     | JointStatePublisher
+    | DiffDrive
     | GazeboRosJointPoseTrajectory
     | GazeboRosJointStatePublisher
+    | GazeboRosDiffDrive
 )
 
+_Classic = (
+    GazeboRosJointPoseTrajectory | GazeboRosJointStatePublisher | GazeboRosDiffDrive
+)
 _OneJoint = JointPositionController | JointController
 
 # A remapping of a topic: from, to.
@@ -80,6 +90,45 @@ def joint_state_topic(tag: JointStatePublisher, model: str, world: str) -> str:
     return _as_topic(tag.topic or f"world/{world}/model/{model}/joint_state")
 
 
+def contact_topic(tag: ContactSensorTag, model: str, world: str) -> str:
+    """Return the topic of a contact sensor.
+
+    Args:
+        tag: The sensor.
+        model: Name of the robot.
+        world: Name of the world.
+    """
+    if tag.is_classic:
+        return ros_topic("bumper_states", tag.namespace, tag.remappings)
+    place = f"world/{world}/model/{model}/link/{tag.link}/sensor/{tag.name}"
+    return _as_topic(tag.topic or f"{place}/contact")
+
+
+class DriveTopics(NamedTuple):
+    """Topics of a DiffDrive."""
+
+    command: str
+    enable: str
+    odometry: str
+    tf: str
+
+
+def drive_topics(tag: DiffDrive, model: str) -> DriveTopics:
+    """Return the topics of a DiffDrive.
+
+    Args:
+        tag: The plugin's fields.
+        model: Name of the robot.
+    """
+    given = (tag.topic, "", tag.odom_topic, tag.tf_topic)
+    ends = ("cmd_vel", "enable", "odometry", "tf")
+    names = (
+        _as_topic(name or f"model/{model}/{end}")
+        for name, end in zip(given, ends, strict=True)
+    )
+    return DriveTopics(*names)
+
+
 def ros_topic(name: str, namespace: str, remappings: Sequence[str]) -> str:
     """Return the full name of a topic of a plugin of Gazebo Classic.
 
@@ -100,6 +149,14 @@ def ros_topic(name: str, namespace: str, remappings: Sequence[str]) -> str:
     return topic
 
 
+def find_twist_fault(message: Twist) -> str:
+    """Return why a base doesn't take a velocity; empty if it does."""
+    numbers = (message.linear.x, message.angular.z)
+    if all(map(math.isfinite, numbers)):
+        return ""
+    return "linear.x and angular.z must be finite; the message is dropped"
+
+
 def find_unsupported(tag: GazeboTag) -> list[str]:
     """Return what a tag asks for that isn't done, in words for the load report.
 
@@ -112,7 +169,13 @@ def find_unsupported(tag: GazeboTag) -> list[str]:
             "use_actuator_msg: no messages of actuators are taken; the joint's own "
             "topic takes numbers"
         )
-    if isinstance(tag, GazeboRosJointPoseTrajectory | GazeboRosJointStatePublisher):
+    if isinstance(tag, GazeboRosDiffDrive):
+        pairs = max(1, tag.num_wheel_pairs)
+        for name in ("wheel_separation", "wheel_diameter"):
+            number = len(getattr(tag, name))
+            if number > pairs:
+                problems.append(f"{name}: {number} values for {pairs} pairs of wheels")
+    if isinstance(tag, _Classic):
         problems += [
             f"remapping {text!r}: expected from:=to, with names of topics"
             for text in tag.remappings

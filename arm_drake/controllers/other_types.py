@@ -161,11 +161,6 @@ OTHERS = {
         "it stops the real gripper in its own way",
         "parallel_gripper_action_controller/GripperActionController",
     ),
-    # ros-controls/ros2_control_demos: example_12.
-    "passthrough_controller/PassthroughController": Other(
-        "it passes references of other controllers on",
-        "forward_command_controller/ForwardCommandController, which needs no chain",
-    ),
     "picknik_twist_controller/": Other(
         "it asks a vendor's own controller for Cartesian velocities", _JTC
     ),

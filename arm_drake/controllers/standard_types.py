@@ -2,7 +2,8 @@
 
 import functools
 
-from arm_drake.controllers.admittance_controller import AdmittanceControllerParameters
+from arm_drake.controllers.admittance_controller import AdmittanceController
+from arm_drake.controllers.admittance_parameters import AdmittanceControllerParameters
 from arm_drake.controllers.battery_state_broadcaster import (
     BatteryStateBroadcaster,
     BatteryStateBroadcasterParameters,
@@ -68,6 +69,10 @@ from arm_drake.controllers.parallel_gripper_action_controller import (
     ParallelGripperActionController,
     ParallelGripperActionControllerParameters,
 )
+from arm_drake.controllers.passthrough_controller import (
+    PassthroughController,
+    PassthroughControllerParameters,
+)
 from arm_drake.controllers.pid_controller import PidController
 from arm_drake.controllers.pid_parameters import PidControllerParameters
 from arm_drake.controllers.pose_broadcaster import (
@@ -90,6 +95,10 @@ from arm_drake.controllers.steering_parameters import (
 )
 from arm_drake.controllers.tricycle_controller import TricycleController
 from arm_drake.controllers.tricycle_parameters import TricycleControllerParameters
+from arm_drake.controllers.vda5050_safety_state_broadcaster import (
+    Vda5050SafetyStateBroadcaster,
+    Vda5050SafetyStateBroadcasterParameters,
+)
 
 _JSB = "joint_state_broadcaster/JointStateBroadcaster"
 _JTC = "joint_trajectory_controller/JointTrajectoryController"
@@ -154,7 +163,7 @@ STANDARD_TYPES: dict[str, ControllerType] = {
         OmniWheelDriveControllerParameters, OmniWheelDriveController
     ),
     "admittance_controller/AdmittanceController": ControllerType(
-        AdmittanceControllerParameters
+        AdmittanceControllerParameters, AdmittanceController
     ),
     "gpio_controllers/GpioCommandController": ControllerType(
         GpioCommandControllerParameters, GpioCommandController
@@ -186,7 +195,13 @@ STANDARD_TYPES: dict[str, ControllerType] = {
     "state_interfaces_broadcaster/StateInterfacesBroadcaster": ControllerType(
         StateInterfacesBroadcasterParameters, StateInterfacesBroadcaster
     ),
+    "vda5050_safety_state_broadcaster/Vda5050SafetyStateBroadcaster": ControllerType(
+        Vda5050SafetyStateBroadcasterParameters, Vda5050SafetyStateBroadcaster
+    ),
     # By other packages, and by older names.
+    "passthrough_controller/PassthroughController": ControllerType(
+        PassthroughControllerParameters, PassthroughController
+    ),
     "ur_controllers/ScaledJointTrajectoryController": ControllerType(
         ScaledJointTrajectoryControllerParameters, JointTrajectoryController, _JTC
     ),

@@ -78,7 +78,8 @@ class TickingController(ControllerInterface, Generic[S]):
             exported_interfaces=exported_interfaces,
             limit_interfaces=limit_interfaces,
         )
-        k = len(command_interfaces)
+        # Whether it says of an update how it went.
+        self.can_fail = own._is_ok is not TickingController._is_ok
         # What is active where there is no manager.
         self._always_active = {params.controller_name: 1}
         # Values of all command interfaces, and where those of this one stand there.
@@ -92,7 +93,9 @@ class TickingController(ControllerInterface, Generic[S]):
         self._no_references = np.full(len(reference_interfaces), np.nan)
         # An immutable Python object goes into the Context as it is. Drake takes a plain
         # number quicker than its own kind of index.
-        first: Tick[S] = Tick(None, None, initial, np.full(k, np.nan))
+        first: Tick[S] = Tick(
+            None, None, initial, np.full(len(command_interfaces), np.nan)
+        )
         self._ticks = int(self.DeclareAbstractState(AbstractValue.Make(first)))
         self._tick_port = self.DeclareAbstractOutputPort(
             interfaces.COMMAND_PORT, lambda: AbstractValue.Make(()), self._calc_tick
@@ -139,6 +142,20 @@ class TickingController(ControllerInterface, Generic[S]):
         self._predecessors.append((name, port, here, there))
         return port
 
+    def add_exporter_tick(self, controller: "TickingController[Any]") -> InputPort:
+        """Declare the port of a controller that ticks first and exports state to this.
+
+        Args:
+            controller: As in `add_exporter`; here its tick of this very instant counts.
+        """
+        name = f"{interfaces.EXPORT_PORT}:{controller.params.controller_name}"
+        port = self.DeclareAbstractInputPort(name, AbstractValue.Make(()))
+        self._read_exports(
+            controller.exported_interfaces,
+            lambda context: controller._export(port.Eval(context).state),
+        )
+        return port
+
     @abstractmethod
     def _update(self, now: Now, state: S) -> S:
         """Return the state after a tick.
@@ -169,7 +186,7 @@ class TickingController(ControllerInterface, Generic[S]):
         return _NO_COMMAND
 
     def _export(self, state: S) -> Array:
-        """Return the exported state interfaces of a state; a tick old for readers."""
+        """Return the exported state interfaces of a state."""
         del state
         return np.full(len(self.exported_interfaces), np.nan)
 
@@ -221,14 +238,10 @@ class TickingController(ControllerInterface, Generic[S]):
         self, name: str, calc: Callable[[S], Any], *, default: Any = ()
     ) -> OutputPort:
         """Declare an abstract output port that shows something of the state."""
-
-        def calc_output(context: Context, output: AbstractValue) -> None:
-            output.set_value(calc(self._state(context)))
-
         return self.DeclareAbstractOutputPort(
             name,
             lambda: AbstractValue.Make(default),
-            calc_output,
+            lambda context, output: output.set_value(calc(self._state(context))),
             prerequisites_of_calc={self.xa_ticket()},
         )
 

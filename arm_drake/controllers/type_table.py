@@ -35,6 +35,11 @@ class _Asked(Given):
         del expected
         self.names[name] = None
 
+    def group(self, group: str) -> dict[str, Any]:
+        """Return that none is given."""
+        del group
+        return {}
+
     def first_of(self, group: str) -> str | None:
         """Return that none is given."""
         del group

@@ -36,7 +36,11 @@ _TYPES = {
     "std_msgs/msg/Float32": "Float",
     "trajectory_msgs/msg/JointTrajectory": "JointTrajectory",
     "sensor_msgs/msg/JointState": "Model",
+    "std_msgs/msg/Bool": "Boolean",
     "geometry_msgs/msg/Twist": "Twist",
+    "geometry_msgs/msg/TwistStamped": "Twist",
+    "nav_msgs/msg/Odometry": "Odometry",
+    "tf2_msgs/msg/TFMessage": "Pose_V",
 }
 
 _NAMES = ("ros_topic_name", "gz_topic_name", "ign_topic_name", "topic_name")

@@ -143,6 +143,10 @@ def _claims(controller: ControllerConfig) -> Iterator[tuple[str, str]]:
         for joint in _texts(controller, parameter):
             for interface in implied if fixed is None else (fixed,):
                 yield joint, interface
+    # A passthrough controller's are whole names.
+    for text in _texts(controller, "interfaces"):
+        joint, _, interface = text.rpartition("/")
+        yield joint, interface
     yield from _steering_claims(controller)
 
 

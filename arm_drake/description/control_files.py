@@ -63,6 +63,8 @@ def find_control_files(
         return [path for path in found if path is not None]
     if bundled is not None:
         own = configs_folder() / bundled / "controllers.yaml"
+        if moving_plugins(description) and not description.hardware:
+            return None  # Gazebo runs no controllers beside them.
         return [own] if own.is_file() else []
     return _controllers_in_package(description, packages, report)
 

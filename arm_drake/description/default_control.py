@@ -4,7 +4,6 @@ from arm_drake.description.controllers import (
     ControllerConfig,
     ControllerManagerConfig,
 )
-from arm_drake.description.gazebo_joints import DiffDrive, GazeboRosDiffDrive
 from arm_drake.description.parameters import Parameter
 from arm_drake.description.plugin_joints import plugin_joints
 from arm_drake.description.report import LoadReport
@@ -28,12 +27,7 @@ def default_controllers(
         report: Where it is said.
     """
     file = description.file
-    moved = plugin_joints(description) | {
-        name
-        for plugin in description.joint_plugins
-        if isinstance(plugin, DiffDrive | GazeboRosDiffDrive)
-        for name in (*plugin.left_joints, *plugin.right_joints)
-    }
+    moved = plugin_joints(description)
     joints = [
         joint.name
         for joint in description.movable_joints

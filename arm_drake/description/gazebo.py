@@ -3,7 +3,7 @@
 Three generations of Gazebo have plugins of their own: Gazebo Classic, Ignition Gazebo
 and Gazebo Sim ("gz"). What a plugin is for is told by the name of its library and, from
 Ignition on, of its class. The fields of those that concern joints are in
-gazebo_joints.
+gazebo_joints and gazebo_drives.
 """
 
 import collections
@@ -58,10 +58,20 @@ class GazeboPlugin:
         return tuple(text for name, text in self.fields if name == tag)
 
     @property
+    def is_bumper(self) -> bool:
+        """Whether it publishes what a contact sensor of Gazebo Classic feels."""
+        return self._library == "gazebo_ros_bumper"
+
+    @property
+    def _library(self) -> str:
+        """Its library without "lib" and ".so"."""
+        library = re.split(r"[/\\]", self.filename)[-1]
+        return library.removesuffix(".so").removeprefix("lib")
+
+    @property
     def kind(self) -> GazeboPluginKind:
         """What the plugin is for; "other" if it neither moves nor reports joints."""
-        library = re.split(r"[/\\]", self.filename)[-1]
-        library = library.removesuffix(".so").removeprefix("lib")
+        library = self._library
         if _ROS2_CONTROL.fullmatch(library):
             return "ros2_control"
         if match := _SYSTEM.fullmatch(library):
@@ -80,16 +90,27 @@ def read_gazebo_plugins(root: ET.Element) -> tuple[GazeboPlugin, ...]:
         root: The `<robot>` element.
     """
     return tuple(
-        GazeboPlugin(
+        plugin
+        for gazebo in root.iterfind("gazebo")
+        for plugin in read_plugins(gazebo, attribute(gazebo, "reference"))
+    )
+
+
+def read_plugins(parent: ET.Element, reference: str) -> Iterator[GazeboPlugin]:
+    """Yield the plugins below an element.
+
+    Args:
+        parent: A `<gazebo>` tag, or a `<sensor>` in one.
+        reference: Link or joint that the `<gazebo>` tag refers to.
+    """
+    for holder, plugin in _plugins(parent, ""):
+        yield GazeboPlugin(
             name=attribute(plugin, "name"),
             filename=attribute(plugin, "filename"),
             fields=tuple(_fields(plugin, "")),
-            reference=attribute(gazebo, "reference"),
+            reference=reference,
             holder=holder,
         )
-        for gazebo in root.iterfind("gazebo")
-        for holder, plugin in _plugins(gazebo, "")
-    )
 
 
 def report_gazebo(
@@ -98,6 +119,7 @@ def report_gazebo(
     file: Path,
     *,
     simulated: Collection[str] = ("ros2_control",),
+    sensors: Collection[str] = (),
 ) -> None:
     """Report the content of `<gazebo>` tags that has no effect, in two lines.
 
@@ -106,17 +128,20 @@ def report_gazebo(
         report: Where the lines are added.
         file: File to name in them.
         simulated: Kinds of plugins that the simulator stands in for.
+        sensors: Names of sensors that measure.
     """
     plugins = collections.Counter(
         repr(plugin.filename or plugin.name)
         for plugin in read_gazebo_plugins(root)
         if plugin.kind not in simulated
+        and not (plugin.is_bumper and plugin.holder in map(_holder, sensors))
     )
     tags = collections.Counter(
         f"<{child.tag.rpartition('}')[2]}>" + _sensor_type(child)
         for gazebo in root.iterfind("gazebo")
         for child in gazebo
-        if child.tag != "plugin"
+        if child.tag not in ("plugin", "mu1")  # Friction has an effect.
+        and not (child.tag == "sensor" and attribute(child, "name") in sensors)
     )
     for sort, counts in (("Gazebo plugins", plugins), ("<gazebo> tags", tags)):
         names = ", ".join(
@@ -126,6 +151,11 @@ def report_gazebo(
         if names:
             what = f"{sort} {names}"
             report.add("info", "ignored", what, "they have no effect", file=file)
+
+
+def _holder(sensor: str) -> str:
+    """Return what the plugins of a sensor say of their holder."""
+    return f"sensor {sensor!r}"
 
 
 def _sensor_type(element: ET.Element) -> str:

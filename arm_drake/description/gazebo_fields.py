@@ -1,15 +1,15 @@
-"""Gazebo plugin tags to the dataclasses of gazebo_joints."""
+"""Gazebo plugin tags to the dataclasses of gazebo_joints and gazebo_drives."""
 
 import dataclasses as dc
-from collections.abc import Collection, Mapping
+import math
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from arm_drake.description.elements import ElementReader, parse_bool, parse_number
 from arm_drake.description.gazebo import GazeboPlugin, GazeboPluginKind
+from arm_drake.description.gazebo_drives import DiffDrive, GazeboRosDiffDrive
 from arm_drake.description.gazebo_joints import (
-    DiffDrive,
-    GazeboRosDiffDrive,
     GazeboRosJointPoseTrajectory,
     GazeboRosJointStatePublisher,
     JointController,
@@ -46,10 +46,7 @@ _CLASSES: Mapping[GazeboPluginKind, type[JointPlugin]] = {
 }
 
 # Kinds that the simulator stands in for.
-SIMULATED: frozenset[GazeboPluginKind] = frozenset(_CLASSES) - {
-    "diff_drive",
-    "gazebo_ros_diff_drive",
-}
+SIMULATED: frozenset[GazeboPluginKind] = frozenset(_CLASSES)
 
 # Those that take all joints where they name none.
 _ALL_BY_DEFAULT = (JointTrajectoryController, JointStatePublisher)
@@ -164,8 +161,39 @@ class _FieldReader(ElementReader):
                 return f"no joint; expected <{tags[0]}>"
         if isinstance(typed, JointPositionController) and typed.joint_index:
             return f"joint_index {typed.joint_index}: a joint has one axis, of index 0"
+        if isinstance(typed, DiffDrive):
+            return _measure_problem((typed.wheel_separation,), (typed.wheel_radius,))
         if isinstance(typed, GazeboRosDiffDrive):
-            pairs = max(1, typed.num_wheel_pairs)
-            if {len(typed.left_joints), len(typed.right_joints)} != {pairs}:
-                return f"expected {pairs} left and {pairs} right joints"
+            return _classic_problem(plugin, typed)
         return None
+
+
+def _classic_problem(plugin: GazeboPlugin, typed: GazeboRosDiffDrive) -> str | None:
+    pairs = max(1, typed.num_wheel_pairs)
+    left, right = (len(plugin.texts(tag)) for tag in ("left_joint", "right_joint"))
+    if {left, right} != {pairs}:
+        expected = f"expected {pairs} left and {pairs} right joints"
+        return f"{expected}, got {left} and {right}"
+    if {len(typed.left_joints), len(typed.right_joints)} != {pairs}:
+        return "the robot lacks one of its joints"
+    if typed.odometry_source not in (0, 1):
+        expected = "expected 0 (encoder) or 1 (world)"
+        return f"odometry_source: {expected}, got {typed.odometry_source}"
+    if not typed.max_wheel_torque > 0.0:
+        return f"max_wheel_torque: expected more than 0, got {typed.max_wheel_torque:g}"
+    if not typed.max_wheel_acceleration >= 0.0:
+        given = typed.max_wheel_acceleration
+        return f"max_wheel_acceleration: expected at least 0, got {given:g}"
+    diameters = tuple(2.0 * radius for radius in typed.radii)
+    return _measure_problem(typed.separations, diameters, "wheel_diameter")
+
+
+def _measure_problem(
+    separations: Sequence[float], sizes: Sequence[float], noun: str = "wheel_radius"
+) -> str | None:
+    """Return why a base with such wheels can't drive, or None."""
+    for name, values in (("wheel_separation", separations), (noun, sizes)):
+        for value in values:
+            if not 0.0 < value < math.inf:
+                return f"{name}: expected a length above 0 m, got {value:g}"
+    return None

@@ -1,30 +1,21 @@
 """Gazebo plugins that move joints or report them, with their fields and defaults.
 
+Those that drive bases are in gazebo_drives.
+
 Sources of the fields and of their defaults:
 
 - gz-sim: src/systems/joint_position_controller/JointPositionController.{hh,cc},
   joint_controller/JointController.{hh,cc}, joint_trajectory_controller/
-  JointTrajectoryController.{hh,cc}, joint_state_publisher/JointStatePublisher.{hh,cc},
-  diff_drive/DiffDrive.cc
+  JointTrajectoryController.{hh,cc}, joint_state_publisher/JointStatePublisher.{hh,cc}
 - gazebo_ros_pkgs, branch ros2: gazebo_plugins/src/gazebo_ros_joint_state_publisher.cpp,
-  gazebo_ros_joint_pose_trajectory.cpp, gazebo_ros_diff_drive.cpp
+  gazebo_ros_joint_pose_trajectory.cpp
 - gz_ros2_control: gz_ros2_control_plugin.cpp; gazebo_ros2_control:
   gazebo_ros2_control_plugin.cpp
 """
 
 import dataclasses as dc
-import math
-from typing import Any
 
-
-def _tags(*tags: str, default: Any = ()) -> Any:
-    """Return a field that is read from these tags instead of the one of its name."""
-    return dc.field(default=default, metadata={"tags": tags})
-
-
-def _joints(*tags: str) -> Any:
-    """Return a field of joint names, read from these tags."""
-    return dc.field(default=(), metadata={"tags": tags, "joints": True})
+from arm_drake.description.gazebo_tags import joint_tags, tags
 
 
 @dc.dataclass(frozen=True)
@@ -52,8 +43,8 @@ class Ros2ControlPlugin:
     robot_param: str = "robot_description"
     robot_param_node: str = "robot_state_publisher"
 
-    namespace: str = _tags("ros/namespace", default="")
-    remappings: tuple[str, ...] = _tags("ros/remapping")
+    namespace: str = tags("ros/namespace", default="")
+    remappings: tuple[str, ...] = tags("ros/remapping")
 
     @property
     def manager(self) -> str:
@@ -67,7 +58,7 @@ class Ros2ControlPlugin:
 class JointPositionController:
     """Holds joints at a commanded position, by the force of a PID controller."""
 
-    joint_names: tuple[str, ...] = _joints("joint_name")
+    joint_names: tuple[str, ...] = joint_tags("joint_name")
     joint_index: int = 0
 
     p_gain: float = 1.0
@@ -92,14 +83,14 @@ class JointPositionController:
     sub_topic: str = ""
 
     use_actuator_msg: bool = False
-    actuator_number: int = _tags("actuator_number", "actuatorNumber", default=0)
+    actuator_number: int = tags("actuator_number", "actuatorNumber", default=0)
 
 
 @dc.dataclass(frozen=True)
 class JointController:
     """Moves joints at a commanded velocity."""
 
-    joint_names: tuple[str, ...] = _joints("joint_name")
+    joint_names: tuple[str, ...] = joint_tags("joint_name")
 
     # Velocity commanded from the start [rad/s] or [m/s].
     initial_velocity: float = 0.0
@@ -126,7 +117,7 @@ class JointController:
     sub_topic: str = ""
 
     use_actuator_msg: bool = False
-    actuator_number: int = _tags("actuator_number", "actuatorNumber", default=0)
+    actuator_number: int = tags("actuator_number", "actuatorNumber", default=0)
 
 
 @dc.dataclass(frozen=True)
@@ -138,12 +129,10 @@ class JointTrajectoryController:
     """
 
     # Empty: all joints.
-    joint_names: tuple[str, ...] = _joints("joint_name", "joint_names")
+    joint_names: tuple[str, ...] = joint_tags("joint_name", "joint_names")
 
     # Positions commanded from the start [rad] or [m].
-    initial_positions: tuple[float, ...] = _tags(
-        "initial_position", "initial_positions"
-    )
+    initial_positions: tuple[float, ...] = tags("initial_position", "initial_positions")
 
     position_p_gain: tuple[float, ...] = ()
     position_i_gain: tuple[float, ...] = ()
@@ -174,54 +163,23 @@ class JointStatePublisher:
     """Publishes the states of joints in every step."""
 
     # Empty: all joints.
-    joint_names: tuple[str, ...] = _joints("joint_name")
+    joint_names: tuple[str, ...] = joint_tags("joint_name")
 
     # Empty: "/world/<world>/model/<model>/joint_state".
     topic: str = ""
 
 
 @dc.dataclass(frozen=True)
-class DiffDrive:
-    """Drives wheels on two sides by velocity commands."""
-
-    left_joints: tuple[str, ...] = _joints("left_joint")
-    right_joints: tuple[str, ...] = _joints("right_joint")
-
-    # [m].
-    wheel_separation: float = 1.0
-    wheel_radius: float = 0.2
-
-    # Rate of the odometry [Hz].
-    odom_publish_frequency: float = 50.0
-
-    # Empty: "/model/<model>/cmd_vel" and "/model/<model>/odometry".
-    topic: str = ""
-    odom_topic: str = ""
-    tf_topic: str = ""
-
-    # Limits of forward and of turning speed alike, of its rate and of the rate's.
-    min_velocity: float = -math.inf
-    max_velocity: float = math.inf
-    min_acceleration: float = -math.inf
-    max_acceleration: float = math.inf
-    min_jerk: float = -math.inf
-    max_jerk: float = math.inf
-
-    frame_id: str = ""
-    child_frame_id: str = ""
-
-
-@dc.dataclass(frozen=True)
 class GazeboRosJointStatePublisher:
     """Publishes the states of joints on "joint_states", in Gazebo Classic."""
 
-    joint_names: tuple[str, ...] = _joints("joint_name")
+    joint_names: tuple[str, ...] = joint_tags("joint_name")
 
     # [Hz]; 0 is every step.
     update_rate: float = 100.0
 
-    namespace: str = _tags("ros/namespace", default="")
-    remappings: tuple[str, ...] = _tags("ros/remapping", "ros/argument")
+    namespace: str = tags("ros/namespace", default="")
+    remappings: tuple[str, ...] = tags("ros/remapping", "ros/argument")
 
 
 @dc.dataclass(frozen=True)
@@ -231,46 +189,5 @@ class GazeboRosJointPoseTrajectory:
     # [Hz]; 0 is every step.
     update_rate: float = 100.0
 
-    namespace: str = _tags("ros/namespace", default="")
-    remappings: tuple[str, ...] = _tags("ros/remapping", "ros/argument")
-
-
-@dc.dataclass(frozen=True)
-class GazeboRosDiffDrive:
-    """Drives pairs of wheels by "cmd_vel", in Gazebo Classic.
-
-    The n-th value of a tuple is that of the n-th pair; where it is missing, the
-    separation is 0.34 m and the diameter 0.15 m.
-    """
-
-    left_joints: tuple[str, ...] = _joints("left_joint")
-    right_joints: tuple[str, ...] = _joints("right_joint")
-    num_wheel_pairs: int = 1
-
-    # [m].
-    wheel_separation: tuple[float, ...] = ()
-    wheel_diameter: tuple[float, ...] = ()
-
-    # [m/s^2]; 0 is unlimited.
-    max_wheel_acceleration: float = 0.0
-
-    # [N·m].
-    max_wheel_torque: float = 5.0
-
-    # [Hz]; 0 is every step.
-    update_rate: float = 100.0
-
-    # 0 is the wheels' encoders, 1 the world.
-    odometry_source: int = 1
-
-    odometry_frame: str = "odom"
-    robot_base_frame: str = "base_footprint"
-    publish_odom: bool = False
-    publish_odom_tf: bool = False
-    publish_wheel_tf: bool = False
-    covariance_x: float = 0.00001
-    covariance_y: float = 0.00001
-    covariance_yaw: float = 0.001
-
-    namespace: str = _tags("ros/namespace", default="")
-    remappings: tuple[str, ...] = _tags("ros/remapping", "ros/argument")
+    namespace: str = tags("ros/namespace", default="")
+    remappings: tuple[str, ...] = tags("ros/remapping", "ros/argument")

@@ -135,6 +135,15 @@ class Given:
         first = next(names, None)
         return first and first.removeprefix(self._prefix)
 
+    def group(self, group: str) -> dict[str, Any]:
+        """Return the values of a nested group as they are, by names within it."""
+        start = f"{self._prefix}{group}."
+        return {
+            name.removeprefix(start): parameter.value
+            for name, parameter in self._node.by_name.items()
+            if name.startswith(start)
+        }
+
     def get(self, name: str, expected: Any) -> Any:
         """Return a parameter as the ``expected`` type; None if it isn't given."""
         name = self._prefix + name

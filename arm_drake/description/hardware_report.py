@@ -30,6 +30,9 @@ _READ |= {prefix + gain for prefix in ("pos_", "vel_") for gain in _GAINS}
 # What a joint can be commanded.
 _COMMANDS = (*interfaces.STATE_INTERFACES, interfaces.ACCELERATION)
 
+# What it can report.
+_STATES = _COMMANDS
+
 
 def report_hardware(
     hardware: Sequence[HardwareInfo], report: LoadReport, file: Path
@@ -71,14 +74,16 @@ def _remarks(block: HardwareInfo) -> Iterable[tuple[str, str]]:
         for joint in block.joints
         for names, known in (
             (joint.command_interfaces, _COMMANDS),
-            (joint.state_interfaces, interfaces.STATE_INTERFACES),
+            (joint.state_interfaces, _STATES),
         )
         for interface in names
         if interface.name not in known
     }
     if custom:
         yield f"interfaces {_listed(sorted(custom))}", kept
-    for kind, components in (("sensors", block.sensors), ("gpios", block.gpios)):
+    # Of the others `find_sensors` says what becomes of them.
+    stored = [s for s in block.sensors if not _is_measured(s)]
+    for kind, components in (("sensors", stored), ("gpios", block.gpios)):
         if components:
             yield f"{kind} {_listed(c.name for c in components)}", kept
     if block.transmissions:
@@ -104,6 +109,10 @@ def _remarks(block: HardwareInfo) -> Iterable[tuple[str, str]]:
     if timing:
         done = "the hardware is read and written at every tick of the manager"
         yield ", ".join(timing), done
+
+
+def _is_measured(sensor: ComponentInfo) -> bool:
+    return any(i.name in interfaces.MEASURED for i in sensor.state_interfaces)
 
 
 def _has_gains(joint: ComponentInfo) -> bool:

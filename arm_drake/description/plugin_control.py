@@ -16,6 +16,7 @@ from arm_drake.description.controllers import (
     ControllerConfig,
     ControllerManagerConfig,
 )
+from arm_drake.description.gazebo_drives import DiffDrive, GazeboRosDiffDrive
 from arm_drake.description.gazebo_joints import (
     GazeboRosJointPoseTrajectory,
     GazeboRosJointStatePublisher,
@@ -29,10 +30,11 @@ from arm_drake.description.hardware_info import (
     HardwareInfo,
     InterfaceInfo,
 )
-from arm_drake.description.joints import JointInfo
+from arm_drake.description.joints import WORLD, JointInfo, JointLimits
 from arm_drake.description.parameters import Parameter
 from arm_drake.description.plugin_joints import (
     GROUPED,
+    Driving,
     PluginSorter,
     PluginTag,
     RunPlugin,
@@ -41,10 +43,15 @@ from arm_drake.description.plugin_joints import (
     plugin_joints,
 )
 from arm_drake.description.report import LoadReport
+from arm_drake.description.summary import total_mass
 from arm_drake.description.urdf import RobotDescription
 
 # Steps of Gazebo's physics per second, where a world doesn't say otherwise.
 GAZEBO_RATE = 1000
+
+# Gravity [m/s^2], and a coefficient of friction that no ground exceeds.
+_GRAVITY = 9.81
+_GRIP = 2.0
 
 # What the kinds are called where a controller's type is.
 PLUGIN_TYPES: dict[type[RunPlugin], str] = {
@@ -52,8 +59,10 @@ PLUGIN_TYPES: dict[type[RunPlugin], str] = {
     JointController: "gz::sim::systems::JointController",
     JointTrajectoryController: "gz::sim::systems::JointTrajectoryController",
     JointStatePublisher: "gz::sim::systems::JointStatePublisher",
+    DiffDrive: "gz::sim::systems::DiffDrive",
     GazeboRosJointPoseTrajectory: "gazebo_plugins/GazeboRosJointPoseTrajectory",
     GazeboRosJointStatePublisher: "gazebo_plugins/GazeboRosJointStatePublisher",
+    GazeboRosDiffDrive: "gazebo_plugins/GazeboRosDiffDrive",
 }
 
 
@@ -73,7 +82,7 @@ def add_plugins(
     movable = {joint.name: joint for joint in description.movable_joints}
     sorter = PluginSorter(movable, claimed_joints(config), report, description.file)
     plugins = [p for p in description.joint_plugins if isinstance(p, RunPlugin)]
-    tags = sorter.sort(plugins)
+    tags = [_with_links(tag, description) for tag in sorter.sort(plugins)]
     if not tags:
         return description, config
     if any(tag.joints for tag in tags):
@@ -82,9 +91,11 @@ def add_plugins(
     added = tuple(_controllers(tags, names, description.file))
     block = _hardware(description, tags, movable)
     hardware = (*description.hardware, block) if block else description.hardware
+    description = dc.replace(description, hardware=hardware)
+    description = _with_torques(description, tags, report)
     joints = _without_limits(description, tags, report)
     return (
-        dc.replace(description, hardware=hardware, joints=joints),
+        dc.replace(description, joints=joints),
         dc.replace(config, controllers=(*config.controllers, *added)),
     )
 
@@ -118,6 +129,62 @@ def _without_limits(
         else j
         for j in description.joints
     )
+
+
+def _with_links(tag: PluginTag, description: RobotDescription) -> PluginTag:
+    """Return a tag that knows the links whose poses it publishes."""
+    plugin = tag.plugin
+    if not isinstance(plugin, Driving):
+        return tag
+    # One that hangs from the world has no root.
+    base = next(link for link in description.links if link != WORLD)
+    if description.roots:
+        base = description.base
+    plugin = dc.replace(plugin, base_link=base)
+    if isinstance(plugin, DiffDrive):
+        return tag._replace(plugin=plugin)
+    ends = {joint.name: (joint.parent, joint.child) for joint in description.joints}
+    pairs = zip(plugin.right_joints, plugin.left_joints, strict=True)
+    links = tuple(ends[name] for pair in pairs for name in pair)
+    return tag._replace(plugin=dc.replace(plugin, wheel_links=links))
+
+
+def _with_torques(
+    description: RobotDescription, tags: Sequence[PluginTag], report: LoadReport
+) -> RobotDescription:
+    """Return a robot whose wheels have the torques that Gazebo gives them.
+
+    In Classic a motor of its own turns each, which knows neither limit of the joint.
+    In Gazebo Sim one without an effort limit has all the torque that it takes: here
+    what slips on any ground.
+    """
+    joints = {joint.name: joint for joint in description.joints}
+    limits: dict[str, JointLimits] = {}
+    for tag in tags:
+        plugin = tag.plugin
+        if isinstance(plugin, GazeboRosDiffDrive):
+            found, torque = list(tag.joints), plugin.max_wheel_torque
+            what, more = "gazebo_ros_diff_drive turns", "; they have no velocity limit"
+        elif isinstance(plugin, DiffDrive):
+            found = [n for n in tag.joints if joints[n].limits.effort is None]
+            weight = _GRAVITY * total_mass(description)
+            torque, more = _GRIP * weight * plugin.wheel_radius, ""
+            what = "DiffDrive has wheels without an effort limit:"
+        else:
+            continue
+        for name in found:
+            old = joints[name].limits
+            velocity = None if more else old.velocity
+            limits[name] = dc.replace(old, effort=torque, velocity=velocity)
+        if found:
+            what = f"{what} {', '.join(found)}"
+            done = f"the limit is {torque:.3g} N·m{more}"
+            report.add("info", "repair", what, done, file=description.file)
+    changed = tuple(
+        dc.replace(joint, limits=limits.get(joint.name, joint.limits))
+        for joint in description.joints
+    )
+    return dc.replace(description, joints=changed)
 
 
 def _controllers(

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 from arm_drake import interfaces
+from arm_drake.description.gazebo_drives import DiffDrive, GazeboRosDiffDrive
 from arm_drake.description.gazebo_fields import JointPlugin
 from arm_drake.description.gazebo_joints import (
     GazeboRosJointPoseTrajectory,
@@ -22,7 +23,8 @@ from arm_drake.description.urdf import RobotDescription
 OneOfJoints: TypeAlias = (
     JointPositionController | JointController | JointTrajectoryController
 )
-Moving: TypeAlias = OneOfJoints | GazeboRosJointPoseTrajectory
+Driving: TypeAlias = DiffDrive | GazeboRosDiffDrive
+Moving: TypeAlias = OneOfJoints | Driving | GazeboRosJointPoseTrajectory
 
 # Plugins that run as controllers.
 RunPlugin: TypeAlias = Moving | JointStatePublisher | GazeboRosJointStatePublisher
@@ -62,6 +64,8 @@ def interface_of(plugin: JointPlugin) -> str:
     if isinstance(plugin, JointPositionController) and plugin.use_velocity_commands:
         return interfaces.VELOCITY
     if isinstance(plugin, JointController) and not plugin.use_force_commands:
+        return interfaces.VELOCITY
+    if isinstance(plugin, Driving):
         return interfaces.VELOCITY
     if isinstance(plugin, GazeboRosJointPoseTrajectory):
         return interfaces.POSITION
@@ -138,9 +142,20 @@ class PluginSorter:
             )
             if isinstance(plugin, OneOfJoints) and mine:
                 tags.append(PluginTag(_with_joints(plugin, names, mine), mine))
+            elif isinstance(plugin, Driving):
+                tags += self._with_wheels(plugin, mine)
             elif mine or not isinstance(plugin, Moving):
                 tags.append(PluginTag(plugin, mine))
         return tags
+
+    def _with_wheels(self, plugin: Driving, mine: Sequence[str]) -> list[PluginTag]:
+        """Return a plugin of fewer wheels; none and a line if they can't drive."""
+        driving = _keep_wheels(plugin, mine)
+        if driving.left_joints and driving.right_joints:
+            wheels = dict.fromkeys((*driving.left_joints, *driving.right_joints))
+            return [PluginTag(driving, tuple(wheels))]
+        self._tell(plugin, ("no wheels are left on both sides", "it is left out"))
+        return []
 
     def _find_problem(
         self,
@@ -205,12 +220,35 @@ def _with_joints(
     return dc.replace(plugin, **changes)
 
 
+def _keep_wheels(plugin: Driving, mine: Collection[str]) -> Driving:
+    """Return a plugin with these wheels alone; in Classic they go in pairs."""
+    left, right = plugin.left_joints, plugin.right_joints
+    if set(left + right) <= set(mine):
+        return plugin
+    if isinstance(plugin, DiffDrive):
+        left, right = (tuple(n for n in side if n in mine) for side in (left, right))
+        return dc.replace(plugin, left_joints=left, right_joints=right)
+    pairs = list(enumerate(zip(left, right, strict=True)))
+    at = [k for k, pair in pairs if set(pair) <= set(mine)]
+    return dc.replace(
+        plugin,
+        left_joints=tuple(left[k] for k in at),
+        right_joints=tuple(right[k] for k in at),
+        num_wheel_pairs=len(at),
+        wheel_separation=tuple(plugin.separations[k] for k in at),
+        wheel_diameter=tuple(2.0 * plugin.radii[k] for k in at),
+    )
+
+
 def _joints_of(plugin: JointPlugin, movable: Collection[str]) -> list[str]:
     """Return the joints that a plugin asks for."""
     if not isinstance(plugin, Moving):
         return []
     if isinstance(plugin, GazeboRosJointPoseTrajectory):
         return list(movable)
+    if isinstance(plugin, Driving):
+        wheels = dict.fromkeys((*plugin.left_joints, *plugin.right_joints))
+        return [name for name in wheels if name in movable]
     names = [name for name in dict.fromkeys(plugin.joint_names) if name in movable]
     if isinstance(plugin, JointTrajectoryController):
         return names or list(movable)

@@ -9,6 +9,7 @@ from arm_drake.description.bridge import TopicAlias
 from arm_drake.description.controllers import ControllerManagerConfig
 from arm_drake.description.joints import FREE_TYPES
 from arm_drake.description.report import LoadReport
+from arm_drake.description.sensors import SensorInfo
 from arm_drake.description.tree import links_on
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.errors import InputError
@@ -48,6 +49,9 @@ class Robot:
 
     # Name of the bundled robot, if it is one.
     bundled: str | None = None
+
+    # Sensors of `<ros2_control>` that measure something of the physics.
+    sensors: tuple[SensorInfo, ...] = ()
 
     # Topics of ROS that a bridge connects with Gazebo's.
     topic_aliases: tuple[TopicAlias, ...] = ()

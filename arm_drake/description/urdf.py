@@ -20,6 +20,11 @@ from arm_drake.description.gazebo_fields import (
     JointPlugin,
     read_joint_plugins,
 )
+from arm_drake.description.gazebo_sensors import (
+    CONTACT,
+    GazeboSensor,
+    read_gazebo_sensors,
+)
 from arm_drake.description.hardware_info import HardwareInfo
 from arm_drake.description.hardware_report import report_hardware
 from arm_drake.description.joints import (
@@ -65,6 +70,9 @@ class RobotDescription:
 
     # Those of them that move or report joints, with the fields they have.
     joint_plugins: tuple[JointPlugin, ...]
+
+    # Sensors in `<gazebo>` tags.
+    gazebo_sensors: tuple[GazeboSensor, ...]
 
     # The expanded description, as it was written.
     source: str
@@ -141,7 +149,10 @@ def parse_urdf(
     joints = find_mimics(joints, hardware, report, file)
     plugins = read_gazebo_plugins(root)
     report_hardware(hardware, report, file)
-    report_gazebo(root, report, file, simulated=SIMULATED)
+    sensors = read_gazebo_sensors(root, report, file)
+    components = {sensor.name for block in hardware for sensor in block.sensors}
+    measuring = components.union(s.name for s in sensors if s.type == CONTACT)
+    report_gazebo(root, report, file, simulated=SIMULATED, sensors=measuring)
     write_mimics(root, joints)
     normalise(root, file, packages, report, decompose=decompose)
     robot = RobotDescription(
@@ -154,6 +165,7 @@ def parse_urdf(
         joint_plugins=read_joint_plugins(
             plugins, [joint.name for joint in joints], report, file
         ),
+        gazebo_sensors=sensors,
         source=text,
         urdf=ET.tostring(root, encoding="unicode"),
     )

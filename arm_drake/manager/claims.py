@@ -1,4 +1,4 @@
-"""Controllers that write command interfaces, and the joints that these move."""
+"""Controllers that write command interfaces or can fail, and the joints they move."""
 
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -12,10 +12,11 @@ from arm_drake.control.command_limits import Previous
 from arm_drake.control.drive_mode import Mask
 from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.controllers.cycles import Array, Cycle, Tick
+from arm_drake.controllers.ticking_controller import TickingController
 
 
 class _Claimant(NamedTuple):
-    """A controller that writes command interfaces."""
+    """A controller that writes command interfaces, or whose update can fail."""
 
     name: str
 
@@ -32,7 +33,7 @@ class _Claimant(NamedTuple):
 
 
 class Claimants:
-    """All controllers of a robot that write command interfaces."""
+    """All controllers of a robot that write command interfaces or can fail."""
 
     def __init__(
         self,
@@ -54,7 +55,7 @@ class Claimants:
         self._claimants = []
         for name, system in systems.items():
             claims = system.command_interfaces
-            if claims:
+            if claims or (isinstance(system, TickingController) and system.can_fail):
                 claimed = {claim.rpartition("/")[0] for claim in claims}
                 # One that claims what isn't there never becomes active.
                 indices = [at.get(claim, 0) for claim in claims]
@@ -68,7 +69,7 @@ class Claimants:
                 self._claimants.append(claimant)
 
     def port(self, name: str) -> InputPort | None:
-        """Return where the ticks of a controller come in, if it claims anything."""
+        """Return where the ticks of a controller come in, if the manager sees them."""
         return next((c.port for c in self._claimants if c.name == name), None)
 
     def write(

@@ -19,6 +19,11 @@ from arm_drake.messages.actions import (
     SendGoal,
     TopicRejected,
 )
+from arm_drake.messages.admittance import (
+    AdmittanceControllerState,
+    Int8MultiArray,
+    String,
+)
 from arm_drake.messages.base import (
     NANOSECONDS,
     Duration,
@@ -60,6 +65,7 @@ from arm_drake.messages.geometry import (
     WrenchStamped,
 )
 from arm_drake.messages.grippers import (
+    Bool,
     Float32,
     Float64,
     GripperCommand,
@@ -102,8 +108,10 @@ __all__ = [
     "NANOSECONDS",
     "AckermannDrive",
     "ActionRequest",
+    "AdmittanceControllerState",
     "BatteryState",
     "BatteryStateArray",
+    "Bool",
     "CancelGoal",
     "CancelResponse",
     "Duration",
@@ -125,6 +133,7 @@ __all__ = [
     "GripperCommandResult",
     "Header",
     "Imu",
+    "Int8MultiArray",
     "InterfaceValue",
     "JointState",
     "JointTolerance",
@@ -158,6 +167,7 @@ __all__ = [
     "SpeedScalingFactor",
     "SteeringControllerStatus",
     "Strictness",
+    "String",
     "SwitchController",
     "SwitchControllerResult",
     "TFMessage",

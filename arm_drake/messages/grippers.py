@@ -22,6 +22,17 @@ class Float32(Float64):
     """A number (`std_msgs`), kept with the digits that it is given."""
 
 
+@dc.dataclass(frozen=True, eq=False)
+class Bool(Message):
+    """Yes or no (`std_msgs`); each message is one of its own."""
+
+    data: bool = False
+
+    def __post_init__(self) -> None:
+        """Take nothing else."""
+        check_type(self.data, bool, "data")
+
+
 @dc.dataclass(frozen=True)
 class GripperCommand(Message):
     """Where a gripper is to go (`control_msgs/GripperCommand`)."""

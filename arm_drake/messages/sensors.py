@@ -179,3 +179,14 @@ def to_code(value: float, unknown: int) -> int:
         unknown: What stands for a number that isn't finite.
     """
     return int(value) if math.isfinite(value) else unknown
+
+
+@dc.dataclass(frozen=True)
+class VDA5050SafetyState(Message):
+    """What the standard VDA 5050 calls the safety state (`control_msgs`)."""
+
+    # "none", "manual", "remote" or "autoAck": how an emergency stop has to be ended.
+    e_stop: str = "none"
+
+    # Whether something is in a safety field.
+    field_violation: bool = False

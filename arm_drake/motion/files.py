@@ -7,12 +7,19 @@ from typing import Any
 from arm_drake import yaml_files
 from arm_drake.errors import MotionError
 from arm_drake.motion.fields import Fields
+from arm_drake.motion.parameters import fill_in
 from arm_drake.motion.steps import REPEAT, parse_step
 from arm_drake.motion.timeline import Motion
 
 
-def load_motion(path: str | Path) -> Motion:
+def load_motion(
+    path: str | Path, parameters: Mapping[str, Any] | None = None
+) -> Motion:
     """Return the motion of a YAML file.
+
+    Args:
+        path: The file.
+        parameters: Values of its parameters, in place of their defaults.
 
     Raises:
         MotionError: If the file can't be used.
@@ -22,21 +29,25 @@ def load_motion(path: str | Path) -> Motion:
         data = yaml_files.load(path)
     except yaml_files.YamlError as error:
         raise MotionError(error.problem, file=path, line=error.line) from None
-    return parse_motion(data, path)
+    return parse_motion(data, path, parameters)
 
 
-def parse_motion(data: Any, file: Path | None = None) -> Motion:
+def parse_motion(
+    data: Any, file: Path | None = None, parameters: Mapping[str, Any] | None = None
+) -> Motion:
     """Return the motion of a list of steps, as in a motion file.
 
     A step that this version doesn't know is an error, not nothing.
 
     Args:
-        data: The list.
+        data: The list; or a mapping of `parameters`, with defaults, and `steps`.
         file: File it came from, for messages.
+        parameters: Values of its parameters, in place of their defaults.
 
     Raises:
         MotionError: If a step is malformed.
     """
+    data = fill_in(data, parameters or {}, file)
     if not isinstance(data, list):
         raise MotionError(
             f"expected a list of steps, got {type(data).__name__}", file=file

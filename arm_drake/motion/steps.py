@@ -13,6 +13,8 @@ from arm_drake.messages import (
     Twist,
 )
 from arm_drake.motion.fields import Fields
+from arm_drake.motion.tables import KIND as TABLE
+from arm_drake.motion.tables import read_table
 from arm_drake.motion.timeline import MotionStep, StepMessage, TopicMessage
 from arm_drake.motion.trajectories import read_goal, read_trajectory
 
@@ -29,6 +31,7 @@ _RECEIVERS = ("controller", "topic", "topics")
 _KINDS: Mapping[str, tuple[str, ...]] = {
     "goal": ("controller",),
     "trajectory": ("controller", "topic"),
+    TABLE: ("controller", "topic"),
     "cancel": ("controller",),
     "commands": ("controller",),
     "gripper_command": ("controller",),
@@ -60,15 +63,18 @@ def parse_step(item: Any, index: int, file: Path | None) -> list[MotionStep]:
         MotionError: If it is malformed.
     """
     fields = Fields(f"[{index}]", file)
-    return list(_Step(fields.mapping(item, ""), fields).parse())
+    return list(_Step(fields.mapping(item, ""), fields, file).parse())
 
 
 class _Step:
     """One step of a motion file on its way to messages."""
 
-    def __init__(self, item: Mapping[str, Any], fields: Fields) -> None:
+    def __init__(
+        self, item: Mapping[str, Any], fields: Fields, file: Path | None
+    ) -> None:
         self._item = item
         self._fields = fields
+        self._file = file
 
     def parse(self) -> Iterator[MotionStep]:
         fields, item = self._fields, self._item
@@ -85,6 +91,9 @@ class _Step:
             rows = self._ramp(kind, item[kind])
             times = self._times(len(rows))
             sent = [self._row_messages(kind, names, row) for row in rows]
+        elif kind == TABLE:
+            sent = self._table(item[kind])
+            times = self._times(len(sent))
         else:
             if "ping_pong" in item:
                 problem = f"only {' and '.join(_RAMPS)} have it"
@@ -148,6 +157,17 @@ class _Step:
         }
         return read[kind](value)
 
+    def _table(self, value: Any) -> list[list[StepMessage | TopicMessage]]:
+        """Return what a table sends, row by row."""
+        fields, item = self._fields, self._item
+        for key in ("count", "ping_pong"):
+            if key in item:
+                raise fields.error(key, f"a {TABLE} has its rows; leave it out")
+        every = fields.seconds(item.get("every"), "every")
+        rows = read_table(fields, value, every, self._file)
+        topic = item.get("topic")
+        return [[row if topic is None else TopicMessage(topic, row)] for row in rows]
+
     def _row_messages(
         self, kind: str, names: Sequence[str], row: tuple[float, ...]
     ) -> list[StepMessage | TopicMessage]:
@@ -180,8 +200,8 @@ class _Step:
             raise self._fields.error("cancel", f"expected true, got {value!r}")
 
     def _data(self, value: Any) -> float | tuple[float, ...] | Mapping[str, Any]:
-        """Return what goes to a topic: a number, a list of them, or fields."""
-        if isinstance(value, Mapping):
+        """Return what goes to a topic: a number, a list of them, a bool, or fields."""
+        if isinstance(value, Mapping | bool):
             return value
         if isinstance(value, list):
             return self._fields.numbers(value, "data")

@@ -37,7 +37,7 @@ class TopicMessage(NamedTuple):
     topic: str
 
     # Fields of its message, if it is a mapping.
-    data: float | tuple[float, ...] | JointTrajectory | Mapping[str, Any]
+    data: float | bool | tuple[float, ...] | JointTrajectory | Mapping[str, Any]
 
 
 # End of the name of the topic on which controllers are told how fast to move.

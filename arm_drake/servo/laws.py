@@ -28,6 +28,9 @@ from arm_drake.servo.signals import (
 # Share of a change that the filters of an acceleration take over at each step, f.
 _FELT_GAIN = 0.1
 
+# How fast a push against a stop is forgotten [s].
+_STOP_TIME = 0.1
+
 # Below this part of all accelerations joints are on their own.
 _SMALLEST_SCALE = 0.01
 
@@ -53,6 +56,7 @@ def acceleration_law(
     grippers = gains.grippers if b else ()
     held = dict(zip(grippers, variables("held", len(grippers)), strict=True))
     felt, r = (variables(name, n if layout.has_modes else 0) for name in ("felt", "r"))
+    kept_at_stop = max(0.0, 1.0 - h / _STOP_TIME)
     accelerations, kept = [], []
     for i in range(n):
         q, v = x[layout.positions_at[i]], x[layout.velocities_at[i]]
@@ -68,12 +72,14 @@ def acceleration_law(
                 # What a gripper pressed against is no load when it is sent elsewhere.
                 step = abs_(command.q_d[i] - held[i]) - gains.step[i]
                 disturbance = if_then_else(step > 0.0, 0.0, disturbance)
-            # Whatever holds a joint at its stop goes away with what pushes it there.
+            # Whatever holds a joint at its stop goes away with what pushes it there,
+            # and slowly where nothing does: it may be a load that pulls it back.
             for stop, side in ((gains.upper[i], 1.0), (gains.lower[i], -1.0)):
                 if np.isfinite(stop):
                     beyond, outwards = side * (q - float(stop)), side * u
                     inwards = side * min_(side * disturbance, 0.0)
-                    pushes = if_then_else(outwards > 0.0, inwards, disturbance)
+                    part = if_then_else(outwards > 0.0, 0.0, kept_at_stop)
+                    pushes = inwards + part * (disturbance - inwards)
                     disturbance = if_then_else(beyond > 0.0, pushes, disturbance)
             u = u + disturbance
             keep = (1.0 - b) * disturbance + shift

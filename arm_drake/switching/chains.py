@@ -5,7 +5,8 @@ reference interface of another is its predecessor, the other one its follower.
 """
 
 import dataclasses as dc
-from collections.abc import Collection, Iterable, Mapping
+import itertools
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 
 @dc.dataclass(frozen=True)
@@ -74,25 +75,54 @@ def chain_of(
 
 
 def find_cycle(controllers: Mapping[str, ControllerInfo]) -> str:
-    """Return what is wrong with chains that close a circle, "" if none does."""
-    before = _predecessors(controllers)
+    """Return what is wrong with controllers that need each other in a circle.
+
+    None of them could be activated, for each needs the next one to be active. It is ""
+    if there is no circle.
+
+    Args:
+        controllers: All controllers that are loaded, by name.
+    """
+    owners = interface_owners(controllers)
+    needs = {name: needs_of(info, owners) for name, info in controllers.items()}
     for name in controllers:
         path = [name]
         seen = {name}
         while path:
-            onward = [n for n in before[path[-1]] if n == name or n not in seen]
+            onward = [n for n in needs[path[-1]] if n == name or n not in seen]
             if not onward:
                 path.pop()
                 continue
             if onward[0] == name:
-                names = " -> ".join(repr(n) for n in (name, *reversed(path)))
-                return (
-                    f"controllers command each other in a circle: {names}; "
-                    "expected chains that end at the hardware"
-                )
+                return _describe_cycle([*path, name], controllers, needs)
             path.append(onward[0])
             seen.add(onward[0])
     return ""
+
+
+def _describe_cycle(
+    path: Sequence[str],
+    controllers: Mapping[str, ControllerInfo],
+    needs: Mapping[str, Mapping[str, str]],
+) -> str:
+    """Return what is wrong with a circle whose first controller is its last, too."""
+    links = list(itertools.pairwise(path))
+    if all(
+        needs[name][other] in controllers[name].command_interfaces
+        for name, other in links
+    ):
+        names = " -> ".join(map(repr, path))
+        return (
+            f"controllers command each other in a circle: {names}; "
+            "expected chains that end at the hardware"
+        )
+    needed = ", ".join(
+        f"{name!r} needs {needs[name][other]!r}" for name, other in links
+    )
+    return (
+        f"controllers wait for each other in a circle: {needed}; "
+        "expected chains that end at the hardware"
+    )
 
 
 def chained(

@@ -89,6 +89,26 @@ def add_visualizer(
     MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, params)
 
 
+def show_backdrop(
+    meshcat: Meshcat,
+    *,
+    has_grid: bool = True,
+    background: tuple[float, float, float] | None = None,
+) -> None:
+    """Show a page as a world wants it.
+
+    Args:
+        meshcat: The page.
+        has_grid: Whether it has its grid.
+        background: Colour behind everything, red, green and blue from 0 to 1; None
+            leaves Meshcat's own.
+    """
+    meshcat.SetProperty("/Grid", "visible", has_grid)
+    if background is not None:
+        for end in ("top_color", "bottom_color"):
+            meshcat.SetProperty("/Background", end, list(background))
+
+
 def frame_points(meshcat: Meshcat, points: Sequence[np.ndarray]) -> None:
     """Point the camera so that it sees all of some points.
 

@@ -3,7 +3,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm_drake.control.filter_chains import FILTERS, make_filter_chain
+from arm_drake.control.filter_chains import FILTERS, find_unused, make_filter_chain
 from arm_drake.control.filters import RateLimiterFilter
 
 MEAN = "filters/MeanFilterDouble"
@@ -157,26 +157,12 @@ def test_a_rate_limiter_limits_each_channel_from_its_first_sample_on() -> None:
             "c.filter1.params.number_of_observations must be at least 1, got 0",
         ),
         (
-            chain((SMOOTH, {"alfa": 1.0})),
-            "c.filter1.params.alfa: unknown; did you mean 'alpha'? known: alpha",
-        ),
-        (
             chain((SMOOTH, {"alpha": "1"})),
             "c.filter1.params.alpha: expected float, got '1'",
         ),
         (
             chain(("filters/TransferFunctionFilterDouble", {"a": 1.0, "b": [1.0]})),
             "c.filter1.params.a: expected a list of float, got 1.0",
-        ),
-        (
-            {"filter2.name": "x", "filter2.type": MEAN},
-            "c.filter2.name: belongs to no filter; they are numbered from filter1 on, "
-            "and the chain has 0, each with name, type and params",
-        ),
-        (
-            chain((SMOOTH, {"alpha": 0.5})) | {"filter1.parameters.a": 1},
-            "c.filter1.parameters.a: belongs to no filter; they are numbered from "
-            "filter1 on, and the chain has 1, each with name, type and params",
         ),
         (
             chain((LIMITER, {"sampling_interval": 0.0})),
@@ -197,6 +183,48 @@ def test_what_is_wrong_with_a_chain_is_told(parameters: Any, problem: str) -> No
         make_filter_chain(parameters, "c")
 
     assert str(caught.value) == problem
+
+
+NO_FILTER = (
+    "belongs to no filter; they are numbered from filter1 on, and the chain has {}, "
+    "each with name, type and params"
+)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "unused"),
+    [
+        (chain((SMOOTH, {"alpha": 0.5})), {}),
+        (
+            chain((SMOOTH, {"alpha": 0.5, "alfa": 1.0})),
+            {
+                "filter1.params.alfa": "the filter has no such parameter; did you mean "
+                "'alpha'? known: alpha"
+            },
+        ),
+        (
+            {"filter2.name": "x", "filter2.type": MEAN},
+            dict.fromkeys(("filter2.name", "filter2.type"), NO_FILTER.format(0)),
+        ),
+        (
+            chain((SMOOTH, {"alpha": 0.5})) | {"filter1.parameters.a": 1, "b": [2]},
+            dict.fromkeys(("filter1.parameters.a", "b"), NO_FILTER.format(1)),
+        ),
+        # What isn't known of a filter that isn't known can't be told.
+        ({"filter1.name": "x", "filter1.type": [1], "filter1.params.a": 1}, {}),
+    ],
+)
+def test_what_belongs_to_no_filter_is_found(
+    parameters: dict[str, Any], unused: dict[str, str]
+) -> None:
+    assert find_unused(parameters) == unused
+
+
+def test_what_belongs_to_no_filter_has_no_effect() -> None:
+    plain = chain((SMOOTH, {"alpha": 0.5}))
+    more = {"filter1.params.alfa": "x", "filter3.name": 1, "other": 2}
+
+    assert make_filter_chain(plain | more, "c") == make_filter_chain(plain, "c")
 
 
 def test_there_is_a_case_for_each_type() -> None:

@@ -40,6 +40,8 @@ GPS = "gps_sensor_broadcaster/GPSSensorBroadcaster"
 MAGNETOMETER = "magnetometer_broadcaster/MagnetometerBroadcaster"
 BATTERY = "battery_state_broadcaster/BatteryStateBroadcaster"
 STATES = "state_interfaces_broadcaster/StateInterfacesBroadcaster"
+SAFETY = "vda5050_safety_state_broadcaster/Vda5050SafetyStateBroadcaster"
+PASSTHROUGH = "passthrough_controller/PassthroughController"
 SCALED_JTC = "ur_controllers/ScaledJointTrajectoryController"
 OLD_JSB = "joint_state_controller/JointStateController"
 
@@ -138,6 +140,8 @@ MINIMAL: Mapping[str, Mapping[str, Any]] = {
     MAGNETOMETER: _SENSOR,
     BATTERY: {},
     STATES: {"interfaces": ["a/position"]},
+    SAFETY: {"interfaces.field_violation": ["a/field"]},
+    PASSTHROUGH: {"interfaces": ["a/position"]},
 }
 MINIMAL = {**MINIMAL, SCALED_JTC: MINIMAL[JTC], OLD_JSB: MINIMAL[JSB]}
 

@@ -32,9 +32,11 @@ from tests.controllers.parameters import (
     OLD_JSB,
     OMNI,
     PARALLEL_GRIPPER,
+    PASSTHROUGH,
     PID,
     POSE,
     RANGE,
+    SAFETY,
     SCALED_JTC,
     STATES,
     TRICYCLE,
@@ -325,6 +327,8 @@ DEFAULTS: dict[str, dict[str, Any]] = {
         "power_supply_technology": 0,
     },
     STATES: {},
+    SAFETY: nested("interfaces.e_stop", {"manual": (), "remote": (), "autoack": ()}),
+    PASSTHROUGH: {},
 }
 
 

@@ -4,6 +4,7 @@ import pytest
 
 from arm_drake.controllers.gazebo_topics import (
     GazeboTag,
+    drive_topics,
     find_unsupported,
     joint_state_topic,
     position_topic,
@@ -11,6 +12,7 @@ from arm_drake.controllers.gazebo_topics import (
     trajectory_topic,
     velocity_topic,
 )
+from arm_drake.description.gazebo_drives import DiffDrive, GazeboRosDiffDrive
 from arm_drake.description.gazebo_joints import (
     GazeboRosJointPoseTrajectory,
     GazeboRosJointStatePublisher,
@@ -56,6 +58,15 @@ def test_topics_of_the_other_plugins() -> None:
     assert joint_state_topic(JointStatePublisher((), "s"), "arm", "house") == "/s"
 
 
+def test_topics_of_a_drive() -> None:
+    assert drive_topics(DiffDrive(("j",), ("k",)), "arm") == (
+        *("/model/arm/cmd_vel", "/model/arm/enable"),
+        *("/model/arm/odometry", "/model/arm/tf"),
+    )
+    tag = DiffDrive(("j",), ("k",), topic="go", odom_topic="/o/m", tf_topic="/tf")
+    assert drive_topics(tag, "arm") == ("/go", "/model/arm/enable", "/o/m", "/tf")
+
+
 @pytest.mark.parametrize(
     ("namespace", "remappings", "topic"),
     [
@@ -97,6 +108,20 @@ def test_namespaces_and_remappings(
             [
                 "use_actuator_msg: no messages of actuators are taken; the joint's own "
                 "topic takes numbers"
+            ],
+        ),
+        (DiffDrive(("j",), ("k",)), []),
+        (
+            GazeboRosDiffDrive(
+                ("j",),
+                ("k",),
+                wheel_separation=(0.3, 0.4),
+                wheel_diameter=(0.1,),
+                remappings=("odom=o",),
+            ),
+            [
+                "wheel_separation: 2 values for 1 pairs of wheels",
+                "remapping 'odom=o': expected from:=to, with names of topics",
             ],
         ),
         (

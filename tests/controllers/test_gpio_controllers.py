@@ -389,6 +389,22 @@ def test_a_robot_s_gpios_are_commanded_and_read(
     )
 
 
+def test_one_that_only_reads_is_deactivated_when_it_fails(tmp_path: Path) -> None:
+    yaml = YAML.replace("command_interfaces", "state_interfaces")
+    robot = models.load(tmp_path, URDF, yaml, controller_types=TYPES)
+    simulation = ad.Simulation(ad.build_diagram(robot))
+
+    values = InterfaceValue(("valve", "lamp"), (1.0,))
+    message = DynamicInterfaceGroupValues(
+        interface_groups=("io",), interface_values=(values,)
+    )
+    simulation.topic("/station/commands").publish(message)
+    simulation.advance_to(0.1)
+
+    (controller,) = simulation.list_controllers()
+    assert controller.state == "inactive"
+
+
 def test_a_robot_without_the_gpio_has_an_inactive_controller(tmp_path: Path) -> None:
     yaml = YAML.replace("[valve]", "[lamp]")
     robot = models.load(tmp_path, URDF, yaml, controller_types=TYPES)

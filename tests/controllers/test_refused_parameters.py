@@ -25,6 +25,7 @@ from tests.controllers.parameters import (
     MULTI,
     OMNI,
     PARALLEL_GRIPPER,
+    PASSTHROUGH,
     PID,
     POSE,
     RANGE,
@@ -446,6 +447,12 @@ CASES: list[tuple[str, dict[str, Any], str]] = [
         "power_supply_technology must be in [0, 8], got -1",
     ),
     (STATES, {"interfaces": []}, f"interfaces {ONE}"),
+    (PASSTHROUGH, {"interfaces": []}, f"interfaces {ONE}"),
+    (
+        PASSTHROUGH,
+        {"interfaces": ["a/position", "a/position"]},
+        "interfaces must not repeat elements, got ['a/position', 'a/position']",
+    ),
     *(
         (type_, {name: [1.0]}, f"{name} {SIX}")
         for type_ in (BICYCLE, TRICYCLE, MECANUM, DIFF_DRIVE)
@@ -539,6 +546,7 @@ def test_what_upstream_refuses_is_refused(
         (FILTER, "input_interfaces"),
         (IMU, "frame_id"),
         (STATES, "interfaces"),
+        (PASSTHROUGH, "interfaces"),
     ],
 )
 def test_what_has_no_default_is_required(type_: str, name: str) -> None:

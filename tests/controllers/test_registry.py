@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterfaceParams,
 )
 from arm_drake.controllers.cycles import Now
+from arm_drake.controllers.other_types import describe_unknown
 from arm_drake.controllers.ticking_controller import TickingController
 from arm_drake.errors import InputError
 from arm_drake.messages import NANOSECONDS
@@ -23,6 +25,53 @@ from tests import models
 
 TYPE = "my_controllers/Wave"
 JTC = "joint_trajectory_controller/JointTrajectoryController"
+
+# Every controller type of ros2_controllers, from humble to rolling. Source: the plugin
+# descriptions of its packages.
+ROS2_CONTROLLERS = {
+    "ackermann_steering_controller/AckermannSteeringController",
+    "admittance_controller/AdmittanceController",
+    "battery_state_broadcaster/BatteryStateBroadcaster",
+    "bicycle_steering_controller/BicycleSteeringController",
+    "chained_filter_controller/ChainedFilter",
+    "diff_drive_controller/DiffDriveController",
+    "effort_controllers/GripperActionController",
+    "effort_controllers/JointGroupEffortController",
+    "force_torque_sensor_broadcaster/ForceTorqueSensorBroadcaster",
+    "forward_command_controller/ForwardCommandController",
+    "forward_command_controller/MultiInterfaceForwardCommandController",
+    "gpio_controllers/GpioCommandController",
+    "gps_sensor_broadcaster/GPSSensorBroadcaster",
+    "imu_sensor_broadcaster/IMUSensorBroadcaster",
+    "joint_state_broadcaster/JointStateBroadcaster",
+    "joint_trajectory_controller/JointTrajectoryController",
+    "magnetometer_broadcaster/MagnetometerBroadcaster",
+    "mecanum_drive_controller/MecanumDriveController",
+    "motion_primitives_controllers/MotionPrimitivesForwardController",
+    "motion_primitives_controllers/MotionPrimitivesFromTrajectoryController",
+    "omni_wheel_drive_controller/OmniWheelDriveController",
+    "parallel_gripper_action_controller/GripperActionController",
+    "pid_controller/PidController",
+    "pose_broadcaster/PoseBroadcaster",
+    "position_controllers/GripperActionController",
+    "position_controllers/JointGroupPositionController",
+    "range_sensor_broadcaster/RangeSensorBroadcaster",
+    "state_interfaces_broadcaster/StateInterfacesBroadcaster",
+    "tricycle_controller/TricycleController",
+    "tricycle_steering_controller/TricycleSteeringController",
+    "vda5050_safety_state_broadcaster/Vda5050SafetyStateBroadcaster",
+    "velocity_controllers/JointGroupVelocityController",
+}
+
+# Those that need what a simulation doesn't have: a vendor's own controller of motions.
+UNSUPPORTED = {
+    "motion_primitives_controllers/MotionPrimitivesForwardController",
+    "motion_primitives_controllers/MotionPrimitivesFromTrajectoryController",
+}
+
+# The specification, where it lies beside the project; and a type in its text.
+SPECIFICATION = Path(__file__).parents[3] / "shared" / "spec" / "controllers.md"
+TYPE_NAME = re.compile(r"`([a-z_0-9]+/[A-Z]\w+)((?:\|\w+)*)`")
 
 YAML = f"""
 controller_manager:
@@ -207,3 +256,43 @@ def test_who_brought_a_type_is_known():
 
     assert find_controller_type(TYPE).origin == "register_controller"
     assert find_controller_type(JTC).origin == ""
+
+
+@pytest.mark.parametrize("name", sorted(ROS2_CONTROLLERS - UNSUPPORTED))
+def test_every_type_of_ros2_controllers_is_simulated(name):
+    row = find_controller_type(name, installed={})
+
+    assert row is not None
+    assert row.system is not None
+    assert not row.runs_as
+
+
+@pytest.mark.parametrize("name", sorted(UNSUPPORTED))
+def test_what_can_not_be_simulated_is_said(name):
+    assert find_controller_type(name, installed={}) is None
+
+    _, what, done = describe_unknown(name, [])
+
+    assert "unknown" not in what
+    assert done in (
+        "the controller does not run",
+        "left out; a simulation lacks nothing",
+    )
+
+
+@pytest.mark.skipif(not SPECIFICATION.is_file(), reason="there is no specification")
+def test_the_list_has_all_types_of_the_specification():
+    text = SPECIFICATION.read_text(encoding="utf-8")
+    text = text[text.index("\n# C. ") : text.index("\n# D. ")]
+    # The end of the part is about types of other packages, and about filters.
+    types = {
+        name
+        for name, _ in TYPE_NAME.findall(text.partition("- third-party strings")[0])
+        if not name.startswith(("control_filters/", "filters/", "kinematics_"))
+    }
+
+    assert len(types) > 25
+    assert types <= ROS2_CONTROLLERS
+    # Newer than the specification.
+    newer = {"vda5050_safety_state_broadcaster/Vda5050SafetyStateBroadcaster"}
+    assert ROS2_CONTROLLERS - types <= UNSUPPORTED | newer

@@ -1,6 +1,6 @@
 """What a controller doesn't act on, or not as written, is said in the report."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +9,10 @@ import yaml
 
 from arm_drake.controller_loading import load_controllers
 from arm_drake.controllers import CONTROLLER_TYPES
+from arm_drake.controllers.controller_type import ControllerType
+from arm_drake.controllers.forward_command_controller import (
+    ForwardCommandControllerParameters,
+)
 from arm_drake.description.controllers import (
     ControllerConfig,
     ControllerManagerConfig,
@@ -20,7 +24,6 @@ from arm_drake.errors import ParameterError
 from arm_drake.surroundings import Surroundings
 from tests.controllers.parameters import (
     ACKERMANN,
-    ADMITTANCE,
     DIFF_DRIVE,
     JSB,
     JTC,
@@ -140,7 +143,9 @@ def test_steered_wheels_need_no_radius():
 FILE = Path("c.yaml")
 
 
-def loaded_by_manager(type_: str, **given: Any) -> tuple[list[str], list[str], bool]:
+def loaded_by_manager(
+    type_: str, types: Mapping[str, ControllerType] | None = None, **given: Any
+) -> tuple[list[str], list[str], bool]:
     """Return state and report of a controller, and whether it has a system."""
     written = {**MINIMAL.get(type_, {}), **given}
     parameters = {name: Parameter(v, FILE, 7) for name, v in written.items()}
@@ -160,19 +165,21 @@ def loaded_by_manager(type_: str, **given: Any) -> tuple[list[str], list[str], b
         {"a": 0.0, "b": 0.0},
     )
     report = LoadReport()
-    (controller,) = load_controllers(config, there, report, distro=distro)
+    (controller,) = load_controllers(
+        config, there, report, distro=distro, controller_types=types
+    )
     return [controller.state], str(report).splitlines(), controller.system is not None
 
 
 def test_a_type_that_is_not_simulated_has_its_parameters_checked():
+    type_ = "own_controllers/Unfinished"
+    types = {type_: ControllerType(ForwardCommandControllerParameters)}
+    given = {"joints": ["a"], "interface_name": "position"}
     done = "the controller does not run"
-    what = (
-        f"error: c.yaml:3: c: controller type {ADMITTANCE!r} is not simulated yet; "
-        f"{done}"
-    )
+    what = f"error: c.yaml:3: c: controller type {type_!r} is not simulated yet; {done}"
 
-    assert loaded_by_manager(ADMITTANCE) == (["unconfigured"], [what], False)
-    assert loaded_by_manager(ADMITTANCE, joints=[]) == (
+    assert loaded_by_manager(type_, types, **given) == (["unconfigured"], [what], False)
+    assert loaded_by_manager(type_, types, **{**given, "joints": []}) == (
         ["unconfigured"],
         [
             what,

@@ -50,6 +50,7 @@ from tests.controllers.parameters import (
     STATES,
     WRENCH,
     load,
+    report_of,
 )
 
 SYSTEMS: Mapping[str, Any] = {
@@ -504,12 +505,6 @@ KEY = "sensor_filter_chain.filter1"
             {f"{KEY}.params.damping_frequency": 0.0},
             "params: damping_frequency must be above 0, got 0.0",
         ),
-        (
-            {f"{KEY}.params.divider": 1},
-            "params.divider: unknown; filter1, filter2, ... have name, type, "
-            "params.sampling_frequency, params.damping_frequency, "
-            "params.damping_intensity",
-        ),
     ],
 )
 def test_a_filter_that_cannot_be_made_is_an_error(
@@ -519,6 +514,30 @@ def test_a_filter_that_cannot_be_made_is_an_error(
         drive(WRENCH, {**chain(1, "first"), **given})
 
     assert str(error.value) == f"{KEY}.{message}"
+
+
+@pytest.mark.parametrize(
+    ("more", "problem"),
+    [
+        (
+            f"{KEY}.params.divider",
+            "the filter has no such parameter; known: damping_frequency, "
+            "damping_intensity, sampling_frequency",
+        ),
+        (
+            "sensor_filter_chain.filter3.name",
+            "belongs to no filter; they are numbered from filter1 on, and the chain "
+            "has 1, each with name, type and params",
+        ),
+    ],
+)
+def test_what_belongs_to_no_filter_is_reported(more: str, problem: str) -> None:
+    given = {"sensor_name": "s", **chain(1, "first")}
+
+    lines = report_of(WRENCH, {**given, more: "x"})
+
+    assert lines == [f"warning: {more}: {problem}; it has no effect"]
+    assert report_of(WRENCH, given) == []
 
 
 def test_filters_are_whole_and_have_names_of_their_own() -> None:

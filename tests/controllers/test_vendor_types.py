@@ -122,7 +122,7 @@ def test_the_scaled_one_of_another_vendor_has_that_ones_parameters(
 
     # The robot doesn't tell a factor, which upstream needs as well.
     (line,) = [text for text in lines(robot) if "error" in text]
-    assert "the robot has no joint 'speed_scaling'" in line
+    assert "the robot has no joint, sensor or gpio 'speed_scaling'" in line
 
 
 def test_the_gripper_that_upstreams_warning_names_is_the_parallel_one(

@@ -128,7 +128,7 @@ def test_a_plugin_is_known_by_its_library_or_class(filename, name, kind):
 
 def test_what_has_no_effect_is_reported_by_sort_with_its_count():
     lines = lines_of(
-        "<gazebo reference='a'><material>Red</material><mu1>1</mu1>"
+        "<gazebo reference='a'><material>Red</material><mu1>1</mu1><mu2>1</mu2>"
         "<sensor type='camera'><plugin filename='libcam.so'/></sensor></gazebo>"
         "<gazebo reference='b'><material>Blue</material>"
         "<sensor type='camera'><plugin filename='libcam.so'/></sensor>"
@@ -138,7 +138,7 @@ def test_what_has_no_effect_is_reported_by_sort_with_its_count():
     assert lines == [
         "info: arm.urdf: Gazebo plugins 'libcam.so' (2 times), 'n'; they have no "
         "effect",
-        "info: arm.urdf: <gazebo> tags <material> (2 times), <mu1>, <sensor> of type "
+        "info: arm.urdf: <gazebo> tags <material> (2 times), <mu2>, <sensor> of type "
         "'camera' (2 times), <sensor> of type 'imu'; they have no effect",
     ]
 

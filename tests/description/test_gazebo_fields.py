@@ -5,10 +5,9 @@ from pathlib import Path
 import pytest
 
 from arm_drake.description.gazebo import GazeboPlugin
+from arm_drake.description.gazebo_drives import DiffDrive, GazeboRosDiffDrive
 from arm_drake.description.gazebo_fields import JointPlugin, read_joint_plugins
 from arm_drake.description.gazebo_joints import (
-    DiffDrive,
-    GazeboRosDiffDrive,
     GazeboRosJointPoseTrajectory,
     GazeboRosJointStatePublisher,
     JointController,
@@ -227,6 +226,11 @@ def test_the_old_prefix_is_the_start_of_the_managers_name():
             DiffDrive(("j",), ("k",), wheel_separation=0.4, max_velocity=2.0),
         ),
         (
+            DRIVE,
+            [*SIDES, ("max_linear_velocity", "2"), ("min_angular_jerk", "-3")],
+            DiffDrive(("j",), ("k",), max_linear_velocity=2.0, min_angular_jerk=-3.0),
+        ),
+        (
             CLASSIC_STATES,
             [J, ("update_rate", "20"), ("ros/argument", "joint_states:=s")],
             GazeboRosJointStatePublisher(
@@ -324,12 +328,42 @@ def test_joints_that_the_robot_lacks_are_left_out():
         (
             CLASSIC_DRIVE,
             [*SIDES, ("left_joint", "j")],
-            "expected 1 left and 1 right joints",
+            "expected 1 left and 1 right joints, got 2 and 1",
         ),
         (
             CLASSIC_DRIVE,
             [*SIDES, ("num_wheel_pairs", "2")],
-            "expected 2 left and 2 right joints",
+            "expected 2 left and 2 right joints, got 1 and 1",
+        ),
+        (
+            DRIVE,
+            [*SIDES, ("wheel_radius", "0")],
+            "wheel_radius: expected a length above 0 m, got 0",
+        ),
+        (
+            DRIVE,
+            [*SIDES, ("wheel_separation", "-1")],
+            "wheel_separation: expected a length above 0 m, got -1",
+        ),
+        (
+            CLASSIC_DRIVE,
+            [*SIDES, ("wheel_diameter", "-0.1")],
+            "wheel_diameter: expected a length above 0 m, got -0.1",
+        ),
+        (
+            CLASSIC_DRIVE,
+            [*SIDES, ("max_wheel_torque", "0")],
+            "max_wheel_torque: expected more than 0, got 0",
+        ),
+        (
+            CLASSIC_DRIVE,
+            [*SIDES, ("max_wheel_acceleration", "-1")],
+            "max_wheel_acceleration: expected at least 0, got -1",
+        ),
+        (
+            CLASSIC_DRIVE,
+            [*SIDES, ("odometry_source", "2")],
+            "odometry_source: expected 0 (encoder) or 1 (world), got 2",
         ),
     ],
 )

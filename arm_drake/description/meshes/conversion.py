@@ -27,7 +27,7 @@ MESH_SUFFIXES = (".dae", ".glb", ".gltf", ".obj", ".ply", ".stl")
 MANY_TRIANGLES = 200_000
 
 Scale = tuple[float, float, float]
-Mode = Literal["visual", "hull", "parts", "surface"]
+Mode = Literal["visual", "hull", "parts", "pieces", "surface"]
 _Paths = tuple[Path, ...]
 
 _DEFAULT_COLOR: Color = (0.7, 0.7, 0.7, 1.0)
@@ -74,6 +74,7 @@ def convert_collision(
     file: Path | None = None,
     cache_dir: Path | None = None,
     decompose: bool = False,
+    by_piece: bool = False,
 ) -> tuple[Path, ...]:
     """Return OBJ files of convex bodies, or none and a report line.
 
@@ -86,13 +87,14 @@ def convert_collision(
         cache_dir: Folder of converted meshes, by default `cache_directory`.
         decompose: Whether to cover the mesh with convex parts, one file each, instead
             of its convex hull.
+        by_piece: Whether each piece that touches no other one has a hull of its own.
 
     Raises:
         MissingExtraError: The library that decomposes isn't installed.
         OutputError: Neither the cache nor a temporary folder can be written.
     """
     library = (convex.require_decomposition(),) if decompose else ()
-    mode: Mode = "parts" if decompose else "hull"
+    mode: Mode = "parts" if decompose else "pieces" if by_piece else "hull"
     return _Conversion(mode, source, scale, report, where, file).run(cache_dir, library)
 
 
@@ -225,6 +227,8 @@ class _Conversion:
             except ValueError as error:
                 what, done = str(error), "its convex hull is used"
                 notes.append(ReportEntry("warning", "unsupported", what, done))
+        elif len(points) and self.mode == "pieces":
+            return convex.split(surfaces)
         return [points] if len(points) else []
 
     def _add_notes(self, notes: Iterable[ReportEntry]) -> None:

@@ -9,6 +9,8 @@ import sys
 from typing import Any
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from arm_drake.description.meshes.surfaces import Array, Surface
 from arm_drake.errors import MissingExtraError
@@ -30,6 +32,9 @@ _MAX_DISTANCES = 100_000
 
 # Meshes of torn triangles can keep the decomposition busy for hours.
 DECOMPOSITION_TIMEOUT = 300.0  # s
+
+# Contact takes longer with every piece.
+_MAX_PIECES = 200
 
 # In a process of its own: the library can't be interrupted, and it prints.
 _DECOMPOSE = """
@@ -56,20 +61,35 @@ def require_decomposition() -> str:
     return importlib.metadata.version("coacd")
 
 
+def split(surfaces: list[Surface]) -> list[Array]:
+    """Return the points of each piece of a mesh, each of shape (n, 3).
+
+    Pieces share no corner with each other, as the walls of a house or the legs of a
+    table often don't. A mesh of very many pieces is one.
+    """
+    points, faces = _joined(surfaces)
+    ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
+    edges = coo_array(
+        (np.ones(len(ends), dtype=bool), (ends[:, 0], ends[:, 1])),
+        shape=(len(points), len(points)),
+    )
+    _, labels = connected_components(edges, directed=False)
+    used = np.unique(labels[faces])
+    if len(used) > _MAX_PIECES:
+        return [points]
+    pieces = [solid_points(points[labels == label])[0] for label in used]
+    return [piece for piece in pieces if len(piece)]
+
+
 def decompose(surfaces: list[Surface]) -> list[Array]:
     """Return the points of convex parts that cover a mesh, each of shape (n, 3).
 
     Raises:
         ValueError: The mesh can't be decomposed; the message says why.
     """
-    vertices = np.concatenate([surface.vertices for surface in surfaces])
-    counts = np.cumsum([0, *(len(surface.vertices) for surface in surfaces)])
-    faces = [s.faces + first for s, first in zip(surfaces, counts, strict=False)]
-    # Surfaces of one body share an edge where its colour changes.
-    points, rows = np.unique(vertices, axis=0, return_inverse=True)
-    mesh = {"vertices": points.astype(float), "faces": rows[np.concatenate(faces)]}
+    points, faces = _joined(surfaces)
     stream = io.BytesIO()
-    np.savez(stream, **mesh)
+    np.savez(stream, vertices=points, faces=faces)
     try:
         done = subprocess.run(  # noqa: S603
             [sys.executable, "-c", _DECOMPOSE],
@@ -89,6 +109,16 @@ def decompose(surfaces: list[Surface]) -> list[Array]:
     if not found:
         raise ValueError("its decomposition gave no parts")
     return found
+
+
+def _joined(surfaces: list[Surface]) -> tuple[Array, Array]:
+    """Return different corners, shape (n, 3), and triangles of them, shape (m, 3)."""
+    vertices = np.concatenate([surface.vertices for surface in surfaces])
+    counts = np.cumsum([0, *(len(surface.vertices) for surface in surfaces)])
+    faces = [s.faces + first for s, first in zip(surfaces, counts, strict=False)]
+    # Surfaces of one body share an edge where its colour changes.
+    points, rows = np.unique(vertices, axis=0, return_inverse=True)
+    return points.astype(float), rows.ravel()[np.concatenate(faces)]
 
 
 def solid_points(points: Array) -> tuple[Array, bool]:

@@ -1,0 +1,169 @@
+"""``passthrough_controller/PassthroughController``.
+
+Source: ros2_control_demos, example_12 (branch ``master``).
+"""
+
+import dataclasses as dc
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.common.value import AbstractValue
+
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.cycles import Now
+from arm_drake.controllers.ticking_controller import TickingController
+from arm_drake.controllers.topics import (
+    CHAINED,
+    INACTIVE,
+    Events,
+    add_events,
+    new_messages,
+)
+from arm_drake.controllers.validation import check_not_empty, check_unique
+from arm_drake.messages import Float64MultiArray, TopicRejected
+
+Array = NDArray[np.float64]
+
+
+@dc.dataclass(frozen=True)
+class PassthroughControllerParameters:
+    """Parameters of a PassthroughController."""
+
+    # Full names of the interfaces to command, at least one, unique.
+    interfaces: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        """Reject what the types alone can't express."""
+        check_not_empty(self, "interfaces")
+        check_unique(self, "interfaces")
+
+
+class PassthroughState(NamedTuple):
+    """State of a PassthroughController between two ticks."""
+
+    # What to pass on, shape (k,); NaN leaves a command interface as it is.
+    references: Array
+
+    # Messages on the port at the last tick.
+    seen: tuple[Float64MultiArray, ...] = ()
+
+    # The latest messages that were not accepted.
+    events: Events = ()
+
+
+class PassthroughController(TickingController[PassthroughState]):
+    """Passes on what other controllers or a topic ask for.
+
+    .. pydrake_system::
+
+        name: PassthroughController
+        input_ports:
+        - controller_manager
+        - state_interfaces
+        - commands
+        output_ports:
+        - command_interfaces
+        - events
+
+    With k = len(interfaces), vectors in the order of ``interfaces``:
+
+    ==================  ====  =======  =================================================
+    port                size  unit     meaning
+    ==================  ====  =======  =================================================
+    controller_manager  --    --       Cycle: when to tick
+    state_interfaces    2J    rad, ..  not read
+    commands            --    --       Float64MultiArray of k values
+    command_interfaces  --    --       Tick; its command is (k,), in the units of the
+                                       interfaces
+    events              --    --       tuple of the latest (number, TopicRejected), the
+                                       newest last
+    ==================  ====  =======  =================================================
+
+    Others command its references "<controller>/<interface>"; the topic is ignored then.
+    The state is a PassthroughState. A reference holds until the next one, or until the
+    controller starts again. A message of another size has no effect, nor has one with
+    a value that isn't finite.
+    """
+
+    def __init__(
+        self,
+        parameters: PassthroughControllerParameters,
+        params: ControllerInterfaceParams,
+    ) -> None:
+        """Create the system.
+
+        Args:
+            parameters: The controller's parameters.
+            params: Rate and surroundings of the controller.
+        """
+        names = parameters.interfaces
+        self._nothing = np.full(len(names), np.nan)
+        super().__init__(
+            params,
+            PassthroughState(self._nothing),
+            command_interfaces=names,
+            reference_interfaces=tuple(f"{params.controller_name}/{n}" for n in names),
+        )
+        self._topic = self.DeclareAbstractInputPort("commands", AbstractValue.Make(()))
+        self._declare_topic("events", lambda state: state.events)
+
+    def _update(self, now: Now, state: PassthroughState) -> PassthroughState:
+        chained = self._read_references(now)
+        state = self._receive(now, state, "" if chained is None else CHAINED)
+        if chained is None:
+            return state
+        references = np.where(np.isnan(chained), state.references, chained)
+        return state._replace(references=references)
+
+    def _receive(
+        self, now: Now, state: PassthroughState, obstacle: str
+    ) -> PassthroughState:
+        """Return the state with what came on the topic.
+
+        Args:
+            now: The time, and where the inputs are read.
+            state: The state so far.
+            obstacle: Why nothing of the topic is taken; empty if it is.
+        """
+        new, seen = new_messages(
+            self._topic, now.context, Float64MultiArray, state.seen
+        )
+        if seen is state.seen:
+            return state
+        references, rejected = state.references, []
+        for message in new:
+            fault = obstacle or self._find_fault(message)
+            if fault:
+                rejected.append(TopicRejected(message, fault))
+            else:
+                references = np.array(message.data, dtype=float)
+        return PassthroughState(references, seen, add_events(state.events, rejected))
+
+    def _find_fault(self, message: Float64MultiArray) -> str:
+        """Return why a message has no effect, or nothing."""
+        names, size = self.command_interfaces, len(message.data)
+        if size != len(names):
+            noun = "value" if len(names) == 1 else "values"
+            return (
+                f"data must have {len(names)} {noun} ({', '.join(names)}), got {size}"
+            )
+        for index, value in enumerate(message.data):
+            if not math.isfinite(value):
+                return f"data[{index}] must be finite, got {value}"
+        return ""
+
+    def _activate(self, now: Now, state: PassthroughState) -> PassthroughState:
+        del now
+        return state._replace(references=self._nothing)
+
+    def _deactivate(self, now: Now, state: PassthroughState) -> PassthroughState:
+        del now
+        return state._replace(references=self._nothing)
+
+    def _idle(self, now: Now, state: PassthroughState) -> PassthroughState:
+        return self._receive(now, state, INACTIVE)
+
+    def _command(self, state: PassthroughState) -> Array:
+        return state.references

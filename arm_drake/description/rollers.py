@@ -1,0 +1,292 @@
+"""Rollers for the wheels of mecanum and omni bases, so that they go sideways.
+
+Descriptions have plain wheels, and simulators go with friction in one direction, which
+Drake's contact doesn't know. So in the plant a wheel gets what it has in truth: rollers
+at its rim, each of which turns freely. The description, and so joint states and frames,
+stays as it is.
+"""
+
+import dataclasses as dc
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_drake.description.base_wheels import MobileBase, rigid_links
+from arm_drake.description.controllers import ControllerManagerConfig
+from arm_drake.description.report import LoadReport
+from arm_drake.description.solids import read_origin
+from arm_drake.description.urdf import RobotDescription
+
+Array = NDArray[Any]
+
+MECANUM: Final = "mecanum_drive_controller/MecanumDriveController"
+OMNI: Final = "omni_wheel_drive_controller/OmniWheelDriveController"
+
+# Parameters with the radius of the wheels [m].
+_RADIUS: Final = {MECANUM: "kinematics.wheels_radius", OMNI: "wheel_radius"}
+
+# Of a mecanum wheel that touches the ground with a roller: whether the roller's axis
+# points to the right, seen forwards. The order is that of the joints' parameters: front
+# left, front right, rear right, rear left.
+_TO_THE_RIGHT: Final = (True, False, True, False)
+
+# Rollers of a wheel, and their radius at the middle as part of the wheel's. With these
+# the rim is round to 0.1 % of the radius, see `Rollers.semi_axis`.
+_NUM_ROLLERS: Final = 10
+_THICKNESS: Final = 0.25
+
+# Part of the wheel's mass that its rollers have.
+_PART: Final = 0.25
+
+# Mass of the rollers of a wheel without mass [kg].
+_SMALL: Final = 1e-2
+
+_MOMENTS: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+
+# URDF has no ellipsoid; Drake has one.
+_DRAKE: Final = "http://drake.mit.edu"
+ET.register_namespace("drake", _DRAKE)
+
+
+@dc.dataclass(frozen=True, eq=False)
+class Rollers:
+    """The rollers of a wheel."""
+
+    # Link of the wheel, and its radius [m].
+    link: str
+    radius: float
+
+    # Centre of the wheel [m], in the link. Shape (3,).
+    center: Array
+
+    # In the link, of length 1, shapes (3,): the axis of the wheel; down, if the robot
+    # stands upright with its joints at 0; the axis of the roller that is down there.
+    axis: Array
+    down: Array
+    roller: Array
+
+    @property
+    def wheels(self) -> list[str]:
+        """Names of the bodies that turn."""
+        return [f"{self.link}:roller{number}" for number in range(_NUM_ROLLERS)]
+
+    @property
+    def thickness(self) -> float:
+        """Radius of a roller at its middle [m]."""
+        return _THICKNESS * self.radius
+
+    @property
+    def semi_axis(self) -> float:
+        """Half the length of a roller, an ellipsoid, along its axis [m].
+
+        It is such that the wheel's centre is as high where two rollers touch the ground
+        as where one does with its middle.
+        """
+        R, r = self.radius, self.thickness
+        half = math.pi / _NUM_ROLLERS
+        # Of the roller's axis, upwards, when the wheel has turned by this angle.
+        slope = np.linalg.norm(np.cross(self.roller, self.axis)) * math.sin(half)
+        reach = R - (R - r) * math.cos(half)
+        return math.sqrt(r**2 + (reach**2 - r**2) / slope**2)
+
+
+def find_rollers(
+    description: RobotDescription,
+    config: ControllerManagerConfig,
+    bases: Iterable[MobileBase],
+) -> list[Rollers]:
+    """Return the rollers that the wheels of mecanum and omni bases lack.
+
+    A wheel whose description has joints of its own has its rollers. The radius is that
+    of the wheel's cylinder or sphere to collide with, else what the controller says.
+
+    Args:
+        description: The robot.
+        config: What the YAML configures.
+        bases: What its controllers drive.
+    """
+    types = {controller.name: controller for controller in config.controllers}
+    found: list[Rollers] = []
+    for base in bases:
+        controller = types[base.controller]
+        if controller.type not in _RADIUS:
+            continue
+        given = controller.parameters.get(_RADIUS[controller.type])
+        radius = float(given.value) if given is not None else 0.0
+        is_mecanum = controller.type == MECANUM
+        if is_mecanum and len(base.driven) != len(_TO_THE_RIGHT):
+            continue
+        for joint, is_right in zip(
+            base.driven, _TO_THE_RIGHT * len(base.driven), strict=False
+        ):
+            sideways = (1.0 if is_right else -1.0) if is_mecanum else 0.0
+            found += _rollers_of(description, base.link, joint, sideways, radius)
+    return found
+
+
+def _rollers_of(
+    description: RobotDescription, base: str, joint: str, sideways: float, radius: float
+) -> Iterator[Rollers]:
+    """Yield the rollers of the wheel on a joint, if it lacks them.
+
+    Args:
+        description: The robot.
+        base: Its base link.
+        joint: The joint.
+        sideways: How far the roller's axis points to the right per unit forwards.
+        radius: Radius of the wheel if its shape doesn't say [m].
+    """
+    root = ET.fromstring(description.urdf)  # noqa: S314  our own text.
+    links = {link.get("name", ""): link for link in root.iterfind("link")}
+    joints = {element.get("name", ""): element for element in root.iterfind("joint")}
+    link = description.joint(joint).child
+    parts = rigid_links(description, link)
+    if any(j.parent in parts and j.type != "fixed" for j in description.joints):
+        return
+    shapes = [(name, c) for name in parts for c in links[name].iterfind("collision")]
+    if not shapes:
+        return
+    name, shape = shapes[0]
+    center = read_origin(shape)[1]
+    for tag in ("cylinder", "sphere"):
+        if (element := shape.find(f"geometry/{tag}")) is not None:
+            radius = float(element.get("radius", radius))
+    turn = _orientation(description, joints, name)
+    stand = _orientation(description, joints, base)
+    # Of the wheel, in the base.
+    R_BW = stand.T @ turn
+    child = stand.T @ _orientation(description, joints, link)
+    xyz = joints[joint].find("axis")
+    axis = child @ _vector("1 0 0" if xyz is None else xyz.get("xyz", "1 0 0"))
+    axis /= np.linalg.norm(axis)
+    left = axis * (-1.0 if axis[1] < 0.0 else 1.0)
+    up = np.array([0.0, 0.0, 1.0])
+    forward = np.cross(left, up)
+    if radius <= 0.0 or np.linalg.norm(forward) < 0.5:
+        return
+    roller = forward / np.linalg.norm(forward) - sideways * left
+    roller /= np.linalg.norm(roller)
+    yield Rollers(name, radius, center, R_BW.T @ axis, R_BW.T @ -up, R_BW.T @ roller)
+
+
+def with_rollers(
+    description: RobotDescription, rollers: Sequence[Rollers]
+) -> RobotDescription:
+    """Return a description whose text has the rollers of wheels.
+
+    Only the text has them: the links and joints that it tells of are those of before.
+    The wheels' own shapes to collide with are left out.
+
+    Args:
+        description: The robot.
+        rollers: What `find_rollers` returns.
+    """
+    if not rollers:
+        return description
+    root = ET.fromstring(description.urdf)  # noqa: S314  our own text.
+    links = {link.get("name", ""): link for link in root.iterfind("link")}
+    for wheel in rollers:
+        for name in rigid_links(description, wheel.link):
+            for collision in links[name].findall("collision"):
+                links[name].remove(collision)
+        mass = _take(links[wheel.link]) / _NUM_ROLLERS
+        for number, body in enumerate(wheel.wheels):
+            angle = 2.0 * math.pi * number / _NUM_ROLLERS
+            _add_roller(root, wheel, body, angle, mass)
+    return dc.replace(description, urdf=ET.tostring(root, encoding="unicode"))
+
+
+def _add_roller(
+    root: ET.Element, wheel: Rollers, name: str, angle: float, mass: float
+) -> None:
+    """Add a roller where it is when the wheel has turned by an angle."""
+    turn = _rotation(wheel.axis, angle)
+    axis, out = turn @ wheel.roller, turn @ wheel.down
+    place = wheel.center + (wheel.radius - wheel.thickness) * out
+    long, thick = wheel.semi_axis, wheel.thickness
+    link = ET.SubElement(root, "link", name=name)
+    collision = ET.SubElement(link, "collision")
+    geometry = ET.SubElement(collision, "geometry")
+    sizes = {"a": repr(long), "b": repr(thick), "c": repr(thick)}
+    ET.SubElement(geometry, f"{{{_DRAKE}}}ellipsoid", sizes)
+    inertial = ET.SubElement(link, "inertial")
+    ET.SubElement(inertial, "mass", value=repr(mass))
+    along, across = 0.4 * mass * thick**2, 0.2 * mass * (thick**2 + long**2)
+    moments = {"ixx": along, "iyy": across, "izz": across}
+    values = {name: repr(moments.get(name, 0.0)) for name in _MOMENTS}
+    ET.SubElement(inertial, "inertia", values)
+    joint = ET.SubElement(root, "joint", name=f"{name}:axle", type="continuous")
+    ET.SubElement(joint, "parent", link=wheel.link)
+    ET.SubElement(joint, "child", link=name)
+    # The ellipsoid's long axis is x.
+    yaw, pitch = math.atan2(axis[1], axis[0]), math.asin(-max(-1.0, min(1.0, axis[2])))
+    rpy = f"0 {pitch!r} {yaw!r}"
+    ET.SubElement(joint, "origin", xyz=_text(place), rpy=rpy)
+    ET.SubElement(joint, "axis", xyz="1 0 0")
+
+
+def report_rollers(
+    description: RobotDescription, rollers: Sequence[Rollers], report: LoadReport
+) -> None:
+    """Record wheels that get rollers.
+
+    Args:
+        description: The robot.
+        rollers: What `find_rollers` returns.
+        report: Where they are recorded.
+    """
+    for wheel in rollers:
+        report.add(
+            "info",
+            "repair",
+            "a wheel of a base that goes sideways, without rollers",
+            f"in the physics it has {_NUM_ROLLERS} that turn freely",
+            where=f"link {wheel.link!r}",
+            file=description.file,
+        )
+
+
+def _take(link: ET.Element) -> float:
+    """Take the rollers' part from a wheel's mass and inertia; return it [kg]."""
+    inertial = link.find("inertial")
+    mass = None if inertial is None else inertial.find("mass")
+    if inertial is None or mass is None:
+        return _SMALL
+    whole = float(mass.get("value", "0"))
+    mass.set("value", repr((1.0 - _PART) * whole))
+    for inertia in inertial.iterfind("inertia"):
+        for name, value in inertia.items():
+            inertia.set(name, repr((1.0 - _PART) * float(value)))
+    return _PART * whole or _SMALL
+
+
+def _orientation(
+    description: RobotDescription, joints: Mapping[str, ET.Element], link: str
+) -> Array:
+    """Return the orientation of a link in its root, with all joints at 0."""
+    carriers = {joint.child: joint for joint in description.joints}
+    R = np.eye(3)
+    while link in carriers:
+        R = read_origin(joints[carriers[link].name])[0] @ R
+        link = carriers[link].parent
+    return R
+
+
+def _rotation(axis: Array, angle: float) -> Array:
+    """Return the matrix of a turn about an axis of length 1."""
+    x, y, z = axis
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    turn: Array = np.eye(3) + math.sin(angle) * K + (1.0 - math.cos(angle)) * K @ K
+    return turn
+
+
+def _vector(text: str) -> Array:
+    return np.array([float(x) for x in text.split()])
+
+
+def _text(vector: Array) -> str:
+    return " ".join(repr(float(x)) for x in vector)

@@ -1,0 +1,257 @@
+"""Sensors of `<ros2_control>`: what they measure, and where they sit on the robot.
+
+A `<sensor>` of `<ros2_control>` has names of values and no place. The place is looked
+for where robots' authors write it.
+"""
+
+import dataclasses as dc
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final, NamedTuple
+
+from arm_drake import interfaces
+from arm_drake.description.controllers import (
+    ControllerConfig,
+    ControllerManagerConfig,
+)
+from arm_drake.description.gazebo_sensors import GazeboSensor
+from arm_drake.description.hardware_info import ComponentInfo
+from arm_drake.description.report import LoadReport
+from arm_drake.description.urdf import RobotDescription
+from arm_drake.errors import suggest
+
+Pose = tuple[float, float, float, float, float, float]
+
+_ORIGIN: Final[Pose] = (0.0,) * 6
+
+# Parameters of controllers that name a sensor, and those that name its frame.
+_NAMES = {
+    "sensor_name": "frame_id",
+    "ft_sensor.name": "ft_sensor.frame.id",
+    **{f"interface_names.{name}": "frame_id" for name in interfaces.FORCES},
+}
+_POSE_NAME, _POSE_LINK, _POSE_FRAME = "pose_name", "tf.child_frame_id", "frame_id"
+
+# What is put behind the name of a sensor to name its link.
+_ENDINGS = ("", "_link", "_frame")
+
+_STORED = "its states keep their initial values"
+
+
+@dc.dataclass(frozen=True)
+class SensorInfo:
+    """A sensor that measures something of the physics."""
+
+    name: str
+
+    # Names of its state interfaces that are measured, such as "force.x".
+    interfaces: tuple[str, ...]
+
+    # Where it sits: a link, and its pose in that.
+    link: str
+    pose: Pose = _ORIGIN
+
+    # Joint whose load is measured: the one that carries the link; "" if none does.
+    joint: str = ""
+
+    # Whether forces are those of the parent on the child, not the other way round.
+    is_on_child: bool = False
+
+    # Link in which positions and orientations are given; "" is the world.
+    reference: str = ""
+
+
+def find_sensors(
+    description: RobotDescription, config: ControllerManagerConfig, report: LoadReport
+) -> tuple[SensorInfo, ...]:
+    """Return the sensors of `<ros2_control>` that measure something.
+
+    A sensor sits, in this order, where the Gazebo sensor of its name does; in the link
+    that its `<param name="frame_id">` names; in the frame that a controller gives for
+    it (`frame_id` beside `sensor_name`, `tf.child_frame_id` beside `pose_name`,
+    `ft_sensor.frame.id`); in the link called as it is, with "_link" or "_frame" behind.
+
+    Args:
+        description: The robot.
+        config: Its controllers.
+        report: Where sensors without a place are recorded, and those that are guessed.
+    """
+    places = _Places(description, config, report)
+    found = []
+    for block in description.hardware:
+        for sensor in block.sensors:
+            names = tuple(
+                interface.name
+                for interface in sensor.state_interfaces
+                if interface.name in interfaces.MEASURED
+                and interface.data_type == "double"
+            )
+            if names and (info := places.place(sensor, names)) is not None:
+                found.append(info)
+    return tuple(found)
+
+
+class _Place(NamedTuple):
+    """Where a sensor may be."""
+
+    # Name of a link; not always of one that there is.
+    link: str
+    pose: Pose = _ORIGIN
+    is_on_child: bool = False
+
+    # Who says so, and in which file.
+    source: str = ""
+    file: str | None = None
+
+
+class _Places:
+    """Finds out where sensors are."""
+
+    def __init__(
+        self,
+        description: RobotDescription,
+        config: ControllerManagerConfig,
+        report: LoadReport,
+    ) -> None:
+        self._description = description
+        self._config = config
+        self._report = report
+        self._carriers = {joint.child: joint.name for joint in description.joints}
+        self._children = {joint.name: joint.child for joint in description.joints}
+
+    def place(self, sensor: ComponentInfo, names: tuple[str, ...]) -> SensorInfo | None:
+        """Return a sensor with its place, or None and a line in the report."""
+        where = f"sensor {sensor.name!r}"
+        links, file = self._description.links, str(self._description.file)
+        wrong: list[_Place] = []
+        for place in self._candidates(sensor):
+            if place.link not in links:
+                wrong.append(place)
+                continue
+            break
+        else:
+            what = "nothing says which link it is on"
+            if wrong:
+                what = f"{wrong[0].source} is no link, {wrong[0].link!r}"
+                file = wrong[0].file or file
+            first = wrong[0].link if wrong else sensor.name
+            known = suggest(first, links)
+            right = (
+                'expected a <gazebo> sensor of its name, <param name="frame_id">, or '
+                f"the frame_id of a controller that reads it; {known}"
+            )
+            self._report.add(
+                "error" if wrong else "warning",
+                "missing",
+                f"{what}; {right}",
+                _STORED,
+                where=where,
+                file=file,
+            )
+            return None
+        for other in wrong:
+            what = f"{other.source} is no link, {other.link!r}"
+            done = f"it is measured in {place.link!r}, as {place.source} has it"
+            self._report.add(
+                "warning", "invalid", what, done, where=where, file=other.file or file
+            )
+        joint = self._carriers.get(place.link, "")
+        if not joint and any(name in interfaces.FORCES for name in names):
+            what = f"link {place.link!r} is the root: no joint carries a load there"
+            self._report.add(
+                "error", "invalid", what, _STORED, where=where, file=place.file or file
+            )
+            return None
+        return SensorInfo(
+            sensor.name,
+            names,
+            place.link,
+            place.pose,
+            joint,
+            is_on_child=place.is_on_child,
+            reference=self._reference(sensor.name, names),
+        )
+
+    def _candidates(self, sensor: ComponentInfo) -> Iterator[_Place]:
+        """Yield where a sensor may be, the surest place first."""
+        name, links = sensor.name, self._description.links
+        for tag in self._description.gazebo_sensors:
+            if tag.name == name:
+                yield self._of_tag(tag)
+        if frame := sensor.parameters.get("frame_id", ""):
+            yield _Place(frame, source=f"its parameter frame_id {frame!r}")
+        for controller in self._config.controllers:
+            yield from _frames(controller, name)
+        for ending in _ENDINGS:
+            if name + ending in links:
+                yield _Place(name + ending, source="its name")
+
+    def _of_tag(self, tag: GazeboSensor) -> _Place:
+        # Classic's sensors of forces refer to a joint.
+        link = self._children.get(tag.reference, tag.reference)
+        if tag.reference in self._description.links:
+            link = tag.reference
+        source = f"the reference of its <gazebo> tag {tag.reference!r}"
+        return _Place(link, tag.pose, tag.is_on_child, source)
+
+    def _reference(self, name: str, names: Sequence[str]) -> str:
+        """Return the link in which a pose is given."""
+        if not any(n in interfaces.POSITIONS for n in names):
+            return ""
+        for controller in self._config.controllers:
+            values = _values(controller)
+            frame = values.get(_POSE_FRAME, "")
+            if values.get(_POSE_NAME) == name and frame in self._description.links:
+                return frame
+        return ""
+
+
+def _frames(controller: ControllerConfig, name: str) -> Iterator[_Place]:
+    """Yield the frame that a controller gives for a sensor that it reads."""
+    values = _values(controller)
+    for parameter, frame in _NAMES.items():
+        given = values.get(parameter, "")
+        if parameter.startswith("interface_names"):
+            given = given.rpartition("/")[0]
+        if given == name and values.get(frame):
+            yield _given(controller, frame)
+    if values.get(_POSE_NAME) == name and values.get(_POSE_LINK):
+        yield _given(controller, _POSE_LINK)
+
+
+def _given(controller: ControllerConfig, parameter: str) -> _Place:
+    value = controller.parameters[parameter]
+    source = f"{parameter} of controller {controller.name!r}"
+    return _Place(value.value, source=source, file=str(value.file))
+
+
+def _values(controller: ControllerConfig) -> Mapping[str, str]:
+    """Return the parameters of a controller that are texts."""
+    parameters = controller.parameters.items()
+    return {n: p.value for n, p in parameters if isinstance(p.value, str)}
+
+
+def accelerating_joints(description: RobotDescription) -> tuple[str, ...]:
+    """Return the movable joints that report an acceleration."""
+    names = {
+        joint.name
+        for block in description.hardware
+        for joint in block.joints
+        if any(i.name == interfaces.ACCELERATION for i in joint.state_interfaces)
+    }
+    return tuple(j.name for j in description.movable_joints if j.name in names)
+
+
+def sensed_names(
+    sensors: Sequence[SensorInfo], accelerations: Sequence[str]
+) -> tuple[str, ...]:
+    """Return the names of what sensors measure, "<sensor>/<interface>".
+
+    Args:
+        sensors: The sensors.
+        accelerations: Joints whose acceleration is measured.
+    """
+    names = [
+        f"{sensor.name}/{name}" for sensor in sensors for name in sensor.interfaces
+    ]
+    joints = interfaces.interface_names(accelerations, [interfaces.ACCELERATION])
+    return (*names, *joints)

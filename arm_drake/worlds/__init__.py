@@ -1,0 +1,1 @@
+"""Worlds: built-in ones, and SDF files as Gazebo reads them."""

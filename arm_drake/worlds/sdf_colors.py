@@ -1,0 +1,31 @@
+"""Colours of Gazebo's own materials."""
+
+# Red, green, blue and alpha, by the names after `Gazebo/`.
+COLORS = {
+    "Black": "0 0 0 1",
+    "Blue": "0 0 1 1",
+    "BlueTransparent": "0 0 1 0.5",
+    "Bricks": "0.6 0.35 0.3 1",
+    "CeilingTiled": "0.85 0.85 0.82 1",
+    "DarkGrey": "0.175 0.175 0.175 1",
+    "DarkYellow": "0.7 0.7 0 1",
+    "FlatBlack": "0.1 0.1 0.1 1",
+    "Gold": "0.8 0.65 0.1 1",
+    "Grass": "0.3 0.5 0.2 1",
+    "Green": "0 1 0 1",
+    "GreenTransparent": "0 1 0 0.5",
+    "Grey": "0.7 0.7 0.7 1",
+    "Gray": "0.7 0.7 0.7 1",
+    "Indigo": "0.33 0 0.5 1",
+    "Orange": "1 0.51 0.03 1",
+    "Purple": "1 0 1 1",
+    "Red": "1 0 0 1",
+    "RedTransparent": "1 0 0 0.5",
+    "SkyBlue": "0.13 0.44 0.7 1",
+    "Turquoise": "0 1 1 1",
+    "White": "1 1 1 1",
+    "Wood": "0.6 0.43 0.27 1",
+    "WoodFloor": "0.55 0.37 0.22 1",
+    "Yellow": "1 1 0 1",
+    "ZincYellow": "0.97 0.95 0.2 1",
+}

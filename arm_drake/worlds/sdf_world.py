@@ -1,0 +1,235 @@
+"""A `<world>` of an SDF file, cleaned: what Drake is to read, and what it is not."""
+
+import dataclasses as dc
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from arm_drake.description.values import parse_number
+from arm_drake.worlds.loaded_world import Vector
+from arm_drake.worlds.sdf_cleaning import Cleaner
+from arm_drake.worlds.sdf_files import SdfFile, name_of, read_sdf, text_of
+from arm_drake.worlds.sdf_notes import Notes
+
+# Plugins of a world that do what arm_drake does without them.
+_BUILT_IN = ("physics", "user-commands", "scene-broadcaster", "gazebo_ros_state")
+
+# What else a world may have, and what becomes of it.
+_WITHOUT_EFFECT = {
+    "gui": "the page has its own camera",
+    "audio": "it has no effect",
+    "wind": "there is none",
+    "atmosphere": "there is none",
+    "magnetic_field": "sensors don't measure it",
+    "spherical_coordinates": "they have no effect",
+    "actor": "it isn't shown",
+    "population": "left out",
+    "road": "it isn't shown",
+}
+_LOST = ("actor", "population", "road")
+
+# What Drake reads of a world beside models.
+_FRAMES = ("frame", "joint")
+
+
+@dc.dataclass(frozen=True)
+class SdfWorld:
+    """A world on its way to Drake."""
+
+    file: SdfFile
+    name: str
+    gravity: Vector | None
+    has_grid: bool
+    background: Vector | None
+
+    # Models and inclusions, those that stand still and those that move.
+    static: Sequence[ET.Element]
+    moving: Sequence[ET.Element]
+
+    # Frames and joints of the world itself.
+    frames: Sequence[ET.Element]
+
+    # Files that inclusions name, by their names in `FOLDER`.
+    included: dict[str, str]
+
+    notes: Notes
+
+    def text(self, elements: Iterable[ET.Element]) -> str:
+        """Return an SDF text of some of its elements."""
+        root = ET.Element("sdf", self.file.root.attrib)
+        world = ET.SubElement(root, "world", name=self.name)
+        world.extend(elements)
+        return ET.tostring(root, encoding="unicode")
+
+
+def read_world(path: Path, package_paths: Sequence[Path] = ()) -> SdfWorld:
+    """Return a world of an SDF file, with all that it includes.
+
+    Args:
+        path: The file; one that has a model and no world is a world with this model.
+        package_paths: Folders to search first for models.
+
+    Raises:
+        InputError: If the file can't be used.
+    """
+    file, notes = read_sdf(path), Notes()
+    worlds = file.root.findall("world")
+    if worlds:
+        world = worlds[0]
+    else:
+        world = ET.Element("world", name=path.stem)
+        world.extend(child for child in file.root if child.tag in ("model", "include"))
+        if not len(world):
+            raise file.error("<sdf> has no <world>, and no model either", file.root)
+    if len(worlds) > 1:
+        named = f"{len(worlds)} worlds in one file"
+        notes.add(
+            "warning",
+            "unsupported",
+            named,
+            f"the first, {world.get('name')!r}, is taken",
+            file=file,
+            element=worlds[1],
+        )
+    cleaner = Cleaner(file, package_paths, notes)
+    _apply_state(world)
+    _report_rest(world, file, notes)
+    kept: dict[bool, list[ET.Element]] = {True: [], False: []}
+    names: set[str] = set()
+    for element in list(world):
+        if element.tag in ("model", "include"):
+            cleaned = cleaner.clean(element)
+            if cleaned is not None:
+                _rename(cleaned.element, cleaned.name, names, element, file, notes)
+                kept[cleaned.is_static].append(cleaned.element)
+    cleaner.report_missing()
+    scene = world.find("scene")
+    return SdfWorld(
+        file,
+        world.get("name") or "default",
+        _read_gravity(world, file),
+        scene is None or text_of(scene, "grid") not in ("false", "0"),
+        _read_background(scene),
+        kept[True],
+        kept[False],
+        [child for child in world if child.tag in _FRAMES],
+        cleaner.included,
+        notes,
+    )
+
+
+def _apply_state(world: ET.Element) -> None:
+    """Move models to where they were when Gazebo saved the world."""
+    poses = {
+        model.get("name"): model.find("pose")
+        for model in world.iterfind("state/model")
+        if model.find("pose") is not None
+    }
+    for model in world.iterfind("model"):
+        saved = poses.get(model.get("name"))
+        if saved is not None:
+            for pose in model.findall("pose"):
+                model.remove(pose)
+            ET.SubElement(model, "pose").text = saved.text
+
+
+def _report_rest(world: ET.Element, file: SdfFile, notes: Notes) -> None:
+    lights = world.findall("light")
+    if lights:
+        names = ", ".join(repr(light.get("name", "")) for light in lights)
+        done = "the page has its own lamps"
+        what = f"lights {names}"
+        notes.add("info", "ignored", what, done, file=file, element=lights[0])
+    seen: set[str] = set()
+    for child in world:
+        if child.tag == "plugin":
+            name = child.get("filename") or child.get("name") or ""
+            if name in seen:
+                continue
+            seen.add(name)
+            is_built_in = any(word in name for word in _BUILT_IN)
+            notes.add(
+                "info" if is_built_in else "warning",
+                "ignored",
+                f"plugin {name!r}",
+                "what it does is there without it"
+                if is_built_in
+                else "it has no effect",
+                file=file,
+                element=child,
+            )
+        elif child.tag == "physics":
+            step = text_of(child, "max_step_size")
+            what = f"<physics>{f', max_step_size {step} s' if step else ''}"
+            done = "the step of the physics is the option time_step"
+            notes.add("info", "ignored", what, done, file=file, element=child)
+        elif child.tag == "scene":
+            rest = {e.tag for e in child} - {"grid", "background"}
+            if rest:
+                what = f"<scene>: {', '.join(sorted(rest))}"
+                done = "the page has its own light"
+                notes.add("info", "ignored", what, done, file=file, element=child)
+        elif child.tag in _WITHOUT_EFFECT:
+            notes.add(
+                "warning" if child.tag in _LOST else "info",
+                "unsupported" if child.tag in _LOST else "ignored",
+                name_of(child),
+                _WITHOUT_EFFECT[child.tag],
+                file=file,
+                element=child,
+            )
+
+
+def _rename(
+    element: ET.Element,
+    name: str,
+    names: set[str],
+    original: ET.Element,
+    file: SdfFile,
+    notes: Notes,
+) -> None:
+    """Give an element another name if one before it has that."""
+    number, free = 1, name
+    while free in names:
+        number += 1
+        free = f"{name}_{number}"
+    names.add(free)
+    if free == name:
+        return
+    what, done = f"a second model is called {name!r}", f"called {free!r}"
+    notes.add("warning", "repair", what, done, file=file, element=original)
+    if element.tag == "model":
+        element.set("name", free)
+        return
+    for child in element.findall("name"):
+        element.remove(child)
+    ET.SubElement(element, "name").text = free
+
+
+def _read_gravity(world: ET.Element, file: SdfFile) -> Vector | None:
+    # Before SDF 1.6 it was a part of the physics.
+    gravity = world.find("gravity")
+    if gravity is None:
+        gravity = world.find("physics/gravity")
+    text = "" if gravity is None else (gravity.text or "").strip()
+    if not text:
+        return None
+    values = _vector(text)
+    if values is None:
+        problem = f"<gravity>: expected x y z [m/s^2], got {text!r}"
+        raise file.error(problem, gravity)
+    return values
+
+
+def _read_background(scene: ET.Element | None) -> Vector | None:
+    words = [] if scene is None else text_of(scene, "background").split()
+    color = _vector(" ".join(words[:3]))
+    return color if color is not None and all(0.0 <= x <= 1.0 for x in color) else None
+
+
+def _vector(text: str) -> Vector | None:
+    values = [parse_number(word) for word in text.split()]
+    if len(values) != 3 or any(x is None or not abs(x) < float("inf") for x in values):
+        return None
+    x, y, z = (float(value or 0.0) for value in values)
+    return (x, y, z)

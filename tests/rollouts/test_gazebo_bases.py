@@ -1,0 +1,151 @@
+"""Bases that Gazebo's plugins drive go where they are told, and where wheels say."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform, RollPitchYaw
+
+import arm_drake as ad
+from arm_drake.messages import Odometry, Twist, Vector3
+from tests.carts import RADIUS, cart, classic_drive, diff_drive, load
+
+SPEED, TURN = 0.25, 0.8
+REST = Twist()
+
+GZ_TOPICS = "/model/cart/cmd_vel", "/model/cart/odometry"
+CLASSIC_TOPICS = "/cmd_vel", "/odom"
+
+ENCODER = ("odometry_source", 0)
+
+PLUGINS = {
+    "gz": (diff_drive(), GZ_TOPICS),
+    "gz, limited": (
+        diff_drive(("max_linear_acceleration", 0.5), ("min_linear_acceleration", -0.5)),
+        GZ_TOPICS,
+    ),
+    "classic": (classic_drive(ENCODER), CLASSIC_TOPICS),
+    "classic, limited": (
+        classic_drive(ENCODER, ("max_wheel_acceleration", 0.5)),
+        CLASSIC_TOPICS,
+    ),
+}
+
+
+class Cart:
+    """A cart in the world, settled on its wheels."""
+
+    def __init__(
+        self, folder: Path, plugin: str, topics: tuple[str, str], limit: str = ""
+    ) -> None:
+        self.robot = load(folder, cart(plugin, limit=limit))
+        self.sim = ad.Simulation(ad.build_diagram(self.robot))
+        self.command, self.odom = (self.sim.topic(name) for name in topics)
+        self.sim.run(0.5)
+        self.start, self.start_odom = self.pose(), self.odometry()
+
+    def pose(self) -> RigidTransform:
+        """Return the truth: where the base is."""
+        return self.sim.link_poses()["base_link"]
+
+    def odometry(self) -> Odometry:
+        message = self.odom.value()
+        assert isinstance(message, Odometry)
+        return message
+
+    def drive(self, v: float, w: float, duration: float) -> None:
+        """Command once, for the plugins go on by themselves; then stop."""
+        self.command.publish(Twist(Vector3(x=v), Vector3(z=w)))
+        self.sim.run(duration)
+        self.command.publish(REST)
+        self.sim.run(1.5)
+
+    def moved(self) -> tuple[float, float, float]:
+        """Return how far the base is from its start, really: x, y [m], yaw [rad]."""
+        pose = self.start.inverse() @ self.pose()
+        x, y = pose.translation()[:2]
+        return x, y, yaw(pose)
+
+    def counted(self) -> tuple[float, float, float]:
+        """Return the same as the odometry has it."""
+        first, last = (to_pose(m) for m in (self.start_odom, self.odometry()))
+        pose = first.inverse() @ last
+        x, y = pose.translation()[:2]
+        return x, y, yaw(pose)
+
+
+def yaw(pose: RigidTransform) -> float:
+    return float(RollPitchYaw(pose.rotation()).yaw_angle())
+
+
+def to_pose(message: Odometry) -> RigidTransform:
+    position, turn = message.pose.pose.position, message.pose.pose.orientation
+    angle = 2.0 * np.arctan2(turn.z, turn.w)
+    return RigidTransform(
+        RollPitchYaw(0.0, 0.0, angle), [position.x, position.y, position.z]
+    )
+
+
+@pytest.mark.parametrize("name", PLUGINS)
+def test_a_cart_drives_a_metre(tmp_path: Path, name: str) -> None:
+    base = Cart(tmp_path, *PLUGINS[name])
+
+    base.drive(SPEED, 0.0, 1.0 / SPEED)
+
+    assert base.robot.has_free_base
+    x, y, angle = base.moved()
+    # The wheels say where it is to 5 % of the way, and all of it was driven.
+    assert base.counted() == pytest.approx((x, y, angle), abs=0.05)
+    assert x == pytest.approx(1.0, abs=0.05)
+    assert abs(y) < 0.05
+    assert abs(angle) < 0.05
+
+
+@pytest.mark.parametrize("name", PLUGINS)
+def test_a_cart_turns_on_the_spot(tmp_path: Path, name: str) -> None:
+    base = Cart(tmp_path, *PLUGINS[name])
+
+    base.drive(0.0, TURN, np.pi / 2.0 / TURN)
+
+    x, y, angle = base.moved()
+    counted = base.counted()
+    # 5 % of the angle; it stays where it is.
+    assert counted[2] == pytest.approx(angle, rel=0.05)
+    assert angle == pytest.approx(np.pi / 2.0, rel=0.05)
+    assert np.hypot(x, y) < 0.02
+    assert np.hypot(counted[0], counted[1]) < 0.02
+
+
+def test_the_odometry_of_the_world_is_the_truth(tmp_path: Path) -> None:
+    base = Cart(tmp_path, classic_drive(), CLASSIC_TOPICS)
+    base.command.publish(Twist(Vector3(x=SPEED), Vector3(z=TURN)))
+
+    # Up to the tick before the next one: what is published is at most 10 ms old.
+    base.sim.run(3.0)
+
+    message, pose = base.odometry(), base.pose()
+    position = message.pose.pose.position
+    said = np.array([position.x, position.y, position.z])
+    # It moves by 2.5 mm in 10 ms.
+    assert np.linalg.norm(said - pose.translation()) < 0.003
+    assert yaw(to_pose(message)) == pytest.approx(yaw(pose), abs=0.01)
+    velocity = message.twist.twist
+    # The wheels slip a little.
+    assert velocity.linear.x == pytest.approx(SPEED, rel=0.05)
+    assert abs(velocity.linear.y) < 0.02
+    assert velocity.angular.z == pytest.approx(TURN, rel=0.05)
+
+
+def test_the_wheels_of_classic_have_the_torque_of_the_tag(tmp_path: Path) -> None:
+    # To move the caster takes more than 0.2 N·m; 0.4 N·m are less than the 1 N·m of the
+    # joints.
+    tags = (ENCODER, ("max_wheel_torque", 0.4))
+    limit = '<limit effort="1" velocity="0.5"/>'
+    base = Cart(tmp_path, classic_drive(*tags), CLASSIC_TOPICS, limit)
+
+    base.drive(SPEED, 0.0, 4.0)
+
+    rollout = base.sim.rollout()
+    assert np.abs(rollout.effort).max() == pytest.approx(0.4, abs=1e-9)
+    # And not the speed of the joints, which is 0.05 m/s at the rim.
+    assert rollout.velocity.max() * RADIUS == pytest.approx(SPEED, rel=0.02)

@@ -1,0 +1,400 @@
+"""Gazebo's drives in a robot: which wheels they get, what they hear, what is told."""
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+import arm_drake as ad
+from arm_drake.errors import InputError
+from arm_drake.messages import Bool, Odometry, TFMessage, Twist, TwistStamped, Vector3
+from arm_drake.motion import load_motion, parse_motion
+from tests.carts import CLASSIC, GZ, cart, classic_drive, diff_drive, load, plugin
+from tests.models import bob, joint, ros2_control
+
+COMMAND, ODOMETRY = "/model/cart/cmd_vel", "/model/cart/odometry"
+
+FORWARDS = Twist(Vector3(x=0.2))
+
+# rad/s of wheels with a radius of 0.1 m at 0.2 m/s.
+SPEED = pytest.approx(2.0, rel=1e-3)
+
+# Two more wheels.
+REAR = "".join(
+    bob(f"rear_{side}_wheel", "0 0 0")
+    + joint(f"rear_{side}", "base_link", f"rear_{side}_wheel", type="continuous")
+    for side in ("left", "right")
+)
+
+
+def simulate(robot: ad.Robot, world: str = "void") -> ad.Simulation:
+    """Return a simulation; in the void the wheels turn freely."""
+    options = ad.SimulationOptions(gravity=False)
+    return ad.Simulation(ad.build_diagram(robot, world=world, options=options))
+
+
+def lines(robot: ad.Robot) -> list[str]:
+    return [f"{e.severity}: {e.where}: {e.what}; {e.done}" for e in robot.report]
+
+
+def speeds(sim: ad.Simulation) -> dict[str, float]:
+    state = sim.joint_states()
+    return dict(zip(state.name, state.velocity, strict=True))
+
+
+def topics(sim: ad.Simulation) -> dict[str, str]:
+    return {row.name: row.type for row in sim.list_topics()}
+
+
+@pytest.mark.parametrize(
+    "filename",
+    ["gz-sim-diff-drive-system", "libignition-gazebo6-diff-drive-system.so"],
+)
+def test_a_plugin_of_either_name_frees_the_base_and_has_its_topics(
+    tmp_path: Path, filename: str
+) -> None:
+    robot = load(tmp_path, cart(diff_drive().replace(GZ, filename)))
+    sim = simulate(robot)
+
+    assert robot.has_free_base
+    assert topics(sim) == {
+        COMMAND: "Twist",
+        "/model/cart/enable": "Bool",
+        ODOMETRY: "Odometry",
+        "/model/cart/tf": "TFMessage",
+    }
+    (row,) = sim.list_controllers()
+    assert (row.name, row.type) == ("DiffDrive", "gz::sim::systems::DiffDrive")
+    assert row.state == "active"
+
+
+def test_classic_has_its_topics(tmp_path: Path) -> None:
+    robot = load(tmp_path, cart(classic_drive(("publish_odom_tf", "true"))))
+    sim = simulate(robot)
+
+    assert robot.has_free_base
+    assert topics(sim) == {
+        "/cmd_vel": "Twist",
+        "/odom": "Odometry",
+        "/tf": "TFMessage",
+    }
+    (row,) = sim.list_controllers()
+    assert row.type == "gazebo_plugins/GazeboRosDiffDrive"
+
+
+def test_a_base_that_hangs_from_the_world_stays_there(tmp_path: Path) -> None:
+    world = (
+        '<link name="world"/><joint name="hold" type="fixed">'
+        '<parent link="world"/><child link="base_link"/></joint>'
+    )
+    robot = load(tmp_path, cart(diff_drive(), world))
+    sim = simulate(robot)
+    sim.topic(COMMAND).publish(FORWARDS)
+    sim.run(0.5)
+
+    assert not robot.has_free_base
+    assert speeds(sim) == {"left": SPEED, "right": SPEED}
+    assert sim.topic(ODOMETRY).value().child_frame_id == "cart/base_link"
+
+
+@pytest.mark.parametrize(
+    ("block", "topic", "controller"),
+    [
+        (diff_drive(), COMMAND, "DiffDrive"),
+        (classic_drive(), "/cmd_vel", "GazeboRosDiffDrive"),
+        (classic_drive(), "cmd_vel", "GazeboRosDiffDrive"),
+    ],
+)
+def test_motions_drive_it_by_topic_and_by_name(
+    tmp_path: Path, block: str, topic: str, controller: str
+) -> None:
+    file = tmp_path / "motion.yaml"
+    file.write_text(
+        f"- {{at: 0.1, topic: {topic}, data: {{linear: {{x: 0.2}}}}}}\n"
+        f"- {{at: 1.0, controller: {controller}, "
+        "cmd_vel: {angular: {z: 1.0}}}\n",
+        encoding="utf-8",
+    )
+    sim = simulate(load(tmp_path, cart(block)))
+    motion = load_motion(file)
+
+    sim.run(1.5, motion)
+
+    assert sim.rejected == []
+    rollout = sim.rollout()
+    by_topic = rollout.velocity[rollout.time < 1.0][-1]
+    assert by_topic == pytest.approx([2.0, 2.0], rel=1e-3)
+    # Turning at 1 rad/s, with wheels 0.4 m apart.
+    assert rollout.velocity[-1] == pytest.approx([-2.0, 2.0], rel=1e-3)
+
+
+def test_of_two_robots_each_is_driven_by_its_name(tmp_path: Path) -> None:
+    robot = load(tmp_path, cart(diff_drive()))
+    robots = [dataclasses.replace(robot, name=name) for name in ("one", "two")]
+    sim = ad.Simulation(ad.build_diagram(robots, world="void"))
+
+    sim.controller("two/DiffDrive").send_velocity(FORWARDS)
+    sim.run(0.2)
+
+    moved = [sim.topic(f"/{n}/model/{n}/odometry").value() for n in ("one", "two")]
+    assert [m.twist.twist.linear.x for m in moved] == pytest.approx(
+        [0.0, 0.2], abs=1e-3
+    )
+
+
+def test_a_motion_may_disable_it(tmp_path: Path) -> None:
+    sim = simulate(load(tmp_path, cart(diff_drive())))
+    motion = parse_motion(
+        [
+            {"at": 0.0, "controller": "DiffDrive", "cmd_vel": {"linear": {"x": 0.2}}},
+            {"at": 0.5, "topic": "/model/cart/enable", "data": False},
+        ]
+    )
+
+    sim.run(1.0, motion)
+
+    assert speeds(sim) == pytest.approx({"left": 0.0, "right": 0.0}, abs=1e-4)
+
+
+@pytest.mark.parametrize("data", [1.0, "no", [True]])
+def test_what_is_no_bool_is_refused(tmp_path: Path, data: object) -> None:
+    sim = simulate(load(tmp_path, cart(diff_drive())))
+
+    with pytest.raises(InputError, match="takes true, false or a Bool, got"):
+        sim.topic("/model/cart/enable").publish(data)
+    sim.topic("/model/cart/enable").publish(Bool(True))
+
+
+BRIDGE = """
+- {ros_topic_name: /cmd_vel, gz_topic_name: /model/cart/cmd_vel, direction: ROS_TO_GZ,
+   ros_type_name: geometry_msgs/msg/TYPE, gz_type_name: gz.msgs.Twist}
+- {ros_topic_name: /odom, gz_topic_name: /model/cart/odometry, direction: GZ_TO_ROS,
+   ros_type_name: nav_msgs/msg/Odometry, gz_type_name: gz.msgs.Odometry}
+- {ros_topic_name: /tf, gz_topic_name: /model/cart/tf, direction: GZ_TO_ROS,
+   ros_type_name: tf2_msgs/msg/TFMessage, gz_type_name: gz.msgs.Pose_V}
+"""
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        ("Twist", FORWARDS),
+        ("Twist", {"linear": {"x": 0.2}}),
+        ("TwistStamped", TwistStamped(twist=FORWARDS)),
+        ("TwistStamped", {"twist": {"linear": {"x": 0.2}}}),
+    ],
+)
+def test_a_bridge_gives_its_topics_names_in_ros(
+    tmp_path: Path, kind: str, message: object
+) -> None:
+    bridge = tmp_path / "bridge.yaml"
+    bridge.write_text(BRIDGE.replace("TYPE", kind), encoding="utf-8")
+    robot = load(tmp_path, cart(diff_drive()), controllers=bridge)
+    sim = simulate(robot)
+
+    sim.topic("/cmd_vel").publish(message)
+    sim.run(0.5)
+
+    assert speeds(sim) == {"left": SPEED, "right": SPEED}
+    assert isinstance(sim.topic("/odom").value(), Odometry)
+    assert isinstance(sim.topic("/tf").value(), TFMessage)
+    assert not any("bridge.yaml" in str(entry.file) for entry in robot.report)
+
+
+def test_a_missing_wheel_is_told_and_the_others_turn(tmp_path: Path) -> None:
+    block = diff_drive(("left_joint", "lef"))
+
+    robot = load(tmp_path, cart(block))
+    sim = simulate(robot)
+    sim.topic(COMMAND).publish(FORWARDS)
+    sim.run(0.5)
+
+    assert any("the robot has no joint 'lef'" in line for line in lines(robot))
+    assert speeds(sim) == {"left": SPEED, "right": SPEED}
+
+
+@pytest.mark.parametrize(
+    ("block", "problem"),
+    [
+        (
+            plugin(CLASSIC, ("left_joint", "left"), ("right_joint", "rigth")),
+            "the robot has none of its joints: rigth",
+        ),
+        (
+            plugin(
+                CLASSIC,
+                ("left_joint", "left"),
+                ("left_joint", "lef"),
+                ("right_joint", "right"),
+            ),
+            "expected 1 left and 1 right joints, got 2 and 1",
+        ),
+        (
+            plugin(
+                CLASSIC,
+                ("num_wheel_pairs", 2),
+                *(("left_joint", name) for name in ("left", "lef")),
+                *(("right_joint", name) for name in ("right", "left")),
+            ),
+            "the robot lacks one of its joints",
+        ),
+        (
+            classic_drive(("left_joint", "left")),
+            "expected 1 left and 1 right joints, got 2 and 1",
+        ),
+        (
+            plugin(
+                GZ,
+                ("left_joint", "left"),
+                ("right_joint", "right"),
+                ("wheel_radius", 0),
+            ),
+            "wheel_radius: expected a length above 0 m, got 0",
+        ),
+    ],
+)
+def test_a_plugin_that_can_t_drive_is_told_and_the_rest_runs(
+    tmp_path: Path, block: str, problem: str
+) -> None:
+    other = plugin("gz-sim-joint-controller-system", ("joint_name", "left"))
+
+    robot = load(tmp_path, cart(block, other))
+
+    what = f"Gazebo plugin 'drive': {problem}; the plugin is left out"
+    assert f"error: {what}" in lines(robot)
+    names = {row.name: row.state for row in simulate(robot).list_controllers()}
+    assert names["JointController"] == "active"
+
+
+def test_of_two_plugins_on_the_same_wheels_the_last_one_drives(tmp_path: Path) -> None:
+    blocks = diff_drive(("topic", "one")), diff_drive(("topic", "two"))
+
+    robot = load(tmp_path, cart(*blocks))
+    sim = simulate(robot)
+
+    told = [line for line in lines(robot) if "left" in line and "another" in line]
+    assert told == [
+        "warning: Gazebo plugin DiffDrive: another Gazebo plugin moves joint 'left' "
+        "too; the last one does"
+    ]
+    assert (
+        "warning: Gazebo plugin DiffDrive: no wheels are left on both sides; it is "
+        "left out"
+    ) in lines(robot)
+    assert {"/two"} == {"/one", "/two"} & set(topics(sim))
+
+
+def test_plugins_of_other_wheels_drive_together(tmp_path: Path) -> None:
+    # As a base with four driven wheels may have it: a plugin for each axle.
+    second = (
+        diff_drive().replace(">left<", ">rear_left<").replace(">right<", ">rear_right<")
+    )
+
+    robot = load(tmp_path, cart(diff_drive(), second, REAR))
+    sim = simulate(robot)
+    sim.topic(COMMAND).publish(FORWARDS)
+    sim.run(0.5)
+
+    assert speeds(sim) == dict.fromkeys(
+        ("left", "right", "rear_left", "rear_right"), SPEED
+    )
+    assert any(
+        "'DiffDrive' and 'DiffDrive_2' publish on the topic '/model/cart/odometry'"
+        in entry.what
+        for entry in sim.report
+    )
+
+
+YAML = """
+controller_manager:
+  ros__parameters:
+    update_rate: 100
+    group: {type: velocity_controllers/JointGroupVelocityController}
+group:
+  ros__parameters: {joints: [left]}
+"""
+
+
+@pytest.mark.parametrize("block", [diff_drive(), classic_drive()])
+def test_a_wheel_that_a_controller_commands_is_left_to_it(
+    tmp_path: Path, block: str
+) -> None:
+    yaml = tmp_path / "controllers.yaml"
+    yaml.write_text(YAML, encoding="utf-8")
+    control = ros2_control("left", command="velocity")
+
+    robot = load(tmp_path, cart(block, control), controllers=yaml)
+    sim = simulate(robot)
+
+    told = "\n".join(lines(robot))
+    assert "controller 'group' commands joint 'left' too" in told
+    assert "no wheels are left on both sides; it is left out" in told
+    assert [row.name for row in sim.list_controllers()] == ["group"]
+
+
+def test_pairs_of_classic_stay_whole(tmp_path: Path) -> None:
+    # The front wheels are taken; the pair behind them keeps its measures.
+    yaml = tmp_path / "controllers.yaml"
+    yaml.write_text(YAML, encoding="utf-8")
+    block = plugin(
+        CLASSIC,
+        *(("left_joint", name) for name in ("left", "rear_left")),
+        *(("right_joint", name) for name in ("right", "rear_right")),
+        ("num_wheel_pairs", 2),
+        ("wheel_diameter", 0.2),
+        ("wheel_diameter", 0.4),
+    )
+    control = ros2_control("left", command="velocity")
+
+    robot = load(tmp_path, cart(block, REAR, control), controllers=yaml)
+    sim = simulate(robot)
+    sim.topic("/cmd_vel").publish(FORWARDS)
+    sim.run(0.5)
+
+    wheels = speeds(sim)
+    expected = {"rear_left": 1.0, "rear_right": 1.0}
+    assert {name: wheels[name] for name in expected} == pytest.approx(
+        expected, rel=1e-3
+    )
+
+
+def test_torques_of_wheels_are_told(tmp_path: Path) -> None:
+    unlimited = load(tmp_path, cart(diff_drive()))
+    limited = load(
+        tmp_path, cart(diff_drive(), limit='<limit effort="3" velocity="9"/>')
+    )
+    classic = load(tmp_path, cart(classic_drive(("max_wheel_torque", 7))))
+
+    # 2 m g r = 2 * 6.2 kg * 9.81 m/s^2 * 0.1 m.
+    assert (
+        "info: : DiffDrive has wheels without an effort limit: left, right; the limit "
+        "is 12.2 N·m"
+    ) in lines(unlimited)
+    assert not any("effort limit" in line for line in lines(limited))
+    assert (
+        "info: : gazebo_ros_diff_drive turns left, right; the limit is 7 N·m; they "
+        "have no velocity limit"
+    ) in lines(classic)
+
+
+def test_unused_measures_and_unknown_tags_are_told(tmp_path: Path) -> None:
+    block = classic_drive(("wheel_separation", 0.5), ("command_topic", "go"))
+
+    told = "\n".join(lines(load(tmp_path, cart(block))))
+
+    assert "wheel_separation: 2 values for 1 pairs of wheels; it has no effect" in told
+    assert "unknown tags: command_topic; they have no effect" in told
+
+
+def test_without_physics_the_wheels_turn_and_the_world_stands_still(
+    tmp_path: Path,
+) -> None:
+    robot = load(tmp_path, cart(classic_drive(("publish_wheel_tf", "true"))))
+    options = ad.SimulationOptions(preset="kinematic")
+    sim = ad.Simulation(ad.build_diagram(robot, options=options))
+
+    sim.topic("/cmd_vel").publish(FORWARDS)
+    sim.run(0.5)
+
+    assert sim.topic("/odom").value().pose.pose.position.x == 0.0
+    assert len(sim.topic("/tf").value().transforms) == 2

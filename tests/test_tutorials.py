@@ -1,0 +1,73 @@
+"""The tutorials' page: its programs run, and all of its commands do."""
+
+import re
+import shlex
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import arm_drake as ad
+from arm_drake.cli import main
+
+PAGE = Path(__file__).parents[1] / "docs/tutorials.md"
+TEXT = PAGE.read_text(encoding="utf-8")
+
+# Each command of the page, once.
+COMMANDS = list(dict.fromkeys(re.findall(r"`arm-drake ([^`]+)`", TEXT)))
+
+# How long one is tried [s]; rollouts of the robots' own tests are longer.
+DURATION = 0.2
+
+
+def test_the_program_runs() -> None:
+    (program,) = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
+    names: dict[str, Any] = {}
+
+    exec(compile(program, str(PAGE), "exec"), names)  # noqa: S102  our own text.
+
+    assert names["goal"].result.error_code == 0
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_command_runs(
+    command: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    words = shlex.split(command)
+    root = PAGE.parents[1]
+    words = [str(root / w) if w.startswith("configs/") else w for w in words]
+    if words[0] == "sim":
+        words += ["--headless"] if "--headless" not in words else []
+        words += ["--duration", str(DURATION)]
+    if words[0] == "view":
+        # Without a browser: what it shows can be loaded, and the pose is one.
+        words = ["view", *words[1:], "--json"]
+        monkeypatch.setattr("arm_drake.view_command.time.sleep", _interrupt)
+    monkeypatch.chdir(tmp_path)
+
+    code = main(words)
+
+    assert code == 0, capsys.readouterr().err
+
+
+def _interrupt(seconds: float) -> None:
+    raise KeyboardInterrupt
+
+
+def test_every_capability_has_its_row() -> None:
+    rows = re.findall(r"^\| (\d+) \| ([^|]+) \| ([^|]+) \|$", TEXT, re.MULTILINE)
+
+    assert [int(number) for number, *_ in rows] == list(range(1, 69))
+    # What isn't there yet is said.
+    later = {int(n) for n, _, here in rows if here.strip().startswith("not yet")}
+    assert later == {58, 59, 60, 62, 65, 66}
+
+
+def test_every_bundled_robot_has_its_section() -> None:
+    robots = set(ad.bundled.bundled_robots())
+    used = {shlex.split(command)[1] for command in COMMANDS}
+
+    assert used == robots
