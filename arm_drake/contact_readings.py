@@ -1,12 +1,12 @@
 """What touches a robot, as messages."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
-from pydrake.geometry import GeometryId, SceneGraph, SceneGraphInspector
+from pydrake.geometry import ContactSurface, GeometryId, SceneGraph, SceneGraphInspector
 from pydrake.multibody.plant import ContactResults, MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
@@ -68,6 +68,7 @@ class ContactReadings(LeafSystem):
         plant: MultibodyPlant,
         scene_graph: SceneGraph,
         model: ModelInstanceIndex,
+        links: Collection[str],
     ) -> None:
         """Create the system.
 
@@ -75,9 +76,11 @@ class ContactReadings(LeafSystem):
             plant: The finalized plant.
             scene_graph: Its scene graph.
             model: The robot's model instance.
+            links: Its links; a body "<link>:..." that the plant has besides is part of
+                the link.
         """
         super().__init__()
-        self._shapes = _shapes(plant, scene_graph.model_inspector())
+        self._shapes = _shapes(plant, scene_graph.model_inspector(), model, links)
         self._own = {
             geometry
             for body in plant.GetBodyIndices(model)
@@ -125,19 +128,27 @@ class ContactReadings(LeafSystem):
 
 
 def _shapes(
-    plant: MultibodyPlant, inspector: SceneGraphInspector
+    plant: MultibodyPlant,
+    inspector: SceneGraphInspector,
+    model: ModelInstanceIndex,
+    links: Collection[str],
 ) -> Mapping[GeometryId, tuple[int, str]]:
     """Return body and name of all collision shapes."""
     found = {}
     for index in range(plant.num_bodies()):
         body = plant.get_body(BodyIndex(index))
-        start = f"{plant.GetModelInstanceName(body.model_instance())}::{body.name()}"
+        robot, link, at = body.model_instance(), body.name(), index
+        owner = link.rpartition(":")[0]
+        if robot == model and link not in links and owner in links:
+            link = owner
+            at = int(plant.GetBodyByName(link, model).index())
         shapes = plant.GetCollisionGeometriesForBody(body)
         for number, geometry in enumerate(shapes):
-            name = f"{start}::{shape_name(body.name(), number)}"
+            name = f"{plant.GetModelInstanceName(robot)}::{link}"
+            name = f"{name}::{shape_name(link, number)}"
             if not index:  # Drake puts the instance in front.
                 name = f"{_WORLD}::{inspector.GetName(geometry).rpartition('::')[2]}"
-            found[geometry] = (index, name)
+            found[geometry] = (at, name)
     return found
 
 
@@ -160,17 +171,24 @@ def _touches(results: ContactResults) -> Iterator[_Touch]:
         area = results.hydroelastic_contact_info(index)
         surface, F_A = area.contact_surface(), area.F_Ac_W()
         force, torque = F_A.translational(), F_A.rotational()
-        size = float(np.linalg.norm(force))
-        normal = force / size if size else nothing
         yield _Touch(
             surface.id_M(),
             surface.id_N(),
             surface.centroid(),
             -force,
             -torque,
-            normal,
+            _normal(surface),
             0.0,
         )
+
+
+def _normal(surface: ContactSurface) -> Array:
+    """Return the mean direction of an area, out of its second shape, of length 1."""
+    total = np.zeros(3)
+    for face in range(surface.num_faces()):
+        total += surface.area(face) * surface.face_normal(face)
+    size = float(np.linalg.norm(total))
+    return total / size if size else total
 
 
 def _state(

@@ -41,7 +41,7 @@ from arm_drake.plant import (
     set_initial_positions,
 )
 from arm_drake.robot_commands import find_bare_joints, make_drive_commands, may_let_go
-from arm_drake.robot_sensors import add_sensors
+from arm_drake.robot_sensors import add_sensors, report_blind
 from arm_drake.robot_systems import RobotSystems
 from arm_drake.timing import choose_time_step
 from arm_drake.visualization.meshcat import add_visualizer, show_backdrop
@@ -216,6 +216,7 @@ def _add_mirrored_robots(
             for text in block.warnings:
                 report.add("warning", "ignored", text, done, where=where)
         report_motionless(controllers, report)
+        report_blind(robot, report)
         order = command_order(there, controllers)
         hardware = add_mock_hardware(
             builder, robot, blocks, order, there, system.prefix, system.period

@@ -18,12 +18,8 @@ from arm_drake.description.base_wheels import (
 )
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
-from arm_drake.description.rollers import (
-    Rollers,
-    find_rollers,
-    report_rollers,
-    with_rollers,
-)
+from arm_drake.description.roller_bodies import report_rollers, with_rollers
+from arm_drake.description.rollers import Rollers, find_rollers
 from arm_drake.description.surface_friction import find_friction, for_drake
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.ground_check import report_ground

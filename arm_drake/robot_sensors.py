@@ -8,6 +8,7 @@ from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder
 
 from arm_drake.contact_readings import ContactReadings
+from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.description.sensors import accelerating_joints
 from arm_drake.hardware import Hardware
@@ -34,7 +35,7 @@ def add_sensors(
         robot: The robot.
         prefix: Start of the names of its systems and ports.
     """
-    felt = ContactReadings(plant, scene_graph, model)
+    felt = ContactReadings(plant, scene_graph, model, robot.description.links)
     builder.AddNamedSystem(f"{prefix}contacts", felt)
     felt.connect(builder)
     contacts = felt.get_output_port()
@@ -47,3 +48,16 @@ def add_sensors(
     builder.AddNamedSystem(f"{prefix}sensors", readings)
     readings.connect(builder)
     return dc.replace(hardware, contacts=contacts, readings=readings.get_output_port())
+
+
+def report_blind(robot: Robot, report: LoadReport) -> None:
+    """Record the sensors of a robot that has no physics to measure.
+
+    Args:
+        robot: The robot.
+        report: Where they are recorded.
+    """
+    for sensor in robot.sensors:
+        what = f"sensor {sensor.name!r} measures nothing without physics"
+        done = "its states keep their initial values, or follow their commands"
+        report.add("info", "unsupported", what, done, file=robot.description.file)

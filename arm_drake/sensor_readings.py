@@ -80,8 +80,9 @@ class SensorReadings(LeafSystem):
     of each sensor, then the accelerations of joints. With S the sensor's frame, W the
     world::
 
-        force, torque        the load behind the sensor: what the child does to its
-                             parent, about S, along the axes of S [N], [N·m]
+        force, torque        the load behind the sensor: what the link does to the one
+                             that carries it, about the joint between them, along the
+                             axes of S [N], [N·m]
         orientation          of S in W as x, y, z, w
         angular_velocity     of S in W, along the axes of S [rad/s]
         linear_acceleration  of S in W less that of free fall, along the axes of S
@@ -170,17 +171,13 @@ class SensorReadings(LeafSystem):
     ) -> Callable[[Context], Array]:
         forces = self._ports.take("reaction_forces")
         joint = self._plant.GetJointByName(sensor.joint, model)
-        index = int(joint.index())
-        X_LJ = joint.frame_on_child().GetFixedPoseInBodyFrame()
-        X_SJ = mount.X_LS.inverse() @ X_LJ
-        R_SJ, p_SJ = X_SJ.rotation().matrix(), X_SJ.translation()
-        sign = 1.0 if sensor.is_on_child else -1.0
+        # Joint and link have one frame, and the sensor is at its origin.
+        index, R_SJ = int(joint.index()), mount.X_LS.rotation().matrix().T
+        R_SJ = R_SJ if sensor.is_on_child else -R_SJ
 
         def measure(context: Context) -> Array:
             F_J = forces.Eval(context)[index]
-            f = sign * R_SJ @ F_J.translational()
-            tau = sign * R_SJ @ F_J.rotational() + np.cross(p_SJ, f)
-            return np.concatenate([f, tau])
+            return np.concatenate([R_SJ @ F_J.translational(), R_SJ @ F_J.rotational()])
 
         return measure
 

@@ -121,9 +121,9 @@ def test_a_table_may_stand_in_the_motion() -> None:
         ),
         ("a,a\n", {}, "expected distinct names of joints"),
         ("a,b\n", {}, "expected at least one row"),
-        ("a,b\n1\n", {}, "table.csv, row 2: expected 2 values, got 1"),
-        ("a,b\n1,x\n", {}, "table.csv, row 2: b: expected a number, got 'x'"),
-        ("a,b\n1,nan\n", {}, "table.csv, row 2: expected a finite number, got nan"),
+        ("a,b\n1\n", {}, "table.csv, line 2: expected 2 values, got 1"),
+        ("a,b\n1,x\n", {}, "table.csv, line 2: b: expected a number, got 'x'"),
+        ("a,b\n1,nan\n", {}, "table.csv, line 2: expected a finite number, got nan"),
         ("a,b\n1,2\n", {"count": 2}, "[0].count: a trajectory_table has its rows"),
         (
             "a,b\n1,2\n",

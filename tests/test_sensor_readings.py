@@ -158,7 +158,9 @@ def test_a_load_on_a_swinging_link_is_what_moves_it(tmp_path: Path) -> None:
         load="force_torque_sensor_broadcaster/ForceTorqueSensorBroadcaster "
         "sensor_name: load, frame_id: x"
     )
-    tag = TAG.format("load", "force_torque")
+    tag = TAG.format("load", "force_torque").replace(
+        "</pose>", "</pose><force_torque><frame>sensor</frame></force_torque>"
+    )
     sim = pendulum(tmp_path, sensor("load", *FORCES), tag, yaml)
 
     for message, q, w in rows(sim, "/load/wrench"):
@@ -170,9 +172,8 @@ def test_a_load_on_a_swinging_link_is_what_moves_it(tmp_path: Path) -> None:
         # What the bob does to the base: its weight less what moves it; at the joint,
         # which is free, its moment is 0.
         f = models.MASS * (GRAVITY - a)
-        tau = np.cross(-(R_WL @ MOUNT), f)
         R_WS = R_WL @ R_LS
-        expected = np.concatenate([R_WS.T @ f, R_WS.T @ tau])
+        expected = np.concatenate([R_WS.T @ f, np.zeros(3)])
         np.testing.assert_allclose(force(message.wrench), expected, atol=1e-9)
 
 
@@ -217,6 +218,31 @@ def test_a_pose_is_that_of_the_link_in_the_frame(tmp_path: Path) -> None:
     np.testing.assert_allclose(
         matrix(array(message.orientation)), turned(1, -1.0), atol=1e-12
     )
+
+
+@pytest.mark.parametrize("height", [0.002, 0.05])
+@pytest.mark.parametrize("pitch", [0.0, 1e-3])
+def test_a_beam_along_the_ground_meets_what_is_in_front(
+    tmp_path: Path, height: float, pitch: float
+) -> None:
+    yaml = controllers(
+        eye="range_sensor_broadcaster/RangeSensorBroadcaster "
+        "sensor_name: eye, frame_id: bob"
+    )
+    urdf = models.pendulum(control=models.ros2_control(states=("swing",)))
+    sim = simulate(
+        tmp_path,
+        with_sensors(urdf, sensor("eye", "range")),
+        yaml,
+        initial_positions={"swing": pitch},
+        pose=(0, 0, height, 0, 0, 0),
+        world="empty",
+    )
+
+    sim.run(0.001)
+
+    expected = height / math.sin(pitch) if pitch else math.inf
+    assert sim.topic("/eye/range").value().range == pytest.approx(expected, abs=1e-3)
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.5, 1.2])

@@ -456,7 +456,7 @@ def make_sensor_readings() -> SensorReadings:
 def make_contact_readings() -> ContactReadings:
     plant = make_plant()
     model = plant.GetModelInstanceByName("DefaultModelInstance")
-    return ContactReadings(plant, SceneGraph(), model)
+    return ContactReadings(plant, SceneGraph(), model, [])
 
 
 # How to make each system, small.

@@ -35,9 +35,14 @@ WHEEL = Wheel("j", 1, np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.1)
 YAW, LEAN = np.pi / 2.0, 0.3
 
 
-def slip(v: list[float], w: list[float], rpy: tuple[float, float, float]) -> np.ndarray:
-    """Return the slip of the wheel with a velocity [m/s], [rad/s] in the world."""
-    system = BaseTruth("base", 0, RigidTransform(), [WHEEL])
+def slip(
+    v: list[float],
+    w: list[float],
+    rpy: tuple[float, float, float],
+    wheel: Wheel = WHEEL,
+) -> np.ndarray:
+    """Return the slip of a wheel with a velocity [m/s], [rad/s] in the world."""
+    system = BaseTruth("base", 0, RigidTransform(), [wheel])
     context = system.CreateDefaultContext()
     poses = [RigidTransform(), RigidTransform(RollPitchYaw(*rpy), [3.0, 2.0, 0.1])]
     velocities = [SpatialVelocity.Zero(), SpatialVelocity(w, v)]
@@ -75,6 +80,20 @@ def test_slip_is_the_velocity_of_the_lowest_point(
     expected: tuple[float, float],
 ) -> None:
     assert slip(v, w, rpy) == pytest.approx(expected, abs=1e-12)
+
+
+def test_slip_of_rollers_is_along_the_axis_of_the_one_that_is_down() -> None:
+    # Forwards and to the left: as on the right side of a mecanum base.
+    wheel = WHEEL._replace(roller=(0.6, 0.8))
+
+    pushed = slip([0.3, 0.2, 0.0], [0.0, 0.0, 0.0], (0.0, 0.0, 0.0), wheel)
+    spun = slip([0.0, 0.0, 0.0], [0.0, 5.0, 0.0], (0.0, 0.0, YAW), wheel)
+    rolled = slip([-0.4, 0.3, 0.0], [0.0, 0.0, 0.0], (0.0, 0.0, 0.0), wheel)
+
+    np.testing.assert_allclose(pushed, [0.6 * 0.3 + 0.8 * 0.2, 0.0], atol=1e-12)
+    # Its lowest point goes to its left.
+    np.testing.assert_allclose(spun, [0.8 * 0.5, 0.0], atol=1e-12)
+    np.testing.assert_allclose(rolled, [0.0, 0.0], atol=1e-12)
 
 
 def test_slip_stands_along_all_wheels_first_and_then_across() -> None:

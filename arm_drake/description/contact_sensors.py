@@ -76,7 +76,14 @@ def _make_tag(
         return None
     every = {shape: owner for owner, names in shapes.items() for shape in names}
     own = shapes.get(link, ())
-    felt = tuple(f"{every[n]}::{n}" for n in sensor.collisions if n in every)
+    whole = _undivided(description)
+    named = [
+        shape
+        for name in sensor.collisions
+        if name in every
+        for shape in (shapes[every[name]] if every[name] in whole else (name,))
+    ]
+    felt = tuple(f"{every[name]}::{name}" for name in named)
     for name in sensor.collisions:
         if name not in every:
             what = f"the robot has no collision shape {name!r}"
@@ -111,6 +118,16 @@ def _make_tag(
         next(iter(texts("ros/namespace")), ""),
         texts("ros/remapping"),
     )
+
+
+def _undivided(description: RobotDescription) -> set[str]:
+    """Return the links that have one collision shape as written.
+
+    In the plant its mesh may be several convex parts.
+    """
+    root = ET.fromstring(description.source)  # noqa: S314  parsed before.
+    links = root.iterfind("link")
+    return {n.get("name", "") for n in links if len(n.findall("collision")) == 1}
 
 
 def _shapes(description: RobotDescription) -> dict[str, tuple[str, ...]]:

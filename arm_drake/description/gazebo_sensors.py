@@ -5,12 +5,18 @@ gazebo_ros_pkgs, branch ros2, gazebo_plugins/src/gazebo_ros_bumper.cpp.
 """
 
 import dataclasses as dc
+import math
 import xml.etree.ElementTree as ET
 from collections.abc import Collection
 from pathlib import Path
 from typing import Final
 
-from arm_drake.description.elements import attribute, parse_number, text_of
+from arm_drake.description.elements import (
+    attribute,
+    parse_bool,
+    parse_number,
+    text_of,
+)
 from arm_drake.description.gazebo import GazeboPlugin, read_plugins
 from arm_drake.description.report import LoadReport
 
@@ -40,6 +46,9 @@ class GazeboSensor:
 
     # Whether a force is what the parent does to the child, not the other way round.
     is_on_child: bool = False
+
+    # Whether forces are along the axes of the sensor, not of the child link.
+    is_in_sensor: bool = False
 
     plugins: tuple[GazeboPlugin, ...] = ()
 
@@ -71,8 +80,8 @@ def read_gazebo_sensors(
                 text_of(collision)
                 for collision in element.iterfind("contact/collision")
             ),
-            is_on_child=text_of(element.find("force_torque"), "measure_direction")
-            == "parent_to_child",
+            is_on_child=_says(element, "measure_direction", "parent_to_child"),
+            is_in_sensor=_says(element, "frame", "sensor"),
             plugins=tuple(read_plugins(element, attribute(gazebo, "reference"))),
         )
         for gazebo in root.iterfind("gazebo")
@@ -87,12 +96,18 @@ def sensors_of_type(
     return tuple(sensor for sensor in sensors if sensor.type == kind)
 
 
+def _says(element: ET.Element, tag: str, value: str) -> bool:
+    """Return whether a sensor of forces has a tag with this text."""
+    return text_of(element.find("force_torque"), tag) == value
+
+
 def _pose(
     element: ET.Element, report: LoadReport, file: Path
 ) -> tuple[float, float, float, float, float, float]:
+    tag = element.find("pose")
     text = text_of(element, "pose")
     numbers = [parse_number(part) for part in text.split()]
-    known = [number for number in numbers if number is not None]
+    known = [n for n in numbers if n is not None and math.isfinite(n)]
     if not text:
         known = [0.0] * 6
     elif len(numbers) != 6 or len(known) != 6:
@@ -101,5 +116,12 @@ def _pose(
         done = "it is where its link is"
         report.add("warning", "invalid", what, done, where=where, file=file)
         known = [0.0] * 6
+    if tag is not None and attribute(tag, "relative_to"):
+        what = f"pose: relative_to {attribute(tag, 'relative_to')!r}"
+        where = f"sensor {attribute(element, 'name')!r}"
+        done = "it is taken as relative to the link"
+        report.add("warning", "ignored", what, done, where=where, file=file)
+    if tag is not None and parse_bool(attribute(tag, "degrees")):
+        known[3:] = map(math.radians, known[3:])
     x, y, z, roll, pitch, yaw = known
     return (x, y, z, roll, pitch, yaw)

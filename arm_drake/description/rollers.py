@@ -9,7 +9,7 @@ stays as it is.
 import dataclasses as dc
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from arm_drake.description.base_wheels import MobileBase, rigid_links
 from arm_drake.description.controllers import ControllerManagerConfig
-from arm_drake.description.report import LoadReport
-from arm_drake.description.solids import read_origin
+from arm_drake.description.solids import link_solid, read_origin
 from arm_drake.description.urdf import RobotDescription
 
 Array = NDArray[Any]
@@ -36,20 +35,11 @@ _TO_THE_RIGHT: Final = (True, False, True, False)
 
 # Rollers of a wheel, and their radius at the middle as part of the wheel's. With these
 # the rim is round to 0.1 % of the radius, see `Rollers.semi_axis`.
-_NUM_ROLLERS: Final = 10
+NUM_ROLLERS: Final = 10
 _THICKNESS: Final = 0.25
 
-# Part of the wheel's mass that its rollers have.
-_PART: Final = 0.25
-
-# Mass of the rollers of a wheel without mass [kg].
-_SMALL: Final = 1e-2
-
-_MOMENTS: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-
-# URDF has no ellipsoid; Drake has one.
-_DRAKE: Final = "http://drake.mit.edu"
-ET.register_namespace("drake", _DRAKE)
+# A wheel with so many joints of its own has its rollers; one may be an encoder's.
+_FEWEST_ROLLERS: Final = 3
 
 
 @dc.dataclass(frozen=True, eq=False)
@@ -72,7 +62,7 @@ class Rollers:
     @property
     def wheels(self) -> list[str]:
         """Names of the bodies that turn."""
-        return [f"{self.link}:roller{number}" for number in range(_NUM_ROLLERS)]
+        return [f"{self.link}:roller{number}" for number in range(NUM_ROLLERS)]
 
     @property
     def thickness(self) -> float:
@@ -87,7 +77,7 @@ class Rollers:
         as where one does with its middle.
         """
         R, r = self.radius, self.thickness
-        half = math.pi / _NUM_ROLLERS
+        half = math.pi / NUM_ROLLERS
         # Of the roller's axis, upwards, when the wheel has turned by this angle.
         slope = np.linalg.norm(np.cross(self.roller, self.axis)) * math.sin(half)
         reach = R - (R - r) * math.cos(half)
@@ -101,8 +91,9 @@ def find_rollers(
 ) -> list[Rollers]:
     """Return the rollers that the wheels of mecanum and omni bases lack.
 
-    A wheel whose description has joints of its own has its rollers. The radius is that
-    of the wheel's cylinder or sphere to collide with, else what the controller says.
+    A wheel whose description has three joints of its own has its rollers. The radius is
+    that of the wheel's largest cylinder or sphere to collide with, else what the
+    controller says.
 
     Args:
         description: The robot.
@@ -110,13 +101,16 @@ def find_rollers(
         bases: What its controllers drive.
     """
     types = {controller.name: controller for controller in config.controllers}
+    tree = _Tree(description)
     found: list[Rollers] = []
     for base in bases:
         controller = types[base.controller]
         if controller.type not in _RADIUS:
             continue
         given = controller.parameters.get(_RADIUS[controller.type])
-        radius = float(given.value) if given is not None else 0.0
+        radius = given.value if given is not None else 0.0
+        if not isinstance(radius, int | float):
+            continue  # The controller doesn't load, and says why.
         is_mecanum = controller.type == MECANUM
         if is_mecanum and len(base.driven) != len(_TO_THE_RIGHT):
             continue
@@ -124,169 +118,90 @@ def find_rollers(
             base.driven, _TO_THE_RIGHT * len(base.driven), strict=False
         ):
             sideways = (1.0 if is_right else -1.0) if is_mecanum else 0.0
-            found += _rollers_of(description, base.link, joint, sideways, radius)
+            found += tree.rollers_of(base.link, joint, sideways, float(radius))
     return found
 
 
-def _rollers_of(
-    description: RobotDescription, base: str, joint: str, sideways: float, radius: float
-) -> Iterator[Rollers]:
-    """Yield the rollers of the wheel on a joint, if it lacks them.
+class _Tree:
+    """The elements of a robot, and how its links stand with all joints at 0."""
 
-    Args:
-        description: The robot.
-        base: Its base link.
-        joint: The joint.
-        sideways: How far the roller's axis points to the right per unit forwards.
-        radius: Radius of the wheel if its shape doesn't say [m].
-    """
-    root = ET.fromstring(description.urdf)  # noqa: S314  our own text.
-    links = {link.get("name", ""): link for link in root.iterfind("link")}
-    joints = {element.get("name", ""): element for element in root.iterfind("joint")}
-    link = description.joint(joint).child
-    parts = rigid_links(description, link)
-    if any(j.parent in parts and j.type != "fixed" for j in description.joints):
-        return
-    shapes = [(name, c) for name in parts for c in links[name].iterfind("collision")]
-    if not shapes:
-        return
-    name, shape = shapes[0]
-    center = read_origin(shape)[1]
-    for tag in ("cylinder", "sphere"):
-        if (element := shape.find(f"geometry/{tag}")) is not None:
-            radius = float(element.get("radius", radius))
-    turn = _orientation(description, joints, name)
-    stand = _orientation(description, joints, base)
-    # Of the wheel, in the base.
-    R_BW = stand.T @ turn
-    child = stand.T @ _orientation(description, joints, link)
-    xyz = joints[joint].find("axis")
-    axis = child @ _vector("1 0 0" if xyz is None else xyz.get("xyz", "1 0 0"))
-    axis /= np.linalg.norm(axis)
-    left = axis * (-1.0 if axis[1] < 0.0 else 1.0)
-    up = np.array([0.0, 0.0, 1.0])
-    forward = np.cross(left, up)
-    if radius <= 0.0 or np.linalg.norm(forward) < 0.5:
-        return
-    roller = forward / np.linalg.norm(forward) - sideways * left
-    roller /= np.linalg.norm(roller)
-    yield Rollers(name, radius, center, R_BW.T @ axis, R_BW.T @ -up, R_BW.T @ roller)
+    def __init__(self, description: RobotDescription) -> None:
+        root = ET.fromstring(description.urdf)  # noqa: S314  our own text.
+        self._description = description
+        self._links = {link.get("name", ""): link for link in root.iterfind("link")}
+        self._joints = {j.get("name", ""): j for j in root.iterfind("joint")}
 
+    def rollers_of(
+        self, base: str, joint: str, sideways: float, radius: float
+    ) -> Iterator[Rollers]:
+        """Yield the rollers of the wheel on a joint, if it lacks them.
 
-def with_rollers(
-    description: RobotDescription, rollers: Sequence[Rollers]
-) -> RobotDescription:
-    """Return a description whose text has the rollers of wheels.
-
-    Only the text has them: the links and joints that it tells of are those of before.
-    The wheels' own shapes to collide with are left out.
-
-    Args:
-        description: The robot.
-        rollers: What `find_rollers` returns.
-    """
-    if not rollers:
-        return description
-    root = ET.fromstring(description.urdf)  # noqa: S314  our own text.
-    links = {link.get("name", ""): link for link in root.iterfind("link")}
-    for wheel in rollers:
-        for name in rigid_links(description, wheel.link):
-            for collision in links[name].findall("collision"):
-                links[name].remove(collision)
-        mass = _take(links[wheel.link]) / _NUM_ROLLERS
-        for number, body in enumerate(wheel.wheels):
-            angle = 2.0 * math.pi * number / _NUM_ROLLERS
-            _add_roller(root, wheel, body, angle, mass)
-    return dc.replace(description, urdf=ET.tostring(root, encoding="unicode"))
-
-
-def _add_roller(
-    root: ET.Element, wheel: Rollers, name: str, angle: float, mass: float
-) -> None:
-    """Add a roller where it is when the wheel has turned by an angle."""
-    turn = _rotation(wheel.axis, angle)
-    axis, out = turn @ wheel.roller, turn @ wheel.down
-    place = wheel.center + (wheel.radius - wheel.thickness) * out
-    long, thick = wheel.semi_axis, wheel.thickness
-    link = ET.SubElement(root, "link", name=name)
-    collision = ET.SubElement(link, "collision")
-    geometry = ET.SubElement(collision, "geometry")
-    sizes = {"a": repr(long), "b": repr(thick), "c": repr(thick)}
-    ET.SubElement(geometry, f"{{{_DRAKE}}}ellipsoid", sizes)
-    inertial = ET.SubElement(link, "inertial")
-    ET.SubElement(inertial, "mass", value=repr(mass))
-    along, across = 0.4 * mass * thick**2, 0.2 * mass * (thick**2 + long**2)
-    moments = {"ixx": along, "iyy": across, "izz": across}
-    values = {name: repr(moments.get(name, 0.0)) for name in _MOMENTS}
-    ET.SubElement(inertial, "inertia", values)
-    joint = ET.SubElement(root, "joint", name=f"{name}:axle", type="continuous")
-    ET.SubElement(joint, "parent", link=wheel.link)
-    ET.SubElement(joint, "child", link=name)
-    # The ellipsoid's long axis is x.
-    yaw, pitch = math.atan2(axis[1], axis[0]), math.asin(-max(-1.0, min(1.0, axis[2])))
-    rpy = f"0 {pitch!r} {yaw!r}"
-    ET.SubElement(joint, "origin", xyz=_text(place), rpy=rpy)
-    ET.SubElement(joint, "axis", xyz="1 0 0")
-
-
-def report_rollers(
-    description: RobotDescription, rollers: Sequence[Rollers], report: LoadReport
-) -> None:
-    """Record wheels that get rollers.
-
-    Args:
-        description: The robot.
-        rollers: What `find_rollers` returns.
-        report: Where they are recorded.
-    """
-    for wheel in rollers:
-        report.add(
-            "info",
-            "repair",
-            "a wheel of a base that goes sideways, without rollers",
-            f"in the physics it has {_NUM_ROLLERS} that turn freely",
-            where=f"link {wheel.link!r}",
-            file=description.file,
+        Args:
+            base: The base link.
+            joint: The joint.
+            sideways: How far the roller's axis points to the right per unit forwards.
+            radius: Radius of the wheel if its shape doesn't say [m].
+        """
+        link = self._description.joint(joint).child
+        parts = rigid_links(self._description, link)
+        below = [j for j in self._description.joints if j.parent in parts]
+        if sum(j.type != "fixed" for j in below) >= _FEWEST_ROLLERS:
+            return
+        rim = self._find_rim(parts, radius)
+        if rim is None:
+            return
+        name, center, radius = rim
+        stand = self._orientation(base)
+        # Of the wheel, in the base.
+        R_BW = stand.T @ self._orientation(name)
+        xyz = self._joints[joint].find("axis")
+        axis = stand.T @ self._orientation(link)
+        axis = axis @ _vector("1 0 0" if xyz is None else xyz.get("xyz", "1 0 0"))
+        axis /= np.linalg.norm(axis)
+        left = axis * (-1.0 if axis[1] < 0.0 else 1.0)
+        up = np.array([0.0, 0.0, 1.0])
+        forward = np.cross(left, up)
+        if radius <= 0.0 or np.linalg.norm(forward) < 0.5:
+            return
+        roller = forward / np.linalg.norm(forward) - sideways * left
+        roller /= np.linalg.norm(roller)
+        yield Rollers(
+            name, radius, center, R_BW.T @ axis, R_BW.T @ -up, R_BW.T @ roller
         )
 
+    def _find_rim(
+        self, parts: Sequence[str], radius: float
+    ) -> tuple[str, Array, float] | None:
+        """Return link, centre [m] and radius [m] of a wheel's largest shape.
 
-def _take(link: ET.Element) -> float:
-    """Take the rollers' part from a wheel's mass and inertia; return it [kg]."""
-    inertial = link.find("inertial")
-    mass = None if inertial is None else inertial.find("mass")
-    if inertial is None or mass is None:
-        return _SMALL
-    whole = float(mass.get("value", "0"))
-    mass.set("value", repr((1.0 - _PART) * whole))
-    for inertia in inertial.iterfind("inertia"):
-        for name, value in inertia.items():
-            inertia.set(name, repr((1.0 - _PART) * float(value)))
-    return _PART * whole or _SMALL
+        That is a cylinder or sphere; else, with the radius that is given, the middle of
+        what its link collides with.
+        """
+        found: tuple[str, Array, float] | None = None
+        for name in parts:
+            for shape in self._links[name].iterfind("collision"):
+                for tag in ("cylinder", "sphere"):
+                    element = shape.find(f"geometry/{tag}")
+                    own = 0.0 if element is None else float(element.get("radius", "0"))
+                    if own > 0.0 and (found is None or own > found[2]):
+                        found = (name, read_origin(shape)[1], own)
+        if found is not None:
+            return found
+        for name in parts:
+            solid = link_solid(self._links[name])
+            if self._links[name].find("collision") is not None and solid is not None:
+                return name, solid[0].center, radius
+        return None
 
-
-def _orientation(
-    description: RobotDescription, joints: Mapping[str, ET.Element], link: str
-) -> Array:
-    """Return the orientation of a link in its root, with all joints at 0."""
-    carriers = {joint.child: joint for joint in description.joints}
-    R = np.eye(3)
-    while link in carriers:
-        R = read_origin(joints[carriers[link].name])[0] @ R
-        link = carriers[link].parent
-    return R
-
-
-def _rotation(axis: Array, angle: float) -> Array:
-    """Return the matrix of a turn about an axis of length 1."""
-    x, y, z = axis
-    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    turn: Array = np.eye(3) + math.sin(angle) * K + (1.0 - math.cos(angle)) * K @ K
-    return turn
+    def _orientation(self, link: str) -> Array:
+        """Return the orientation of a link in its root."""
+        carriers = {joint.child: joint for joint in self._description.joints}
+        R = np.eye(3)
+        while link in carriers:
+            R = read_origin(self._joints[carriers[link].name])[0] @ R
+            link = carriers[link].parent
+        return R
 
 
 def _vector(text: str) -> Array:
     return np.array([float(x) for x in text.split()])
-
-
-def _text(vector: Array) -> str:
-    return " ".join(repr(float(x)) for x in vector)

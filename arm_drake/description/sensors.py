@@ -31,6 +31,15 @@ _NAMES = {
 }
 _POSE_NAME, _POSE_LINK, _POSE_FRAME = "pose_name", "tf.child_frame_id", "frame_id"
 
+# Types of Gazebo's sensors that measure the same.
+_FORCE_TYPE: Final = "force_torque"
+_TYPES: Final = {
+    interfaces.FORCES[0]: (_FORCE_TYPE,),
+    interfaces.RATES[0]: ("imu",),
+    interfaces.ACCELERATIONS[0]: ("imu",),
+    interfaces.RANGE: ("ray", "gpu_ray", "lidar", "gpu_lidar", "sonar"),
+}
+
 # What is put behind the name of a sensor to name its link.
 _ENDINGS = ("", "_link", "_frame")
 
@@ -115,7 +124,11 @@ class _Places:
         self._description = description
         self._config = config
         self._report = report
-        self._carriers = {joint.child: joint.name for joint in description.joints}
+        self._carriers = {
+            joint.child: joint.name
+            for joint in description.joints
+            if joint.type != "floating"
+        }
         self._children = {joint.name: joint.child for joint in description.joints}
 
     def place(self, sensor: ComponentInfo, names: tuple[str, ...]) -> SensorInfo | None:
@@ -131,7 +144,7 @@ class _Places:
         else:
             what = "nothing says which link it is on"
             if wrong:
-                what = f"{wrong[0].source} is no link, {wrong[0].link!r}"
+                what = f"{wrong[0].source} names no link: {wrong[0].link!r}"
                 file = wrong[0].file or file
             first = wrong[0].link if wrong else sensor.name
             known = suggest(first, links)
@@ -149,14 +162,14 @@ class _Places:
             )
             return None
         for other in wrong:
-            what = f"{other.source} is no link, {other.link!r}"
+            what = f"{other.source} names no link: {other.link!r}"
             done = f"it is measured in {place.link!r}, as {place.source} has it"
             self._report.add(
                 "warning", "invalid", what, done, where=where, file=other.file or file
             )
         joint = self._carriers.get(place.link, "")
         if not joint and any(name in interfaces.FORCES for name in names):
-            what = f"link {place.link!r} is the root: no joint carries a load there"
+            what = f"link {place.link!r} is held by no joint that carries a load"
             self._report.add(
                 "error", "invalid", what, _STORED, where=where, file=place.file or file
             )
@@ -175,10 +188,10 @@ class _Places:
         """Yield where a sensor may be, the surest place first."""
         name, links = sensor.name, self._description.links
         for tag in self._description.gazebo_sensors:
-            if tag.name == name:
+            if tag.name == name and _measures_like(tag, sensor):
                 yield self._of_tag(tag)
         if frame := sensor.parameters.get("frame_id", ""):
-            yield _Place(frame, source=f"its parameter frame_id {frame!r}")
+            yield _Place(frame, source="its parameter frame_id")
         for controller in self._config.controllers:
             yield from _frames(controller, name)
         for ending in _ENDINGS:
@@ -190,8 +203,12 @@ class _Places:
         link = self._children.get(tag.reference, tag.reference)
         if tag.reference in self._description.links:
             link = tag.reference
-        source = f"the reference of its <gazebo> tag {tag.reference!r}"
-        return _Place(link, tag.pose, tag.is_on_child, source)
+        pose = tag.pose
+        if tag.type == _FORCE_TYPE:
+            # At the joint, along the axes of the child or of the sensor.
+            pose = (0.0, 0.0, 0.0, *pose[3:]) if tag.is_in_sensor else _ORIGIN
+        source = "the reference of its <gazebo> tag"
+        return _Place(link, pose, tag.is_on_child, source)
 
     def _reference(self, name: str, names: Sequence[str]) -> str:
         """Return the link in which a pose is given."""
@@ -203,6 +220,13 @@ class _Places:
             if values.get(_POSE_NAME) == name and frame in self._description.links:
                 return frame
         return ""
+
+
+def _measures_like(tag: GazeboSensor, sensor: ComponentInfo) -> bool:
+    """Return whether a Gazebo sensor may be the same as one of `<ros2_control>`."""
+    names = {interface.name for interface in sensor.state_interfaces}
+    wanted = [kinds for name, kinds in _TYPES.items() if name in names]
+    return not wanted or not tag.type or any(tag.type in kinds for kinds in wanted)
 
 
 def _frames(controller: ControllerConfig, name: str) -> Iterator[_Place]:

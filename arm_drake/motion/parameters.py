@@ -38,6 +38,10 @@ def fill_in(data: Any, given: Mapping[str, Any], file: Path | None) -> Any:
         if not isinstance(declared, Mapping):
             problem = f"expected names with defaults, got {declared!r}"
             raise MotionError(problem, file=file, where=PARAMETERS)
+        for name in declared:
+            if not isinstance(name, str):
+                problem = f"expected names, got {name!r}"
+                raise MotionError(problem, file=file, where=PARAMETERS)
         if not isinstance(steps, list):
             problem = f"expected a list of steps, got {type(steps).__name__}"
             raise MotionError(problem, file=file, where=STEPS)

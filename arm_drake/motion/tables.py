@@ -76,22 +76,25 @@ def _read_inline(fields: Fields, value: Any) -> _Table:
 def _read_csv(fields: Fields, name: str, file: Path | None) -> _Table:
     path = Path(name) if file is None else file.parent / name
     try:
-        with path.open(encoding="utf-8", newline="") as stream:
-            lines = list(itertools.islice(csv.reader(stream), _MAX_ROWS + 2))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        with path.open(encoding="utf-8-sig", newline="") as stream:
+            reader = csv.reader(stream)
+            filled = (
+                (reader.line_num, row) for row in reader if any(map(str.strip, row))
+            )
+            lines = list(itertools.islice(filled, _MAX_ROWS + 2))
+    except (OSError, ValueError, csv.Error) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise fields.error(KIND, f"{name}: {reason}") from None
-    lines = [row for row in lines if any(cell.strip() for cell in row)]
     if len(lines) > _MAX_ROWS + 1:
         raise fields.error(KIND, f"{name}: more than {_MAX_ROWS} rows")
-    header = [cell.strip() for cell in lines[0]] if lines else []
-    if not header or "" in header or len(set(header)) < len(header):
+    header = [cell.strip() for cell in lines[0][1]] if lines else []
+    joints = [column for column in header if column != _TIME]
+    if not joints or "" in header or len(set(header)) < len(header):
         problem = f"expected distinct names of joints in the first row, got {header}"
         raise fields.error(KIND, f"{name}: {problem}")
-    joints = [column for column in header if column != _TIME]
     rows, times = [], []
-    for number, line in enumerate(lines[1:], start=2):
-        place = f"{name}, row {number}"
+    for number, line in lines[1:]:
+        place = f"{name}, line {number}"
         if len(line) != len(header):
             problem = f"expected {len(header)} values, got {len(line)}"
             raise fields.error(KIND, f"{place}: {problem}")
@@ -109,6 +112,6 @@ def _read_csv(fields: Fields, name: str, file: Path | None) -> _Table:
 
 def _number(text: str) -> float | None:
     try:
-        return float(text)
+        return None if "_" in text else float(text)
     except ValueError:
         return None

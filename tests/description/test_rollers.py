@@ -9,7 +9,8 @@ import pytest
 
 import arm_drake as ad
 from arm_drake.description.base_wheels import find_bases
-from arm_drake.description.rollers import Rollers, find_rollers, with_rollers
+from arm_drake.description.roller_bodies import with_rollers
+from arm_drake.description.rollers import Rollers, find_rollers
 from tests.rollouts.test_sideways_bases import MASS, RADIUS, mecanum, omni
 
 
@@ -94,14 +95,56 @@ def test_the_mass_stays(tmp_path: Path) -> None:
 
 def test_a_wheel_with_rollers_of_its_own_keeps_them(tmp_path: Path) -> None:
     urdf, yaml = mecanum()
-    roller = """<link name="own"><inertial><mass value="0.01"/>
+    own = """<link name="own{0}"><inertial><mass value="0.01"/>
       <inertia ixx="1e-6" iyy="1e-6" izz="1e-6" ixy="0" ixz="0" iyz="0"/></inertial>
-      </link><joint name="own_joint" type="continuous"><axis xyz="1 0 0"/>
-      <parent link="fl"/><child link="own"/></joint></robot>"""
+      </link><joint name="own{0}_joint" type="continuous"><axis xyz="1 0 0"/>
+      <parent link="fl"/><child link="own{0}"/></joint>"""
+    three = "".join(own.format(number) for number in range(3))
 
-    robot = load(tmp_path, (urdf.replace("</robot>", roller), yaml))
+    several = load(tmp_path, (urdf.replace("</robot>", f"{three}</robot>"), yaml))
+    one = load(tmp_path, (urdf.replace("</robot>", f"{own.format(0)}</robot>"), yaml))
 
-    assert [rim.link for rim in rollers_of(robot)] == ["fr", "rr", "rl"]
+    assert [rim.link for rim in rollers_of(several)] == ["fr", "rr", "rl"]
+    # It may be that of an encoder.
+    assert [rim.link for rim in rollers_of(one)] == ["fl", "fr", "rr", "rl"]
+
+
+def test_the_largest_shape_is_the_rim(tmp_path: Path) -> None:
+    urdf, yaml = mecanum()
+    hub = """<collision><origin xyz="0.1 0 0"/><geometry>
+      <cylinder radius="0.02" length="0.1"/></geometry></collision>"""
+
+    urdf = urdf.replace("<collision>", f"{hub}<collision>", 1)
+    first = rollers_of(load(tmp_path, (urdf, yaml)))[0]
+
+    assert first.radius == RADIUS
+    np.testing.assert_array_equal(first.center, np.zeros(3))
+
+
+def test_a_wheel_of_another_shape_turns_about_its_middle(tmp_path: Path) -> None:
+    urdf, yaml = mecanum()
+    shape = f"""<collision><origin rpy="{math.pi / 2} 0 0"/><geometry>
+    <cylinder radius="{RADIUS}" length="0.04"/></geometry></collision>"""
+    assert shape in urdf
+    box = """<collision><origin xyz="0 0.03 0"/><geometry>
+    <box size="0.1 0.04 0.1"/></geometry></collision>"""
+
+    first = rollers_of(load(tmp_path, (urdf.replace(shape, box, 1), yaml)))[0]
+
+    np.testing.assert_allclose(first.center, [0.0, 0.03, 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("radius", ["abc", "[0.05]"])
+def test_a_radius_that_is_no_number_is_a_line_of_the_report(
+    tmp_path: Path, radius: str
+) -> None:
+    urdf, yaml = mecanum()
+    text = yaml.replace(f"wheels_radius: {RADIUS}", f"wheels_radius: {radius}")
+
+    robot = load(tmp_path, (urdf, text))
+
+    assert rollers_of(robot) == []
+    assert "wheels_radius" in str(robot.report)
 
 
 def test_the_radius_is_that_of_the_shape(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """Sensors of `<ros2_control>` get the places that their authors have written."""
 
+import math
 from pathlib import Path
 
 import pytest
@@ -46,7 +47,7 @@ wrench:
 
 
 TAG = """<gazebo reference="{}"><sensor name="fts" type="force_torque">
-<pose>{}</pose></sensor></gazebo>"""
+<pose>{}</pose><force_torque><frame>sensor</frame></force_torque></sensor></gazebo>"""
 
 
 @pytest.mark.parametrize(
@@ -104,7 +105,44 @@ def test_a_tag_of_gazebo_says_where_in_the_link(tmp_path: Path) -> None:
 
     robot = load(tmp_path, sensor, TAG.format("tool", "1 2 3 0.1 0.2 0.3"))
 
-    assert robot.sensors[0].pose == (1.0, 2.0, 3.0, 0.1, 0.2, 0.3)
+    # Forces are those of the joint; along the sensor's axes, if it says so.
+    assert robot.sensors[0].pose == (0.0, 0.0, 0.0, 0.1, 0.2, 0.3)
+    in_child = TAG.format("tool", "1 2 3 0.1 0.2 0.3").replace(">sensor<", ">child<")
+    assert load(tmp_path, sensor, in_child).sensors[0].pose == (0.0,) * 6
+
+
+def test_a_pose_may_be_in_degrees(tmp_path: Path) -> None:
+    rate = '<state_interface name="angular_velocity.x"/>'
+    tag = """<gazebo reference="tool"><sensor name="imu" type="imu">
+    <pose degrees="true" relative_to="base">1 2 3 90 0 -180</pose></sensor></gazebo>"""
+
+    robot = load(tmp_path, f'<sensor name="imu">{rate}</sensor>', tag)
+
+    assert robot.sensors[0].pose == (1.0, 2.0, 3.0, math.pi / 2.0, 0.0, -math.pi)
+    assert "sensor 'imu': pose: relative_to 'base'; it is taken as relative to" in str(
+        robot.report
+    )
+
+
+def test_another_kind_of_sensor_of_the_same_name_gives_no_place(tmp_path: Path) -> None:
+    sensor = f'<sensor name="fts">{FORCE}<param name="frame_id">tool</param></sensor>'
+    camera = TAG.format("upper", "1 2 3 0 0 0").replace('"force_torque"', '"camera"')
+
+    robot = load(tmp_path, sensor, camera)
+
+    assert robot.sensors[0].link == "tool"
+
+
+def test_a_load_on_a_loose_link_is_no_load(tmp_path: Path) -> None:
+    sensor = f'<sensor name="fts">{FORCE}<param name="frame_id">tool</param></sensor>'
+    fixed, loose = 'name="tool_joint" type="fixed"', 'name="loose" type="floating"'
+    (tmp_path / "robot.urdf").write_text(urdf(sensor).replace(fixed, loose))
+
+    robot = ad.load_robot(tmp_path / "robot.urdf")
+
+    assert robot.sensors == ()
+    assert "link 'tool' is held by no joint that carries a load" in str(robot.report)
+    ad.build_diagram(robot)
 
 
 @pytest.mark.parametrize("name", ["tool_link", "tool_frame"])
@@ -141,14 +179,14 @@ def test_a_link_may_be_named_after_its_sensor(tmp_path: Path, name: str) -> None
             "",
             broadcaster("sensor_name: fts, frame_id: tol"),
             "error",
-            "sensor 'fts': frame_id of controller 'wrench' is no link, 'tol'; expected",
+            "sensor 'fts': frame_id of controller 'wrench' names no link: 'tol'; ",
         ),
         (
             f'<sensor name="fts">{FORCE}<param name="frame_id">base</param></sensor>',
             "",
             None,
             "error",
-            "sensor 'fts': link 'base' is the root: no joint carries a load there",
+            "sensor 'fts': link 'base' is held by no joint that carries a load",
         ),
         (
             f'<sensor name="fts">{FORCE}</sensor>',
@@ -163,7 +201,7 @@ def test_a_link_may_be_named_after_its_sensor(tmp_path: Path, name: str) -> None
             "",
             broadcaster("sensor_name: fts, frame_id: tool"),
             "warning",
-            "sensor 'fts': its parameter frame_id 'tol' is no link, 'tol'; it is "
+            "sensor 'fts': its parameter frame_id names no link: 'tol'; it is "
             "measured in 'tool', as frame_id of controller 'wrench' has it",
         ),
     ],

@@ -195,6 +195,22 @@ def test_a_wheel_slips_along_its_rollers_axis_alone(tmp_path: Path) -> None:
     np.testing.assert_array_equal(slip[3:], np.zeros(3))
 
 
+def test_a_contact_sensor_on_a_wheel_feels_its_rollers(tmp_path: Path) -> None:
+    urdf, yaml = mecanum()
+    tag = """<gazebo reference="fl"><sensor name="touch" type="contact">
+    <contact><collision>fl_collision</collision><topic>touch</topic></contact>
+    </sensor></gazebo></robot>"""
+    base = Base(tmp_path, (urdf.replace("</robot>", tag), yaml))
+
+    base.sim.run(1.0)
+
+    states = base.sim.topic("/touch").value().states
+    forces = [state.total_wrench.force.z for state in states]
+    # A quarter of the weight of base and wheels.
+    assert sum(forces) == pytest.approx((8.0 + 4.0 * MASS) * 9.81 / 4.0, rel=1e-3)
+    assert {state.collision1_name for state in states} == {"base::fl::fl_collision"}
+
+
 def test_what_the_description_has_is_what_is_told(tmp_path: Path) -> None:
     base = Base(tmp_path, mecanum())
 
