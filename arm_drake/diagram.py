@@ -156,6 +156,7 @@ def _add_robots(
             lets_go=may_let_go(robot, controllers) or not holds,
             grippers={joint.name for joint in find_gripper_joints(robot)},
             carried=base.carried_inertia,
+            period=system.period,
         )
         commands = make_drive_commands(robot, there, controllers, drive, holds=holds)
         report_times(plant.time_step(), system.period, options, report)

@@ -116,6 +116,7 @@ def make_robot_drive(
     lets_go: bool = False,
     grippers: Collection[str] = (),
     carried: Mapping[str, float] | None = None,
+    period: float = 0.0,
 ) -> RobotDrive:
     """Return what drives a robot's commanded joints.
 
@@ -129,6 +130,7 @@ def make_robot_drive(
         lets_go: Whether joints may move freely, beside those that are driven.
         grippers: Joints that press against things and let them go again.
         carried: Inertia of what wheels move on the ground [kg·m^2], by their joints.
+        period: Period of the commands [s]; 0 if they are of now.
     """
     joints = commanded_joints(description)
     plant = make_servo_plant(description, pose, options, time_step)
@@ -166,6 +168,7 @@ def make_robot_drive(
         limits,
         bandwidth=options.servo_bandwidth,
         time_step=time_step,
+        command_period=period,
         observer_gain=observer_gain,
         position_rate=np.array([row.position_rate or math.nan for row in rows]),
     )

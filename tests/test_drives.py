@@ -228,9 +228,9 @@ def test_an_acceleration_beside_a_position_takes_the_lag_away(tmp_path: Path) ->
         errors[kinds] = np.abs(sim.rollout().tracking_error("arm")).max()
 
     without, with_it = errors.values()
-    # Peak of a quintic's acceleration over w0^2, and at most what it travels in a step.
-    lag = 5.77 / 1600.0
-    assert lag <= without <= lag + 1.875 * H
+    # The largest acceleration of a quintic, 5.77, as it passes (s / w0 + 1)^-2, over
+    # w0^2; and at most what it travels in half a step, for it is held.
+    assert without == pytest.approx(5.65 / 1600.0, abs=1.875 * H / 2.0)
     assert with_it <= 1.1 * 1.875 * H
 
 

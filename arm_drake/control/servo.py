@@ -114,7 +114,8 @@ class ServoGains:
     kv: float
     velocity_limit: Array
 
-    # What a desired velocity adds to the desired position [s], 2/w0.
+    # What a desired velocity adds to the desired position [s]: 2/w0, less what the
+    # position is ahead.
     velocity_lead: Array
 
     # Largest position error that is acted on [rad]: limits the speed of an approach. It
@@ -202,6 +203,7 @@ def compute_servo_gains(
     time_step: float,
     observer_gain: float = OBSERVER_GAIN,
     position_rate: Array | None = None,
+    command_period: float = 0.0,
 ) -> ServoGains:
     """Return the servo's numbers; one rule for every robot.
 
@@ -215,6 +217,8 @@ def compute_servo_gains(
             observer.
         position_rate: Velocity per position error that joints are to have instead
             [1/s], NaN where they aren't, shape (n,).
+        command_period: Period T of the commands [s]; one that is held for it tells
+            where the joint is to be at its end. 0: they are of now.
     """
     h, z = time_step, math.exp(-bandwidth * time_step)
     max_inertia, min_inertia = samples.inertia.max(axis=0), samples.inertia.min(axis=0)
@@ -228,7 +232,9 @@ def compute_servo_gains(
         speed = np.minimum(limits.approach_speed, _CRUISING * spare / samples.damping)
     n = len(spare)
     kp, kd = np.full(n, (1.0 - z) ** 2 / h**2), np.full(n, (1.0 - z**2) / h)
-    lead = np.full(n, velocity_lead(bandwidth))
+    # While it is held a position is (T + h)/2 ahead of the motion, on average.
+    ahead = (command_period + h) / 2.0 if command_period else 0.0
+    lead = np.full(n, velocity_lead(bandwidth) - ahead)
     largest = liveliest
     if position_rate is not None:
         # The velocity becomes rate times error within a step, as in Gazebo.

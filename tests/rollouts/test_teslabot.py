@@ -24,12 +24,10 @@ MESHES = models_folder() / "teslabot" / "meshes"
 HANDS = [(0.0, 0.0, 0.2405), (1.5, 0.33715, 0.55459), (3.0, 0.0477, 0.91312)]
 
 # How much of the way to its point a message moves the arm until the next one comes: it
-# has 0.1 s of the second that the way takes. In physics the drive is half a tick and
-# half a step ahead of a ramp, for its command is held: 5.5 ms. The jump of the command
-# to where the arm is pushes as far once more, of which (1 + x) exp(-x) is left when the
-# next message comes 90 ms later, with x = 40 rad/s * 90 ms: 0.7 ms.
+# has 0.1 s of the second that the way takes. That is so in physics, too: a drive
+# follows a ramp without lag.
 IN_THEORY = 0.1
-IN_PHYSICS = 0.1 + 5.5e-3 + 0.7e-3
+IN_PHYSICS = IN_THEORY
 
 # Corners of the box around each link's CAD parts [m].
 BOXES = {
