@@ -13,7 +13,7 @@ from pydrake.geometry import Meshcat
 
 from arm_drake.output_files import check_suffix, writing
 from arm_drake.visualization.browser import BrowserError, open_browser
-from arm_drake.visualization.framing import Camera, View
+from arm_drake.visualization.framing import THREE_QUARTER, Camera, View
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -86,6 +86,7 @@ class Photographer:
         *,
         size: tuple[int, int] = DEFAULT_SIZE,
         paths: Sequence[str] = ("drake/visual",),
+        direction: tuple[float, float, float] = THREE_QUARTER,
     ) -> tuple[bytes, Camera]:
         """Return a picture of a scene, a PNG file, and where it was taken from.
 
@@ -95,12 +96,15 @@ class Photographer:
             meshcat: The scene.
             size: Width and height [pixels].
             paths: What must be in the picture, as paths of the scene.
+            direction: From what is seen to the camera, any length; not vertical.
 
         Raises:
             BrowserError: If the browser doesn't draw the scene, or there is nothing.
         """
         url = meshcat.web_url()
-        task = self._thread.submit(_take_picture, self._browser, url, size, paths)
+        task = self._thread.submit(
+            _take_picture, self._browser, url, size, paths, direction
+        )
         while not task.done():
             # A page that isn't connected yet misses it; later it comes after all else.
             meshcat.Delete(_LAST_NEWS)
@@ -141,19 +145,27 @@ def save_screenshot(
 
 
 def _take_picture(
-    browser: "Browser", url: str, size: tuple[int, int], paths: Sequence[str]
+    browser: "Browser",
+    url: str,
+    size: tuple[int, int],
+    paths: Sequence[str],
+    direction: tuple[float, float, float],
 ) -> tuple[bytes, Camera]:
     from playwright.sync_api import Error
 
     try:
-        return _draw_and_take_picture(browser, url, size, paths)
+        return _draw_and_take_picture(browser, url, size, paths, direction)
     except Error as error:
         reason = " ".join(error.message.split())
         raise BrowserError(f"the browser can't draw {url}: {reason}") from None
 
 
 def _draw_and_take_picture(
-    browser: "Browser", url: str, size: tuple[int, int], paths: Sequence[str]
+    browser: "Browser",
+    url: str,
+    size: tuple[int, int],
+    paths: Sequence[str],
+    direction: tuple[float, float, float],
 ) -> tuple[bytes, Camera]:
     width, height = size
     context = browser.new_context(viewport={"width": width, "height": height})
@@ -162,7 +174,7 @@ def _draw_and_take_picture(
         page.add_init_script(path=_SCRIPT)
         page.goto(url)
         _wait_until_drawn(page)
-        view = View(field_of_view=_FIELD_OF_VIEW, aspect=width / height)
+        view = View(_FIELD_OF_VIEW, width / height, direction=direction)
         extremes = page.evaluate(
             "([paths, directions]) => arm_drake.find_extremes(paths, directions)",
             [[path.split("/") for path in paths], view.normals().tolist()],
