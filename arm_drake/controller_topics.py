@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 from arm_drake import interfaces
 from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.errors import InputError
-from arm_drake.exports import exported_name
+from arm_drake.exports import exported_name, with_prefix
 from arm_drake.messages import (
     Float64MultiArray,
     FollowJointTrajectoryGoal,
@@ -69,7 +69,7 @@ class ControllerTopics:
     def exported_as(self, port: str) -> str:
         """Return the name in the diagram of a port of the controller."""
         own = self.system.params.controller_name
-        return self.name.removesuffix(own) + exported_name(port, own)
+        return with_prefix(self.name.removesuffix(own), exported_name(port, own))
 
     def find_action(self) -> str:
         """Return the port of the controller's action.

@@ -155,9 +155,10 @@ def make_robot_drive(
     if not options.disturbance_observer:
         observer_gain = 0.0
     known = samples.with_rotors(rotors)
+    load = np.array([(carried or {}).get(joint.name, 0.0) for joint in joints])
     ground = compute_carried_inertia(
         known.inertia.min(axis=0),
-        np.array([(carried or {}).get(joint.name, 0.0) for joint in joints]),
+        load,
         bandwidth=options.servo_bandwidth,
         time_step=time_step,
         observer_gain=observer_gain,
@@ -169,6 +170,7 @@ def make_robot_drive(
         bandwidth=options.servo_bandwidth,
         time_step=time_step,
         command_period=period,
+        carried=load,
         observer_gain=observer_gain,
         position_rate=np.array([row.position_rate or math.nan for row in rows]),
     )

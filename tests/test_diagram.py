@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio
 import pytest
 from pydrake.common.value import Value
+from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce, MultibodyPlant
@@ -414,3 +415,26 @@ def test_a_robot_that_starts_in_the_ground_is_reported() -> None:
         "world; they pass through each other"
     )
     assert len(ad.Simulation(ad.build_diagram(robot, world="void")).report) == 0
+
+
+def test_what_lies_on_the_ground_goes_on_in_a_rebuilt_diagram(tmp_path: Path) -> None:
+    robot = models.load(tmp_path, models.FALLING_BALL)
+    first, second = (ad.Simulation(ad.build_diagram(robot)) for _ in range(2))
+    first.advance_to(0.5)  # It has hit the ground and still moves.
+    saved = first.simulator.get_context().Clone()
+    first.advance_to(1.0)
+
+    root = second.simulator.get_mutable_context()
+    root.SetTime(0.5)
+    for system in first.diagram.GetSystems():
+        if not isinstance(system, SceneGraph):
+            target = second.diagram.GetSubsystemByName(system.get_name())
+            target.GetMyMutableContextFromRoot(root).SetStateAndParametersFrom(
+                system.GetMyContextFromRoot(saved)
+            )
+    second.simulator.Initialize()
+    second.advance_to(1.0)
+
+    states = [sim.joint_states() for sim in (first, second)]
+    assert states[0].position == states[1].position
+    assert states[0].velocity == states[1].velocity

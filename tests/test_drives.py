@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import arm_drake as ad
+from arm_drake.drives import make_robot_drive
 from tests import models
 
 H = 1e-3
@@ -333,3 +334,17 @@ def test_a_joint_without_room_is_said_not_to_move(tmp_path: Path) -> None:
     sim = simulate(tmp_path, urdf, forward("position", "swing"), start=0.5)
 
     assert any("'swing'; they can't move" in line for line in servo_lines(sim))
+
+
+def test_wheels_without_a_limit_move_a_base_that_is_far_heavier(tmp_path: Path) -> None:
+    urdf = models.pendulum(limit='lower="0" upper="0" effort="0" velocity="0"')
+    robot = models.load(tmp_path, urdf)
+    options = ad.SimulationOptions()
+
+    alone, laden = (
+        make_robot_drive(robot.description, None, options, 1e-3, carried=carried)
+        for carried in ({}, {"swing": 100.0})
+    )
+
+    # What the observer may add grows with what is carried, not what is counted with.
+    assert laden.gains.max_disturbance[0] > 10.0 * alone.gains.max_disturbance[0]

@@ -9,6 +9,7 @@ import pytest
 
 import arm_drake as ad
 from arm_drake.cli import main
+from tests.robots import read_index, robots_folder
 
 PAGE = Path(__file__).parents[1] / "docs/tutorials.md"
 TEXT = PAGE.read_text(encoding="utf-8")
@@ -71,3 +72,30 @@ def test_every_bundled_robot_has_its_section() -> None:
     used = {shlex.split(command)[1] for command in COMMANDS}
 
     assert used == robots
+
+
+# Published originals of the index, and motions that are for both.
+ORIGINALS = [
+    ("doosan_a0912", "doosan_a0912", "tutorial"),
+    ("doosan_a0912", "doosan_a0912", "waypoints"),
+    ("doosan_a0912", "doosan_a0912", "topic"),
+    ("mycobot_280", "mycobot_280", "one_joint"),
+    ("mycobot_280", "mycobot_280", "ping_pong"),
+    ("mycobot_280_ros2_control", "mycobot_280", "trajectories"),
+]
+
+
+@pytest.mark.parametrize(("original", "robot", "motion"), ORIGINALS)
+def test_the_originals_take_the_same_motions(
+    original: str, robot: str, motion: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    row, folder = read_index()[original], robots_folder()
+    file = ad.bundled.bundled_motions(robot)[motion]
+    words = ["sim", str(folder / row["entry"]), "--motion", str(file)]
+    words += [f"{name}:={value}" for name, value in row["xacro_args"].items()]
+    for path in row["controllers_yaml"]:
+        words += ["--controllers", str(folder / path)]
+
+    code = main([*words, "--headless", "--duration", str(DURATION)])
+
+    assert code == 0, capsys.readouterr().err

@@ -114,8 +114,7 @@ class ServoGains:
     kv: float
     velocity_limit: Array
 
-    # What a desired velocity adds to the desired position [s]: 2/w0, less what the
-    # position is ahead.
+    # What a desired velocity adds to the desired position [s], 2/w0 less (T + h)/2.
     velocity_lead: Array
 
     # Largest position error that is acted on [rad]: limits the speed of an approach. It
@@ -204,6 +203,7 @@ def compute_servo_gains(
     observer_gain: float = OBSERVER_GAIN,
     position_rate: Array | None = None,
     command_period: float = 0.0,
+    carried: Array | float = 0.0,
 ) -> ServoGains:
     """Return the servo's numbers; one rule for every robot.
 
@@ -217,13 +217,14 @@ def compute_servo_gains(
             observer.
         position_rate: Velocity per position error that joints are to have instead
             [1/s], NaN where they aren't, shape (n,).
-        command_period: Period T of the commands [s]; one that is held for it tells
-            where the joint is to be at its end. 0: they are of now.
+        command_period: Period T at whose end a command is to be met [s]; 0: it is now.
+        carried: Inertia of what wheels move on the ground [kg·m^2], shape (n,).
     """
     h, z = time_step, math.exp(-bandwidth * time_step)
     max_inertia, min_inertia = samples.inertia.max(axis=0), samples.inertia.min(axis=0)
     max_gravity = samples.max_gravity
-    unlimited = 2.0 * (max_gravity + _UNLIMITED_ACCELERATION * max_inertia)
+    moved = max_inertia + carried
+    unlimited = 2.0 * (max_gravity + _UNLIMITED_ACCELERATION * moved)
     effort = np.where(np.isfinite(limits.effort), limits.effort, unlimited)
     spare = np.maximum(limits.effort - max_gravity, 0.1 * limits.effort)
     is_strong = limits.effort > max_gravity
@@ -266,11 +267,7 @@ def compute_servo_gains(
 
 
 def _groups(masses: Array) -> NDArray[np.intp]:
-    """Return numbers of groups of coupled joints, shape (n,), from 0 on.
-
-    Args:
-        masses: Mass matrices, shape (k, n, n).
-    """
+    """Return numbers of groups of coupled joints, of mass matrices (k, n, n)."""
     scale = np.sqrt(np.diagonal(masses, axis1=1, axis2=2))
     correlation = np.abs(masses / scale[:, :, None] / scale[:, None, :]).max(axis=0)
     group = np.arange(len(correlation))

@@ -12,12 +12,19 @@ from arm_drake.controllers.speed_limits import SpeedLimits
 from arm_drake.controllers.validation import (
     check_above,
     check_at_least,
+    check_duration,
     check_length,
     check_not_empty,
+    check_not_zero,
 )
 from arm_drake.description.given import Given
 from arm_drake.description.parameters import Rule
 
+_DECELERATIONS = (
+    "max_deceleration",
+    "max_acceleration_reverse",
+    "max_deceleration_reverse",
+)
 _LIMITS = {
     "velocity": ("max_velocity", "min_velocity"),
     "acceleration": ("max_acceleration", "min_acceleration"),
@@ -31,19 +38,27 @@ class DiffDriveSpeedLimits(SpeedLimits):
 
     @staticmethod
     def adapt(given: Given) -> None:
-        """Take has_*_limits: in humble without it, a limit is off."""
+        """Take has_*_limits: a limit is off by it, and in humble without it.
+
+        Source: ros2_controllers, pull request 1315, which only makes them deprecated.
+        """
         for kind, names in _LIMITS.items():
             gate = f"has_{kind}_limits"
             is_on = given.get(gate, bool)
             limits = [n for n in names if _is_number(given.get(n, float))]
             if is_on and given.is_before("kilted") and names[0] not in limits:
                 given.reject(gate, f"needs {names[0]}, which is not given")
-            if given.distro == "humble" and not is_on:
+            is_humble = given.distro == "humble"
+            if kind == "acceleration" and not is_humble:
+                later = (n for n in _DECELERATIONS if _is_number(given.get(n, float)))
+                limits += later
+            is_off = not is_on if is_humble else is_on is False
+            if is_off and given.is_before("rolling"):
                 for name in limits:
                     what = f"{gate} is not true"
                     given.add(name, "warning", "ignored", what, "the limit is off")
                     given.drop(name)
-            elif given.distro != "humble" and is_on is not None:
+            elif not is_humble and is_on is not None:
                 given.add(
                     gate,
                     "warning" if limits and not is_on else "info",
@@ -144,3 +159,10 @@ class DiffDriveControllerParameters:
         check_above(self, 0.0, "wheel_separation", "wheel_radius")
         check_at_least(self, 1, "velocity_rolling_window_size")
         check_length(self, 6, "pose_covariance_diagonal", "twist_covariance_diagonal")
+        check_duration(self, "cmd_vel_timeout")
+        check_not_zero(
+            self,
+            "wheel_separation_multiplier",
+            "left_wheel_radius_multiplier",
+            "right_wheel_radius_multiplier",
+        )

@@ -12,6 +12,7 @@ from arm_drake.control.rate_limiter import RateLimiter
 from arm_drake.controllers.speed_limits import SpeedLimits
 from arm_drake.controllers.validation import (
     check_above,
+    check_duration,
     check_length,
     check_not_empty,
 )
@@ -107,6 +108,7 @@ class MecanumDriveControllerParameters:
             "rear_left_wheel_command_joint_name",
         )
         check_length(self, 6, "pose_covariance_diagonal", "twist_covariance_diagonal")
+        check_duration(self, "reference_timeout")
 
 
 def make_kinematics(parameters: MecanumDriveControllerParameters) -> MecanumKinematics:

@@ -5,7 +5,7 @@ Source: ros2_controllers, `omni_wheel_drive_controller` (version 6.9.0).
 
 import dataclasses as dc
 
-from arm_drake.controllers.validation import check_above, check_length
+from arm_drake.controllers.validation import check_above, check_duration, check_length
 
 
 @dc.dataclass(frozen=True)
@@ -64,3 +64,4 @@ class OmniWheelDriveControllerParameters:
                 f"got {list(self.wheel_names)}"
             )
         check_above(self, 0.0, "robot_radius", "wheel_radius")
+        check_duration(self, "cmd_vel_timeout")

@@ -55,6 +55,10 @@ class SpeedLimits:
                 what = f"must be at most 0, got {value}"
                 given.add(name, "warning", "repair", what, f"taken as {-value}")
                 given.set(name, -value)
+        for name in ("max_velocity", "max_acceleration", "max_jerk"):
+            if given.get(name, float) == 0.0:
+                what = "0 lets nothing move; .nan is no limit"
+                given.add(name, "warning", "invalid", what, "it is taken as it is")
         value = given.get("min_acceleration", float)
         if value is not None:
             given.replace(

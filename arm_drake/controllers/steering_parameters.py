@@ -14,6 +14,7 @@ from arm_drake.control.steering import SteeringGeometry
 from arm_drake.controllers.validation import (
     check_above,
     check_at_least,
+    check_duration,
     check_length,
     check_not_empty,
     check_unique,
@@ -131,6 +132,7 @@ class SteeringControllerParameters:
             if getattr(self, name):
                 check_length(self, len(getattr(self, use)), name)
         check_above(self, 0.0, "wheelbase")
+        check_duration(self, "reference_timeout")
         check_at_least(self, 1, "velocity_rolling_window_size")
         check_length(self, 6, "pose_covariance_diagonal", "twist_covariance_diagonal")
 

@@ -3,6 +3,9 @@
 import math
 from typing import Any
 
+# Longer than any duration in ROS, which counts 64 bit nanoseconds [s].
+_LONGEST = 2.0**63 / 1e9
+
 
 def check_finite(owner: Any, *names: str) -> None:
     """Raise ValueError for a number that isn't finite."""
@@ -26,6 +29,22 @@ def check_above(owner: Any, low: float, *names: str) -> None:
         value = getattr(owner, name)
         if not low < value < math.inf:
             raise ValueError(f"{name} must be above {low:g}, got {value}")
+
+
+def check_not_zero(owner: Any, *names: str) -> None:
+    """Raise ValueError for a number that is 0 or isn't finite."""
+    for name in names:
+        value = getattr(owner, name)
+        if not math.isfinite(value) or value == 0.0:
+            raise ValueError(f"{name} must be a finite number and not 0, got {value}")
+
+
+def check_duration(owner: Any, *names: str) -> None:
+    """Raise ValueError for a duration [s] that doesn't fit in 64 bit nanoseconds."""
+    for name in names:
+        value = getattr(owner, name)
+        if not abs(value) < _LONGEST:
+            raise ValueError(f"{name} must be a number of seconds, got {value}")
 
 
 def check_within(owner: Any, low: float, high: float, *names: str) -> None:

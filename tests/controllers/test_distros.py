@@ -340,8 +340,10 @@ def check_has_limits(distro: str) -> None:
 
     for kind in ("velocity", "jerk"):
         on = {name: number for name, number in given.items() if kind in name}
-        for off in ({}, {f"has_{kind}_limits": False}):
-            assert limits({**on, **off}, distro) == ({} if distro == "humble" else on)
+        assert limits(on, distro) == ({} if distro == "humble" else on)
+        # Up to kilted the older switch is known.
+        switched = limits({**on, f"has_{kind}_limits": False}, distro)
+        assert switched == (on if distro == "rolling" else {})
         assert limits({**on, f"has_{kind}_limits": True}, distro) == on
     if distro in ("kilted", "rolling"):
         assert limits({"has_velocity_limits": True}, distro) == {}

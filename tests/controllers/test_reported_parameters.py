@@ -100,9 +100,10 @@ def test_saturation_of_a_trajectory_controller_is_unknown_after_jazzy():
 
 
 @pytest.mark.parametrize(
-    ("given", "lines"),
+    ("distro", "given", "lines"),
     [
         (
+            "rolling",
             {"linear.x.has_jerk_limits": False, "linear.x.max_jerk": 1.0},
             [
                 "warning: linear.x.has_jerk_limits: a parameter of humble; a limit "
@@ -110,16 +111,28 @@ def test_saturation_of_a_trajectory_controller_is_unknown_after_jazzy():
             ],
         ),
         (
-            {"linear.x.has_jerk_limits": False},
+            "jazzy",
+            {"linear.x.has_jerk_limits": False, "linear.x.max_jerk": 0.0},
             [
-                "info: linear.x.has_jerk_limits: a parameter of humble; a limit that "
-                "is given acts: none"
+                "warning: linear.x.max_jerk: has_jerk_limits is not true; the limit is "
+                "off"
+            ],
+        ),
+        (
+            "jazzy",
+            {
+                "angular.z.has_acceleration_limits": False,
+                "angular.z.max_deceleration": -1.0,
+            },
+            [
+                "warning: angular.z.max_deceleration: has_acceleration_limits is not "
+                "true; the limit is off"
             ],
         ),
     ],
 )
-def test_a_switch_of_limits_without_effect_is_reported(given, lines):
-    assert report_of(DIFF_DRIVE, given) == lines
+def test_a_switch_of_limits_is_reported(distro, given, lines):
+    assert report_of(DIFF_DRIVE, given, distro=distro) == lines
 
 
 def test_a_limit_that_humble_does_not_switch_on_is_reported():
