@@ -292,6 +292,33 @@ def test_a_joint_reports_its_acceleration(tmp_path: Path) -> None:
         assert vdot == pytest.approx(expected, abs=1e-9)
 
 
+def test_accelerations_of_joints_are_each_joints_own(tmp_path: Path) -> None:
+    # The file has the tip first, the plant numbers from the base on.
+    states = models.ros2_control(states=("elbow", "shoulder"))
+    urdf = models.TIP_FIRST.replace(models.ros2_control("elbow", "shoulder"), states)
+    urdf = urdf.replace(
+        '<state_interface name="effort"/>',
+        '<state_interface name="effort"/><state_interface name="acceleration"/>',
+    )
+    names = ["elbow/acceleration", "shoulder/acceleration"]
+    yaml = controllers(
+        all="state_interfaces_broadcaster/StateInterfacesBroadcaster "
+        f"interfaces: [{', '.join(names)}, elbow/velocity, shoulder/velocity]"
+    )
+    start = {"elbow": 0.5, "shoulder": 1.0}
+    sim = simulate(tmp_path, urdf, yaml, initial_positions=start)
+
+    sim.run(0.011)  # The tick at 10 ms.
+    early = np.array(sim.topic("/all/values").value().values)
+    sim.run(0.01)
+    late = np.array(sim.topic("/all/values").value().values)
+
+    # What the velocities have gained in between, to first order.
+    gained = (late[2:] - early[2:]) / 0.01
+    np.testing.assert_allclose((early[:2] + late[:2]) / 2.0, gained, rtol=1e-2)
+    assert abs(gained[0] - gained[1]) > 1.0
+
+
 # A hand on a slide, with a sensor of forces above it. Of its two fingers [m].
 FINGER = (0.02, 0.04, 0.08)
 BOX_MASS, BOX_SIZE = 1.0, (0.06, 0.06, 0.06)

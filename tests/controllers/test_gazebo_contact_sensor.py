@@ -4,6 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydrake.geometry import Box
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
+from pydrake.multibody.tree import SpatialInertia
 
 import arm_drake as ad
 from arm_drake.messages import Vector3
@@ -114,6 +118,58 @@ def test_a_sensor_feels_with_the_shapes_that_it_names(tmp_path: Path) -> None:
     assert sim.topic("/ball_collision").value().states == ()
     (state,) = sim.topic("/ball_collision_1").value().states
     assert state.collision1_name.endswith("::ball_collision_1")
+
+
+def test_the_torque_is_about_the_link(tmp_path: Path) -> None:
+    # The ball is beside its link's origin, which slides along z and can't turn.
+    moved = with_sensor().replace(
+        "<collision>", '<collision><origin xyz="0.3 -0.2 0"/>', 1
+    )
+
+    (state,) = rest(load(tmp_path, moved)).states
+
+    wrench = state.total_wrench
+    np.testing.assert_allclose(array(wrench.force), [0, 0, WEIGHT], atol=1e-5)
+    expected = np.cross([0.3, -0.2, -0.1], [0, 0, WEIGHT])
+    np.testing.assert_allclose(array(wrench.torque), expected, atol=1e-2)
+    np.testing.assert_array_equal(array(state.wrenches[0].torque), np.zeros(3))
+
+
+def test_a_sensor_that_is_not_active_tells_nothing(tmp_path: Path) -> None:
+    options = ad.SimulationOptions(inactive=("bumper",))
+    robot = load(tmp_path, with_sensor())
+    sim = ad.Simulation(ad.build_diagram(robot, options=options))
+
+    sim.run(3.0)
+
+    assert sim.topic(TOPIC).value() == ContactsState()
+
+
+def test_what_is_held_by_areas_is_felt_along_their_normals(tmp_path: Path) -> None:
+    def add_box(plant: MultibodyPlant) -> None:
+        inertia = SpatialInertia.SolidBoxWithMass(1.0, 0.2, 0.2, 0.2)
+        body = plant.AddRigidBody("box", plant.AddModelInstance("box"), inertia)
+        friction = CoulombFriction(1.0, 1.0)
+        shape = Box(0.2, 0.2, 0.2)
+        pose = RigidTransform()
+        plant.RegisterCollisionGeometry(body, pose, shape, "box", friction)
+        X_WB = RigidTransform([0.0, 0.0, 0.3001])
+        plant.SetDefaultFloatingBaseBodyPose(body, X_WB)
+
+    table = """<link name="table"><collision><geometry><box size="1 1 0.4"/></geometry>
+      </collision></link><gazebo reference="table"><sensor name="t" type="contact">
+      <topic>table</topic></sensor></gazebo>"""
+    robot = load(tmp_path, f'<robot name="desk">{table}</robot>')
+    sim = ad.Simulation(ad.build_diagram(robot, world=add_box))
+
+    sim.run(1.0)
+
+    (state,) = sim.topic("/table").value().states
+    assert state.collision2_name == "box::box::box_collision"
+    # The box of 1 kg presses the table down.
+    force = array(state.total_wrench.force)
+    np.testing.assert_allclose(force, [0, 0, -models.GRAVITY], atol=1e-2)
+    np.testing.assert_allclose(array(state.contact_normals[0]), [0, 0, -1], atol=1e-6)
 
 
 def test_all_contacts_of_a_robot_are_an_output(tmp_path: Path) -> None:

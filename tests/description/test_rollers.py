@@ -109,6 +109,26 @@ def test_a_wheel_with_rollers_of_its_own_keeps_them(tmp_path: Path) -> None:
     assert [rim.link for rim in rollers_of(one)] == ["fl", "fr", "rr", "rl"]
 
 
+def test_a_wheel_may_be_fixed_to_what_turns(tmp_path: Path) -> None:
+    urdf, yaml = mecanum()
+    # The joint turns a hub; the wheel is fixed to it, 4 cm further out and turned.
+    hub = f"""<link name="hub"/><joint name="rim_joint" type="fixed">
+    <origin xyz="0 0.04 0" rpy="0 0 {math.pi / 2}"/><parent link="hub"/>
+    <child link="fl"/></joint></robot>"""
+    urdf = urdf.replace('<child link="fl"/>', '<child link="hub"/>')
+    urdf = urdf.replace(
+        'rpy="1.5707963267948966 0 0"', 'rpy="0 1.5707963267948966 0"', 1
+    )
+
+    first = rollers_of(load(tmp_path, (urdf.replace("</robot>", hub), yaml)))[0]
+
+    assert first.link == "fl"
+    half = math.sqrt(0.5)
+    # Its x axis is the base's y axis.
+    np.testing.assert_allclose(first.axis, [1.0, 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(first.roller, [-half, -half, 0.0], atol=1e-12)
+
+
 def test_the_largest_shape_is_the_rim(tmp_path: Path) -> None:
     urdf, yaml = mecanum()
     hub = """<collision><origin xyz="0.1 0 0"/><geometry>
