@@ -4,16 +4,21 @@ Source: ros2_controllers, `admittance_controller` (version 6.9.0).
 """
 
 import dataclasses as dc
+import sys
 from typing import Annotated, Literal
 
 from arm_drake.controllers.validation import (
     check_at_least,
+    check_finite,
     check_length,
     check_not_empty,
     check_unique,
     check_within,
 )
 from arm_drake.description.parameters import Rule
+
+# Any finite number is at most this.
+_LARGEST = sys.float_info.max
 
 Interface = Literal["position", "velocity", "acceleration"]
 
@@ -68,6 +73,10 @@ class FtSensor:
     # Weight of a new measurement in the filter, 1 is no filter.
     filter_coefficient: float = 0.05
 
+    def __post_init__(self) -> None:
+        """Reject what the types alone can't express."""
+        check_finite(self, "filter_coefficient")
+
 
 @dc.dataclass(frozen=True)
 class CoG:
@@ -117,6 +126,7 @@ class Admittance:
         check_within(self, 1e-4, 1e6, "mass")
         check_within(self, 0.0, 1e8, "stiffness")
         check_at_least(self, 0.0, "joint_damping")
+        check_within(self, -_LARGEST, _LARGEST, "damping_ratio")
 
 
 @dc.dataclass(frozen=True)

@@ -375,6 +375,26 @@ CASES: list[tuple[str, dict[str, Any], str]] = [
     (ADMITTANCE, {"admittance.mass": [1.0]}, f"admittance: mass {SIX}"),
     (
         ADMITTANCE,
+        {"admittance.damping_ratio": [float("nan")] * 6},
+        "admittance: damping_ratio must be in [-1.79769e+308, 1.79769e+308], got nan",
+    ),
+    (
+        ADMITTANCE,
+        {"ft_sensor.filter_coefficient": float("nan")},
+        "ft_sensor: filter_coefficient must be a finite number, got nan",
+    ),
+    (
+        DIFF_DRIVE,
+        {"cmd_vel_timeout": 1e300},
+        "cmd_vel_timeout must be a number of seconds, got 1e+300",
+    ),
+    (
+        DIFF_DRIVE,
+        {"left_wheel_radius_multiplier": 0.0},
+        "left_wheel_radius_multiplier must be a finite number and not 0, got 0.0",
+    ),
+    (
+        ADMITTANCE,
         {"admittance.mass": [1.0, 1.0, 1.0, 1.0, 1.0, 0.0]},
         "admittance: mass must be in [0.0001, 1e+06], got 0.0",
     ),
