@@ -32,6 +32,10 @@ _LOST = ("actor", "population", "road")
 _FRAMES = ("frame", "joint")
 
 
+# More than on any star; the solver of contacts gives up at 1e12 [m/s^2].
+_MOST_GRAVITY = 1e6
+
+
 @dc.dataclass(frozen=True)
 class SdfWorld:
     """A world on its way to Drake."""
@@ -217,6 +221,9 @@ def _read_gravity(world: ET.Element, file: SdfFile) -> Vector | None:
     values = _vector(text)
     if values is None:
         problem = f"<gravity>: expected x y z [m/s^2], got {text!r}"
+        raise file.error(problem, gravity)
+    if max(map(abs, values)) > _MOST_GRAVITY:
+        problem = f"<gravity>: expected at most {_MOST_GRAVITY:g} m/s^2, got {text!r}"
         raise file.error(problem, gravity)
     return values
 

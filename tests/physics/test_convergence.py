@@ -142,13 +142,17 @@ def commands() -> tuple[np.ndarray, np.ndarray]:
 
 
 def follow_ideally(w0: float) -> np.ndarray:
-    """Return positions of q'' = w0^2 (q_d - q) + 2 w0 (v_d - v), at the log's rate."""
+    """Return positions of an ideal servo, at the log's rate.
+
+    With the period T of the commands they obey
+    q'' = w0^2 (q_d - v_d T/2 - q) + 2 w0 (v_d - v).
+    """
     A = np.array([[0.0, 1.0], [-(w0**2), -2.0 * w0]])
     Phi = expm(A / LOG_RATE)
     state, rows = np.zeros((2, 2)), []
     for q_d, v_d in zip(*commands(), strict=True):
         # Where it would come to rest under this command, and around which it is linear.
-        rest = np.array([q_d + 2.0 * v_d / w0, np.zeros(2)])
+        rest = np.array([q_d + (2.0 / w0 - 0.5 / RATE) * v_d, np.zeros(2)])
         for _ in range(LOG_RATE // RATE):
             rows.append(state[0])
             state = rest + Phi @ (state - rest)
@@ -176,7 +180,8 @@ def test_an_arm_that_follows_a_trajectory_converges_to_the_ideal_servo(
         positions.append(simulation.rollout().position)
 
     assert_halves(positions, expected)
-    # Half a step ahead of the continuous motion, at its speed of 2.1 rad/s.
+    # The step runs half a step ahead of the continuous motion, at its speed of 2.1
+    # rad/s. The servo takes that off; where the speed changes, a fifth of it is left.
     speed = 1.5 * np.abs(GOAL).max() / DURATION
     errors = [np.abs(position - expected).max() for position in positions]
-    np.testing.assert_allclose(errors, speed * np.array(STEPS) / 2.0, rtol=0.05)
+    assert (np.array(errors) <= 0.2 * speed * np.array(STEPS) / 2.0).all()

@@ -10,6 +10,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.tree import FrameIndex
 
 import arm_drake as ad
+from arm_drake.errors import InputError
 from arm_drake.world import load_world
 from tests import carts, models
 from tests.worlds.sdf import (
@@ -506,3 +507,14 @@ def test_a_file_with_a_model_and_no_world_is_a_world_with_it(tmp_path: Path) -> 
     plant, _ = make_plant(path)
 
     assert plant.HasModelInstanceNamed("table")
+
+
+def test_a_gravity_beyond_all_measure_is_refused(tmp_path: Path) -> None:
+    path = write(tmp_path, "<gravity>0 0 -1e20</gravity>")
+
+    with pytest.raises(InputError) as caught:
+        load_world(path)
+
+    assert "<gravity>: expected at most 1e+06 m/s^2, got '0 0 -1e20'" in str(
+        caught.value
+    )
