@@ -308,3 +308,39 @@ def test_the_program_of_the_docs_runs(
     np.testing.assert_allclose(left, 0.3, atol=5e-3)
     np.testing.assert_allclose(right, -0.3, atol=5e-3)
     assert (tmp_path / "left.npz").is_file()
+
+
+def test_two_arms_and_a_base_in_the_house() -> None:
+    robots = [
+        load("arm"),
+        ad.load_robot(
+            "mycobot_280",
+            xacro_args={"control": "ros2_control"},
+            name="small",
+            pose=(0.0, -1.0, 0.05, 0.0, 0.0, 0.0),
+        ),
+        load("create3"),
+    ]
+    sim = ad.Simulation(ad.build_diagram(robots, world="house"))
+
+    sim.run(SETTLE)
+    small = [name for name in sim.joint_states("small").name if name.startswith("link")]
+    for robot, controller, goal in (
+        ("arm", ARM, GOAL),
+        ("small", "arm_controller", (0.3,) * len(small)),
+    ):
+        names = small if robot == "small" else [f"joint{n}" for n in range(1, 7)]
+        point = ad.JointTrajectoryPoint(goal, time_from_start=Duration(1))
+        trajectory = ad.JointTrajectory(joint_names=names, points=[point])
+        sim.controller(f"{robot}/{controller}").send_trajectory(trajectory)
+    for _ in range(15):
+        twist = Twist(Vector3(x=0.2), Vector3())
+        sim.controller("create3/diffdrive_controller").send_velocity(twist)
+        sim.run(PERIOD)
+
+    states = sim.joint_states("small")
+    reached = dict(zip(states.name, states.position, strict=True))
+    assert [reached[name] for name in small] == pytest.approx([0.3] * 6, abs=1e-3)
+    assert sim.joint_states("arm").position == pytest.approx(GOAL, abs=1e-3)
+    odom = sim.topic("/create3/diffdrive_controller/odom").value().pose.pose.position
+    assert odom.x == pytest.approx(0.2 * 1.5, rel=0.15)
