@@ -1,6 +1,5 @@
 """Driven wheels of a base in the plant: where they turn, and how large they are."""
 
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -16,6 +15,7 @@ from arm_drake.description.base_wheels import (
     moved_joints,
     rigid_links,
 )
+from arm_drake.description.link_tree import LinkTree
 from arm_drake.description.rollers import Rollers
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.resting import PlacedShape, lowest_points, placed_shape
@@ -73,8 +73,7 @@ def find_wheels(
         rollers: Rollers likewise.
     """
     turning = {axle.link: axle.wheel for axle in axles}
-    root = ET.fromstring(description.urdf)  # noqa: S314  our own text.
-    elements = {joint.get("name", ""): joint for joint in root.iterfind("joint")}
+    tree = LinkTree(description)
     context = plant.CreateDefaultContext()
     link = plant.GetBodyByName(base.link, model)
     left = plant.EvalBodyPoseInWorld(context, link).rotation().matrix()[:, 1]
@@ -89,7 +88,7 @@ def find_wheels(
         shapes = _shapes(plant, scene_graph, body)
         if not shapes:
             continue
-        axis = _axis(elements[moved.name])
+        axis = tree.axis(moved.name)
         R_WB = plant.EvalBodyPoseInWorld(context, body).rotation()
         if R_WB @ axis @ left < 0.0:
             axis = -axis
@@ -145,14 +144,6 @@ def _reach(shapes: Sequence[PlacedShape], direction: Array) -> float:
     """Return how far shapes reach in a direction from the origin [m]."""
     points = np.vstack([lowest_points(shape, -direction) for shape in shapes])
     return float((points @ direction).max())
-
-
-def _axis(joint: ET.Element) -> Array:
-    """Return the axis of a joint in its child link, of length 1."""
-    axis = joint.find("axis")
-    xyz = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
-    direction = np.array([float(x) for x in xyz.split()])
-    return np.asarray(direction / np.linalg.norm(direction))
 
 
 def _across(axis: Array) -> Iterator[Array]:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from arm_drake.description.base_wheels import MobileBase, moved_joints, rigid_links
 from arm_drake.description.joints import JointInfo
+from arm_drake.description.link_tree import LinkTree, format_vector
 from arm_drake.description.report import LoadReport
 from arm_drake.description.solids import link_solid, read_origin
 from arm_drake.description.urdf import RobotDescription
@@ -87,13 +88,12 @@ def find_axles(
 
 
 class _Tree:
-    """The elements of a robot, and how its links stand with all joints at 0."""
+    """Finds the wheels of a robot that lack an axle."""
 
     def __init__(self, description: RobotDescription) -> None:
-        root = ET.fromstring(description.urdf)  # noqa: S314  our own text.
         self._description = description
-        self._links = {link.get("name", ""): link for link in root.iterfind("link")}
-        self._joints = {j.get("name", ""): j for j in root.iterfind("joint")}
+        self._tree = LinkTree(description)
+        self._rotation = self._tree.orientation
 
     def steered_axles(self, joint: JointInfo) -> Iterator[Axle]:
         """Yield the axles that wheels below a steering joint lack."""
@@ -139,7 +139,7 @@ class _Tree:
 
         The axis is None for a sphere, and all is None for what is no wheel.
         """
-        shapes = self._links[name].findall("collision")
+        shapes = self._tree.links[name].findall("collision")
         if len(shapes) != 1:
             return None
         R_LS, center = read_origin(shapes[0])
@@ -150,19 +150,8 @@ class _Tree:
 
     def _direction(self, joint: JointInfo) -> Array:
         """Return the axis of a joint in the root, of length 1."""
-        axis = self._joints[joint.name].find("axis")
-        xyz = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
-        direction = np.array([float(x) for x in xyz.split()])
-        return self._rotation(joint.child) @ direction / np.linalg.norm(direction)
-
-    def _rotation(self, link: str) -> Array:
-        """Return the orientation of a link in its root."""
-        carriers = {joint.child: joint for joint in self._description.joints}
-        R = np.eye(3)
-        while link in carriers:
-            R = read_origin(self._joints[carriers[link].name])[0] @ R
-            link = carriers[link].parent
-        return R
+        direction: Array = self._rotation(joint.child) @ self._tree.axis(joint.name)
+        return direction
 
 
 def with_axles(
@@ -210,8 +199,8 @@ def with_axles(
         )
         ET.SubElement(joint, "parent", link=axle.link)
         ET.SubElement(joint, "child", link=axle.wheel)
-        ET.SubElement(joint, "origin", xyz=_text(axle.center))
-        ET.SubElement(joint, "axis", xyz=_text(axle.axis))
+        ET.SubElement(joint, "origin", xyz=format_vector(axle.center))
+        ET.SubElement(joint, "axis", xyz=format_vector(axle.axis))
         if axle.other:
             master = f"{axle.other}:axle"
             ET.SubElement(joint, "mimic", joint=master, multiplier="-1", offset="0")
@@ -258,7 +247,3 @@ def _halve(link: ET.Element) -> float:
         for name, value in inertia.items():
             inertia.set(name, repr(rest * float(value)))
     return whole
-
-
-def _text(vector: Array) -> str:
-    return " ".join(repr(float(x)) for x in vector)

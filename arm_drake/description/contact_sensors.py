@@ -13,7 +13,7 @@ from arm_drake.description.controllers import (
     ControllerManagerConfig,
 )
 from arm_drake.description.gazebo_bumpers import ContactSensorTag, shape_name
-from arm_drake.description.gazebo_sensors import CONTACT, GazeboSensor
+from arm_drake.description.gazebo_sensors import CONTACT, GazeboSensor, referred_link
 from arm_drake.description.report import LoadReport
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.errors import suggest
@@ -35,6 +35,8 @@ def add_contact_sensors(
         config: Its controllers.
         report: Where sensors are recorded that have nothing to feel with.
     """
+    if not any(sensor.type == CONTACT for sensor in description.gazebo_sensors):
+        return config
     shapes = _shapes(description)
     names = {controller.name for controller in config.controllers}
     added = []
@@ -63,10 +65,7 @@ def _make_tag(
 ) -> ContactSensorTag | None:
     """Return a sensor with the shapes that it feels with, or None."""
     where, file = f"contact sensor {sensor.name!r}", description.file
-    children = {joint.name: joint.child for joint in description.joints}
-    link = children.get(sensor.reference, sensor.reference)
-    if sensor.reference in description.links:
-        link = sensor.reference
+    link = referred_link(sensor.reference, description.links, description.joints)
     if link not in description.links:
         what = f"its reference is no link, {sensor.reference!r}"
         right = suggest(sensor.reference, description.links)

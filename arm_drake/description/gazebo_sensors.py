@@ -7,7 +7,7 @@ gazebo_ros_pkgs, branch ros2, gazebo_plugins/src/gazebo_ros_bumper.cpp.
 import dataclasses as dc
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Final
 
@@ -18,6 +18,7 @@ from arm_drake.description.elements import (
     text_of,
 )
 from arm_drake.description.gazebo import GazeboPlugin, read_plugins
+from arm_drake.description.joints import JointInfo
 from arm_drake.description.report import LoadReport
 
 CONTACT: Final = "contact"
@@ -89,11 +90,19 @@ def read_gazebo_sensors(
     )
 
 
-def sensors_of_type(
-    sensors: Collection[GazeboSensor], kind: str
-) -> tuple[GazeboSensor, ...]:
-    """Return the sensors of a type."""
-    return tuple(sensor for sensor in sensors if sensor.type == kind)
+def referred_link(
+    reference: str, links: Collection[str], joints: Iterable[JointInfo]
+) -> str:
+    """Return the link that a `<gazebo>` tag refers to: of a joint its child.
+
+    Args:
+        reference: Name of a link or joint, links before joints; else it is returned.
+        links: Links of the robot.
+        joints: Its joints.
+    """
+    if reference in links:
+        return reference
+    return {joint.name: joint.child for joint in joints}.get(reference, reference)
 
 
 def _says(element: ET.Element, tag: str, value: str) -> bool:

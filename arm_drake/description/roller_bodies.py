@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_drake.description.base_wheels import rigid_links
+from arm_drake.description.link_tree import format_vector
 from arm_drake.description.report import LoadReport
 from arm_drake.description.rollers import NUM_ROLLERS, Rollers
 from arm_drake.description.urdf import RobotDescription
@@ -81,7 +82,7 @@ def _add_roller(
     # The ellipsoid's long axis is x.
     yaw, pitch = math.atan2(axis[1], axis[0]), math.asin(-max(-1.0, min(1.0, axis[2])))
     rpy = f"0 {pitch!r} {yaw!r}"
-    ET.SubElement(joint, "origin", xyz=_text(place), rpy=rpy)
+    ET.SubElement(joint, "origin", xyz=format_vector(place), rpy=rpy)
     ET.SubElement(joint, "axis", xyz="1 0 0")
 
 
@@ -126,7 +127,3 @@ def _rotation(axis: Array, angle: float) -> Array:
     K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     turn: Array = np.eye(3) + math.sin(angle) * K + (1.0 - math.cos(angle)) * K @ K
     return turn
-
-
-def _text(vector: Array) -> str:
-    return " ".join(repr(float(x)) for x in vector)

@@ -8,7 +8,6 @@ stays as it is.
 
 import dataclasses as dc
 import math
-import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, Final
 
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from arm_drake.description.base_wheels import MobileBase, rigid_links
 from arm_drake.description.controllers import ControllerManagerConfig
+from arm_drake.description.link_tree import LinkTree
 from arm_drake.description.solids import link_solid, read_origin
 from arm_drake.description.urdf import RobotDescription
 
@@ -123,13 +123,11 @@ def find_rollers(
 
 
 class _Tree:
-    """The elements of a robot, and how its links stand with all joints at 0."""
+    """Finds the wheels of a robot that lack rollers."""
 
     def __init__(self, description: RobotDescription) -> None:
-        root = ET.fromstring(description.urdf)  # noqa: S314  our own text.
         self._description = description
-        self._links = {link.get("name", ""): link for link in root.iterfind("link")}
-        self._joints = {j.get("name", ""): j for j in root.iterfind("joint")}
+        self._tree = LinkTree(description)
 
     def rollers_of(
         self, base: str, joint: str, sideways: float, radius: float
@@ -151,13 +149,10 @@ class _Tree:
         if rim is None:
             return
         name, center, radius = rim
-        stand = self._orientation(base)
+        stand = self._tree.orientation(base)
         # Of the wheel, in the base.
-        R_BW = stand.T @ self._orientation(name)
-        xyz = self._joints[joint].find("axis")
-        axis = stand.T @ self._orientation(link)
-        axis = axis @ _vector("1 0 0" if xyz is None else xyz.get("xyz", "1 0 0"))
-        axis /= np.linalg.norm(axis)
+        R_BW = stand.T @ self._tree.orientation(name)
+        axis = stand.T @ self._tree.orientation(link) @ self._tree.axis(joint)
         left = axis * (-1.0 if axis[1] < 0.0 else 1.0)
         up = np.array([0.0, 0.0, 1.0])
         forward = np.cross(left, up)
@@ -179,7 +174,7 @@ class _Tree:
         """
         found: tuple[str, Array, float] | None = None
         for name in parts:
-            for shape in self._links[name].iterfind("collision"):
+            for shape in self._tree.links[name].iterfind("collision"):
                 for tag in ("cylinder", "sphere"):
                     element = shape.find(f"geometry/{tag}")
                     own = 0.0 if element is None else float(element.get("radius", "0"))
@@ -188,20 +183,10 @@ class _Tree:
         if found is not None:
             return found
         for name in parts:
-            solid = link_solid(self._links[name])
-            if self._links[name].find("collision") is not None and solid is not None:
+            solid = link_solid(self._tree.links[name])
+            if (
+                self._tree.links[name].find("collision") is not None
+                and solid is not None
+            ):
                 return name, solid[0].center, radius
         return None
-
-    def _orientation(self, link: str) -> Array:
-        """Return the orientation of a link in its root."""
-        carriers = {joint.child: joint for joint in self._description.joints}
-        R = np.eye(3)
-        while link in carriers:
-            R = read_origin(self._joints[carriers[link].name])[0] @ R
-            link = carriers[link].parent
-        return R
-
-
-def _vector(text: str) -> Array:
-    return np.array([float(x) for x in text.split()])

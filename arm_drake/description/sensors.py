@@ -13,7 +13,7 @@ from arm_drake.description.controllers import (
     ControllerConfig,
     ControllerManagerConfig,
 )
-from arm_drake.description.gazebo_sensors import GazeboSensor
+from arm_drake.description.gazebo_sensors import GazeboSensor, referred_link
 from arm_drake.description.hardware_info import ComponentInfo
 from arm_drake.description.report import LoadReport
 from arm_drake.description.urdf import RobotDescription
@@ -129,7 +129,6 @@ class _Places:
             for joint in description.joints
             if joint.type != "floating"
         }
-        self._children = {joint.name: joint.child for joint in description.joints}
 
     def place(self, sensor: ComponentInfo, names: tuple[str, ...]) -> SensorInfo | None:
         """Return a sensor with its place, or None and a line in the report."""
@@ -200,9 +199,8 @@ class _Places:
 
     def _of_tag(self, tag: GazeboSensor) -> _Place:
         # Classic's sensors of forces refer to a joint.
-        link = self._children.get(tag.reference, tag.reference)
-        if tag.reference in self._description.links:
-            link = tag.reference
+        robot = self._description
+        link = referred_link(tag.reference, robot.links, robot.joints)
         pose = tag.pose
         if tag.type == _FORCE_TYPE:
             # At the joint, along the axes of the child or of the sensor.

@@ -7,7 +7,6 @@ has 1 this makes min(mu, 1), as in Gazebo. Between two links that both state les
 a bit more than the smaller one.
 """
 
-import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 
@@ -48,4 +47,4 @@ def for_drake(mu: float) -> float:
     Args:
         mu: From 0 to 1.
     """
-    return mu / (2.0 - mu) if math.isfinite(mu) else _USUAL
+    return mu / (2.0 - mu)
