@@ -4,9 +4,14 @@ import argparse
 import importlib.metadata
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+
+from arm_drake.argument_types import pair
+from arm_drake.command_arguments import add_sim_arguments, add_view_arguments
 
 _XACRO = ":="
+
+# Options of several values.
+_SEVERAL = ("position", "ghost")
 
 
 def parse_arguments(arguments: Sequence[str] | None = None) -> argparse.Namespace:
@@ -23,13 +28,14 @@ def parse_arguments(arguments: Sequence[str] | None = None) -> argparse.Namespac
     options, words = parser.parse_known_args(arguments)
     if hasattr(options, "xacro_args"):
         # An option of several values takes whatever follows.
-        if hasattr(options, "position"):
-            words = [*(w for w in options.position if _XACRO in w), *words]
-            options.position = [w for w in options.position if _XACRO not in w]
+        for several in (getattr(options, name, None) for name in _SEVERAL):
+            if isinstance(several, list):
+                words = [*(word for word in several if _XACRO in word), *words]
+                several[:] = [word for word in several if _XACRO not in word]
         xacro = [w for w in words if _XACRO in w and not w.startswith("-")]
         words = [word for word in words if word not in xacro]
         try:
-            parsed = [_pair(_XACRO)(word) for word in xacro]
+            parsed = [pair(_XACRO)(word) for word in xacro]
         except argparse.ArgumentTypeError as error:
             parser.error(str(error))
         options.xacro_args = [*options.xacro_args, *parsed]
@@ -62,13 +68,13 @@ def make_parser() -> argparse.ArgumentParser:
     view = commands.add_parser(
         "view",
         help="look at a robot, without physics",
-        description="Shows the robot in the browser, in a fixed pose, until Ctrl-C; "
-        "sliders for its joints are still to come. With --screenshot it takes a "
+        description="Shows the robot in the browser until Ctrl-C, with sliders for its "
+        "joints, and again when its files change. With --screenshot it takes a "
         "picture of all of the robot instead, which needs Chromium and "
         "`pip install 'arm-drake[browser]'`.",
     )
     _add_robot_arguments(view)
-    _add_view_arguments(view)
+    add_view_arguments(view)
 
     sim = commands.add_parser(
         "sim",
@@ -78,7 +84,7 @@ def make_parser() -> argparse.ArgumentParser:
         "before the simulation starts.",
     )
     _add_robot_arguments(sim)
-    _add_sim_arguments(sim)
+    add_sim_arguments(sim)
 
     graph = commands.add_parser(
         "graph",
@@ -118,7 +124,7 @@ def _add_robot_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME:=VALUE",
         nargs="*",
         default=[],
-        type=_pair(_XACRO),
+        type=pair(_XACRO),
         help="xacro arguments",
     )
     parser.add_argument(
@@ -139,7 +145,7 @@ def _add_robot_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=VALUE",
         action="append",
         default=[],
-        type=_pair("="),
+        type=pair("="),
         help="value of $(var NAME) in the YAML; repeatable",
     )
     parser.add_argument(
@@ -159,126 +165,3 @@ def _add_robot_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _add_json(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON object")
-
-
-def _add_view_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--position",
-        metavar="V",
-        nargs="+",
-        action="extend",
-        default=[],
-        help="JOINT=VALUE, or a value for each movable joint that follows no other "
-        "[rad or m]",
-    )
-    parser.add_argument(
-        "--screenshot", metavar="FILE.png", type=Path, help="picture to write"
-    )
-
-
-def _add_sim_arguments(parser: argparse.ArgumentParser) -> None:
-    add = parser.add_argument
-    add("--motion", metavar="NAME|FILE", help="what to send to the controllers")
-    add(
-        "--set",
-        metavar="NAME=VALUE",
-        action="append",
-        default=[],
-        type=_pair("="),
-        help="value of a motion's parameter, as in YAML; repeatable",
-    )
-    add("--duration", metavar="S", type=_positive, help="how long to simulate [s]")
-    add(
-        "--world",
-        metavar="NAME|FILE",
-        default="empty",
-        help="built-in world (empty), or a .world or .sdf file",
-    )
-    add(
-        "--pose",
-        metavar=("X", "Y", "Z", "R", "P", "Y"),
-        nargs=6,
-        type=float,
-        help="pose of the base [m, rad]",
-    )
-    add(
-        "--gravity",
-        choices=("on", "off"),
-        help="gravity of 9.81 m/s^2 (that of the world)",
-    )
-    add(
-        "--initial",
-        metavar="JOINT=VALUE",
-        action="append",
-        default=[],
-        type=_pair("="),
-        help="initial position [rad or m]; repeatable",
-    )
-    add(
-        "--active",
-        metavar="NAME",
-        action="append",
-        default=[],
-        help="controller to start before the others; repeatable",
-    )
-    add(
-        "--inactive",
-        metavar="NAME",
-        action="append",
-        default=[],
-        help="controller not to start; repeatable",
-    )
-    add("--headless", action="store_true", help="no browser")
-    add("--hold", action="store_true", help="keep the page until Ctrl-C")
-    add(
-        "--rate",
-        metavar="R",
-        type=_not_negative,
-        help="simulated seconds per second; 0 is as fast as it goes "
-        "(1 with the browser, 0 headless)",
-    )
-    add(
-        "--preset",
-        metavar="NAME",
-        default="accurate",
-        help="accurate (the default), or kinematic: joints are where their commands "
-        "say, without physics",
-    )
-    add("--time-step", metavar="S", type=_positive, help="largest step [s] (0.001)")
-    add("--log", metavar="FILE", type=Path, help="write the rollout: .npz or .csv")
-    add("--record", metavar="FILE.html", type=Path, help="write an animated page")
-    add("--plot", metavar="FILE.png", type=Path, help="draw reference and measurement")
-    add("--screenshot", metavar="FILE.png", type=Path, help="take a picture at the end")
-    add("--host", default="localhost", help="address of the page (localhost)")
-    add("--port", type=int, help="port of the page (first free from 7000)")
-
-
-def _pair(separator: str) -> Any:
-    """Return what parses NAME<separator>VALUE."""
-
-    def parse(text: str) -> tuple[str, str]:
-        name, found, value = text.partition(separator)
-        if not found or not name:
-            raise argparse.ArgumentTypeError(
-                f"expected NAME{separator}VALUE, got {text!r}"
-            )
-        return name, value
-
-    return parse
-
-
-def _positive(text: str) -> float:
-    number = _not_negative(text)
-    if number == 0.0:
-        raise argparse.ArgumentTypeError("expected a positive number, got 0")
-    return number
-
-
-def _not_negative(text: str) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        number = -1.0
-    if not 0.0 <= number < float("inf"):
-        raise argparse.ArgumentTypeError(f"expected a positive number, got {text!r}")
-    return number

@@ -97,6 +97,7 @@ def build_diagram(
     is_kinematic = options.preset == "kinematic"
     if is_kinematic:
         plant, scene_graph = MultibodyPlant(0.0), builder.AddSystem(SceneGraph())
+        scene_graph.set_name("scene_graph")
         plant.RegisterAsSourceForSceneGraph(scene_graph)
     else:
         plant, scene_graph = add_plant(builder, step, options)
@@ -112,7 +113,7 @@ def build_diagram(
     else:
         _add_robots(systems, plant, scene_graph, models, bases)
     if meshcat is not None:
-        add_visualizer(builder, scene_graph, meshcat)
+        add_visualizer(builder, scene_graph, meshcat, frame_rate=options.frame_rate)
         show_backdrop(meshcat, has_grid=loaded.has_grid, background=loaded.background)
     diagram = builder.Build()
     diagram.set_name("arm_drake")

@@ -2,7 +2,7 @@
 
 import itertools
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -10,7 +10,7 @@ from pydrake.multibody.tree import ModelInstanceIndex
 
 from arm_drake.description.joints import JointInfo
 from arm_drake.description.robot import Robot
-from arm_drake.description.srdf import find_group_states
+from arm_drake.description.srdf import GroupState, find_group_states
 from arm_drake.interfaces import POSITION
 from arm_drake.plant import add_robot_model
 
@@ -60,12 +60,12 @@ def find_gripper_ranges(robot: Robot) -> dict[str, tuple[float, float]]:
 
 
 def _stated(
-    joint: str, states: Mapping[str, Mapping[str, float]], called: re.Pattern[str]
+    joint: str, states: Iterable[GroupState], called: re.Pattern[str]
 ) -> float | None:
     """Return a joint's position in the first state that is called so."""
-    for name, positions in states.items():
-        if joint in positions and called.search(name):
-            return positions[joint]
+    for state in states:
+        if joint in state.positions and called.search(state.name):
+            return state.positions[joint]
     return None
 
 

@@ -55,7 +55,8 @@ class KinematicPlant(LeafSystem):
             robots: Model instances and joints of the robots, by their names.
         """
         super().__init__()
-        self._plant = plant
+        # What knows the robots; its own ports are not connected.
+        self.plant = plant
         # Where positions are set and poses are read; nothing is kept there.
         self._scratch = plant.CreateDefaultContext()
         self._rest = plant.GetPositionsAndVelocities(self._scratch)
@@ -94,7 +95,7 @@ class KinematicPlant(LeafSystem):
         return state
 
     def _calc_body_poses(self, context: Context, output: AbstractValue) -> None:
-        plant, scratch = self._plant, self._scratch
+        plant, scratch = self.plant, self._scratch
         plant.SetPositionsAndVelocities(scratch, self._evaluate(context))
         bodies = [plant.get_body(BodyIndex(i)) for i in range(plant.num_bodies())]
         output.set_value([plant.EvalBodyPoseInWorld(scratch, body) for body in bodies])
@@ -108,9 +109,9 @@ class KinematicPlant(LeafSystem):
             builder: Where this system is.
             scene_graph: The scene graph that the plant is registered with.
         """
-        shapes = builder.AddSystem(MultibodyPositionToGeometryPose(self._plant))
+        shapes = builder.AddSystem(MultibodyPositionToGeometryPose(self.plant))
         builder.Connect(self.GetOutputPort("positions"), shapes.get_input_port())
-        source = self._plant.get_source_id()
+        source = self.plant.get_source_id()
         builder.Connect(
             shapes.get_output_port(), scene_graph.get_source_pose_port(source)
         )

@@ -42,6 +42,7 @@ from arm_drake.description.xacro_sources import read_sources
 from arm_drake.errors import InputError, suggest
 from arm_drake.mobile_bases import RobotBases
 from arm_drake.model_check import check_model
+from arm_drake.source_files import find_source_files
 from arm_drake.surroundings import find_surroundings
 
 # What names of distributions without rules of their own are taken as.
@@ -86,6 +87,7 @@ def load_robot(
     initial_positions: Mapping[str, float] | None = None,
     strict: bool = False,
     decompose: bool = False,
+    max_faces: int | None = None,
     controller_types: Mapping[str, ControllerType] | None = None,
 ) -> Robot:
     """Load a robot from its description and its controllers YAML.
@@ -110,6 +112,8 @@ def load_robot(
         strict: Whether every line of the load report is an error.
         decompose: Whether a collision mesh becomes several convex parts, not one convex
             hull; it needs the extra `decompose`, and minutes when it is first done.
+        max_faces: Triangles of each mesh that is drawn, at most; needs the extra
+            `decimate`. By default meshes are drawn as they are.
         controller_types: Controller types of this robot alone, by the names that its
             YAML calls them; they come before all others.
 
@@ -128,8 +132,11 @@ def load_robot(
     entry, bundled = find_entry(source)
     folders = [_existing_folder(path) for path in package_paths]
     packages = PackageFinder(entry, folders, report)
-    text = expand_xacro(entry, dict(xacro_args or {}), packages, report)
-    description = parse_urdf(text, entry, packages, report, decompose=decompose)
+    read: set[Path] = set()
+    text = expand_xacro(entry, dict(xacro_args or {}), packages, report, files=read)
+    description = parse_urdf(
+        text, entry, packages, report, decompose=decompose, max_faces=max_faces
+    )
     bridges, controllers = split_bridges(controllers)
     bridges = bridges or find_bridge_files(description, bundled, report)
     files = find_control_files(controllers, description, packages, bundled, report)
@@ -167,6 +174,9 @@ def load_robot(
         pose=_check_pose(pose),
         has_free_base=has_free_base,
         package_paths=tuple(folders),
+        source_files=find_source_files(
+            description, config, packages, (*read, *bridges)
+        ),
         distro=distro,
         bundled=bundled,
         sensors=find_sensors(description, config, report),

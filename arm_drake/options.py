@@ -58,6 +58,10 @@ class SimulationOptions:
     # Rate at which the rollout is logged [Hz]; None means the manager's rate.
     log_rate: float | None = None
 
+    # Pictures per simulated second, in a diagram with a Meshcat [Hz]; 0 leaves it to
+    # who runs the diagram.
+    frame_rate: float = 30.0
+
     # Controllers to start besides, or instead of, those that would start.
     active: tuple[str, ...] = ()
 
@@ -87,6 +91,10 @@ class SimulationOptions:
             raise InputError(
                 f"log_rate must be positive and at most {most:g} Hz, "
                 f"got {self.log_rate!r}"
+            )
+        if not 0.0 <= self.frame_rate < math.inf:
+            raise InputError(
+                f"frame_rate must be at least 0 Hz, got {self.frame_rate!r}"
             )
         both = [name for name in self.active if name in self.inactive]
         if both:

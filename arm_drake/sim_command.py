@@ -12,31 +12,30 @@ from pydrake.geometry import Meshcat
 
 from arm_drake import yaml_files
 from arm_drake.bundled import bundled_motions
+from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot
 from arm_drake.diagram import build_diagram
 from arm_drake.drake_log import use_native_logging
-from arm_drake.errors import InputError, MotionError, OutputError, suggest
+from arm_drake.errors import InputError, MotionError, suggest
+from arm_drake.live_simulation import LiveSimulation
 from arm_drake.motion import Motion, load_motion
 from arm_drake.options import SimulationOptions
-from arm_drake.output_files import check_suffix, check_writable
+from arm_drake.page_command import interrupting, start_page
 from arm_drake.playback import check_motion
-from arm_drake.rollout import Rollout, writer_for
+from arm_drake.sim_files import check_outputs, needs_recording, write_outputs
 from arm_drake.sim_output import Speaker, list_failures, print_summary, summarize
 from arm_drake.simulation import Simulation
-from arm_drake.visualization.browser import check_installed
-from arm_drake.visualization.meshcat import frame_points, save_html, start_meshcat
-from arm_drake.visualization.plot import check_plot_path
-from arm_drake.visualization.screenshot import SCREENSHOT_SUFFIXES, save_screenshot
+from arm_drake.visualization.meshcat import start_meshcat, start_recording
+from arm_drake.visualization.page import Page
+from arm_drake.visualization.video import FRAME_RATE
 from arm_drake.world import load_world
+from arm_drake.worlds.loaded_world import LoadedWorld
 
 # How long a simulation without a motion lasts, headless [s].
 _HEADLESS_DURATION = 10.0
 
 # What follows a motion [s].
 _AFTER_MOTION = 1.0
-
-# Longer than anybody waits [s].
-_ENDLESS = 1e9
 
 
 def simulate(options: argparse.Namespace, robot: Robot) -> int:
@@ -49,14 +48,73 @@ def simulate(options: argparse.Namespace, robot: Robot) -> int:
     # What Drake says of its file is kept, which native logging wouldn't.
     world = load_world(options.world, robot.package_paths)
     use_native_logging()
-    say = Speaker(is_quiet=options.json)
     if options.hold and options.headless:
         raise InputError("--hold keeps the page, and with --headless there is none")
-    _check_outputs(options)
+    check_outputs(options)
     motion = _find_motion(options.motion, options.set, robot)
+    say = Speaker(is_quiet=options.json)
+    if not options.headless:
+        with start_page(options) as page:
+            return _simulate_live(options, robot, world, motion, page, say)
     meshcat = None
-    if not options.headless or options.record or options.screenshot:
-        meshcat = start_meshcat(host=options.host, port=options.port)
+    if needs_recording(options) or options.screenshot:
+        meshcat = start_meshcat()
+    simulation = _prepare(options, robot, world, motion, meshcat, say)
+    wall_time = _run(simulation, motion, options, meshcat, say)
+    return _finish(options, simulation, wall_time, meshcat, say)
+
+
+def _simulate_live(
+    options: argparse.Namespace,
+    robot: Robot,
+    world: LoadedWorld,
+    motion: Motion | None,
+    page: Page,
+    say: Speaker,
+) -> int:
+    """Simulate on a page; return the exit code."""
+    simulation = _prepare(options, robot, world, motion, page.meshcat, say)
+    is_recorded = needs_recording(options)
+    live = LiveSimulation(
+        page,
+        simulation,
+        motion=motion,
+        realtime_rate=1.0 if options.rate is None else options.rate,
+        is_paused=options.paused,
+        shown=options.show or ("visual",),
+        frame_rate=FRAME_RATE if is_recorded else None,
+    )
+    live.views.set_fixed_frame(options.fixed_frame or WORLD)
+    live.views.set_trail(options.trail)
+    for what in ("ghost", "contacts"):
+        if getattr(options, what):
+            live.views.show(what)
+    say.page(f"page: {page.url}")
+    duration = _choose_duration(options, motion)
+    if duration is None:
+        say.line("simulating until Ctrl-C")
+    with interrupting(live.stop) as is_interrupted:
+        live.run(duration, say.progress)
+    if is_interrupted():
+        say.line(f"stopped at {simulation.time:.2f} s")
+    code = _finish(options, simulation, live.wall_time, page.meshcat, say)
+    if options.hold and not is_interrupted():
+        say.page(f"the page stays at {page.url} until Ctrl-C")
+        live.pause()
+        with interrupting(live.stop):
+            live.run()
+    return code
+
+
+def _prepare(
+    options: argparse.Namespace,
+    robot: Robot,
+    world: LoadedWorld,
+    motion: Motion | None,
+    meshcat: Meshcat | None,
+    say: Speaker,
+) -> Simulation:
+    """Return the simulation, and say what was not taken as written."""
     simulation = Simulation(
         build_diagram(
             robot,
@@ -73,31 +131,30 @@ def simulate(options: argparse.Namespace, robot: Robot) -> int:
             print(entry, file=sys.stderr)
     if motion is not None:
         check_motion(simulation, motion)
-    if meshcat is not None:
-        points = [pose.translation() for pose in simulation.link_poses().values()]
-        frame_points(meshcat, points)
-    if meshcat is not None and not options.headless:
-        say.page(f"page: {meshcat.web_url()}")
-        if options.host != "localhost":
-            say.page("whoever reaches this machine can open the page")
-    controllers = simulation.list_controllers()
-    say.line(str(controllers))
+    say.controllers(simulation)
     simulation.on_event(say.event)
-    duration = _choose_duration(options, motion)
-    wall_time = _run(simulation, duration, motion, options, meshcat, say)
+    return simulation
+
+
+def _finish(
+    options: argparse.Namespace,
+    simulation: Simulation,
+    wall_time: float,
+    meshcat: Meshcat | None,
+    say: Speaker,
+) -> int:
+    """Write and say what came of it; return the exit code."""
     rollout = simulation.rollout()
-    _write(rollout, options, meshcat, say, robot)
+    (robot,) = simulation.robots.values()
+    write_outputs(rollout, options, meshcat, say, robot)
     failures = list_failures(simulation)
     if options.json:
-        print(json.dumps(summarize(simulation, robot, rollout, wall_time)))
+        print(json.dumps(summarize(simulation, robot, rollout, wall_time)), flush=True)
     else:
         print_summary(simulation, rollout, wall_time, say)
-        if simulation.list_controllers() != controllers:
-            say.line(str(simulation.list_controllers()))
+        say.controllers(simulation)
     for failure in failures:
         print(f"arm-drake: {failure}", file=sys.stderr)
-    if options.hold and meshcat is not None and not options.headless:
-        _hold(meshcat, say)
     return 1 if failures else 0
 
 
@@ -109,23 +166,9 @@ def _simulation_options(options: argparse.Namespace) -> SimulationOptions:
         gravity=None if options.gravity is None else options.gravity == "on",
         active=tuple(options.active),
         inactive=tuple(options.inactive),
+        # A page is drawn by the wall clock, a recording by simulated time.
+        frame_rate=FRAME_RATE if options.headless else 0.0,
     )
-
-
-def _check_outputs(options: argparse.Namespace) -> None:
-    """Find out before the simulation what can't be written after it."""
-    if options.log is not None:
-        writer_for(options.log)
-    if options.plot is not None:
-        check_plot_path(options.plot)
-    if options.record is not None and options.record.suffix != ".html":
-        raise OutputError("expected a .html file to record to", file=options.record)
-    if options.screenshot is not None:
-        check_installed()
-        check_suffix(options.screenshot, "a screenshot", SCREENSHOT_SUFFIXES)
-    for path in (options.log, options.plot, options.record, options.screenshot):
-        if path is not None:
-            check_writable(path)
 
 
 def _find_motion(
@@ -173,61 +216,19 @@ def _choose_duration(
 
 def _run(
     simulation: Simulation,
-    duration: float | None,
     motion: Motion | None,
     options: argparse.Namespace,
     meshcat: Meshcat | None,
     say: Speaker,
 ) -> float:
-    """Run the simulation; return the wall time that it took [s]."""
-    rate = options.rate
-    if rate is None:
-        rate = 0.0 if options.headless else 1.0
-    if meshcat is not None and options.record:
-        meshcat.StartRecording(set_visualizations_while_recording=True)
+    """Run a simulation without a page; return the wall time that it took [s]."""
+    duration = _choose_duration(options, motion)
+    assert duration is not None  # Only a page goes on without an end.
+    if meshcat is not None and needs_recording(options):
+        start_recording(meshcat, FRAME_RATE)
     start = time.perf_counter()
     try:
-        if duration is None:
-            say.line("simulating until Ctrl-C")
-            duration = _ENDLESS
-        simulation.run(duration, motion, rate, say.progress)
+        simulation.run(duration, motion, options.rate or 0.0, say.progress)
     except KeyboardInterrupt:  # What was simulated is kept.
         say.line(f"stopped at {simulation.time:.2f} s")
     return time.perf_counter() - start
-
-
-def _write(
-    rollout: Rollout,
-    options: argparse.Namespace,
-    meshcat: Meshcat | None,
-    say: Speaker,
-    robot: Robot,
-) -> None:
-    """Write what the command line asks for."""
-    if options.log is not None:
-        rollout.save(options.log)
-        say.line(f"log: {options.log}")
-    if options.plot is not None:
-        rollout.plot(options.plot)
-        say.line(f"plot: {options.plot}")
-    if options.record is not None and meshcat is not None:
-        meshcat.StopRecording()
-        meshcat.PublishRecording()
-        save_html(meshcat, options.record)
-        size = options.record.stat().st_size / 1e6
-        say.line(f"recording: {options.record} ({size:.1f} MB)")
-    if options.screenshot is not None and meshcat is not None:
-        # A house around the robot would be all that is seen of it.
-        path = f"drake/visual/{robot.name}"
-        save_screenshot(meshcat, options.screenshot, paths=[path])
-        say.line(f"screenshot: {options.screenshot}")
-
-
-def _hold(meshcat: Meshcat, say: Speaker) -> None:
-    """Keep the page until Ctrl-C."""
-    say.page(f"the page stays at {meshcat.web_url()} until Ctrl-C")
-    try:
-        while True:
-            time.sleep(1.0)
-    except KeyboardInterrupt:
-        return

@@ -31,6 +31,7 @@ class Speaker:
         self._is_terminal = sys.stderr.isatty()
         self._next_report = 0.0
         self._news = ""
+        self._controllers = ""
 
     def line(self, text: str) -> None:
         """Say something, if it isn't empty."""
@@ -38,6 +39,13 @@ class Speaker:
             if self._is_terminal:
                 sys.stderr.write("\r\033[K")
             print(text, flush=True)
+
+    def controllers(self, simulation: Simulation) -> None:
+        """List the controllers, unless they are as they were last."""
+        text = str(simulation.list_controllers())
+        if text != self._controllers:
+            self.line(text)
+        self._controllers = text
 
     def page(self, text: str) -> None:
         """Say something about the page: also beside JSON, on standard error."""

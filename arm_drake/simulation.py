@@ -32,7 +32,7 @@ from arm_drake.topic_names import TopicNames
 _TICKS_AT_A_TIME = 50
 
 # A step is due at the first tick that isn't earlier by more than this part of a period.
-_TICK_TOLERANCE = 1e-6
+TICK_TOLERANCE = 1e-6
 
 _STRICTNESS = ("strict", "best_effort")
 
@@ -250,7 +250,7 @@ class Simulation:
         """
         if not (math.isfinite(duration) and duration >= 0.0):
             raise ValueError(f"duration must be at least 0 s, got {duration!r}")
-        player = Player(self, motion, _TICK_TOLERANCE * self.period)
+        player = Player(self, motion, TICK_TOLERANCE * self.period)
         # The rate counts from now.
         self.simulator.ResetStatistics()
         self.simulator.set_target_realtime_rate(realtime_rate)

@@ -15,7 +15,7 @@ from pydrake.geometry import Meshcat
 import arm_drake as ad
 from arm_drake.drake_log import use_native_logging
 from arm_drake.errors import ArmDrakeError
-from arm_drake.view_command import show_robot
+from arm_drake.robot_scene import show_robot
 from arm_drake.visualization.screenshot import Photographer
 
 _TILE = (480, 360)  # pixels

@@ -165,12 +165,15 @@ def test_the_page_stays_until_ctrl_c(tmp_path):
     assert process.stdout is not None
 
     content = json.loads(process.stdout.readline())
-    with urllib.request.urlopen(content["page"], timeout=30.0) as page:  # noqa: S310
-        text = page.read().decode()
+    texts = []
+    for url in (content["page"], f"{content['page']}meshcat/"):
+        with urllib.request.urlopen(url, timeout=30.0) as page:  # noqa: S310
+            texts.append(page.read().decode())
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=30.0)
 
     assert content["page"].startswith("http://localhost:")
-    assert "Drake MeshCat" in text
+    assert "panel.js" in texts[0]
+    assert "Drake MeshCat" in texts[1]
     assert content["positions"] == {f"joint{i}": 0.0 for i in range(1, 7)}
     assert (process.returncode, out, err) == (0, "", "")

@@ -39,6 +39,7 @@ def repair_geometry(
     report: LoadReport,
     *,
     decompose: bool,
+    max_faces: int | None = None,
 ) -> None:
     """Make every `<visual>` and `<collision>` fit for Drake, or remove it.
 
@@ -48,16 +49,19 @@ def repair_geometry(
         packages: What resolves package URIs.
         report: Where every change is recorded.
         decompose: Whether a collision mesh becomes several convex parts, not one hull.
+        max_faces: Triangles of each mesh that is drawn; by default all.
 
     Raises:
         DescriptionError: If a number is malformed.
-        MissingExtraError: If ``decompose`` needs what isn't installed.
+        MissingExtraError: If ``decompose`` or ``max_faces`` needs what isn't installed.
     """
     for link in root.iterfind("link"):
         for tag in ("visual", "collision"):
             for index, element in enumerate(link.findall(tag)):
                 where = f"link {link.get('name')!r}, {tag} {index}"
-                shape = _Shape(element, file, where, packages, report, decompose)
+                shape = _Shape(
+                    element, file, where, packages, report, decompose, max_faces
+                )
                 at = list(link).index(element)
                 link.remove(element)
                 for part in reversed(shape.repair()):
@@ -75,6 +79,7 @@ class _Shape:
         packages: PackageFinder,
         report: LoadReport,
         decompose: bool,
+        max_faces: int | None,
     ) -> None:
         self._element = element
         self._file = file
@@ -82,6 +87,7 @@ class _Shape:
         self._packages = packages
         self._report = report
         self._decompose = decompose
+        self._max_faces = max_faces
 
     def repair(self) -> list[ET.Element]:
         """Return what takes its place: elements that Drake takes, or none."""
@@ -149,6 +155,7 @@ class _Shape:
             where=self._where,
             file=self._file,
             color=self._color(),
+            max_faces=self._max_faces,
         )
         if converted is None:
             return []

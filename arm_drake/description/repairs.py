@@ -43,6 +43,7 @@ def normalise(
     report: LoadReport,
     *,
     decompose: bool = False,
+    max_faces: int | None = None,
 ) -> None:
     """Change a URDF in place into what Drake takes.
 
@@ -52,10 +53,11 @@ def normalise(
         packages: What resolves package URIs.
         report: Where every change is recorded.
         decompose: Whether a collision mesh becomes several convex parts, not one hull.
+        max_faces: Triangles of each mesh that is drawn; by default all.
 
     Raises:
         DescriptionError: If a number is malformed.
-        MissingExtraError: If ``decompose`` needs what isn't installed.
+        MissingExtraError: If ``decompose`` or ``max_faces`` needs what isn't installed.
     """
     clean(root, file, report)
     for tag in ("link", "joint"):
@@ -64,7 +66,9 @@ def normalise(
     for joint in root.iterfind("joint"):
         _repair_joint(joint, file, report)
     repair_materials(root, file, packages, report)
-    repair_geometry(root, file, packages, report, decompose=decompose)
+    repair_geometry(
+        root, file, packages, report, decompose=decompose, max_faces=max_faces
+    )
     repair_inertials(root, report, file)
 
 

@@ -44,6 +44,9 @@ class Robot:
     # Folders that were searched for packages.
     package_paths: tuple[Path, ...] = ()
 
+    # The files that it was made of, sorted: description, YAML, meshes.
+    source_files: tuple[Path, ...] = ()
+
     # Distribution whose controllers it runs.
     distro: str = "jazzy"
 

@@ -1,7 +1,8 @@
 """MoveIt's semantic description: links that never collide, positions with a name."""
 
+import dataclasses as dc
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from arm_drake.description.elements import parse_number
@@ -15,6 +16,23 @@ _MOVEIT = "moveit_config"
 Pairs = frozenset[tuple[str, str]]
 
 
+@dc.dataclass(frozen=True)
+class GroupState:
+    """Positions with a name, of a group of joints."""
+
+    # Groups may have states of the same name: an arm and its gripper are both "home".
+    group: str
+    name: str
+
+    # [rad] or [m] by joint: independent joints of the robot, at least one.
+    positions: Mapping[str, float]
+
+    @property
+    def label(self) -> str:
+        """A name that no other state has."""
+        return f"{self.group}: {self.name}"
+
+
 def find_disabled_collisions(robot: Robot, report: LoadReport) -> Pairs:
     """Return the pairs of links, in order of name, whose collisions are disabled.
 
@@ -26,7 +44,7 @@ def find_disabled_collisions(robot: Robot, report: LoadReport) -> Pairs:
         report: Where a file that can't be read is recorded.
     """
     pairs, description = set(), robot.description
-    for root in _roots(robot, report):
+    for _, root in _roots(robot, report):
         for element in root.iter("disable_collisions"):
             one, two = sorted((element.get("link1", ""), element.get("link2", "")))
             if {one, two} <= set(description.links):
@@ -34,27 +52,42 @@ def find_disabled_collisions(robot: Robot, report: LoadReport) -> Pairs:
     return frozenset(pairs)
 
 
-def find_group_states(robot: Robot) -> dict[str, dict[str, float]]:
-    """Return the positions [rad] or [m] by joint of named states of groups of joints.
+def find_group_states(robot: Robot) -> tuple[GroupState, ...]:
+    """Return the named states of groups of joints, in the order of the files.
 
-    Of states with the same name the first counts.
+    Of states of one group with the same name, and of positions of one joint, the first
+    counts. Joints that the robot doesn't have, that follow others or that have several
+    degrees of freedom are left out.
 
     Args:
         robot: The robot.
     """
-    states: dict[str, dict[str, float]] = {}
-    for root in _roots(robot, LoadReport()):
-        for state in root.iter("group_state"):
-            positions = states.setdefault(state.get("name", ""), {})
-            for joint in state.iter("joint"):
+    joints = {j.name for j in robot.description.movable_joints if j.mimic is None}
+    states: dict[tuple[str, str], GroupState] = {}
+    for _, root in _roots(robot, LoadReport()):
+        for element in root.iter("group_state"):
+            group, name = element.get("group", ""), element.get("name", "")
+            positions: dict[str, float] = {}
+            for joint in element.iter("joint"):
                 value = parse_number(joint.get("value", ""))
-                if value is not None:
+                if value is not None and joint.get("name") in joints:
                     positions.setdefault(joint.get("name", ""), value)
-    return states
+            if positions:
+                states.setdefault((group, name), GroupState(group, name, positions))
+    return tuple(states.values())
 
 
-def _roots(robot: Robot, report: LoadReport) -> Iterator[ET.Element]:
-    """Yield the roots of the files that are for a robot."""
+def find_srdf_files(robot: Robot) -> tuple[Path, ...]:
+    """Return the SRDF files that are for a robot.
+
+    Args:
+        robot: The robot.
+    """
+    return tuple(path for path, _ in _roots(robot, LoadReport()))
+
+
+def _roots(robot: Robot, report: LoadReport) -> Iterator[tuple[Path, ET.Element]]:
+    """Yield the files that are for a robot, and their roots."""
     description = robot.description
     for path in _files(description.file, robot.package_paths):
         try:
@@ -64,7 +97,7 @@ def _roots(robot: Robot, report: LoadReport) -> Iterator[ET.Element]:
             report.add("warning", "invalid", what, "it has no effect", file=path)
             continue
         if root.get("name") == description.name:
-            yield root
+            yield path, root
 
 
 def _files(file: Path, package_paths: Sequence[Path]) -> Iterator[Path]:

@@ -112,6 +112,7 @@ def parse_urdf(
     report: LoadReport,
     *,
     decompose: bool = False,
+    max_faces: int | None = None,
 ) -> RobotDescription:
     """Return the robot that a URDF text describes.
 
@@ -121,10 +122,11 @@ def parse_urdf(
         packages: What resolves package URIs.
         report: Where every repair is recorded.
         decompose: Whether a collision mesh becomes several convex parts, not one hull.
+        max_faces: Triangles of each mesh that is drawn; by default all.
 
     Raises:
         DescriptionError: If the text is no robot.
-        MissingExtraError: If ``decompose`` needs what isn't installed.
+        MissingExtraError: If ``decompose`` or ``max_faces`` needs what isn't installed.
     """
     root = parse_xml(text, file)
     if root.tag != "robot":
@@ -154,7 +156,7 @@ def parse_urdf(
     measuring = components.union(s.name for s in sensors if s.type == CONTACT)
     report_gazebo(root, report, file, simulated=SIMULATED, sensors=measuring)
     write_mimics(root, joints)
-    normalise(root, file, packages, report, decompose=decompose)
+    normalise(root, file, packages, report, decompose=decompose, max_faces=max_faces)
     robot = RobotDescription(
         name=root.get("name") or file.name.partition(".")[0],
         file=file,

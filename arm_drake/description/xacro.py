@@ -13,6 +13,7 @@ import threading
 import xml.parsers.expat
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import xacro
 from xacro import substitution_args
@@ -41,6 +42,8 @@ def expand_xacro(
     args: Mapping[str, str],
     packages: PackageFinder,
     report: LoadReport | None = None,
+    *,
+    files: set[Path] | None = None,
 ) -> str:
     """Return the URDF text that a file stands for.
 
@@ -49,18 +52,22 @@ def expand_xacro(
         args: Values of xacro arguments.
         packages: What resolves `$(find <package>)`.
         report: Where arguments that no file asks for are recorded.
+        files: Where every file that is read is added, YAML too; if the expansion fails,
+            also what it couldn't read.
 
     Raises:
         DescriptionError: If the file can't be read or expanded.
         PackageError: If a package isn't found.
     """
+    files = set() if files is None else files
+    files.add(path)
     text = _read(path)
     values = _Arguments({name: str(value) for name, value in args.items()})
     if "xacro" not in text and "$(" not in text:
         _check_unused(values, path, text, packages, report)
         return text
-    said = io.StringIO()
-    with _LOCK, _our_own(packages.find), contextlib.redirect_stderr(said):
+    said, opened = io.StringIO(), set[str]()
+    with _LOCK, _our_own(packages.find, opened), contextlib.redirect_stderr(said):
         try:
             document = xacro.process_file(str(path), mappings=values, verbosity=0)
         except xacro.XacroException as error:
@@ -82,6 +89,7 @@ def expand_xacro(
             ) from None
         finally:
             xacro.substitution_args_context["arg"] = {}
+            files.update(packages.real(Path(name)) for name in opened)
     if report is not None:
         for line in said.getvalue().splitlines():
             what = line.strip().removeprefix("warning: ")
@@ -152,16 +160,25 @@ def _read(path: Path) -> str:
 
 
 @contextlib.contextmanager
-def _our_own(find: Callable[[str], Path]) -> Iterator[None]:
-    """Let xacro use what is ours: the lookup of packages, `eval` and `open`."""
+def _our_own(find: Callable[[str], Path], opened: set[str]) -> Iterator[None]:
+    """Let xacro use what is ours: the lookup of packages, `eval` and `open`.
+
+    Args:
+        find: Finds a package.
+        opened: Where the names of files are added that xacro opens.
+    """
 
     def eval_find(name: str) -> str:
         return str(find(name))
 
+    def open_noted(path: str | Path, mode: str = "r") -> Any:
+        opened.add(str(path))
+        return open_regular(path, mode)
+
     with (
         replaced(vars(substitution_args), _eval_find=eval_find, eval=eval_argument),
         replaced(substitution_args._eval_dict, find=eval_find),
-        replaced(vars(xacro), safe_eval=eval_expression, open=open_regular),
+        replaced(vars(xacro), safe_eval=eval_expression, open=open_noted),
         replaced(vars(xacro), _global_symbols=make_symbols()),
     ):
         yield

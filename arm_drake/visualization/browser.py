@@ -64,7 +64,10 @@ def open_browser() -> Iterator["Browser"]:
         path = _find_chromium(playwright)
         try:
             browser = playwright.chromium.launch(
-                executable_path=path, args=list(_ARGUMENTS)
+                executable_path=path,
+                args=list(_ARGUMENTS),
+                # With Ctrl-C it would be gone before what it draws is saved.
+                handle_sigint=False,
             )
         except Error as error:
             reason = " ".join(error.message.split())

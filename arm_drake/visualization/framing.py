@@ -100,6 +100,16 @@ class View:
         return along * self.aspect, along
 
 
+def round_number(value: float) -> float:
+    """Return the largest of 1, 2, 5, 10, 20, ... that is not above a number.
+
+    Args:
+        value: The number, positive; the others go on below 1 as well.
+    """
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= value))
+
+
 def _triple(vector: Array) -> tuple[float, float, float]:
     x, y, z = vector.tolist()
     return (x, y, z)

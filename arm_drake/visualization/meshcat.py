@@ -3,7 +3,7 @@
 import ipaddress
 import itertools
 import socket
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,14 +20,14 @@ from pydrake.systems.framework import DiagramBuilder
 
 from arm_drake.errors import InputError
 from arm_drake.output_files import writing
-from arm_drake.visualization.framing import THREE_QUARTER, View
+from arm_drake.visualization.framing import THREE_QUARTER, View, round_number
 
 # Ports that Meshcat takes, and names of addresses.
 _FIRST_PORT, _LAST_PORT = 1024, 65535
 _HOSTS = ("localhost", "*")
 
-# Pictures per second of simulated time.
-_FRAME_RATE = 30.0
+# Drake wants a period for what is drawn on demand [s].
+_NEVER = 1e9
 
 # How Meshcat's camera looks at a robot; pages are seldom higher than wide.
 _VIEW = View(field_of_view=np.deg2rad(75.0), aspect=1.0, margin=0.15)
@@ -39,6 +39,19 @@ _VIEW_DISTANCE = 1.1
 # A robot is framed as if it were at least this large [m]: its points may all be close
 # together where its shapes are not.
 _SMALLEST_DIAMETER = 0.3
+
+_CAMERA = "/Cameras/default/rotated/<object>"
+_GRID = "/Grid"
+
+# The page's own camera draws nothing nearer than that [m]; what share of the distance
+# that is for a small robot; and the nearest at all.
+_NEAR = 0.01
+_NEAR_SHARE = 0.02
+_NEAREST = 1e-5
+
+# Length of a cell of the page's own grid [m]; a small robot is longer than so many.
+_CELL = 0.5
+_CELLS = 2.0
 
 
 def start_meshcat(*, host: str = "localhost", port: int | None = None) -> Meshcat:
@@ -74,7 +87,11 @@ def start_meshcat(*, host: str = "localhost", port: int | None = None) -> Meshca
 
 
 def add_visualizer(
-    builder: DiagramBuilder, scene_graph: SceneGraph, meshcat: Meshcat
+    builder: DiagramBuilder,
+    scene_graph: SceneGraph,
+    meshcat: Meshcat,
+    *,
+    frame_rate: float = 0.0,
 ) -> None:
     """Add what draws the robots' visual shapes.
 
@@ -82,9 +99,13 @@ def add_visualizer(
         builder: Where the scene graph is.
         scene_graph: What to draw.
         meshcat: Where to draw it.
+        frame_rate: Pictures per second of simulated time [Hz]; 0 draws at time 0 and
+            when the visualizer is told to.
     """
     params = MeshcatVisualizerParams(
-        publish_period=1.0 / _FRAME_RATE, role=Role.kIllustration, prefix="visual"
+        publish_period=1.0 / frame_rate if frame_rate else _NEVER,
+        role=Role.kIllustration,
+        prefix="visual",
     )
     MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, params)
 
@@ -121,27 +142,62 @@ def frame_points(meshcat: Meshcat, points: Sequence[np.ndarray]) -> None:
     diameter = max(float(np.linalg.norm(upper - lower)), _SMALLEST_DIAMETER)
     direction = np.array(THREE_QUARTER) / np.linalg.norm(THREE_QUARTER)
     eye = centre + _VIEW_DISTANCE * diameter * direction
-    meshcat.SetCameraPose(eye, centre)
+    _look(meshcat, eye, centre, diameter)
 
 
-def frame_shapes(meshcat: Meshcat, query: QueryObject) -> None:
-    """Point the camera so that it sees all that is to be seen of a scene.
+def frame_shapes(
+    meshcat: Meshcat, query: QueryObject, *, models: Collection[str] | None = None
+) -> None:
+    """Point the camera so that it sees all that is drawn of a scene, or of robots.
+
+    Robots without shapes are framed by their links' origins. The grid gets finer cells
+    for what is much smaller than they are.
 
     Args:
         meshcat: Whose camera to move.
         query: The scene.
+        models: Names of the model instances that count, such as those of the robots; by
+            default all. A house around a robot would be all that is seen of it.
     """
     inspector = query.inspector()
-    corners = []
-    for geometry in inspector.GetAllGeometryIds(Role.kIllustration):
-        box = inspector.GetObbInGeometryFrame(geometry)
-        if box is not None:
-            X_WB = query.GetPoseInWorld(geometry) @ box.pose()
-            signs = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
-            corners.append(X_WB.multiply((signs * box.half_width()).T).T)
+    corners, origins = [], []
+    for frame in inspector.GetAllFrameIds():
+        if models is not None and _model(inspector.GetName(frame)) not in models:
+            continue
+        if frame != inspector.world_frame_id():
+            origins.append(query.GetPoseInWorld(frame).translation())
+        for geometry in inspector.GetGeometries(frame, Role.kIllustration):
+            box = inspector.GetObbInGeometryFrame(geometry)
+            if box is not None:
+                X_WB = query.GetPoseInWorld(geometry) @ box.pose()
+                signs = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+                corners.append(X_WB.multiply((signs * box.half_width()).T).T)
     if corners:
-        camera = _VIEW.camera_for(np.concatenate(corners))
-        meshcat.SetCameraPose(camera.eye, camera.target)
+        points = np.concatenate(corners)
+        camera = _VIEW.camera_for(points)
+        diameter = float(np.linalg.norm(np.ptp(points, axis=0)))
+        _look(meshcat, np.array(camera.eye), np.array(camera.target), diameter)
+    elif origins:
+        frame_points(meshcat, origins)
+
+
+def _model(frame: str) -> str:
+    """Return the model instance of a frame's name, such as "arm::link1"."""
+    return frame.rpartition("::")[0]
+
+
+def _look(
+    meshcat: Meshcat, eye: np.ndarray, target: np.ndarray, diameter: float
+) -> None:
+    """Point the camera at something of a diameter [m]."""
+    meshcat.SetCameraPose(eye, target)
+    distance = float(np.linalg.norm(eye - target))
+    # Nearer than that nothing is drawn: whoever looks at a small robot comes closer.
+    near = min(_NEAR, max(_NEAR_SHARE * distance, _NEAREST))
+    meshcat.SetProperty(_CAMERA, "near", near)
+    cell = round_number(max(diameter, _NEAREST) / _CELLS)
+    scale = min(cell / _CELL, 1.0)
+    meshcat.SetTransform(_GRID, np.diag([scale, scale, scale, 1.0]))
 
 
 def save_html(meshcat: Meshcat, path: Path) -> None:
@@ -153,3 +209,16 @@ def save_html(meshcat: Meshcat, path: Path) -> None:
     """
     with writing(path):
         path.write_text(meshcat.StaticHtml(), encoding="utf-8")
+
+
+def start_recording(meshcat: Meshcat, frame_rate: float) -> None:
+    """Record what is drawn from now on, and nothing of before.
+
+    Args:
+        meshcat: Where robots are drawn, at this rate.
+        frame_rate: Pictures per second [Hz].
+    """
+    meshcat.DeleteRecording()
+    # Meshcat rounds a time down to a picture's: 0.9999... pictures would be none.
+    rate = frame_rate * (1.0 + 1e-9)
+    meshcat.StartRecording(rate, set_visualizations_while_recording=True)

@@ -58,11 +58,10 @@ window.arm_drake = (() => {
         return found.map(({point}) => point).filter((point) => point !== null);
     };
 
-    // Makes camera, lamps and grid suit what is seen, and returns the picture.
+    // Makes camera, lamps and grid suit what is seen, once.
     // scale: size of what is seen, as a multiple of what Meshcat's lamps are made for.
     // cell: size of the cells of the grid [m].
-    const take_picture = (
-        {eye, target, field_of_view, scale, cell, width, height}) => {
+    const set_up = ({eye, target, field_of_view, scale, cell, width, height}) => {
         const {camera, controls} = viewer;
         const to_eye = eye.map((e, i) => e - target[i]);
         const distance = Math.hypot(...to_eye);
@@ -90,8 +89,8 @@ window.arm_drake = (() => {
         grid.position.set(
             cell * Math.round(target[0] / cell), cell * Math.round(target[1] / cell), 0);
         find("Axes").visible = false;
-        return viewer.capture_image(width, height);
+        viewer.set_3d_pane_size(width, height);
     };
 
-    return {progress, find_extremes, take_picture};
+    return {progress, find_extremes, set_up, find};
 })();

@@ -4,19 +4,27 @@ import base64
 import concurrent.futures
 import contextlib
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from pydrake.geometry import Meshcat
 
 from arm_drake.output_files import check_suffix, writing
 from arm_drake.visualization.browser import BrowserError, open_browser
-from arm_drake.visualization.framing import THREE_QUARTER, Camera, View
+from arm_drake.visualization.framing import (
+    THREE_QUARTER,
+    Array,
+    Camera,
+    View,
+    round_number,
+)
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
+
+Result = TypeVar("Result")
 
 SCREENSHOT_SUFFIXES = (".png",)
 
@@ -25,7 +33,7 @@ DEFAULT_SIZE = (1280, 960)
 
 # Vertical field of view [rad]: that of a person in front of a photograph. Meshcat's own
 # 75° distorts what is close.
-_FIELD_OF_VIEW = np.deg2rad(35.0)
+FIELD_OF_VIEW = np.deg2rad(35.0)
 
 # Meshcat's lamps are set up for something of this diameter [m].
 _LIT_DIAMETER = 1.5
@@ -101,14 +109,49 @@ class Photographer:
         Raises:
             BrowserError: If the browser doesn't draw the scene, or there is nothing.
         """
+        view = View(FIELD_OF_VIEW, size[0] / size[1], direction=direction)
+
+        def work(page: "Page") -> tuple[bytes, Camera]:
+            camera = set_up(page, view, find_extremes(page, view, paths), size)
+            uri = page.evaluate("([w, h]) => viewer.capture_image(w, h)", list(size))
+            return base64.b64decode(uri.partition(",")[2]), camera
+
+        return self.wait(meshcat, self.begin(meshcat, work, size))
+
+    def begin(
+        self, meshcat: Meshcat, work: Callable[["Page"], Result], size: tuple[int, int]
+    ) -> "concurrent.futures.Future[Result]":
+        """Begin to work with a page that shows a scene; `wait` ends it.
+
+        Args:
+            meshcat: The scene.
+            work: Called in the browser's thread when all of the scene is drawn.
+            size: Width and height of the page [pixels].
+        """
         url = meshcat.web_url()
-        task = self._thread.submit(
-            _take_picture, self._browser, url, size, paths, direction
-        )
+        return self._thread.submit(_work, self._browser, url, work, size)
+
+    def wait(
+        self,
+        meshcat: Meshcat,
+        task: "concurrent.futures.Future[Result]",
+        tell: Callable[[], None] = lambda: None,
+    ) -> Result:
+        """Return what work with a page has come to.
+
+        Args:
+            meshcat: The scene.
+            task: What `begin` returned.
+            tell: Called again and again until it is done.
+
+        Raises:
+            BrowserError: If the browser doesn't draw the scene.
+        """
         while not task.done():
             # A page that isn't connected yet misses it; later it comes after all else.
             meshcat.Delete(_LAST_NEWS)
             concurrent.futures.wait([task], _POLL)
+            tell()
         return task.result()
 
 
@@ -144,61 +187,76 @@ def save_screenshot(
     return camera
 
 
-def _take_picture(
+def find_extremes(page: "Page", view: View, paths: Sequence[str]) -> Array:
+    """Return what decides where a camera must be, as points in the world [m].
+
+    Args:
+        page: A page that shows a scene.
+        view: How the camera looks at it.
+        paths: What must be in the picture, as paths of the scene.
+
+    Returns:
+        The farthest points that are drawn, shape (6, 3).
+
+    Raises:
+        BrowserError: If there is nothing to be seen.
+    """
+    extremes = page.evaluate(
+        "([paths, directions]) => arm_drake.find_extremes(paths, directions)",
+        [[path.split("/") for path in paths], view.normals().tolist()],
+    )
+    if not extremes:
+        raise BrowserError("no picture: nothing of the robot is to be seen")
+    return np.array(extremes)
+
+
+def set_up(page: "Page", view: View, points: Array, size: tuple[int, int]) -> Camera:
+    """Make camera, lamps and grid of a page suit some points, once.
+
+    Args:
+        page: A page that shows a scene.
+        view: How the camera is to look at it.
+        points: What must be in the picture, in the world [m], shape (n, 3).
+        size: Width and height of the picture [pixels].
+    """
+    camera = view.camera_for(points)
+    diameter = max(float(np.linalg.norm(np.ptp(points, axis=0))), _SMALLEST)
+    page.evaluate(
+        "(how) => arm_drake.set_up(how)",
+        {
+            "eye": camera.eye,
+            "target": camera.target,
+            "field_of_view": np.rad2deg(view.field_of_view),
+            "scale": diameter / _LIT_DIAMETER,
+            "cell": round_number(diameter / _CELLS),
+            "width": size[0],
+            "height": size[1],
+        },
+    )
+    return camera
+
+
+def _work(
     browser: "Browser",
     url: str,
+    work: Callable[["Page"], Result],
     size: tuple[int, int],
-    paths: Sequence[str],
-    direction: tuple[float, float, float],
-) -> tuple[bytes, Camera]:
+) -> Result:
     from playwright.sync_api import Error
 
     try:
-        return _draw_and_take_picture(browser, url, size, paths, direction)
+        context = browser.new_context(viewport={"width": size[0], "height": size[1]})
+        try:
+            page = context.new_page()
+            page.add_init_script(path=_SCRIPT)
+            page.goto(url)
+            _wait_until_drawn(page)
+            return work(page)
+        finally:
+            context.close()
     except Error as error:
         reason = " ".join(error.message.split())
         raise BrowserError(f"the browser can't draw {url}: {reason}") from None
-
-
-def _draw_and_take_picture(
-    browser: "Browser",
-    url: str,
-    size: tuple[int, int],
-    paths: Sequence[str],
-    direction: tuple[float, float, float],
-) -> tuple[bytes, Camera]:
-    width, height = size
-    context = browser.new_context(viewport={"width": width, "height": height})
-    try:
-        page = context.new_page()
-        page.add_init_script(path=_SCRIPT)
-        page.goto(url)
-        _wait_until_drawn(page)
-        view = View(_FIELD_OF_VIEW, width / height, direction=direction)
-        extremes = page.evaluate(
-            "([paths, directions]) => arm_drake.find_extremes(paths, directions)",
-            [[path.split("/") for path in paths], view.normals().tolist()],
-        )
-        if not extremes:
-            raise BrowserError("no picture: nothing of the robot is to be seen")
-        points = np.array(extremes)
-        camera = view.camera_for(points)
-        diameter = max(float(np.linalg.norm(np.ptp(points, axis=0))), _SMALLEST)
-        uri = page.evaluate(
-            "(how) => arm_drake.take_picture(how)",
-            {
-                "eye": camera.eye,
-                "target": camera.target,
-                "field_of_view": np.rad2deg(_FIELD_OF_VIEW),
-                "scale": diameter / _LIT_DIAMETER,
-                "cell": _round_number(diameter / _CELLS),
-                "width": width,
-                "height": height,
-            },
-        )
-    finally:
-        context.close()
-    return base64.b64decode(uri.partition(",")[2]), camera
 
 
 def _wait_until_drawn(page: "Page") -> None:
@@ -212,9 +270,3 @@ def _wait_until_drawn(page: "Page") -> None:
             what = f"draws no {waiting[0]}" if waiting else "does not get the scene"
             raise BrowserError(f"{page.url}: the page {what} within {_TIMEOUT:g} s")
         page.wait_for_timeout(1000.0 * _POLL)
-
-
-def _round_number(value: float) -> float:
-    """Return the largest of 1, 2, 5, 10, 20, ... that is not above a number."""
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= value))

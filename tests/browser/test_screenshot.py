@@ -17,7 +17,7 @@ from pydrake.geometry import Meshcat
 import arm_drake as ad
 from arm_drake.cli import main
 from arm_drake.errors import OutputError
-from arm_drake.view_command import show_robot
+from arm_drake.robot_scene import show_robot
 from arm_drake.visualization.browser import BrowserError
 from arm_drake.visualization.screenshot import Photographer, save_screenshot
 from tests.browser.pictures import difference, grow

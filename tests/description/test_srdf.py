@@ -1,4 +1,4 @@
-"""Collisions that MoveIt's files disable."""
+"""Collisions that MoveIt's files disable, and states of groups with a name."""
 
 from pathlib import Path
 
@@ -6,7 +6,13 @@ import pytest
 
 import arm_drake as ad
 from arm_drake.description.report import LoadReport
-from arm_drake.description.srdf import find_disabled_collisions
+from arm_drake.description.srdf import (
+    GroupState,
+    find_disabled_collisions,
+    find_group_states,
+    find_srdf_files,
+)
+from arm_drake.gripper_ranges import find_gripper_ranges
 from tests import models
 
 SRDF = """<robot name="{name}">
@@ -82,3 +88,78 @@ def test_disabled_links_pass_through_each_other(robot, tmp_path, name, contacts)
     results = plant.get_contact_results_output_port().Eval(context)
 
     assert results.num_point_pair_contacts() == contacts
+
+
+STATES = """<robot name="{name}">
+  <group_state name="home" group="arm">
+    <joint name="one" value="0.1"/><joint name="two" value="-0.2"/>
+    <joint name="one" value="9"/><joint name="elsewhere" value="1"/>
+    <joint name="three" value="none"/>
+  </group_state>
+  <group_state name="home" group="gripper">
+    <joint name="three" value="0.3"/>
+  </group_state>
+  <group_state name="up" group="arm"><joint name="one" value="1.5"/></group_state>
+  <group_state name="home" group="arm"><joint name="one" value="2"/></group_state>
+  <group_state name="parked" group="base">
+    <joint name="elsewhere" value="1"/>
+  </group_state>
+</robot>"""
+
+
+def test_states_of_the_same_name_belong_each_to_its_group(robot, tmp_path):
+    write(tmp_path / "arm/srdf/arm.srdf", STATES.format(name="overlapping"))
+
+    states = find_group_states(robot)
+
+    assert states == (
+        GroupState("arm", "home", {"one": 0.1, "two": -0.2}),
+        GroupState("gripper", "home", {"three": 0.3}),
+        GroupState("arm", "up", {"one": 1.5}),
+    )
+    assert [s.label for s in states] == ["arm: home", "gripper: home", "arm: up"]
+
+
+def test_only_independent_joints_of_one_value_have_a_state(tmp_path):
+    joints = (
+        models.joint("float", "base", "a", type="floating"),
+        models.joint("own", "base", "b"),
+        models.joint("follower", "base", "c", inside='<mimic joint="own"/>'),
+    )
+    links = '<link name="base"/>' + "".join(models.bob(name) for name in "abc")
+    robot = models.load(tmp_path, f'<robot name="r">{links}{"".join(joints)}</robot>')
+    write(tmp_path / "package.xml", "<name>r</name>")
+    write(
+        tmp_path / "r.srdf",
+        '<robot name="r"><group_state name="home" group="all">'
+        '<joint name="float" value="0 0 0 0 0 0 1"/><joint name="follower" value="1"/>'
+        '<joint name="own" value="1"/></group_state></robot>',
+    )
+
+    assert find_group_states(robot) == (GroupState("all", "home", {"own": 1.0}),)
+
+
+def test_states_of_another_robot_are_left_out(robot, tmp_path):
+    mine = tmp_path / "arm/srdf/arm.srdf"
+    write(mine, STATES.format(name="overlapping"))
+    write(tmp_path / "arm/srdf/a.srdf", STATES.format(name="other").replace("0.1", "7"))
+
+    assert find_group_states(robot)[0].positions["one"] == 0.1
+    assert find_srdf_files(robot) == (mine,)
+
+
+def test_states_called_open_and_closed_are_those_of_the_gripper(tmp_path, monkeypatch):
+    monkeypatch.setattr(Path, "home", lambda: tmp_path.parent)
+    robot = models.load(tmp_path, models.GRIPPER)
+    write(tmp_path / "package.xml", "<name>gripper</name>")
+    write(
+        tmp_path / "gripper.srdf",
+        '<robot name="gripper">'
+        '<group_state name="open" group="lid"><joint name="lid" value="2"/>'
+        '</group_state><group_state name="open" group="g">'
+        '<joint name="finger" value="0.4"/></group_state>'
+        '<group_state name="close" group="g">'
+        '<joint name="finger" value="-0.2"/></group_state></robot>',
+    )
+
+    assert find_gripper_ranges(robot) == {"finger": (0.4, -0.2)}

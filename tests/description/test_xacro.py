@@ -1,7 +1,9 @@
 """xacro without ROS: packages, arguments, and errors with their place."""
 
+import contextlib
 import os
 import time
+from pathlib import Path
 
 import pytest
 import xacro
@@ -50,6 +52,24 @@ def test_a_plain_urdf_is_returned_as_it_is(tmp_path):
     text = expand_xacro(path, {}, PackageFinder(path))
 
     assert text == '<robot  name="r"/> <!-- é -->'
+
+
+def test_the_files_that_are_read_are_told(tmp_path):
+    part, entry = tmp_path / "part.xacro", tmp_path / "robot.xacro"
+    part.write_text(robot('<xacro:property name="r" value="2"/>'), encoding="utf-8")
+    include = '<xacro:include filename="{}.xacro"/>'
+    missing = tmp_path / "none.xacro"
+    bodies = ["<link/>", include.format("part")]
+    bodies.append(bodies[1] + include.format("none"))
+
+    told: list[set[Path]] = []
+    for body in bodies:
+        entry.write_text(robot(body) if "xacro" in body else body, encoding="utf-8")
+        told.append(set())
+        with contextlib.suppress(DescriptionError):
+            expand_xacro(entry, {}, PackageFinder(entry), files=told[-1])
+
+    assert told == [{entry}, {entry, part}, {entry, part, missing}]
 
 
 def test_a_plain_urdf_may_be_latin_1_or_start_with_a_mark(tmp_path):

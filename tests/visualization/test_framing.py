@@ -4,11 +4,16 @@ Where points appear in the picture is computed here, with a pinhole camera.
 """
 
 import itertools
+import re
 
 import numpy as np
 import pytest
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.systems.framework import DiagramBuilder
 
-from arm_drake.visualization.framing import Camera, View
+from arm_drake.visualization.framing import Camera, View, round_number
+from arm_drake.visualization.meshcat import frame_shapes
 
 BOX = np.array(list(itertools.product((0.2, 0.5), (-1.0, 1.0), (0.0, 3.0))))
 
@@ -94,3 +99,103 @@ def test_a_single_point_is_seen_from_in_front_of_it():
 
     np.testing.assert_allclose(camera.target, (1.0, 2.0, 3.0), atol=1e-9)
     assert 0.0 < camera.distance < 0.01
+
+
+@pytest.mark.parametrize(
+    ("number", "rounded"),
+    [(1.0, 1.0), (1.99, 1.0), (2.0, 2.0), (4.9, 2.0), (7.0, 5.0), (0.03, 0.02)],
+)
+def test_round_numbers_are_not_above(number: float, rounded: float) -> None:
+    assert round_number(number) == pytest.approx(rounded)
+
+
+HOUSE = """
+<robot name="house"><link name="walls"><visual><geometry><box size="8 8 8"/></geometry>
+</visual></link></robot>"""
+
+
+def two_links(size: float) -> str:
+    """Return a robot of two cubes, one length beside the other."""
+    cube = f'<visual><geometry><box size="{size} {size} {size}"/></geometry></visual>'
+    return f"""
+<robot name="arm"><link name="one">{cube}</link><link name="two">{cube}</link>
+  <joint name="bond" type="fixed"><origin xyz="{2.0 * size} 0 0"/>
+    <parent link="one"/><child link="two"/></joint></robot>"""
+
+
+class Recorder:
+    """Stands in for a Meshcat, and keeps what it is told."""
+
+    def __init__(self) -> None:
+        self.properties: dict[str, float] = {}
+        self.scales: dict[str, float] = {}
+
+    def SetCameraPose(self, eye: np.ndarray, target: np.ndarray) -> None:
+        self.camera = Camera(tuple(eye), tuple(target))
+
+    def SetProperty(self, path: str, name: str, value: float) -> None:
+        self.properties[f"{path}.{name}"] = value
+
+    def SetTransform(self, path: str, matrix: np.ndarray) -> None:
+        self.scales[path] = matrix[0, 0]
+
+
+def framed(*urdfs: str, models: list[str] | None = None) -> Recorder:
+    """Return what Meshcat is told to frame some robots at the origin."""
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.001)
+    for urdf in urdfs:
+        (model,) = Parser(plant).AddModelsFromString(urdf, "urdf")
+        plant.WeldFrames(
+            plant.world_frame(),
+            plant.get_body(plant.GetBodyIndices(model)[0]).body_frame(),
+        )
+    plant.Finalize()
+    diagram = builder.Build()
+    context = diagram.CreateDefaultContext()
+    query = scene_graph.get_query_output_port().Eval(
+        scene_graph.GetMyContextFromRoot(context)
+    )
+    recorder = Recorder()
+    frame_shapes(recorder, query, models=models)
+    return recorder
+
+
+@pytest.mark.parametrize("size", [0.017, 0.3, 1.0])
+def test_a_robot_of_any_size_is_seen_with_meshcats_own_camera(size: float) -> None:
+    told = framed(two_links(size))
+
+    corners = size * np.array(
+        list(itertools.product((-0.5, 2.5), (-0.5, 0.5), (-0.5, 0.5)))
+    )
+    places = project(told.camera, View(np.deg2rad(75.0), 1.0), corners)
+    # 0.15 of the page stays free on each side.
+    assert np.abs(places).max() == pytest.approx(0.7, abs=1e-6)
+    # Nothing of it is nearer than what the page draws.
+    eye, target = np.array(told.camera.eye), np.array(told.camera.target)
+    forward = (target - eye) / np.linalg.norm(target - eye)
+    near = told.properties["/Cameras/default/rotated/<object>.near"]
+    assert ((corners - eye) @ forward).min() > 5.0 * near
+    assert near <= 0.01
+
+
+def test_the_grid_has_cells_that_are_smaller_than_the_robot() -> None:
+    # Cells of 0.5 m by default, for what is 1 m or longer.
+    assert framed(two_links(1.0)).scales["/Grid"] == 1.0
+    # The diagonal of 3 x 1 x 1 cubes of 17 mm is 56 mm: cells of 20 mm.
+    assert framed(two_links(0.017)).scales["/Grid"] == pytest.approx(0.02 / 0.5)
+
+
+def test_a_house_around_a_robot_does_not_count() -> None:
+    alone = framed(two_links(0.1)).camera
+
+    assert framed(two_links(0.1), HOUSE, models=["arm"]).camera == alone
+    assert framed(two_links(0.1), HOUSE).camera.distance > 10.0 * alone.distance
+
+
+def test_a_robot_without_shapes_is_framed_by_its_links() -> None:
+    bare = re.sub("<visual>.*?</visual>", "", two_links(1.0))
+
+    told = framed(bare)
+
+    np.testing.assert_allclose(told.camera.target, (1.0, 0.0, 0.0), atol=1e-12)

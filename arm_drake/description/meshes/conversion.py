@@ -11,6 +11,7 @@ import numpy as np
 from arm_drake.description.meshes import cache, convex
 from arm_drake.description.meshes.cache import cache_directory as cache_directory
 from arm_drake.description.meshes.cache import clear_cache as clear_cache
+from arm_drake.description.meshes.decimation import decimate, require_decimation
 from arm_drake.description.meshes.files import read_bytes, references
 from arm_drake.description.meshes.gltf import encode_gltf
 from arm_drake.description.meshes.reading import read_surfaces
@@ -45,6 +46,7 @@ def convert_visual(
     file: Path | None = None,
     cache_dir: Path | None = None,
     color: Color | None = None,
+    max_faces: int | None = None,
 ) -> Path | None:
     """Return a glTF file that Drake draws with scale 1, or None and a report line.
 
@@ -56,12 +58,20 @@ def convert_visual(
         file: The description.
         cache_dir: Folder of converted meshes, by default `cache_directory`.
         color: For a mesh that has no colour of its own.
+        max_faces: Triangles at most; by default as many as the mesh has.
 
     Raises:
+        InputError: `max_faces` is less than the triangles of a solid.
+        MissingExtraError: The library that decimates isn't installed.
         OutputError: Neither the cache nor a temporary folder can be written.
     """
-    conversion = _Conversion("visual", source, scale, report, where, file, color)
-    paths = conversion.run(cache_dir, (color,))
+    settings: tuple[object, ...] = (color,)
+    if max_faces is not None:
+        settings = (color, max_faces, require_decimation(max_faces))
+    conversion = _Conversion(
+        "visual", source, scale, report, where, file, color, max_faces
+    )
+    paths = conversion.run(cache_dir, settings)
     return paths[0] if paths else None
 
 
@@ -129,6 +139,7 @@ class _Conversion:
     where: str
     file: Path | None
     color: Color | None = None
+    max_faces: int | None = None
 
     def run(self, cache_dir: Path | None, settings: tuple[object, ...]) -> _Paths:
         """Return the converted files, from the cache if it has them."""
@@ -201,6 +212,8 @@ class _Conversion:
             if images and is_plain and not any("texture" in n.what for n in notes):
                 what = f"its texture {images[0].name!r} can't be read"
                 notes.append(ReportEntry("warning", "invalid", what, _WITHOUT))
+            if self.max_faces is not None:
+                surfaces = decimate(surfaces, self.max_faces, notes)
             count = sum(len(surface.faces) for surface in surfaces)
             if count > MANY_TRIANGLES:
                 what = f"it has {count} triangles"

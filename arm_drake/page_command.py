@@ -1,0 +1,71 @@
+"""What the commands with a page have in common."""
+
+import argparse
+import contextlib
+import getpass
+import os
+import signal
+import socket
+import sys
+import threading
+from collections.abc import Callable, Iterator
+
+from arm_drake.visualization.page import Page
+
+
+def start_page(options: argparse.Namespace) -> Page:
+    """Start a page where the command line says, and tell what is to be known of it.
+
+    Args:
+        options: Arguments with `host` and `port`.
+
+    Raises:
+        InputError: If it can't listen there.
+    """
+    page = Page(host=options.host, port=options.port)
+    if page.has_moved:
+        text = f"port {options.port} is taken; the page is on port {page.port}"
+        print(f"warning: {text}", file=sys.stderr)
+    if page.is_public:
+        text = "whoever reaches this machine can open the page, and move the robot"
+        print(f"warning: {text}", file=sys.stderr)
+    elif "SSH_CONNECTION" in os.environ:
+        print(f"from your own machine: {ssh_command(page.port)}", file=sys.stderr)
+    return page
+
+
+def ssh_command(port: int) -> str:
+    """Return the command that brings a page to another machine.
+
+    Args:
+        port: The page's port, on both machines.
+    """
+    # Where the session's user came from knows this machine by this address.
+    address = os.environ.get("SSH_CONNECTION", "").split()
+    host = address[2] if len(address) == 4 else socket.gethostname()
+    return f"ssh -L {port}:localhost:{port} {getpass.getuser()}@{host}"
+
+
+@contextlib.contextmanager
+def interrupting(stop: Callable[[], None]) -> Iterator[Callable[[], bool]]:
+    """Let the first Ctrl-C end something in good order; the second one ends at once.
+
+    Args:
+        stop: Ends it.
+
+    Yields:
+        Whether there was a Ctrl-C.
+    """
+    interrupted = threading.Event()
+
+    def take(*signal_and_frame: object) -> None:
+        if interrupted.is_set():
+            raise KeyboardInterrupt
+        interrupted.set()
+        stop()
+
+    before = signal.signal(signal.SIGINT, take)
+    try:
+        yield interrupted.is_set
+    finally:
+        signal.signal(signal.SIGINT, before)

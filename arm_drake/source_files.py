@@ -1,0 +1,196 @@
+"""Which files a robot was made of, and which of them have changed."""
+
+import contextlib
+import dataclasses as dc
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+
+from arm_drake.description.controllers import ControllerManagerConfig
+from arm_drake.description.elements import parse_xml
+from arm_drake.description.entry import Source, find_entry
+from arm_drake.description.packages import PackageFinder
+from arm_drake.description.robot import Robot
+from arm_drake.description.srdf import find_srdf_files
+from arm_drake.description.urdf import RobotDescription
+from arm_drake.description.xacro import expand_xacro
+from arm_drake.description.xacro_sources import read_sources
+from arm_drake.errors import ArmDrakeError, InputError, PackageError
+
+# What tells a file from what it was: time of its last change [ns], size, inode.
+_Signature = tuple[int, int, int]
+
+
+def find_source_files(
+    description: RobotDescription,
+    controllers: ControllerManagerConfig,
+    packages: PackageFinder,
+    others: Iterable[Path] = (),
+) -> tuple[Path, ...]:
+    """Return the files that a robot was made of: sorted, absolute, all there.
+
+    They are its description, its controllers YAML, its meshes and the textures that it
+    names itself; what a mesh file refers to is left out.
+
+    Args:
+        description: The robot.
+        controllers: How it is controlled.
+        packages: What resolves package URIs.
+        others: Further files, those that xacro read among them.
+    """
+    meshes = _mesh_files(description, packages)
+    files = {description.file, *controllers.files, *others, *meshes}
+    return _sorted(file for file in files if os.path.isfile(file))
+
+
+def watched_files(robot: Robot) -> tuple[Path, ...]:
+    """Return the files whose change changes what is seen of a robot.
+
+    They are its source files and the SRDF files for it. Loading doesn't read those, and
+    looking for them takes a walk through all packages.
+
+    Args:
+        robot: The robot.
+    """
+    return _sorted({*robot.source_files, *find_srdf_files(robot)})
+
+
+def files_of_failed(
+    source: Source,
+    error: Exception | None = None,
+    *,
+    controllers: Source | Sequence[Source] | None = None,
+    xacro_args: Mapping[str, str] | None = None,
+    package_paths: Source | Sequence[Source] = (),
+) -> tuple[Path, ...]:
+    """Return the files whose change may mend a robot that can't be loaded.
+
+    Files that are asked for and don't exist are among them.
+
+    Args:
+        source: As for `load_robot`, as all the following.
+        error: Why it can't be loaded; it may name a file.
+        controllers: Controllers YAML files.
+        xacro_args: Values of xacro arguments.
+        package_paths: Folders to search for packages.
+
+    Returns:
+        The files, sorted; none if it isn't known which file is the robot's.
+    """
+    files = {Path(file) for file in _listed(controllers or ())}
+    if isinstance(error, InputError) and error.file is not None:
+        files.add(Path(error.file))
+    with contextlib.suppress(ArmDrakeError):
+        entry, _ = find_entry(source)
+        packages = PackageFinder(entry, [Path(path) for path in _listed(package_paths)])
+        # This one follows all includes whose names it can read, but no further; xacro
+        # knows all names, up to what it fails on.
+        sources = read_sources(entry, packages)
+        files.update(sources.files, map(Path, sources.missing_files))
+        expand_xacro(entry, dict(xacro_args or {}), packages, files=files)
+    return _sorted(file for file in files if not os.path.isdir(file))
+
+
+class FileWatcher:
+    """Says which files have changed since it was last asked.
+
+    Editors replace a file by another one, so that there may be none for a moment: one
+    that is missing counts as changed when it is back, or missing twice in a row.
+    """
+
+    def __init__(self, files: Iterable[Path] = ()) -> None:
+        """Look at files for the first time.
+
+        Args:
+            files: The files; they need not exist.
+        """
+        self._watched: dict[Path, _Watched] = {}
+        self.watch(files)
+
+    def watch(self, files: Iterable[Path]) -> None:
+        """Watch these files and no others.
+
+        Changes of files that were watched before and that `changed` has not told yet
+        are not lost: those made while the robot was loaded anew.
+
+        Args:
+            files: The files; they need not exist.
+        """
+        old = self._watched
+        self._watched = {
+            file: old[file] if file in old else _Watched(_signature(file))
+            for file in files
+        }
+
+    def changed(self) -> tuple[Path, ...]:
+        """Return the files that have changed since the last call, in their order."""
+        return tuple(
+            file
+            for file, watched in self._watched.items()
+            if watched.is_changed(_signature(file))
+        )
+
+
+@dc.dataclass
+class _Watched:
+    """What was last seen of a file."""
+
+    # None if there was none.
+    signature: _Signature | None
+
+    # Whether it was missing at the last look for the first time.
+    is_missed: bool = False
+
+    def is_changed(self, now: _Signature | None) -> bool:
+        """Take note of what is seen now, and return whether that is a change."""
+        is_missed = now is None and self.signature is not None
+        is_changed = not is_missed and (now != self.signature or self.is_missed)
+        self.signature, self.is_missed = now, is_missed
+        return is_changed
+
+
+def _signature(file: Path) -> _Signature | None:
+    """Return what tells a file from what it was, None if there is none."""
+    try:
+        status = os.stat(file)
+    except (OSError, ValueError):  # A name that no file can have.
+        return None
+    return status.st_mtime_ns, status.st_size, status.st_ino
+
+
+def _mesh_files(
+    description: RobotDescription, packages: PackageFinder
+) -> Iterator[Path]:
+    """Yield the files of meshes and textures, as the URDF names them."""
+    root = parse_xml(description.source, description.file)
+    names = [
+        element.get("filename")
+        for tag in ("visual/geometry/mesh", "collision/geometry/mesh")
+        for element in root.iterfind(f"link/{tag}")
+    ]
+    names += [element.get("filename") for element in root.iter("texture")]
+    # Looking for a package in vain takes long.
+    missing = set()
+    for name in dict.fromkeys(name for name in names if name):
+        package = name.partition("://")[2].lstrip("/").partition("/")[0]
+        if package and package in missing:
+            continue
+        try:
+            yield packages.locate(name, description.file.parent)[0]
+        except PackageError:
+            missing.add(package)
+
+
+def _sorted(files: Iterable[Path]) -> tuple[Path, ...]:
+    return tuple(sorted({_absolute(file) for file in files}))
+
+
+def _absolute(file: Path) -> Path:
+    """Return a path without "..", which links to folders give another meaning."""
+    if ".." not in file.parts:
+        return file.absolute()
+    return file.parent.resolve() / file.name
+
+
+def _listed(given: Source | Sequence[Source]) -> Sequence[Source]:
+    return [given] if isinstance(given, str | os.PathLike) else given

@@ -1,0 +1,94 @@
+"""Contact forces as rods from the points where they act."""
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.geometry import Cylinder, Meshcat, Rgba, Sphere
+
+from arm_drake.messages.contacts import ContactsState
+from arm_drake.messages.geometry import Vector3
+
+Array = NDArray[np.float64]
+
+_PATH = "/drake/contact_forces"
+
+_GREEN = Rgba(0.1, 0.75, 0.1)
+
+# Forces smaller than this part of the one that sets the scale are not drawn.
+_SMALLEST = 1e-3
+
+# Thickness of a rod as a part of the length that sets the scale.
+_THICKNESS = 0.02
+
+
+class ContactArrows:
+    """Draws a rod for each force; its ball is where the force acts."""
+
+    def __init__(self, meshcat: Meshcat, name: str, *, force: float, length: float):
+        """Create it; there is nothing to be seen yet.
+
+        Args:
+            meshcat: Where to draw.
+            name: Name of the robot.
+            force: A force that is expected, such as the robot's weight [N].
+            length: How long it is drawn [m].
+        """
+        self._meshcat = meshcat
+        self._path = f"{_PATH}/{name.replace('/', '|')}"
+        self._force = force
+        self._length = length
+        self._num_made = 0
+        self._num_shown = 0
+
+    def show(self, contacts: ContactsState) -> None:
+        """Draw the forces on a robot in place of those before.
+
+        Args:
+            contacts: What touches it, in the world's frame.
+        """
+        forces = [
+            (_array(point), _array(wrench.force) * self._length / self._force)
+            for state in contacts.states
+            for point, wrench in zip(
+                state.contact_positions, state.wrenches, strict=True
+            )
+        ]
+        smallest = _SMALLEST * self._length
+        large = [(p, rod) for p, rod in forces if np.linalg.norm(rod) > smallest]
+        for index, (point, rod) in enumerate(large):
+            path = f"{self._path}/{index}"
+            if index == self._num_made:
+                self._make(path)
+                self._num_made += 1
+            self._meshcat.SetTransform(f"{path}/rod", _stretch(point, rod))
+            self._meshcat.SetTransform(f"{path}/point", _stretch(point, None))
+        for index in range(max(len(large), self._num_shown)):
+            is_there = index < len(large)
+            if is_there != (index < self._num_shown):
+                self._meshcat.SetProperty(f"{self._path}/{index}", "visible", is_there)
+        self._num_shown = len(large)
+
+    def hide(self) -> None:
+        """Draw nothing."""
+        self.show(ContactsState())
+
+    def _make(self, path: str) -> None:
+        radius = _THICKNESS * self._length
+        self._meshcat.SetObject(f"{path}/rod", Cylinder(radius, 1.0), _GREEN)
+        self._meshcat.SetObject(f"{path}/point", Sphere(2.0 * radius), _GREEN)
+
+
+def _stretch(point: Array, rod: Array | None) -> Array:
+    """Return what puts a rod of length 1 along z to its place, shape (4, 4)."""
+    X = np.eye(4)
+    X[:3, 3] = point
+    if rod is not None:
+        z = rod / np.linalg.norm(rod)
+        x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
+        x /= np.linalg.norm(x)
+        X[:3, :3] = np.stack([x, np.cross(z, x), rod], axis=1)
+        X[:3, 3] += 0.5 * rod
+    return X
+
+
+def _array(vector: Vector3) -> Array:
+    return np.array([vector.x, vector.y, vector.z])

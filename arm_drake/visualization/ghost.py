@@ -1,0 +1,222 @@
+"""A transparent copy of a robot at other joint positions: a goal, or a command."""
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from pydrake.geometry import Meshcat, Rgba, Role, SceneGraph
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import ModelInstanceIndex, RigidBody
+from pydrake.systems.framework import Context
+
+from arm_drake.description.tree import last_master, links_on
+from arm_drake.description.urdf import RobotDescription
+from arm_drake.errors import InputError, suggest
+from arm_drake.visualization.drawn_robot import DrawnRobot
+from arm_drake.visualization.link_drawings import path_below
+from arm_drake.visualization.solids import draw_solid, visual_solid
+
+_BLUE = (0.1, 0.5, 1.0)
+_ALPHA = 0.35
+
+
+class _Follower(NamedTuple):
+    """A mimic joint: position = factor * position of the master + offset."""
+
+    master: str
+    factor: float
+    offset: float
+
+
+class _DrawnBody(NamedTuple):
+    body: RigidBody
+    path: str
+
+    # Whether it moves with the base.
+    is_carried: bool
+
+
+class Ghost:
+    """A robot's visual shapes in one transparent colour, at joint positions of its own.
+
+    They are sent at the first `show`, below ``/drake/ghost/<name>/<link>``; after that
+    only transforms are, of links that moved.
+    """
+
+    def __init__(
+        self,
+        meshcat: Meshcat,
+        plant: MultibodyPlant,
+        scene_graph: SceneGraph,
+        model: ModelInstanceIndex,
+        name: str,
+        description: RobotDescription,
+        *,
+        base_context: Context | None = None,
+        color: tuple[float, float, float] = _BLUE,
+    ) -> None:
+        """Create it; nothing is shown yet.
+
+        Args:
+            meshcat: Where to draw.
+            plant: The finalized plant.
+            scene_graph: Its scene graph.
+            model: The robot's model instance.
+            name: Name of the ghost.
+            description: The robot.
+            base_context: Context of the plant whose positions hold, as they are now,
+                where nothing else is said; by default the default one.
+            color: Red, green and blue from 0 to 1.
+        """
+        self._meshcat = meshcat
+        self._plant = plant
+        self._name = name
+        self._robot = DrawnRobot(plant, scene_graph, model, description)
+        self._rgba = Rgba(*color, _ALPHA)
+        self._context = plant.CreateDefaultContext()
+        given = self._context if base_context is None else base_context
+        self._rest = plant.GetPositions(given)
+        joints = {joint.name: joint for joint in description.movable_joints}
+        self._at = {
+            joint: plant.GetJointByName(joint, model).position_start()
+            for joint in joints
+        }
+        self._followers = {
+            name: _Follower(*last_master(joint, joints))
+            for name, joint in joints.items()
+            if joint.mimic is not None
+        }
+        # A robot on a link called "world" has the world as its base.
+        self._base: RigidBody | None = None
+        if description.roots:
+            self._base = plant.GetBodyByName(description.base, model)
+        self._bodies: list[_DrawnBody] | None = None
+        self._sent: dict[str, RigidTransform] = {}
+        self._is_shown = False
+
+    @property
+    def path(self) -> str:
+        """Where it is in Meshcat."""
+        return path_below("/drake/ghost", self._name)
+
+    @property
+    def is_shown(self) -> bool:
+        """Whether it is to be seen."""
+        return self._is_shown
+
+    def show(
+        self,
+        positions: Mapping[str, float],
+        *,
+        base_pose: RigidTransform | None = None,
+    ) -> None:
+        """Show the robot at joint positions.
+
+        Args:
+            positions: Positions [rad] or [m] by joint; those left out stay as they are
+                in the base context. A mimic joint follows its master if that is given
+                and it isn't itself.
+            base_pose: Where the base is, in the world, with all that it carries; by
+                default as in the base context.
+
+        Raises:
+            InputError: If there is no such joint, or a position isn't finite.
+        """
+        q = self._resolve(positions)
+        if self._bodies is None:
+            self._bodies = self._draw()
+        self._place(self._bodies, q, base_pose)
+        if not self._is_shown:
+            self._is_shown = True
+            self._meshcat.SetProperty(self.path, "visible", True)
+
+    def update(
+        self,
+        positions: Mapping[str, float],
+        *,
+        base_pose: RigidTransform | None = None,
+    ) -> None:
+        """Move it, if it is shown; the arguments are those of `show`.
+
+        Raises:
+            InputError: If there is no such joint, or a position isn't finite.
+        """
+        if self._is_shown:
+            self.show(positions, base_pose=base_pose)
+
+    def hide(self) -> None:
+        """Hide it; `show` shows it again."""
+        if self._is_shown:
+            self._is_shown = False
+            self._meshcat.SetProperty(self.path, "visible", False)
+
+    def clear(self) -> None:
+        """Delete what was sent; as after the creation, nothing is shown."""
+        if self._bodies is not None:
+            self._meshcat.Delete(self.path)
+        self._bodies, self._is_shown = None, False
+        self._sent.clear()
+
+    def _resolve(self, positions: Mapping[str, float]) -> np.ndarray:
+        """Return the positions of the whole plant."""
+        q = self._rest.copy()
+        for joint, value in positions.items():
+            if joint not in self._at:
+                hint = suggest(joint, self._at)
+                raise InputError(f"ghost {self._name!r}: no joint {joint!r}; {hint}")
+            if not math.isfinite(value):
+                raise InputError(
+                    f"ghost {self._name!r}: joint {joint!r}: expected a finite number "
+                    f"[rad or m], got {value}"
+                )
+            q[self._at[joint]] = value
+        for joint, (master, factor, offset) in self._followers.items():
+            if joint not in positions and master in positions:
+                q[self._at[joint]] = factor * positions[master] + offset
+        return q
+
+    def _place(
+        self,
+        bodies: list[_DrawnBody],
+        q: np.ndarray,
+        base_pose: RigidTransform | None,
+    ) -> None:
+        plant, context = self._plant, self._context
+        plant.SetPositions(context, q)
+        # How far the base is moved from where the positions have it.
+        X_WM = RigidTransform()
+        if base_pose is not None:
+            X_WM = base_pose
+            if self._base is not None:
+                X_WM @= plant.EvalBodyPoseInWorld(context, self._base).inverse()
+        for body, path, is_carried in bodies:
+            X_WB = plant.EvalBodyPoseInWorld(context, body)
+            if is_carried:
+                X_WB = X_WM @ X_WB
+            known = self._sent.get(path)
+            if known is None or not known.IsExactlyEqualTo(X_WB):
+                self._sent[path] = RigidTransform(X_WB)
+                self._meshcat.SetTransform(path, X_WB)
+
+    def _draw(self) -> list[_DrawnBody]:
+        robot, inspector = self._robot, self._robot.inspector
+        carried = set(robot.description.links)
+        if self._base is not None:
+            carried = links_on(robot.description.joints, self._base.name())
+        bodies = []
+        for body, link, _ in robot.parts:
+            path = path_below(self.path, body.name())
+            is_drawn = False
+            for index, geometry in enumerate(robot.shapes(body, Role.kIllustration)):
+                solid = visual_solid(inspector, geometry)
+                if solid is not None:
+                    own = path_below(path, str(index))
+                    X_BG = inspector.GetPoseInFrame(geometry)
+                    self._meshcat.SetTransform(own, X_BG)
+                    draw_solid(self._meshcat, own, solid, self._rgba)
+                    is_drawn = True
+            if is_drawn:
+                bodies.append(_DrawnBody(body, path, link in carried))
+        return bodies

@@ -1,0 +1,179 @@
+"""What a page's server answers: files, Meshcat, the panel."""
+
+import asyncio
+import json
+from collections.abc import Callable, Mapping
+from typing import Any
+from urllib.parse import urlsplit
+
+from tornado.httpclient import AsyncHTTPClient, HTTPClientError, HTTPRequest
+from tornado.iostream import IOStream, StreamClosedError
+from tornado.tcpclient import TCPClient
+from tornado.web import HTTPError, RequestHandler, StaticFileHandler
+from tornado.websocket import WebSocketClosedError, WebSocketHandler
+
+# A page on this machine alone is asked for by these names. Others come from a web site
+# whose own name leads here.
+_LOCAL_NAMES = ("localhost", "127.0.0.1", "::1")
+
+# A browser that takes nothing for so long is left; when it wakes up it connects again
+# and gets all that is there [s].
+PATIENCE = 10.0
+
+# Bytes at a time.
+_CHUNK = 1 << 16
+
+Message = Mapping[str, Any]
+
+
+class _OwnNames(RequestHandler):
+    """Answers only those who ask for this machine by its own name.
+
+    Else a web site could have its name lead here, and read and move the robot.
+    """
+
+    def prepare(self) -> None:
+        name = self.request.host_name.strip("[]")
+        if not (self.settings["is_public"] or name in _LOCAL_NAMES):
+            raise HTTPError(403)
+        self.set_header("Cache-Control", "no-store")
+
+
+class Files(_OwnNames, StaticFileHandler):
+    """The page's own files."""
+
+
+class Tunnel(_OwnNames):
+    """Hands on to Meshcat what is asked of it."""
+
+    def initialize(self, port: int, streams: set[IOStream]) -> None:
+        """Take where Meshcat listens, and where to keep streams that are open."""
+        self._port = port
+        self._streams = streams
+
+    async def get(self, path: str) -> None:
+        """Answer with Meshcat's file, or connect with it."""
+        if self.request.headers.get("Upgrade", "").lower() == "websocket":
+            await self._join_streams()
+            return
+        request = HTTPRequest(
+            f"http://localhost:{self._port}/{path}", decompress_response=False
+        )
+        try:
+            answer = await AsyncHTTPClient().fetch(request)
+        except HTTPClientError as error:
+            raise HTTPError(error.code) from None
+        except OSError:
+            raise HTTPError(502) from None
+        for name in ("Content-Type", "Content-Encoding"):
+            if name in answer.headers:
+                self.set_header(name, answer.headers[name])
+        self.write(answer.body)
+
+    async def _join_streams(self) -> None:
+        """Let the browser and Meshcat speak to each other, byte by byte."""
+        headers = self.request.headers
+        if urlsplit(headers.get("Origin", "")).netloc != self.request.host:
+            raise HTTPError(403)
+        try:
+            meshcat = await TCPClient().connect("localhost", self._port)
+        except OSError:
+            raise HTTPError(502) from None
+        lines = [f"GET / HTTP/1.1\r\nHost: localhost:{self._port}"]
+        lines += [
+            f"{name}: {value}"
+            for name, value in headers.get_all()
+            if name == "Upgrade" or name == "Connection" or name.startswith("Sec-")
+        ]
+        browser = self.detach()
+        streams = {meshcat, browser}
+        self._streams |= streams
+        try:
+            await meshcat.write("\r\n".join([*lines, "\r\n"]).encode("latin-1"))
+            await asyncio.gather(_pump(meshcat, browser), _pump(browser, meshcat))
+        except StreamClosedError:
+            pass
+        finally:
+            self._streams -= streams
+            for stream in streams:
+                stream.close()
+
+
+class PanelSocket(_OwnNames, WebSocketHandler):
+    """A browser's panel."""
+
+    def initialize(
+        self,
+        clients: set["PanelSocket"],
+        messages: dict[str, Message],
+        on_event: Callable[[str, Any], None],
+    ) -> None:
+        """Take who is connected, what they know, and who listens to them."""
+        self._clients = clients
+        self._messages = messages
+        self._on_event = on_event
+        self._waiting: dict[str, Message] = {}
+        self._is_sending = False
+
+    def open(self, *args: str, **kwargs: str) -> None:
+        """Tell all that there is."""
+        self._clients.add(self)
+        for message in self._messages.values():
+            self.send(message)
+
+    def on_close(self) -> None:
+        """Forget it."""
+        self._clients.discard(self)
+
+    def on_message(self, message: str | bytes) -> None:
+        """Take an event; what is none is ignored."""
+        try:
+            said = json.loads(message)
+            name, value = said["id"], said.get("value")
+        except (ValueError, KeyError, TypeError, AttributeError):
+            return
+        if isinstance(name, str):
+            self._on_event(name, value)
+
+    def send(self, message: Message) -> None:
+        """Send a message when the browser has taken those before it."""
+        if message["type"] == "panel":
+            self._waiting.pop("patch", None)
+        join(self._waiting, message)
+        if not self._is_sending:
+            self._is_sending = True
+            asyncio.get_running_loop().create_task(self._send_all())
+
+    async def _send_all(self) -> None:
+        try:
+            while self._waiting:
+                text = json.dumps(self._waiting.pop(next(iter(self._waiting))))
+                await asyncio.wait_for(self.write_message(text), PATIENCE)
+        except WebSocketClosedError:
+            pass
+        except TimeoutError:
+            self.close()
+        finally:
+            self._is_sending = False
+
+
+def join(messages: dict[str, Message], message: Message) -> None:
+    """Add a message to those that count."""
+    kind = message["type"]
+    if kind != "patch":
+        messages[kind] = message
+        return
+    changes = dict(messages.get(kind, {}).get("changes", {}))
+    for name, change in message["changes"].items():
+        changes[name] = {**changes.get(name, {}), **change}
+    messages[kind] = {"type": kind, "changes": changes}
+
+
+async def _pump(source: IOStream, sink: IOStream) -> None:
+    """Hand on all that comes; raise StreamClosedError when one is closed."""
+    while True:
+        chunk = await source.read_bytes(_CHUNK, partial=True)
+        try:
+            await asyncio.wait_for(asyncio.shield(sink.write(chunk)), PATIENCE)
+        except TimeoutError:
+            raise StreamClosedError from None

@@ -1,0 +1,290 @@
+// The panel of a page: what Python describes (widgets.py), as HTML.
+"use strict";
+
+const at = (id) => document.getElementById(id);
+
+// Makes an element.
+const make = (tag, properties = {}, ...children) => {
+    const element = Object.assign(document.createElement(tag), properties);
+    element.append(...children);
+    return element;
+};
+
+// Numbers as short as they can be told apart on a slider.
+const short = (number) => String(Math.round(number * 1e4) / 1e4);
+
+// ---- The connection ----
+
+let socket = null;
+let was_connected = false;
+
+// What waits to be said, the latest of each widget: a slider's way is not a queue.
+const waiting = new Map();
+
+const speak = () => {
+    for (const [id, value] of waiting) socket.send(JSON.stringify({id, value}));
+    waiting.clear();
+};
+
+const say = (id, value) => {
+    if (!socket || socket.readyState !== WebSocket.OPEN) return;
+    if (value === undefined) {
+        speak(); // What was set before a click counts before it.
+        socket.send(JSON.stringify({id}));
+        return;
+    }
+    if (!waiting.size) requestAnimationFrame(speak);
+    waiting.set(id, value);
+};
+
+// ---- The widgets: each has an element, and takes changes of its fields ----
+
+const widgets = new Map();
+
+const makers = {
+    slider(w) {
+        const range = make("input", {type: "range", step: "any"});
+        const number = make("input", {type: "number", step: "any"});
+        const label = make("label", {textContent: w.label});
+        const unit = make("span", {className: "unit"});
+        const [lower, upper] = [make("span"), make("span")];
+        const ends = make("div", {className: "ends"}, lower, upper);
+        const element = make("div", {title: w.hint}, label, number, unit, range, ends);
+        range.setAttribute("aria-label", w.label);
+        number.setAttribute("aria-label", `${w.label}, value`);
+        let is_held = false;
+        range.addEventListener("pointerdown", () => { is_held = true; });
+        for (const end of ["pointerup", "pointercancel", "change"])
+            range.addEventListener(end, () => { is_held = false; });
+        range.addEventListener("input", () => {
+            number.value = short(range.valueAsNumber);
+            say(w.id, range.valueAsNumber);
+        });
+        number.addEventListener("change", () => {
+            if (Number.isFinite(number.valueAsNumber)) say(w.id, number.valueAsNumber);
+            else number.value = short(w.value);
+        });
+        const update = () => {
+            element.className = `widget slider${w.is_enabled ? "" : " disabled"}`;
+            range.disabled = number.disabled = !w.is_enabled;
+            unit.textContent = w.unit;
+            lower.textContent = short(w.lower);
+            upper.textContent = short(w.upper);
+            range.min = w.lower;
+            range.max = w.upper;
+            if (is_held) return;
+            range.value = w.value;
+            if (document.activeElement !== number || !number.matches(":focus"))
+                number.value = short(w.value);
+        };
+        number.addEventListener("blur", update);
+        return [element, update];
+    },
+
+    button(w) {
+        const element = make("button", {title: w.hint});
+        element.addEventListener("click", () => say(w.id));
+        const update = () => {
+            element.textContent = w.label;
+            element.disabled = !w.is_enabled;
+        };
+        return [element, update];
+    },
+
+    buttons(w) {
+        const element = make("div", {className: "widget buttons"});
+        for (const button of w.buttons) element.append(place("button", button));
+        return [element, () => {}];
+    },
+
+    toggle(w) {
+        const box = make("input", {type: "checkbox"});
+        const label = make("label", {title: w.hint}, box, make("span", {textContent: w.label}));
+        const element = make("div", {className: "widget toggle"}, label);
+        box.addEventListener("change", () => say(w.id, box.checked));
+        return [element, () => { box.checked = w.value; }];
+    },
+
+    choice(w) {
+        const select = make("select");
+        const label = make("label", {textContent: w.label, title: w.hint});
+        select.setAttribute("aria-label", w.label);
+        const element = make("div", {className: "widget choice"}, label, select);
+        select.addEventListener("change", () => say(w.id, select.value));
+        const update = () => {
+            const options = w.options.map((text) => make("option", {textContent: text, value: text}));
+            select.replaceChildren(...options);
+            select.value = w.value;
+        };
+        return [element, update];
+    },
+
+    text(w) {
+        const label = make("span", {className: "label", textContent: w.label});
+        if (!w.can_copy) {
+            const value = make("span", {className: "value"});
+            const element = make("div", {className: "widget text"}, label, value);
+            return [element, () => { value.textContent = w.value; }];
+        }
+        const pre = make("pre");
+        const button = make("button", {textContent: "copy"});
+        button.addEventListener("click", () => {
+            copy(pre);
+            button.textContent = "copied";
+            setTimeout(() => { button.textContent = "copy"; }, 1000);
+        });
+        const bar = make("div", {className: "bar"}, label, button);
+        const element = make("div", {className: "widget text block"}, bar, pre);
+        return [element, () => { if (pre.textContent !== w.value) pre.textContent = w.value; }];
+    },
+
+    item(w) {
+        const state = make("span");
+        const buttons = make("div", {className: "buttons"});
+        const name = make("div", {className: "name"}, make("div", {textContent: w.label}),
+            make("div", {className: "detail", textContent: w.detail}));
+        const element = make("div", {className: "widget item"}, name,
+            make("div", {}, state, buttons));
+        const update = () => {
+            state.textContent = w.state;
+            state.className = `state ${w.state}`;
+            buttons.replaceChildren(...w.buttons.map((button) => place("button", button)));
+        };
+        return [element, update];
+    },
+};
+
+// Makes a widget's element and keeps what changes it.
+const place = (kind, fields) => {
+    const widget = {...fields};
+    const [element, update] = makers[kind](widget);
+    element.dataset.id = widget.id ?? "";
+    update();
+    if (widget.id) widgets.set(widget.id, {widget, update});
+    return element;
+};
+
+// Works where navigator.clipboard does not: in pages that are not of this machine.
+const copy = (element) => {
+    const range = document.createRange();
+    range.selectNodeContents(element);
+    const selection = getSelection();
+    selection.removeAllRanges();
+    selection.addRange(range);
+    document.execCommand("copy");
+    selection.removeAllRanges();
+};
+
+// ---- What Python says ----
+
+const folded = new Map();
+
+const hear = {
+    panel({title, sections}) {
+        document.title = title;
+        at("title").textContent = title;
+        widgets.clear();
+        const elements = sections.map((section) => {
+            const is_open = folded.get(section.title) ?? section.is_open;
+            const summary = make("summary", {textContent: section.title});
+            const details = make("details", {open: is_open}, summary);
+            details.addEventListener("toggle", () => folded.set(section.title, details.open));
+            for (const {kind, ...fields} of section.widgets) details.append(place(kind, fields));
+            return details;
+        });
+        at("sections").replaceChildren(...elements);
+    },
+
+    patch({changes}) {
+        for (const [id, change] of Object.entries(changes)) {
+            const there = widgets.get(id);
+            if (!there) continue;
+            Object.assign(there.widget, change);
+            there.update();
+        }
+    },
+
+    message({text, severity}) {
+        at("message").textContent = text;
+        at("message").className = severity;
+        at("message").hidden = !text;
+    },
+
+    labels({labels}) {
+        names.clear();
+        at("labels").replaceChildren();
+        for (const [path, text] of Object.entries(labels)) {
+            const span = make("span", {textContent: text});
+            names.set(path.split("/").filter(Boolean), span);
+            at("labels").append(span);
+        }
+    },
+};
+
+const connect = () => {
+    const url = new URL("panel", location.href);
+    url.protocol = url.protocol.replace("http", "ws");
+    socket = new WebSocket(url);
+    socket.onopen = () => {
+        if (was_connected) location.reload(); // The program has started again.
+        was_connected = true;
+    };
+    socket.onmessage = ({data}) => {
+        const message = JSON.parse(data);
+        hear[message.type](message);
+    };
+    socket.onclose = () => {
+        at("lost").hidden = !was_connected;
+        setTimeout(connect, 500);
+    };
+};
+
+// ---- Names beside frames: they follow the scene's camera ----
+
+const names = new Map();
+
+const transform = (e, x, y, z) => [0, 1, 2, 3].map((i) => e[i] * x + e[i + 4] * y + e[i + 8] * z + e[i + 12]);
+
+const draw_names = () => {
+    requestAnimationFrame(draw_names);
+    const viewer = names.size && at("scene").contentWindow.viewer;
+    if (!viewer) return;
+    const {clientWidth: width, clientHeight: height} = at("labels");
+    const {matrixWorldInverse, projectionMatrix} = viewer.camera;
+    for (const [path, span] of names) {
+        const e = viewer.scene_tree.find(path).object.matrixWorld.elements;
+        const seen = transform(matrixWorldInverse.elements, e[12], e[13], e[14]);
+        const [x, y, , w] = transform(projectionMatrix.elements, ...seen);
+        span.hidden = w <= 0;
+        const left = (0.5 + 0.5 * x / w) * width + 6, top = (0.5 - 0.5 * y / w) * height - 8;
+        span.style.transform = `translate(${left.toFixed(1)}px, ${top.toFixed(1)}px)`;
+    }
+};
+
+// ---- Folding and keys ----
+
+const fold = (is_folded) => {
+    at("panel").hidden = is_folded;
+    at("unfold").hidden = !is_folded;
+};
+at("fold").addEventListener("click", () => fold(true));
+at("unfold").addEventListener("click", () => fold(false));
+if (new URLSearchParams(location.search).has("no_panel")) fold(true);
+
+const press = (event) => {
+    if (event.ctrlKey || event.altKey || event.metaKey) return;
+    if (event.target.closest && event.target.closest("input, select, button, summary")) return;
+    for (const {widget} of widgets.values())
+        if (widget.key && widget.key === event.key && widget.is_enabled) {
+            event.preventDefault();
+            say(widget.id);
+            return;
+        }
+};
+addEventListener("keydown", press);
+at("scene").addEventListener("load", () => {
+    at("scene").contentWindow.addEventListener("keydown", press);
+});
+
+connect();
+requestAnimationFrame(draw_names);

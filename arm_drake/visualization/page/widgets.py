@@ -1,0 +1,116 @@
+"""What a panel is made of.
+
+The names of the fields are those of the page's script, `static/panel.js`.
+"""
+
+import dataclasses as dc
+from typing import Any
+
+
+@dc.dataclass(frozen=True)
+class Slider:
+    """A number between two others."""
+
+    # Name of its events; unique in the panel.
+    id: str
+
+    label: str
+
+    # Its range, in its unit.
+    lower: float
+    upper: float
+
+    value: float
+    unit: str = ""
+
+    # Whether it can be moved.
+    is_enabled: bool = True
+
+    # What is shown when the pointer rests on it.
+    hint: str = ""
+
+
+@dc.dataclass(frozen=True)
+class Button:
+    """Something to click."""
+
+    id: str
+    label: str
+    hint: str = ""
+    is_enabled: bool = True
+
+    # Key of the keyboard that clicks it, as in JavaScript's KeyboardEvent.key.
+    key: str = ""
+
+
+@dc.dataclass(frozen=True)
+class Buttons:
+    """Buttons beside each other."""
+
+    buttons: tuple[Button, ...]
+
+
+@dc.dataclass(frozen=True)
+class Toggle:
+    """Something that is on or off."""
+
+    id: str
+    label: str
+    value: bool
+    hint: str = ""
+
+
+@dc.dataclass(frozen=True)
+class Choice:
+    """One of several texts."""
+
+    id: str
+    label: str
+    options: tuple[str, ...]
+    value: str
+    hint: str = ""
+
+
+@dc.dataclass(frozen=True)
+class Text:
+    """Text to read."""
+
+    id: str
+    label: str
+    value: str = ""
+
+    # Whether it has several lines, and a button that copies it.
+    can_copy: bool = False
+
+
+@dc.dataclass(frozen=True)
+class Item:
+    """Something with a state, and buttons that change it."""
+
+    id: str
+    label: str
+
+    # What it is, in small letters.
+    detail: str
+    state: str
+    buttons: tuple[Button, ...] = ()
+
+
+Widget = Slider | Button | Buttons | Toggle | Choice | Text | Item
+
+
+@dc.dataclass(frozen=True)
+class Section:
+    """Widgets below a title; a click on it folds them."""
+
+    title: str
+    widgets: tuple[Widget, ...]
+    is_open: bool = True
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as the page reads it."""
+        widgets = [
+            {"kind": type(widget).__name__.lower(), **dc.asdict(widget)}
+            for widget in self.widgets
+        ]
+        return {"title": self.title, "is_open": self.is_open, "widgets": widgets}
