@@ -202,7 +202,7 @@ class LiveSimulation:
         Args:
             events: What happened on the page, in order.
         """
-        for event in events:
+        for event in latest(events):
             try:
                 self._do(event.id, event.value)
             except ArmDrakeError as error:
@@ -273,3 +273,19 @@ class LiveSimulation:
 
     def _take_news(self, news: News) -> None:
         self._log.add(self.simulation, news)
+
+
+def latest(events: Iterable[Event]) -> list[Event]:
+    """Return events without those whose value is replaced by a later one.
+
+    Of a slider's way the end counts, unless something else was done on the way.
+
+    Args:
+        events: What happened, in order.
+    """
+    kept: list[Event] = []
+    for event in events:
+        if kept and kept[-1].id == event.id and event.value is not None:
+            kept.pop()
+        kept.append(event)
+    return kept

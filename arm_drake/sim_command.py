@@ -17,16 +17,13 @@ from arm_drake.description.robot import Robot
 from arm_drake.diagram import build_diagram
 from arm_drake.drake_log import use_native_logging
 from arm_drake.errors import InputError, MotionError, suggest
-from arm_drake.live_simulation import LiveSimulation
 from arm_drake.motion import Motion, load_motion
 from arm_drake.options import SimulationOptions
-from arm_drake.page_command import interrupting, start_page
 from arm_drake.playback import check_motion
 from arm_drake.sim_files import check_outputs, needs_recording, write_outputs
 from arm_drake.sim_output import Speaker, list_failures, print_summary, summarize
 from arm_drake.simulation import Simulation
 from arm_drake.visualization.meshcat import start_meshcat, start_recording
-from arm_drake.visualization.page import Page
 from arm_drake.visualization.video import FRAME_RATE
 from arm_drake.world import load_world
 from arm_drake.worlds.loaded_world import LoadedWorld
@@ -54,8 +51,7 @@ def simulate(options: argparse.Namespace, robot: Robot) -> int:
     motion = _find_motion(options.motion, options.set, robot)
     say = Speaker(is_quiet=options.json)
     if not options.headless:
-        with start_page(options) as page:
-            return _simulate_live(options, robot, world, motion, page, say)
+        return _simulate_live(options, robot, world, motion, say)
     meshcat = None
     if needs_recording(options) or options.screenshot:
         meshcat = start_meshcat()
@@ -69,41 +65,44 @@ def _simulate_live(
     robot: Robot,
     world: LoadedWorld,
     motion: Motion | None,
-    page: Page,
     say: Speaker,
 ) -> int:
     """Simulate on a page; return the exit code."""
-    simulation = _prepare(options, robot, world, motion, page.meshcat, say)
-    is_recorded = needs_recording(options)
-    live = LiveSimulation(
-        page,
-        simulation,
-        motion=motion,
-        realtime_rate=1.0 if options.rate is None else options.rate,
-        is_paused=options.paused,
-        shown=options.show or ("visual",),
-        frame_rate=FRAME_RATE if is_recorded else None,
-    )
-    live.views.set_fixed_frame(options.fixed_frame or WORLD)
-    live.views.set_trail(options.trail)
-    for what in ("ghost", "contacts"):
-        if getattr(options, what):
-            live.views.show(what)
-    say.page(f"page: {page.url}")
-    duration = _choose_duration(options, motion)
-    if duration is None:
-        say.line("simulating until Ctrl-C")
-    with interrupting(live.stop) as is_interrupted:
-        live.run(duration, say.progress)
-    if is_interrupted():
-        say.line(f"stopped at {simulation.time:.2f} s")
-    code = _finish(options, simulation, live.wall_time, page.meshcat, say)
-    if options.hold and not is_interrupted():
-        say.page(f"the page stays at {page.url} until Ctrl-C")
-        live.pause()
-        with interrupting(live.stop):
-            live.run()
-    return code
+    # Not at the top: a headless simulation must not wait for a web server.
+    from arm_drake.live_simulation import LiveSimulation
+    from arm_drake.page_command import interrupting, start_page
+
+    with start_page(options) as page:
+        simulation = _prepare(options, robot, world, motion, page.meshcat, say)
+        live = LiveSimulation(
+            page,
+            simulation,
+            motion=motion,
+            realtime_rate=1.0 if options.rate is None else options.rate,
+            is_paused=options.paused,
+            shown=options.show or ("visual",),
+            frame_rate=FRAME_RATE if needs_recording(options) else None,
+        )
+        live.views.set_fixed_frame(options.fixed_frame or WORLD)
+        live.views.set_trail(options.trail)
+        for what in ("ghost", "contacts"):
+            if getattr(options, what):
+                live.views.show(what)
+        say.page(f"page: {page.url}")
+        duration = _choose_duration(options, motion)
+        if duration is None:
+            say.line("simulating until Ctrl-C")
+        with interrupting(live.stop) as is_interrupted:
+            live.run(duration, say.progress)
+        if is_interrupted():
+            say.line(f"stopped at {simulation.time:.2f} s")
+        code = _finish(options, simulation, live.wall_time, page.meshcat, say)
+        if options.hold and not is_interrupted():
+            say.page(f"the page stays at {page.url} until Ctrl-C")
+            live.pause()
+            with interrupting(live.stop):
+                live.run()
+        return code
 
 
 def _prepare(
