@@ -72,6 +72,7 @@ def load_robot_of(
         pose=getattr(options, "pose", None),
         initial_positions=initial,
         decompose=options.decompose,
+        max_faces=getattr(options, "max_faces", None),
     )
 
 

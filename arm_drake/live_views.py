@@ -3,12 +3,13 @@
 from collections.abc import Sequence
 
 import numpy as np
-from pydrake.geometry import MeshcatVisualizer, SceneGraph
+from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 
 from arm_drake import interfaces
 from arm_drake.description.joints import WORLD
+from arm_drake.drawing import draw, frame_robots
 from arm_drake.errors import InputError, suggest
 from arm_drake.kinematic import KinematicPlant
 from arm_drake.simulation import Simulation
@@ -16,7 +17,6 @@ from arm_drake.viewer_panel import frame_names, make_fixed_frame
 from arm_drake.visualization.contact_arrows import ContactArrows
 from arm_drake.visualization.ghost import Ghost
 from arm_drake.visualization.link_views import LinkViews
-from arm_drake.visualization.meshcat import frame_shapes
 from arm_drake.visualization.page import Choice, Page, Toggle, Widget
 from arm_drake.visualization.trail import Trail
 
@@ -55,11 +55,6 @@ class LiveViews:
         self._has_physics = not isinstance(plant, KinematicPlant)
         self._plant: MultibodyPlant = plant if self._has_physics else plant.plant
         self._scene_graph: SceneGraph = diagram.GetSubsystemByName("scene_graph")
-        self._visualizers = [
-            system
-            for system in diagram.GetSystems()
-            if isinstance(system, MeshcatVisualizer)
-        ]
         self._robots = simulation.robots
         self._models = {
             name: self._plant.GetModelInstanceByName(name) for name in self._robots
@@ -143,16 +138,11 @@ class LiveViews:
 
     def frame(self) -> None:
         """Point the camera at the robots, so that all of them is to be seen."""
-        root = self._simulation.simulator.get_context()
-        context = self._scene_graph.GetMyContextFromRoot(root)
-        query = self._scene_graph.get_query_output_port().Eval(context)
-        frame_shapes(self._page.meshcat, query, models=list(self._robots))
+        frame_robots(self._simulation, self._page.meshcat)
 
     def draw(self) -> None:
         """Draw all as it is now."""
-        root = self._simulation.simulator.get_context()
-        for visualizer in self._visualizers:
-            visualizer.ForcedPublish(visualizer.GetMyContextFromRoot(root))
+        draw(self._simulation)
         is_moving = self._fixed_frame != WORLD
         if is_moving or self._views.needs_poses or self._trail or self._has_ghosts:
             self._draw_links()

@@ -16,6 +16,7 @@ from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot
 from arm_drake.diagram import build_diagram
 from arm_drake.drake_log import use_native_logging
+from arm_drake.drawing import frame_robots, record
 from arm_drake.errors import InputError, MotionError, suggest
 from arm_drake.motion import Motion, load_motion
 from arm_drake.options import SimulationOptions
@@ -23,7 +24,7 @@ from arm_drake.playback import check_motion
 from arm_drake.sim_files import check_outputs, needs_recording, write_outputs
 from arm_drake.sim_output import Speaker, list_failures, print_summary, summarize
 from arm_drake.simulation import Simulation
-from arm_drake.visualization.meshcat import start_meshcat, start_recording
+from arm_drake.visualization.meshcat import start_meshcat
 from arm_drake.visualization.video import FRAME_RATE
 from arm_drake.world import load_world
 from arm_drake.worlds.loaded_world import LoadedWorld
@@ -56,6 +57,8 @@ def simulate(options: argparse.Namespace, robot: Robot) -> int:
     if needs_recording(options) or options.screenshot:
         meshcat = start_meshcat()
     simulation = _prepare(options, robot, world, motion, meshcat, say)
+    if meshcat is not None:
+        frame_robots(simulation, meshcat)
     wall_time = _run(simulation, motion, options, meshcat, say)
     return _finish(options, simulation, wall_time, meshcat, say)
 
@@ -224,7 +227,7 @@ def _run(
     duration = _choose_duration(options, motion)
     assert duration is not None  # Only a page goes on without an end.
     if meshcat is not None and needs_recording(options):
-        start_recording(meshcat, FRAME_RATE)
+        record(simulation, meshcat, FRAME_RATE)
     start = time.perf_counter()
     try:
         simulation.run(duration, motion, options.rate or 0.0, say.progress)

@@ -216,7 +216,7 @@ LAYERS = [
     ["topic_names"],
     ["diagram", "mailbox", "playback", "teleop", "topic_clients"],
     ["simulation"],
-    ["check_command", "graph_command", "robot_viewer", "sim_output"],
+    ["check_command", "drawing", "graph_command", "robot_viewer", "sim_output"],
     ["live_panel", "live_views", "sim_files"],
     ["live_simulation"],
     ["page_command"],
