@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from arm_drake.diagram import build_diagram as build_diagram
     from arm_drake.errors import ArmDrakeError as ArmDrakeError
     from arm_drake.errors import ParameterError as ParameterError
+    from arm_drake.live_simulation import LiveSimulation as LiveSimulation
     from arm_drake.loading import load_robot as load_robot
     from arm_drake.messages import Float64MultiArray as Float64MultiArray
     from arm_drake.messages import (
@@ -39,10 +40,17 @@ if TYPE_CHECKING:
     from arm_drake.messages import SwitchController as SwitchController
     from arm_drake.motion import Motion as Motion
     from arm_drake.motion import load_motion as load_motion
+    from arm_drake.notebook import PageHandle as PageHandle
+    from arm_drake.notebook import Recording as Recording
+    from arm_drake.notebook import animate as animate
+    from arm_drake.notebook import simulate as simulate
+    from arm_drake.notebook import view as view
     from arm_drake.options import SimulationOptions as SimulationOptions
+    from arm_drake.robot_viewer import RobotViewer as RobotViewer
     from arm_drake.rollout import Rollout as Rollout
     from arm_drake.simulation import Simulation as Simulation
     from arm_drake.visualization.meshcat import start_meshcat as start_meshcat
+    from arm_drake.visualization.page import Page as Page
 
 # Where each public name is defined; imported when it is first used.
 _MODULES = {
@@ -60,23 +68,31 @@ _MODULES = {
     "JointTolerance": "messages",
     "JointTrajectory": "messages",
     "JointTrajectoryPoint": "messages",
+    "LiveSimulation": "live_simulation",
     "LoadReport": "description.report",
     "Motion": "motion",
     "MultiDOFCommand": "messages",
     "Now": "controllers.cycles",
+    "Page": "visualization.page",
+    "PageHandle": "notebook",
     "ParameterError": "errors",
+    "Recording": "notebook",
     "Robot": "description.robot",
+    "RobotViewer": "robot_viewer",
     "Rollout": "rollout",
     "Simulation": "simulation",
     "SimulationOptions": "options",
     "SpeedScalingFactor": "messages",
     "SwitchController": "messages",
     "TickingController": "controllers.ticking_controller",
+    "animate": "notebook",
     "build_diagram": "diagram",
     "load_motion": "motion",
     "load_robot": "loading",
     "register_controller": "controllers",
+    "simulate": "notebook",
     "start_meshcat": "visualization.meshcat",
+    "view": "notebook",
 }
 
 __all__ = sorted(_MODULES)

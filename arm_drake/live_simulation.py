@@ -69,7 +69,8 @@ class LiveSimulation:
         self.simulation = simulation
         self.views = LiveViews(page, simulation, tuple(shown))
         self.remotes: list[Remote] = find_remotes(simulation)
-        self._page = page
+        # Where it is.
+        self.page = page
         self._motion = motion
         self._pace = Pace(realtime_rate)
         self._is_playing = not is_paused
@@ -141,7 +142,7 @@ class LiveSimulation:
         for remote in self.remotes:
             remote.reset()
         if self._frame_rate is not None:
-            record(self.simulation, self._page.meshcat, self._frame_rate)
+            record(self.simulation, self.page.meshcat, self._frame_rate)
         self._log.clear()
         self._start()
         self.views.draw()
@@ -177,7 +178,7 @@ class LiveSimulation:
             wait = min(next_picture, next_panel) - time.perf_counter()
             # As fast as it goes: no waiting, but for what is clicked.
             is_busy = self._is_playing and self.realtime_rate == 0.0
-            self.handle(self._page.events(0.0 if is_busy else max(wait, 0.0)))
+            self.handle(self.page.events(0.0 if is_busy else max(wait, 0.0)))
             if self._is_playing:
                 self._advance()
             now = time.perf_counter()
@@ -206,9 +207,9 @@ class LiveSimulation:
             try:
                 self._do(event.id, event.value)
             except ArmDrakeError as error:
-                self._page.say(str(error), "error")
+                self.page.say(str(error), "error")
             else:
-                self._page.say("")
+                self.page.say("")
 
     def _do(self, name: str, value: Any) -> None:
         kind, _, what = name.partition(":")
@@ -267,7 +268,7 @@ class LiveSimulation:
                 self._picture_at = now + 1.0 / self._frame_rate
 
     def _tell(self, progress: Any) -> None:
-        self._page.patch(make_changes(self))
+        self.page.patch(make_changes(self))
         if progress is not None:
             progress(self.simulation.time)
 

@@ -64,7 +64,8 @@ class RobotViewer:
         Raises:
             ArmDrakeError: If the robot can't be loaded, or hasn't what is to be shown.
         """
-        self._page = page
+        # Where it is.
+        self.page = page
         self._load = load
         self._watcher = FileWatcher(()) if is_watching else None
         self._views = LinkViews(page, shown)
@@ -161,7 +162,7 @@ class RobotViewer:
 
     def frame(self) -> None:
         """Point the camera at the robot, so that all of it is to be seen."""
-        frame_shapes(self._page.meshcat, self._scene.query)
+        frame_shapes(self.page.meshcat, self._scene.query)
 
     def set_fixed_frame(self, link: str) -> None:
         """Let a link stay where it is, and all else move around it, as in RViz.
@@ -176,7 +177,7 @@ class RobotViewer:
         if link not in names:
             raise InputError(f"fixed frame: no link {link!r}; {suggest(link, names)}")
         self._fixed_frame = link
-        self._page.patch({"fixed_frame": {"value": link}})
+        self.page.patch({"fixed_frame": {"value": link}})
         self._draw()
 
     def show_ghost(self, positions: Mapping[str, float] | None = None) -> None:
@@ -192,13 +193,13 @@ class RobotViewer:
         given = {**self._independent(self._positions), **(positions or {})}
         self._ghost_positions = complete(self.robot.description, given)
         self._ghost.show(self._ghost_positions)
-        self._page.patch({"hide_ghost": {"is_enabled": True}})
+        self.page.patch({"hide_ghost": {"is_enabled": True}})
 
     def hide_ghost(self) -> None:
         """Remove the ghost."""
         self._ghost_positions = None
         self._ghost.hide()
-        self._page.patch({"hide_ghost": {"is_enabled": False}})
+        self.page.patch({"hide_ghost": {"is_enabled": False}})
 
     def reload(self) -> bool:
         """Load the robot again; joints that are still there stay where they are.
@@ -211,12 +212,12 @@ class RobotViewer:
             self._put(self._load())
         except (ArmDrakeError, OSError) as error:
             text = f"{error}\n\nThe last robot that could be loaded stays."
-            self._page.say(text, "error")
+            self.page.say(text, "error")
             file = getattr(error, "file", None)
             if self._watcher is not None and file is not None:
                 self._watcher.watch({*self._files, Path(file)})
             return False
-        self._page.say("")
+        self.page.say("")
         return True
 
     def handle(self, events: Iterable[Event]) -> None:
@@ -226,13 +227,13 @@ class RobotViewer:
             events: What happened on the page, in order.
         """
         for problem in handle_events(self, events):
-            self._page.say(problem, "error")
+            self.page.say(problem, "error")
 
     def run(self) -> None:
         """Do what is clicked until `stop`, or Ctrl-C."""
         self._is_running = True
         while self._is_running:
-            self.handle(self._page.events(_WATCH_PERIOD))
+            self.handle(self.page.events(_WATCH_PERIOD))
             if self._watcher is not None and self._watcher.changed():
                 self.reload()
 
@@ -242,7 +243,7 @@ class RobotViewer:
 
     def _put(self, robot: Robot) -> None:
         """Show a robot in place of the one before."""
-        meshcat = self._page.meshcat
+        meshcat = self.page.meshcat
         named_poses, files = find_group_states(robot), watched_files(robot)
         scene = RobotScene(meshcat, robot)
         ranges = joint_ranges(robot.description)
@@ -283,17 +284,17 @@ class RobotViewer:
                 make_fixed_frame([robot], self._fixed_frame),
             ),
         )
-        self._page.set_panel(robot.name, sections)
+        self.page.set_panel(robot.name, sections)
         self._draw()
 
     def _draw(self) -> None:
         """Show the present pose, in the scene and in the panel."""
         poses = self._scene.link_poses()
         X_WF = poses.get(self._fixed_frame, RigidTransform())
-        self._page.meshcat.SetTransform("/drake", X_WF.inverse())
+        self.page.meshcat.SetTransform("/drake", X_WF.inverse())
         self._scene.publish()
         self._views.update({self.robot.name: poses})
-        self._page.patch(make_pose_changes(self._positions, self._ranges))
+        self.page.patch(make_pose_changes(self._positions, self._ranges))
 
     def _independent(self, positions: Mapping[str, float]) -> dict[str, float]:
         return {r.name: positions[r.name] for r in self._ranges if r.follows is None}

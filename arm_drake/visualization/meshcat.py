@@ -57,6 +57,9 @@ _CELLS = 2.0
 def start_meshcat(*, host: str = "localhost", port: int | None = None) -> Meshcat:
     """Start a Meshcat server and return it; its page is at `web_url()`.
 
+    It stays as long as a diagram that draws on it, which may be for ever: call it once
+    in a notebook, or use `view`, `simulate` and `animate`, which leave none behind.
+
     Args:
         host: Address to listen on; "localhost" is seen from this machine only.
         port: Port to listen on; by default the first free one from 7000 on.
@@ -206,6 +209,9 @@ def save_html(meshcat: Meshcat, path: Path) -> None:
     Args:
         meshcat: What was recorded.
         path: HTML file to write.
+
+    Raises:
+        OutputError: If it can't be written.
     """
     with writing(path):
         path.write_text(meshcat.StaticHtml(), encoding="utf-8")

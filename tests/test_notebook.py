@@ -1,0 +1,221 @@
+"""Pages beside a program: cells that are run again, other threads, static pages."""
+
+import gc
+import threading
+import time
+import urllib.request
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import psutil
+import pytest
+
+import arm_drake as ad
+from arm_drake import notebook
+from arm_drake.errors import InputError
+from tests.models import load, pendulum
+
+ARM = "lab5_arm"
+JOINT = "base_arm1_joint"
+
+# A page is closed, or a thread has come to something, within so long [s].
+PATIENCE = 10.0
+
+
+@pytest.fixture(autouse=True)
+def local_browser(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in notebook._REMOTE_VARIABLES:
+        monkeypatch.delenv(name, raising=False)
+
+
+@pytest.fixture
+def pages() -> Iterator[list[ad.PageHandle]]:
+    opened: list[ad.PageHandle] = []
+    yield opened
+    for page in opened:
+        page.close()
+
+
+def wait_until(is_true: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE
+    while not is_true():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def num_listening() -> int:
+    connections = psutil.Process().net_connections("tcp")
+    return sum(c.status == psutil.CONN_LISTEN for c in connections)
+
+
+def test_a_viewer_is_used_from_another_thread_than_its_own(pages) -> None:
+    page = ad.view(ARM, positions={JOINT: 0.5})
+    pages.append(page)
+
+    page.set_positions({JOINT: 0.75})
+
+    assert page.positions[JOINT] == 0.75
+    assert page.call(lambda viewer: viewer.positions[JOINT]) == 0.75
+    assert page.call(lambda viewer: threading.current_thread()) is not (
+        threading.current_thread()
+    )
+
+
+def test_errors_come_to_who_asked(pages) -> None:
+    page = ad.view(ARM)
+    pages.append(page)
+
+    with pytest.raises(InputError) as caught:
+        page.set_positions({"no_joint": 0.0})
+
+    assert str(caught.value).startswith("no joint 'no_joint'; ")
+    # It goes on.
+    assert page.positions[JOINT] == pytest.approx(0.0, abs=1.0)
+
+
+def test_a_robot_that_cannot_be_loaded_is_said_at_once(tmp_path) -> None:
+    with pytest.raises(ad.ArmDrakeError, match="nothing"):
+        ad.view(tmp_path / "nothing.urdf")
+
+
+def test_options_for_a_robot_that_is_loaded_already_are_refused() -> None:
+    robot = ad.load_robot(ARM)
+
+    with pytest.raises(InputError) as caught:
+        ad.view(robot, distro="humble")
+
+    assert str(caught.value) == "distro: the robot is loaded already"
+
+
+def test_a_cell_that_is_run_again_keeps_its_address_and_leaves_nothing(pages) -> None:
+    page = ad.view(ARM, port=7800)
+    url, listening = page.url, num_listening()
+    threads = threading.active_count()
+
+    for _ in range(5):
+        page = ad.view(ARM, port=int(url.rpartition(":")[2].strip("/")))
+    pages.append(page)
+
+    assert page.url == url
+    assert num_listening() == listening
+    assert threading.active_count() == threads
+
+
+def test_a_page_that_nobody_has_is_closed() -> None:
+    page = ad.view(ARM)
+    url = page.url
+
+    del page
+    gc.collect()
+
+    def is_gone() -> bool:
+        try:
+            urllib.request.urlopen(url, timeout=1.0).close()  # noqa: S310
+        except OSError:
+            return True
+        return False
+
+    wait_until(is_gone)
+
+
+def test_a_closed_page_says_so() -> None:
+    page = ad.view(ARM)
+
+    page.close()
+
+    assert repr(page) == "<page, closed>"
+    assert page._repr_html_() is None
+    with pytest.raises(RuntimeError, match="the page is closed"):
+        page.randomize()
+    page.close()
+
+
+def test_in_a_notebook_the_page_is_in_the_cell(pages) -> None:
+    page = ad.view(ARM)
+    pages.append(page)
+
+    shown = page._repr_html_()
+
+    assert shown.startswith(f'<iframe src="{page.url}" ')
+
+
+@pytest.mark.parametrize("name", notebook._REMOTE_VARIABLES)
+def test_where_the_browser_is_elsewhere_the_cell_has_all_it_needs(
+    pages, monkeypatch, name
+) -> None:
+    page = ad.view(ARM)
+    pages.append(page)
+    monkeypatch.setenv(name, "yes")
+
+    shown = page._repr_html_()
+
+    assert shown.startswith('<iframe srcdoc="&lt;!DOCTYPE html&gt;')
+    assert page.url not in shown
+
+
+def test_a_simulation_goes_on_beside_the_program(pages) -> None:
+    page = ad.simulate(ad.load_robot(ARM), realtime_rate=0.0)
+    pages.append(page)
+
+    wait_until(lambda: page.call(lambda live: live.simulation.time) > 0.5)
+    page.pause()
+
+    times = [page.call(lambda live: live.simulation.time) for _ in range(3)]
+    assert times[0] == times[-1]
+    assert not page.is_playing
+
+
+def test_a_simulation_on_a_page_takes_goals_from_the_program(pages) -> None:
+    page = ad.simulate(ad.load_robot(ARM), realtime_rate=0.0)
+    pages.append(page)
+
+    def go(live: ad.LiveSimulation) -> None:
+        (remote,) = live.remotes
+        remote.go_to({JOINT: 0.5})
+
+    page.call(go)
+
+    def position() -> float:
+        return page.call(
+            lambda live: dict(
+                zip(
+                    live.simulation.joint_states().name,
+                    live.simulation.joint_states().position,
+                    strict=True,
+                )
+            )[JOINT]
+        )
+
+    wait_until(lambda: abs(position() - 0.5) < 5e-3)
+
+
+def test_an_animation_is_the_same_simulation(tmp_path) -> None:
+    robot = load(tmp_path, pendulum())
+    alone = ad.Simulation(ad.build_diagram(robot))
+    alone.run(1.0)
+
+    animated, recording = ad.animate(robot, 1.0)
+
+    assert np.array_equal(animated.rollout().position, alone.rollout().position)
+    assert recording.html.startswith("<!DOCTYPE html>")
+    assert recording._repr_html_().startswith('<iframe srcdoc="')
+
+
+def test_an_animation_is_written_to_a_file(tmp_path) -> None:
+    _, recording = ad.animate(ad.load_robot(ARM), 0.1)
+
+    recording.save(tmp_path / "arm.html")
+
+    assert (tmp_path / "arm.html").read_text(encoding="utf-8") == recording.html
+    with pytest.raises(ad.ArmDrakeError):
+        recording.save(tmp_path / "none" / "arm.html")
+
+
+def test_animations_leave_no_servers() -> None:
+    ad.animate(ad.load_robot(ARM), 0.1)
+    listening = num_listening()
+
+    for _ in range(3):
+        ad.animate(ad.load_robot(ARM), 0.1)
+
+    assert num_listening() == listening
