@@ -41,10 +41,10 @@ if TYPE_CHECKING:
     from arm_drake.motion import Motion as Motion
     from arm_drake.motion import load_motion as load_motion
     from arm_drake.notebook import PageHandle as PageHandle
-    from arm_drake.notebook import Recording as Recording
     from arm_drake.notebook import animate as animate
     from arm_drake.notebook import simulate as simulate
     from arm_drake.notebook import view as view
+    from arm_drake.notebook_cells import Recording as Recording
     from arm_drake.options import SimulationOptions as SimulationOptions
     from arm_drake.robot_viewer import RobotViewer as RobotViewer
     from arm_drake.rollout import Rollout as Rollout
@@ -76,7 +76,7 @@ _MODULES = {
     "Page": "visualization.page",
     "PageHandle": "notebook",
     "ParameterError": "errors",
-    "Recording": "notebook",
+    "Recording": "notebook_cells",
     "Robot": "description.robot",
     "RobotViewer": "robot_viewer",
     "Rollout": "rollout",

@@ -6,9 +6,11 @@ import functools
 import io
 import json
 import os
+import signal
 import sys
 import textwrap
-from collections.abc import Callable, Mapping, Sequence
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from arm_drake.arguments import parse_arguments
@@ -42,6 +44,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 130
 
 
+@contextlib.contextmanager
+def _unbroken() -> Iterator[None]:
+    """Put Ctrl-C off for an import, where Drake makes an ImportError of it."""
+    is_main = threading.current_thread() is threading.main_thread()
+    before = signal.getsignal(signal.SIGINT)
+    if not is_main or before is None:
+        yield
+        return
+    pressed = threading.Event()
+    signal.signal(signal.SIGINT, lambda *signal_and_frame: pressed.set())
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if pressed.is_set():
+        raise KeyboardInterrupt
+
+
 def load_robot_of(
     options: argparse.Namespace, positions: Mapping[str, float] | None = None
 ) -> Any:
@@ -51,7 +71,8 @@ def load_robot_of(
         options: What was parsed.
         positions: Initial positions by joint [rad] or [m], beside those in `options`.
     """
-    from arm_drake.loading import load_robot
+    with _unbroken():
+        from arm_drake.loading import load_robot
 
     initial = dict(positions or {})
     for name, text in getattr(options, "initial", ()):
@@ -103,13 +124,15 @@ def _check(options: argparse.Namespace) -> int:
 
 
 def _sim(options: argparse.Namespace) -> int:
-    from arm_drake.sim_command import simulate
+    with _unbroken():
+        from arm_drake.sim_command import simulate
 
     return simulate(options, load_robot_of(options))
 
 
 def _view(options: argparse.Namespace) -> int:
-    from arm_drake.view_command import view
+    with _unbroken():
+        from arm_drake.view_command import view
 
     return view(options, functools.partial(load_robot_of, options))
 

@@ -2,13 +2,10 @@
 
 import dataclasses as dc
 import functools
-import html
 import os
-import sys
 import threading
 import weakref
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import Any, TypeVar
 
 from arm_drake.description.joints import WORLD
@@ -19,8 +16,13 @@ from arm_drake.errors import InputError
 from arm_drake.live_simulation import LiveSimulation
 from arm_drake.loading import load_robot
 from arm_drake.motion import Motion
+from arm_drake.notebook_cells import (
+    Recording,
+    html_in_a_cell,
+    is_browser_elsewhere,
+    page_in_a_cell,
+)
 from arm_drake.options import SimulationOptions
-from arm_drake.output_files import writing
 from arm_drake.page_threads import PageThread
 from arm_drake.robot_viewer import RobotViewer
 from arm_drake.simulation import Simulation
@@ -29,16 +31,6 @@ from arm_drake.visualization.page.meshcats import give_back, take_meshcat
 from arm_drake.world import World
 
 T = TypeVar("T")
-
-_HEIGHT = 520  # pixels
-
-# Modules and variables of notebooks that run on another machine than their browser.
-_REMOTE_MODULES = ("google.colab",)
-_REMOTE_VARIABLES = (
-    "BINDER_LAUNCH_HOST",
-    "JUPYTERHUB_SERVICE_PREFIX",
-    "KAGGLE_KERNEL_RUN_TYPE",
-)
 
 # The pages that are open, by their names.
 _open: "weakref.WeakValueDictionary[str, PageHandle]" = weakref.WeakValueDictionary()
@@ -114,38 +106,8 @@ class PageHandle:
         if not self.is_open:
             return None
         if is_browser_elsewhere():
-            return in_a_cell(self.to_html())
-        return (
-            f'<iframe src="{self.url}" width="100%" height="{_HEIGHT}" '
-            'style="border: 1px solid #ccc"></iframe>'
-        )
-
-
-class Recording:
-    """What was recorded of a simulation; in a notebook its value plays in the cell."""
-
-    def __init__(self, page: str) -> None:
-        """Create it.
-
-        Args:
-            page: A page of HTML that needs nothing else.
-        """
-        self.html = page
-
-    def save(self, path: str | Path) -> None:
-        """Write it as a file that any browser opens.
-
-        Args:
-            path: HTML file.
-
-        Raises:
-            OutputError: If it can't be written.
-        """
-        with writing(Path(path)):
-            Path(path).write_text(self.html, encoding="utf-8")
-
-    def _repr_html_(self) -> str:
-        return in_a_cell(self.html)
+            return html_in_a_cell(self.to_html())
+        return page_in_a_cell(self.url)
 
 
 def view(
@@ -284,25 +246,6 @@ def animate(
     finally:
         give_back(meshcat)
     return simulation, Recording(page)
-
-
-def is_browser_elsewhere() -> bool:
-    """Return whether the notebook's browser can't reach pages of this machine."""
-    return any(name in sys.modules for name in _REMOTE_MODULES) or any(
-        name in os.environ for name in _REMOTE_VARIABLES
-    )
-
-
-def in_a_cell(page: str) -> str:
-    """Return what shows a page of HTML inside a notebook's cell.
-
-    Args:
-        page: The page.
-    """
-    return (
-        f'<iframe srcdoc="{html.escape(page)}" width="100%" height="{_HEIGHT}" '
-        'style="border: 1px solid #ccc"></iframe>'
-    )
 
 
 def _open_page(

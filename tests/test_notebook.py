@@ -11,7 +11,7 @@ import psutil
 import pytest
 
 import arm_drake as ad
-from arm_drake import notebook
+from arm_drake import notebook_cells
 from arm_drake.errors import InputError
 from tests.models import load, pendulum
 
@@ -24,7 +24,7 @@ PATIENCE = 10.0
 
 @pytest.fixture(autouse=True)
 def local_browser(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in notebook._REMOTE_VARIABLES:
+    for name in notebook_cells._REMOTE_VARIABLES:
         monkeypatch.delenv(name, raising=False)
 
 
@@ -139,7 +139,7 @@ def test_in_a_notebook_the_page_is_in_the_cell(pages) -> None:
     assert shown.startswith(f'<iframe src="{page.url}" ')
 
 
-@pytest.mark.parametrize("name", notebook._REMOTE_VARIABLES)
+@pytest.mark.parametrize("name", notebook_cells._REMOTE_VARIABLES)
 def test_where_the_browser_is_elsewhere_the_cell_has_all_it_needs(
     pages, monkeypatch, name
 ) -> None:
