@@ -1,10 +1,12 @@
 """Pages beside a program: cells that are run again, other threads, static pages."""
 
 import gc
+import re
 import threading
 import time
 import urllib.request
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import numpy as np
 import psutil
@@ -219,3 +221,15 @@ def test_animations_leave_no_servers() -> None:
         ad.animate(ad.load_robot(ARM), 0.1)
 
     assert num_listening() == listening
+
+
+def test_the_programs_of_the_docs_run(tmp_path, monkeypatch) -> None:
+    docs = Path(__file__).parents[1] / "docs/page.md"
+    programs = re.findall(r"```python\n(.*?)```", docs.read_text("utf-8"), re.DOTALL)
+    monkeypatch.chdir(tmp_path)
+
+    for program in programs:
+        exec(compile(program, str(docs), "exec"), {})  # noqa: S102  our own text.
+
+    assert len(programs) == 2
+    assert (tmp_path / "arm.html").is_file()
