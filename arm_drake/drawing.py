@@ -1,13 +1,14 @@
 """Pictures of a simulation as it is now."""
 
 import math
+from collections.abc import Callable
 
 from pydrake.geometry import Meshcat, MeshcatVisualizer
 
 from arm_drake.motion import Motion
 from arm_drake.playback import Player
 from arm_drake.simulation import TICK_TOLERANCE, Simulation
-from arm_drake.visualization.meshcat import frame_shapes, start_recording
+from arm_drake.visualization.meshcat import frame_shapes
 
 
 def draw(simulation: Simulation) -> None:
@@ -20,18 +21,6 @@ def draw(simulation: Simulation) -> None:
     for system in simulation.diagram.GetSystems():
         if isinstance(system, MeshcatVisualizer):
             system.ForcedPublish(system.GetMyContextFromRoot(root))
-
-
-def record(simulation: Simulation, meshcat: Meshcat, frame_rate: float) -> None:
-    """Record what is drawn from now on, beginning with what is to be seen now.
-
-    Args:
-        simulation: What is drawn.
-        meshcat: Where it is drawn, at this rate.
-        frame_rate: Pictures per simulated second [Hz].
-    """
-    start_recording(meshcat, frame_rate)
-    draw(simulation)
 
 
 def frame_robots(simulation: Simulation, meshcat: Meshcat) -> None:
@@ -48,34 +37,41 @@ def frame_robots(simulation: Simulation, meshcat: Meshcat) -> None:
     frame_shapes(meshcat, query, models=list(simulation.robots))
 
 
-def film(
+def run_drawing(
     simulation: Simulation,
-    meshcat: Meshcat,
     duration: float,
     motion: Motion | None = None,
     *,
+    draw: Callable[[], None],
     frame_rate: float,
-) -> str:
-    """Simulate for a while; return a page of HTML on which it plays.
+    realtime_rate: float = 0.0,
+    progress: Callable[[float], None] | None = None,
+) -> None:
+    """Simulate for a while and draw at equal times.
 
     Args:
-        simulation: What to simulate. Its diagram draws on the Meshcat when it is told
-            to, see `SimulationOptions.frame_rate`.
-        meshcat: Where it is drawn.
+        simulation: What to simulate. Its diagram draws when it is told to, see
+            `SimulationOptions.frame_rate`.
         duration: How long [s].
         motion: What to send, its times counted from now.
+        draw: Draws the simulation as it is; called at once, and for each picture.
         frame_rate: Pictures per simulated second [Hz].
+        realtime_rate: Simulated seconds per second; 0 is as fast as it goes.
+        progress: Called with the simulated time [s] for each picture.
 
     Raises:
         MotionError: As `Simulation.run`.
     """
     player = Player(simulation, motion, TICK_TOLERANCE * simulation.period)
-    record(simulation, meshcat, frame_rate)
+    draw()
+    # The rate counts from now.
+    simulation.simulator.ResetStatistics()
+    simulation.simulator.set_target_realtime_rate(realtime_rate)
     start, count = simulation.time, math.floor(duration * frame_rate + 1e-9)
     for picture in (*range(1, count + 1), None):
         passed = duration if picture is None else picture / frame_rate
         player.play(max(start + passed - simulation.time, 0.0))
-        draw(simulation)
-    meshcat.StopRecording()
-    meshcat.PublishRecording()
-    return meshcat.StaticHtml()
+        draw()
+        if progress is not None:
+            progress(simulation.time)
+    simulation.simulator.set_target_realtime_rate(0.0)

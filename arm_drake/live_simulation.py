@@ -5,7 +5,6 @@ import time
 from collections.abc import Iterable
 from typing import Any
 
-from arm_drake.drawing import record
 from arm_drake.errors import ArmDrakeError
 from arm_drake.live_panel import (
     AS_FAST_AS_POSSIBLE,
@@ -20,6 +19,7 @@ from arm_drake.pace import Pace
 from arm_drake.playback import Player
 from arm_drake.simulation import TICK_TOLERANCE, Simulation
 from arm_drake.teleop import Remote, find_remotes
+from arm_drake.visualization.meshcat import start_recording
 from arm_drake.visualization.page import Event, Page
 
 # Pictures, and updates of the panel, per second of wall time [s].
@@ -67,7 +67,9 @@ class LiveSimulation:
             MotionError: As `Simulation.run`.
         """
         self.simulation = simulation
-        self.views = LiveViews(page, simulation, tuple(shown))
+        self.views = LiveViews(
+            page, simulation, tuple(shown), is_recorded=frame_rate is not None
+        )
         self.remotes: list[Remote] = find_remotes(simulation)
         # Where it is.
         self.page = page
@@ -78,7 +80,7 @@ class LiveSimulation:
         self._end = math.inf
         self._frame_rate = frame_rate
         if frame_rate is not None:
-            record(simulation, page.meshcat, frame_rate)
+            start_recording(page.meshcat, frame_rate)
         self._log = LogLines()
         simulation.on_event(self._take_news)
         self._start()
@@ -142,7 +144,7 @@ class LiveSimulation:
         for remote in self.remotes:
             remote.reset()
         if self._frame_rate is not None:
-            record(self.simulation, self.page.meshcat, self._frame_rate)
+            start_recording(self.page.meshcat, self._frame_rate)
         self._log.clear()
         self._start()
         self.views.draw()

@@ -17,7 +17,7 @@ from arm_drake.viewer_panel import frame_names, make_fixed_frame
 from arm_drake.visualization.contact_arrows import ContactArrows
 from arm_drake.visualization.ghost import Ghost
 from arm_drake.visualization.link_views import LinkViews
-from arm_drake.visualization.page import Choice, Page, Toggle, Widget
+from arm_drake.visualization.page import Choice, Scene, Toggle, Widget
 from arm_drake.visualization.trail import Trail
 
 # How long the weight of a robot is drawn, in parts of the size of the robot.
@@ -30,26 +30,30 @@ _NOTHING = "none"
 
 
 class LiveViews:
-    """Draws a simulation on a page, as it is now."""
+    """Draws a simulation as it is now."""
 
     def __init__(
         self,
-        page: Page,
+        scene: Scene,
         simulation: Simulation,
         shown: Sequence[str] = ("visual",),
+        *,
+        is_recorded: bool = False,
     ) -> None:
         """Create it, and point the camera at the robots.
 
         Args:
-            page: Where to draw.
-            simulation: A simulation, whose diagram draws on the page.
+            scene: Where to draw.
+            simulation: A simulation, whose diagram draws there.
             shown: What is shown at first, as `LinkViews`.
+            is_recorded: Whether all of it goes to a recording, too.
 
         Raises:
             InputError: If something of it isn't known.
         """
-        self._page = page
+        self._scene = scene
         self._simulation = simulation
+        self._is_recorded = is_recorded
         diagram = simulation.diagram
         plant = diagram.GetSubsystemByName("plant")
         self._has_physics = not isinstance(plant, KinematicPlant)
@@ -60,14 +64,14 @@ class LiveViews:
             name: self._plant.GetModelInstanceByName(name) for name in self._robots
         }
         self._frames = frame_names(list(self._robots.values()))
-        self._views = LinkViews(page, shown)
+        self._views = LinkViews(scene, shown)
         self._views.put(
             self._plant, self._scene_graph, self._models, list(self._robots.values())
         )
         self._fixed_frame = WORLD
         self._ghosts = {
             name: Ghost(
-                page.meshcat,
+                scene.meshcat,
                 self._plant,
                 self._scene_graph,
                 self._models[name],
@@ -102,7 +106,7 @@ class LiveViews:
             self._show_contacts(is_shown)
         else:
             self._views.show(what, is_shown)
-        self._page.patch({f"show:{what}": {"value": is_shown}})
+        self._scene.patch({f"show:{what}": {"value": is_shown}})
         self.draw()
 
     def set_fixed_frame(self, frame: str) -> None:
@@ -115,7 +119,7 @@ class LiveViews:
             InputError: If there is no such link.
         """
         self._fixed_frame = self._find(frame, "fixed frame")
-        self._page.patch({"fixed_frame": {"value": frame}})
+        self._scene.patch({"fixed_frame": {"value": frame}})
         self.draw()
 
     def set_trail(self, frame: str | None) -> None:
@@ -132,13 +136,13 @@ class LiveViews:
         self._trail = None
         if frame is not None:
             self._trail_link = self._find(frame, "trail")
-            self._trail = Trail(self._page.meshcat)
-        self._page.patch({"trail": {"value": frame or _NOTHING}})
+            self._trail = Trail(self._scene.meshcat)
+        self._scene.patch({"trail": {"value": frame or _NOTHING}})
         self.draw()
 
     def frame(self) -> None:
         """Point the camera at the robots, so that all of them is to be seen."""
-        frame_robots(self._simulation, self._page.meshcat)
+        frame_robots(self._simulation, self._scene.meshcat)
 
     def draw(self) -> None:
         """Draw all as it is now."""
@@ -202,7 +206,7 @@ class LiveViews:
         for name, model in self._models.items():
             mass = self._plant.CalcTotalMass(context, [model])
             self._arrows[name] = ContactArrows(
-                self._page.meshcat,
+                self._scene.meshcat,
                 name,
                 force=max(mass * _GRAVITY, 1e-3),
                 length=_WEIGHT_LENGTH * self._size(name),
@@ -215,6 +219,8 @@ class LiveViews:
         return max(float(np.linalg.norm(np.ptp(points, axis=0))), 0.1)
 
     def _draw_links(self) -> None:
+        now = self._simulation.time
+        time = now if self._is_recorded else None
         poses = {name: self._simulation.link_poses(name) for name in self._robots}
         many = len(poses) > 1
         where = {
@@ -223,17 +229,18 @@ class LiveViews:
             for link, X_WL in links.items()
         }
         X_WF = where.get(self._fixed_frame, RigidTransform())
-        self._page.meshcat.SetTransform("/drake", X_WF.inverse())
-        self._views.update(poses)
+        self._scene.meshcat.SetTransform("/drake", X_WF.inverse(), time)
+        self._views.update(poses, time)
         if self._trail is not None:
             point = where[self._trail_link].translation()
-            self._trail.append(self._simulation.time, point)
+            self._trail.append(now, point)
         if self._has_ghosts:
             for name, ghost in self._ghosts.items():
                 description = self._robots[name].description
                 base = description.base if description.roots else WORLD
                 positions = commanded_positions(self._simulation, name)
-                ghost.show(positions, base_pose=poses[name].get(base))
+                base_pose = poses[name].get(base)
+                ghost.show(positions, base_pose=base_pose, time=time)
 
 
 def commanded_positions(simulation: Simulation, robot: str) -> dict[str, float]:

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot, list_robots
 from arm_drake.diagram import build_diagram
-from arm_drake.drawing import film, frame_robots
+from arm_drake.drawing import draw, frame_robots, run_drawing
 from arm_drake.errors import InputError
 from arm_drake.live_simulation import LiveSimulation
 from arm_drake.loading import load_robot
@@ -26,8 +26,8 @@ from arm_drake.options import SimulationOptions
 from arm_drake.page_threads import PageThread
 from arm_drake.robot_viewer import RobotViewer
 from arm_drake.simulation import Simulation
-from arm_drake.visualization.page import Page
-from arm_drake.visualization.page.meshcats import give_back, take_meshcat
+from arm_drake.visualization.meshcat import start_recording
+from arm_drake.visualization.page import Page, Scene
 from arm_drake.world import World
 
 T = TypeVar("T")
@@ -234,17 +234,25 @@ def animate(
         ArmDrakeError: If the robots can't be simulated.
     """
     given = SimulationOptions() if options is None else options
-    meshcat = take_meshcat()
-    try:
+    rate = given.frame_rate or SimulationOptions.frame_rate
+    with Scene() as scene:
+        meshcat = scene.meshcat
         # It draws nothing by itself, so that another one may have the Meshcat later.
         own = dc.replace(given, frame_rate=0.0)
         diagram = build_diagram(robots, world=world, options=own, meshcat=meshcat)
         simulation = Simulation(diagram)
         frame_robots(simulation, meshcat)
-        rate = given.frame_rate or SimulationOptions.frame_rate
-        page = film(simulation, meshcat, duration, motion, frame_rate=rate)
-    finally:
-        give_back(meshcat)
+        start_recording(meshcat, rate)
+        run_drawing(
+            simulation,
+            duration,
+            motion,
+            draw=lambda: draw(simulation),
+            frame_rate=rate,
+        )
+        meshcat.StopRecording()
+        meshcat.PublishRecording()
+        page = meshcat.StaticHtml()
     return simulation, Recording(page)
 
 

@@ -4,9 +4,9 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydrake.geometry import Meshcat
 
@@ -16,7 +16,7 @@ from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot
 from arm_drake.diagram import build_diagram
 from arm_drake.drake_log import use_native_logging
-from arm_drake.drawing import frame_robots, record
+from arm_drake.drawing import run_drawing
 from arm_drake.errors import InputError, MotionError, suggest
 from arm_drake.motion import Motion, load_motion
 from arm_drake.options import SimulationOptions
@@ -24,10 +24,13 @@ from arm_drake.playback import check_motion
 from arm_drake.sim_files import check_outputs, needs_recording, write_outputs
 from arm_drake.sim_output import Speaker, list_failures, print_summary, summarize
 from arm_drake.simulation import Simulation
-from arm_drake.visualization.meshcat import start_meshcat
+from arm_drake.visualization.meshcat import start_recording
 from arm_drake.visualization.video import FRAME_RATE
 from arm_drake.world import load_world
 from arm_drake.worlds.loaded_world import LoadedWorld
+
+if TYPE_CHECKING:
+    from arm_drake.live_views import LiveViews
 
 # How long a simulation without a motion lasts, headless [s].
 _HEADLESS_DURATION = 10.0
@@ -53,14 +56,87 @@ def simulate(options: argparse.Namespace, robot: Robot) -> int:
     say = Speaker(is_quiet=options.json)
     if not options.headless:
         return _simulate_live(options, robot, world, motion, say)
-    meshcat = None
-    if needs_recording(options) or options.screenshot:
-        meshcat = start_meshcat()
-    simulation = _prepare(options, robot, world, motion, meshcat, say)
-    if meshcat is not None:
-        frame_robots(simulation, meshcat)
-    wall_time = _run(simulation, motion, options, meshcat, say)
-    return _finish(options, simulation, wall_time, meshcat, say)
+    return _simulate_headless(options, robot, world, motion, say)
+
+
+def _simulate_headless(
+    options: argparse.Namespace,
+    robot: Robot,
+    world: LoadedWorld,
+    motion: Motion | None,
+    say: Speaker,
+) -> int:
+    """Simulate without a page; return the exit code."""
+    chosen, rate = _choose_duration(options, motion), options.rate or 0.0
+    assert chosen is not None  # Only a page goes on without an end.
+    duration = chosen
+    if not (needs_recording(options) or options.screenshot):
+        _check_nothing_shown(options)
+        simulation = _prepare(options, robot, world, motion, None, say)
+        duration, rate = _choose_duration(options, motion), options.rate or 0.0
+        wall_time = _measure(
+            lambda: simulation.run(duration, motion, rate, say.progress),
+            simulation,
+            say,
+        )
+        return _finish(options, simulation, wall_time, None, say)
+    # Not at the top: a simulation without pictures needs no Meshcat.
+    from arm_drake.live_views import LiveViews
+    from arm_drake.visualization.page import Scene
+
+    with Scene() as scene:
+        meshcat = scene.meshcat
+        simulation = _prepare(options, robot, world, motion, meshcat, say)
+        is_recorded = needs_recording(options)
+        shown = options.show or ("visual",)
+        views = LiveViews(scene, simulation, shown, is_recorded=is_recorded)
+        if is_recorded:
+            start_recording(meshcat, FRAME_RATE)
+        _show(options, views)
+        wall_time = _measure(
+            lambda: run_drawing(
+                simulation,
+                duration,
+                motion,
+                draw=views.draw,
+                frame_rate=FRAME_RATE,
+                realtime_rate=rate,
+                progress=say.progress,
+            ),
+            simulation,
+            say,
+        )
+        return _finish(options, simulation, wall_time, meshcat, say)
+
+
+def _check_nothing_shown(options: argparse.Namespace) -> None:
+    """Raise InputError if something is to be shown where nothing is to be seen."""
+    for name in ("show", "fixed_frame", "ghost", "trail", "contacts", "max_faces"):
+        if getattr(options, name):
+            word = f"--{name.replace('_', '-')}"
+            raise InputError(
+                f"{word} is for a page or a recording, and with --headless there is "
+                "none; give --record, --video or --screenshot, too"
+            )
+
+
+def _show(options: argparse.Namespace, views: "LiveViews") -> None:
+    """Show what the command line asks for."""
+    views.set_fixed_frame(options.fixed_frame or WORLD)
+    views.set_trail(options.trail)
+    for what in ("ghost", "contacts"):
+        if getattr(options, what):
+            views.show(what)
+
+
+def _measure(run: Callable[[], None], simulation: Simulation, say: Speaker) -> float:
+    """Run a simulation up to its end or Ctrl-C; return the wall time it took [s]."""
+    start = time.perf_counter()
+    try:
+        run()
+    except KeyboardInterrupt:  # What was simulated is kept.
+        say.line(f"stopped at {simulation.time:.2f} s")
+    return time.perf_counter() - start
 
 
 def _simulate_live(
@@ -86,11 +162,7 @@ def _simulate_live(
             shown=options.show or ("visual",),
             frame_rate=FRAME_RATE if needs_recording(options) else None,
         )
-        live.views.set_fixed_frame(options.fixed_frame or WORLD)
-        live.views.set_trail(options.trail)
-        for what in ("ghost", "contacts"):
-            if getattr(options, what):
-                live.views.show(what)
+        _show(options, live.views)
         say.page(f"page: {page.url}")
         duration = _choose_duration(options, motion)
         if duration is None:
@@ -168,8 +240,8 @@ def _simulation_options(options: argparse.Namespace) -> SimulationOptions:
         gravity=None if options.gravity is None else options.gravity == "on",
         active=tuple(options.active),
         inactive=tuple(options.inactive),
-        # A page is drawn by the wall clock, a recording by simulated time.
-        frame_rate=FRAME_RATE if options.headless else 0.0,
+        # It is drawn when it is told to.
+        frame_rate=0.0,
     )
 
 
@@ -214,23 +286,3 @@ def _choose_duration(
             return None
         return motion.duration + _AFTER_MOTION
     return _HEADLESS_DURATION if options.headless else None
-
-
-def _run(
-    simulation: Simulation,
-    motion: Motion | None,
-    options: argparse.Namespace,
-    meshcat: Meshcat | None,
-    say: Speaker,
-) -> float:
-    """Run a simulation without a page; return the wall time that it took [s]."""
-    duration = _choose_duration(options, motion)
-    assert duration is not None  # Only a page goes on without an end.
-    if meshcat is not None and needs_recording(options):
-        record(simulation, meshcat, FRAME_RATE)
-    start = time.perf_counter()
-    try:
-        simulation.run(duration, motion, options.rate or 0.0, say.progress)
-    except KeyboardInterrupt:  # What was simulated is kept.
-        say.line(f"stopped at {simulation.time:.2f} s")
-    return time.perf_counter() - start

@@ -111,6 +111,7 @@ class Ghost:
         positions: Mapping[str, float],
         *,
         base_pose: RigidTransform | None = None,
+        time: float | None = None,
     ) -> None:
         """Show the robot at joint positions.
 
@@ -120,6 +121,7 @@ class Ghost:
                 and it isn't itself.
             base_pose: Where the base is, in the world, with all that it carries; by
                 default as in the base context.
+            time: Time in the recording, if there is one [s].
 
         Raises:
             InputError: If there is no such joint, or a position isn't finite.
@@ -127,7 +129,7 @@ class Ghost:
         q = self._resolve(positions)
         if self._bodies is None:
             self._bodies = self._draw()
-        self._place(self._bodies, q, base_pose)
+        self._place(self._bodies, q, base_pose, time)
         if not self._is_shown:
             self._is_shown = True
             self._meshcat.SetProperty(self.path, "visible", True)
@@ -137,6 +139,7 @@ class Ghost:
         positions: Mapping[str, float],
         *,
         base_pose: RigidTransform | None = None,
+        time: float | None = None,
     ) -> None:
         """Move it, if it is shown; the arguments are those of `show`.
 
@@ -144,7 +147,7 @@ class Ghost:
             InputError: If there is no such joint, or a position isn't finite.
         """
         if self._is_shown:
-            self.show(positions, base_pose=base_pose)
+            self.show(positions, base_pose=base_pose, time=time)
 
     def hide(self) -> None:
         """Hide it; `show` shows it again."""
@@ -182,6 +185,7 @@ class Ghost:
         bodies: list[_DrawnBody],
         q: np.ndarray,
         base_pose: RigidTransform | None,
+        time: float | None,
     ) -> None:
         plant, context = self._plant, self._context
         plant.SetPositions(context, q)
@@ -196,9 +200,10 @@ class Ghost:
             if is_carried:
                 X_WB = X_WM @ X_WB
             known = self._sent.get(path)
-            if known is None or not known.IsExactlyEqualTo(X_WB):
+            # Between pictures of a recording, Meshcat interpolates.
+            if time is not None or known is None or not known.IsExactlyEqualTo(X_WB):
                 self._sent[path] = RigidTransform(X_WB)
-                self._meshcat.SetTransform(path, X_WB)
+                self._meshcat.SetTransform(path, X_WB, time)
 
     def _draw(self) -> list[_DrawnBody]:
         robot, inspector = self._robot, self._robot.inspector

@@ -112,21 +112,29 @@ class LinkDrawings:
             self._meshcat.SetTransform(path, self._poses[link])
         self._meshcat.SetProperty(f"/drake/{kind}", "visible", True)
 
-    def update(self, poses: Mapping[str, Mapping[str, RigidTransform]]) -> None:
+    def update(
+        self,
+        poses: Mapping[str, Mapping[str, RigidTransform]],
+        time: float | None = None,
+    ) -> None:
         """Move what is shown along with the links.
 
-        Only links that moved since the last call are sent.
+        Only links that moved since the last call are sent, or all to a recording.
 
         Args:
             poses: Poses of links in the world, by robot and link; what is left out
                 stays where it was, and what isn't drawn is ignored.
+            time: Time in the recording, if there is one [s].
         """
         moved = []
         for robot, of_links in poses.items():
             for name, X_WL in of_links.items():
                 link = (robot, name)
                 known = self._poses.get(link)
-                if known is not None and not known.IsExactlyEqualTo(X_WL):
+                if known is None:
+                    continue
+                # Between pictures of a recording, Meshcat interpolates.
+                if time is not None or not known.IsExactlyEqualTo(X_WL):
                     # Drake may compute the next pose in the same place.
                     self._poses[link] = RigidTransform(X_WL)
                     moved.append(link)
@@ -134,7 +142,7 @@ class LinkDrawings:
             paths = self._paths[kind]
             for link in moved:
                 if link in paths:
-                    self._meshcat.SetTransform(paths[link], self._poses[link])
+                    self._meshcat.SetTransform(paths[link], self._poses[link], time)
 
     def frame_paths(self) -> dict[str, str]:
         """Return the names of all links by the Meshcat paths of their frames.

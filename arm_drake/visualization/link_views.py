@@ -1,4 +1,4 @@
-"""What a page shows of robots: what the toggles of its panel switch."""
+"""What a scene shows of robots: what the toggles of its panel switch."""
 
 from collections.abc import Mapping, Sequence
 
@@ -10,7 +10,7 @@ from pydrake.multibody.tree import ModelInstanceIndex
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, suggest
 from arm_drake.visualization.link_drawings import KINDS, LinkDrawings, show_visual
-from arm_drake.visualization.page.page import Page
+from arm_drake.visualization.page.scene import Scene
 from arm_drake.visualization.page.widgets import Toggle
 
 VISUAL, FRAMES, NAMES = "visual", "frames", "names"
@@ -29,17 +29,17 @@ VIEWS: Mapping[str, str] = {
 class LinkViews:
     """Shows and hides what moves with links."""
 
-    def __init__(self, page: Page, shown: Sequence[str] = (VISUAL,)) -> None:
+    def __init__(self, scene: Scene, shown: Sequence[str] = (VISUAL,)) -> None:
         """Create it; there are no links yet.
 
         Args:
-            page: Where to show it.
+            scene: Where to show it.
             shown: What is shown at first, see `VIEWS`.
 
         Raises:
             InputError: If something of it isn't known.
         """
-        self._page = page
+        self._scene = scene
         for what in shown:
             _check(what)
         self._shown = set(shown) | ({FRAMES} if NAMES in shown else set())
@@ -73,7 +73,7 @@ class LinkViews:
         if self._drawings is not None:
             self._drawings.clear()
         descriptions = {robot.name: robot.description for robot in robots}
-        meshcat = self._page.meshcat
+        meshcat = self._scene.meshcat
         self._drawings = LinkDrawings(meshcat, plant, scene_graph, models, descriptions)
         show_visual(meshcat, VISUAL in self._shown)
         for kind in KINDS:
@@ -103,18 +103,23 @@ class LinkViews:
             for kind in changed & set(KINDS):
                 self._drawings.show(kind, is_shown)
         if VISUAL in changed:
-            show_visual(self._page.meshcat, is_shown)
+            show_visual(self._scene.meshcat, is_shown)
         self._label()
-        self._page.patch({f"show:{key}": {"value": is_shown} for key in changed})
+        self._scene.patch({f"show:{key}": {"value": is_shown} for key in changed})
 
-    def update(self, poses: Mapping[str, Mapping[str, RigidTransform]]) -> None:
+    def update(
+        self,
+        poses: Mapping[str, Mapping[str, RigidTransform]],
+        time: float | None = None,
+    ) -> None:
         """Move all along with the links.
 
         Args:
             poses: Poses of links in the world, by robot and link.
+            time: Time in the recording, if there is one [s].
         """
         if self._drawings is not None:
-            self._drawings.update(poses)
+            self._drawings.update(poses, time)
 
     def toggles(self) -> tuple[Toggle, ...]:
         """Return the panel's toggles; their events are called `show:<what>`."""
@@ -127,7 +132,7 @@ class LinkViews:
         has_names = NAMES in self._shown and self._drawings is not None
         assert self._drawings is not None or not has_names
         paths = self._drawings.frame_paths() if self._drawings and has_names else {}
-        self._page.set_labels(paths)
+        self._scene.set_labels(paths)
 
 
 def _check(what: str) -> None:

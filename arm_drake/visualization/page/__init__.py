@@ -2,6 +2,7 @@
 
 from arm_drake.visualization.page.page import Event as Event
 from arm_drake.visualization.page.page import Page as Page
+from arm_drake.visualization.page.scene import Scene as Scene
 from arm_drake.visualization.page.widgets import Button as Button
 from arm_drake.visualization.page.widgets import Buttons as Buttons
 from arm_drake.visualization.page.widgets import Choice as Choice

@@ -1,20 +1,17 @@
 """What a page's server answers: files, Meshcat, the panel."""
 
 import asyncio
+import ipaddress
 import json
 from collections.abc import Callable, Mapping
 from typing import Any
-from urllib.parse import urlsplit
+from urllib.parse import quote, urlsplit
 
 from tornado.httpclient import AsyncHTTPClient, HTTPClientError, HTTPRequest
 from tornado.iostream import IOStream, StreamClosedError
 from tornado.tcpclient import TCPClient
 from tornado.web import HTTPError, RequestHandler, StaticFileHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
-
-# A page on this machine alone is asked for by these names. Others come from a web site
-# whose own name leads here.
-_LOCAL_NAMES = ("localhost", "127.0.0.1", "::1")
 
 # A browser that takes nothing for so long is left; when it wakes up it connects again
 # and gets all that is there [s].
@@ -26,6 +23,16 @@ _CHUNK = 1 << 16
 Message = Mapping[str, Any]
 
 
+def is_local(name: str) -> bool:
+    """Return whether a name or an address is that of this machine, for itself alone."""
+    if name == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(name).is_loopback
+    except ValueError:
+        return False
+
+
 class _OwnNames(RequestHandler):
     """Answers only those who ask for this machine by its own name.
 
@@ -34,7 +41,7 @@ class _OwnNames(RequestHandler):
 
     def prepare(self) -> None:
         name = self.request.host_name.strip("[]")
-        if not (self.settings["is_public"] or name in _LOCAL_NAMES):
+        if not (self.settings["is_public"] or is_local(name)):
             raise HTTPError(403)
         self.set_header("Cache-Control", "no-store")
 
@@ -57,7 +64,7 @@ class Tunnel(_OwnNames):
             await self._join_streams()
             return
         request = HTTPRequest(
-            f"http://localhost:{self._port}/{path}", decompress_response=False
+            f"http://localhost:{self._port}/{quote(path)}", decompress_response=False
         )
         try:
             answer = await AsyncHTTPClient().fetch(request)
@@ -130,7 +137,7 @@ class PanelSocket(_OwnNames, WebSocketHandler):
         try:
             said = json.loads(message)
             name, value = said["id"], said.get("value")
-        except (ValueError, KeyError, TypeError, AttributeError):
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
             return
         if isinstance(name, str):
             self._on_event(name, value)

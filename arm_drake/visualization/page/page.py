@@ -4,9 +4,10 @@ import dataclasses as dc
 import queue
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Self
+from typing import Any
 
-from arm_drake.visualization.page.meshcats import give_back, take_meshcat
+from arm_drake.errors import InputError
+from arm_drake.visualization.page.scene import Scene
 from arm_drake.visualization.page.server import PageServer
 from arm_drake.visualization.page.widgets import Section
 
@@ -25,7 +26,7 @@ class Event:
     value: Any = None
 
 
-class Page:
+class Page(Scene):
     """A page in the browser, with a scene and a panel.
 
     Drake's Meshcat can be used in the thread alone that made it: `events` brings what
@@ -45,16 +46,19 @@ class Page:
             InputError: If it can't listen there.
         """
         self._queue: queue.SimpleQueue[Event | Callable[[], None]] = queue.SimpleQueue()
-        self._is_closed = False
+        super().__init__()
         # What was last sent of each widget.
         self._fields: dict[str, dict[str, Any]] = {}
-        self.meshcat = take_meshcat()
-        self._server = PageServer(
-            host=host,
-            port=port,
-            meshcat_port=self.meshcat.port(),
-            on_event=lambda name, value: self._queue.put(Event(name, value)),
-        )
+        try:
+            self._server = PageServer(
+                host=host,
+                port=port,
+                meshcat_port=self.meshcat.port(),
+                on_event=lambda name, value: self._queue.put(Event(name, value)),
+            )
+        except InputError:
+            super().close()
+            raise
 
     @property
     def url(self) -> str:
@@ -153,17 +157,8 @@ class Page:
         """End it: its address is free again. What is in its scene goes."""
         if self._is_closed:
             return
-        self._is_closed = True
         self._server.close()
         deadline = time.monotonic() + _LONGEST_GOODBYE
         while self.meshcat.GetNumActiveConnections() and time.monotonic() < deadline:
             time.sleep(0.005)
-        give_back(self.meshcat)
-
-    def __enter__(self) -> Self:
-        """Return itself."""
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        """Close it."""
-        self.close()
+        super().close()

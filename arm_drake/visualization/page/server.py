@@ -26,6 +26,7 @@ from arm_drake.visualization.page.handlers import (
     Message,
     PanelSocket,
     Tunnel,
+    is_local,
     join,
 )
 
@@ -68,7 +69,7 @@ class PageServer:
         Raises:
             InputError: If it can't listen there.
         """
-        self.is_public = not _is_local(host)
+        self.is_public = not is_local(host)
         self._sockets = _listen(host, port)
         self.port = int(self._sockets[0].getsockname()[1])
         self.has_moved = port is not None and port != self.port
@@ -159,15 +160,6 @@ class PageServer:
         join(self._messages, message)
         for client in self._clients:
             client.send(message)
-
-
-def _is_local(host: str) -> bool:
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
 
 
 def _listen(host: str, port: int | None) -> list[socket.socket]:

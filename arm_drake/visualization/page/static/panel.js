@@ -13,6 +13,10 @@ const make = (tag, properties = {}, ...children) => {
 // Numbers as short as they can be told apart on a slider.
 const short = (number) => String(Math.round(number * 1e4) / 1e4);
 
+// A name that may be broken between its words, not within them.
+const breakable = (name) => name.split(/(?<=[_:/.-])(?![_:/.-])/)
+    .flatMap((word) => [word, make("wbr")]);
+
 // ---- The connection ----
 
 let socket = null;
@@ -45,7 +49,7 @@ const makers = {
     slider(w) {
         const range = make("input", {type: "range", step: "any"});
         const number = make("input", {type: "number", step: "any"});
-        const label = make("label", {textContent: w.label});
+        const label = make("label", {}, ...breakable(w.label));
         const unit = make("span", {className: "unit"});
         const [lower, upper] = [make("span"), make("span")];
         const ends = make("div", {className: "ends"}, lower, upper);
@@ -141,10 +145,9 @@ const makers = {
     item(w) {
         const state = make("span");
         const buttons = make("div", {className: "buttons"});
-        const name = make("div", {className: "name"}, make("div", {textContent: w.label}),
-            make("div", {className: "detail", textContent: w.detail}));
-        const element = make("div", {className: "widget item"}, name,
-            make("div", {}, state, buttons));
+        const name = make("div", {className: "name"}, ...breakable(w.label));
+        const detail = make("div", {className: "detail"}, ...breakable(w.detail));
+        const element = make("div", {className: "widget item"}, name, state, detail, buttons);
         const update = () => {
             state.textContent = w.state;
             state.className = `state ${w.state}`;
@@ -215,8 +218,9 @@ const hear = {
         at("labels").replaceChildren();
         for (const [path, text] of Object.entries(labels)) {
             const span = make("span", {textContent: text});
-            names.set(path.split("/").filter(Boolean), span);
             at("labels").append(span);
+            const {offsetWidth, offsetHeight} = span;
+            names.set(path.split("/").filter(Boolean), {span, offsetWidth, offsetHeight});
         }
     },
 };
@@ -251,12 +255,19 @@ const draw_names = () => {
     if (!viewer) return;
     const {clientWidth: width, clientHeight: height} = at("labels");
     const {matrixWorldInverse, projectionMatrix} = viewer.camera;
-    for (const [path, span] of names) {
+    const taken = [];
+    for (const [path, {span, offsetWidth, offsetHeight}] of names) {
         const e = viewer.scene_tree.find(path).object.matrixWorld.elements;
         const seen = transform(matrixWorldInverse.elements, e[12], e[13], e[14]);
         const [x, y, , w] = transform(projectionMatrix.elements, ...seen);
         span.hidden = w <= 0;
-        const left = (0.5 + 0.5 * x / w) * width + 6, top = (0.5 - 0.5 * y / w) * height - 8;
+        if (span.hidden) continue;
+        const left = (0.5 + 0.5 * x / w) * width + 6;
+        // Below those whose place it would take.
+        let top = (0.5 - 0.5 * y / w) * height - 8;
+        for (let other; (other = taken.find((t) => Math.abs(t.top - top) < offsetHeight
+            && left < t.right && t.left < left + offsetWidth));) top = other.top + offsetHeight;
+        taken.push({left, right: left + offsetWidth, top});
         span.style.transform = `translate(${left.toFixed(1)}px, ${top.toFixed(1)}px)`;
     }
 };
@@ -271,9 +282,14 @@ at("fold").addEventListener("click", () => fold(true));
 at("unfold").addEventListener("click", () => fold(false));
 if (new URLSearchParams(location.search).has("no_panel")) fold(true);
 
+// What has the keyboard needs some keys itself: a number all, a button those that click.
+const needs = (element, key) => element.closest && element.closest(
+    key === " " || key === "Enter"
+        ? "button, summary, select, input:not([type=range])" : "select, input[type=number]");
+
 const press = (event) => {
     if (event.ctrlKey || event.altKey || event.metaKey) return;
-    if (event.target.closest && event.target.closest("input, select, button, summary")) return;
+    if (needs(event.target, event.key)) return;
     for (const {widget} of widgets.values())
         if (widget.key && widget.key === event.key && widget.is_enabled) {
             event.preventDefault();
