@@ -24,6 +24,7 @@ from arm_drake.notebook_cells import (
 )
 from arm_drake.options import SimulationOptions
 from arm_drake.page_threads import PageThread
+from arm_drake.robot_motions import find_motion
 from arm_drake.robot_viewer import RobotViewer
 from arm_drake.simulation import Simulation
 from arm_drake.visualization.meshcat import start_recording
@@ -166,7 +167,7 @@ def view(
 def simulate(
     robots: Robot | Sequence[Robot],
     *,
-    motion: Motion | None = None,
+    motion: Motion | str | None = None,
     world: World = "empty",
     options: SimulationOptions | None = None,
     realtime_rate: float = 1.0,
@@ -183,7 +184,8 @@ def simulate(
 
     Args:
         robots: One or several loaded robots.
-        motion: What to send to the controllers.
+        motion: What to send to the controllers: a motion, or the name of one that comes
+            with the first robot, or of a file.
         world: As `build_diagram`.
         options: How to simulate.
         realtime_rate: Simulated seconds per second; 0 is as fast as it goes.
@@ -203,7 +205,7 @@ def simulate(
         return LiveSimulation(
             page,
             Simulation(diagram),
-            motion=motion,
+            motion=_motion_of(motion, robots),
             realtime_rate=realtime_rate,
             is_paused=is_paused,
             shown=shown,
@@ -217,7 +219,7 @@ def animate(
     robots: Robot | Sequence[Robot],
     duration: float,
     *,
-    motion: Motion | None = None,
+    motion: Motion | str | None = None,
     world: World = "empty",
     options: SimulationOptions | None = None,
 ) -> tuple[Simulation, Recording]:
@@ -226,7 +228,8 @@ def animate(
     Args:
         robots: One or several loaded robots.
         duration: How long [s].
-        motion: What to send to the controllers.
+        motion: What to send to the controllers: a motion, or the name of one that comes
+            with the first robot, or of a file.
         world: As `build_diagram`.
         options: How to simulate.
 
@@ -246,7 +249,7 @@ def animate(
         run_drawing(
             simulation,
             duration,
-            motion,
+            _motion_of(motion, robots),
             draw=lambda: draw(simulation),
             frame_rate=rate,
         )
@@ -254,6 +257,14 @@ def animate(
         meshcat.PublishRecording()
         page = meshcat.StaticHtml()
     return simulation, Recording(page)
+
+
+def _motion_of(
+    motion: Motion | str | None, robots: Robot | Sequence[Robot]
+) -> Motion | None:
+    if motion is None or isinstance(motion, Motion):
+        return motion
+    return find_motion(motion, list_robots(robots)[0])
 
 
 def _open_page(

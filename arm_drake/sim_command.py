@@ -5,22 +5,21 @@ import json
 import sys
 import time
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pydrake.geometry import Meshcat
 
 from arm_drake import yaml_files
-from arm_drake.bundled import bundled_motions
 from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot
 from arm_drake.diagram import build_diagram
 from arm_drake.drake_log import use_native_logging
 from arm_drake.drawing import run_drawing
-from arm_drake.errors import InputError, MotionError, suggest
-from arm_drake.motion import Motion, load_motion
+from arm_drake.errors import InputError
+from arm_drake.motion import Motion
 from arm_drake.options import SimulationOptions
 from arm_drake.playback import check_motion
+from arm_drake.robot_motions import find_motion
 from arm_drake.sim_files import check_outputs, needs_recording, write_outputs
 from arm_drake.sim_output import Speaker, list_failures, print_summary, summarize
 from arm_drake.simulation import Simulation
@@ -73,7 +72,6 @@ def _simulate_headless(
     if not (needs_recording(options) or options.screenshot):
         _check_nothing_shown(options)
         simulation = _prepare(options, robot, world, motion, None, say)
-        duration, rate = _choose_duration(options, motion), options.rate or 0.0
         wall_time = _measure(
             lambda: simulation.run(duration, motion, rate, say.progress),
             simulation,
@@ -253,15 +251,7 @@ def _find_motion(
         if given:
             raise InputError("--set is for a parameter of a motion; give --motion, too")
         return None
-    parameters = _read_parameters(given)
-    known = bundled_motions(robot.bundled) if robot.bundled else {}
-    if name in known:
-        return load_motion(known[name], parameters)
-    if not Path(name).suffix and not Path(name).is_file():
-        owner = robot.bundled or robot.name
-        hint = suggest(name, known) if known else "give the file of a motion"
-        raise MotionError(f"no motion {name!r} of {owner!r}, and no such file; {hint}")
-    return load_motion(name, parameters)
+    return find_motion(name, robot, _read_parameters(given))
 
 
 def _read_parameters(given: Sequence[tuple[str, str]]) -> dict[str, Any]:

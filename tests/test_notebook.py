@@ -213,6 +213,18 @@ def test_an_animation_is_written_to_a_file(tmp_path) -> None:
         recording.save(tmp_path / "none" / "arm.html")
 
 
+def test_a_motion_has_the_name_that_it_has_for_the_command_line(pages) -> None:
+    simulation, _ = ad.animate(ad.load_robot("doosan_a0912"), 5.0, motion="tutorial")
+
+    (goal,) = simulation.goals
+    assert goal.status is ad.GoalStatus.SUCCEEDED
+    with pytest.raises(ad.ArmDrakeError) as caught:
+        ad.animate(ad.load_robot(ARM), 1.0, motion="tutorial")
+    assert str(caught.value).startswith(
+        "no motion 'tutorial' of 'lab5_arm', and no such file; "
+    )
+
+
 def test_animations_leave_no_servers() -> None:
     ad.animate(ad.load_robot(ARM), 0.1)
     listening = num_listening()

@@ -194,6 +194,7 @@ LAYERS = [
         "exports",
         "gain_report",
         "ground_check",
+        "robot_motions",
         "robot_scene",
         "surroundings",
         "viewer_panel",

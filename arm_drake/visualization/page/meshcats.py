@@ -40,6 +40,7 @@ def give_back(meshcat: Meshcat) -> None:
     meshcat.DeleteAddedControls()
     meshcat.Delete()
     meshcat.ResetRenderMode()
-    for name in ("/Grid", "/Axes", "/Background", "/drake"):
-        meshcat.SetProperty(name, "visible", True)
+    # What is told of these is forgotten: the next browser has them as they are at first.
+    for name in ("/Grid", "/Axes", "/Background", "/Cameras", "/Lights"):
+        meshcat.Delete(name)
     _free.meshcats.append(meshcat)
