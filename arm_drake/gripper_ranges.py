@@ -17,6 +17,9 @@ from arm_drake.plant import add_robot_model
 # Names of joints of grippers.
 _GRIPPER = re.compile(r"grip|finger|jaw|knuckle|claw", re.I)
 
+# Joints that a controller of a gripper moves, at most; one of more has an arm, too.
+_FINGERS = 2
+
 # Names of states of a gripper in MoveIt's description.
 _OPEN = re.compile(r"open", re.I)
 _CLOSED = re.compile(r"clos", re.I)
@@ -26,15 +29,16 @@ def find_gripper_ranges(robot: Robot) -> dict[str, tuple[float, float]]:
     """Return where grippers' joints are open and where closed [rad] or [m].
 
     A joint with limits, its own or those of its commands, is a gripper's if a gripper
-    controller moves it, or if it is called so. States of MoveIt's description that are
-    called open and closed decide; else the gripper is closed at the limit at which its
-    fingers are closer together, and open at the other one, or at 0 if that lies between
-    and nearer to it.
+    controller moves it, if it is called so, or if its controller is. States of MoveIt's
+    description that are called open and closed decide; else the gripper is closed at
+    the limit at which its fingers are closer together, and open at the other one, or at
+    0 if that lies between and nearer to it.
 
     Args:
         robot: The robot.
     """
-    limits = {j.name: _limits(robot, j) for j in find_gripper_joints(robot)}
+    joints = [*find_gripper_joints(robot), *_joints_of_gripper_controllers(robot)]
+    limits = {j.name: _limits(robot, j) for j in joints}
     limited = {name: ends for name, ends in limits.items() if None not in ends}
     if not limited:
         return {}
@@ -57,6 +61,22 @@ def find_gripper_ranges(robot: Robot) -> dict[str, tuple[float, float]]:
         )
         ranges[name] = (start, end)
     return ranges
+
+
+def _joints_of_gripper_controllers(robot: Robot) -> list[JointInfo]:
+    """Return independent joints, at most two, of controllers called gripper's."""
+    named: set[object] = set()
+    for controller in robot.controllers.controllers:
+        parameter = controller.parameters.get("joints")
+        joints = parameter.value if parameter is not None else ()
+        is_short = isinstance(joints, list | tuple) and len(joints) <= _FINGERS
+        if is_short and _GRIPPER.search(controller.name):
+            named.update(joints)
+    return [
+        joint
+        for joint in robot.description.movable_joints
+        if joint.mimic is None and joint.name in named
+    ]
 
 
 def _stated(

@@ -4,6 +4,7 @@ import collections
 from typing import TYPE_CHECKING, Any
 
 from arm_drake.clients import GoalHandle
+from arm_drake.errors import InputError
 from arm_drake.mailbox import News
 from arm_drake.messages import CancelResponse, GoalStatus, SwitchControllerResult
 from arm_drake.simulation import Simulation
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 # Choices of the real-time rate.
 _RATES = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0)
 AS_FAST_AS_POSSIBLE = "as fast as it goes"
+_TIMES = " ×"
 
 _NUM_LINES = 50
 
@@ -137,12 +139,29 @@ def make_changes(live: "LiveSimulation") -> dict[str, dict[str, Any]]:
     return changes
 
 
+def read_rate(text: object) -> float:
+    """Return the real-time rate of a choice; 0 is as fast as it goes.
+
+    Args:
+        text: What was chosen.
+
+    Raises:
+        InputError: If it is no choice.
+    """
+    if text == AS_FAST_AS_POSSIBLE:
+        return 0.0
+    try:
+        return float(str(text).removesuffix(_TIMES))
+    except ValueError:
+        raise InputError(f"real-time rate: expected a number, got {text!r}") from None
+
+
 def _class_name(type_: str) -> str:
     return type_.rpartition("/")[2]
 
 
 def _rate_text(rate: float) -> str:
-    return f"{rate:g} ×" if rate else AS_FAST_AS_POSSIBLE
+    return f"{rate:g}{_TIMES}" if rate else AS_FAST_AS_POSSIBLE
 
 
 def _describe_switch(news: SwitchControllerResult) -> str:

@@ -6,12 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from arm_drake.errors import ArmDrakeError
-from arm_drake.live_panel import (
-    AS_FAST_AS_POSSIBLE,
-    LogLines,
-    make_changes,
-    make_sections,
-)
+from arm_drake.live_panel import LogLines, make_changes, make_sections, read_rate
 from arm_drake.live_views import LiveViews
 from arm_drake.mailbox import News
 from arm_drake.motion import Motion
@@ -220,9 +215,7 @@ class LiveSimulation:
         elif kind in ("step", "reset", "frame"):
             getattr(self.views if kind == "frame" else self, kind)()
         elif kind == "rate":
-            self.set_realtime_rate(
-                0.0 if value == AS_FAST_AS_POSSIBLE else float(str(value).split()[0])
-            )
+            self.set_realtime_rate(read_rate(value))
         elif kind == "activate":
             self.simulation.switch_controllers(activate=[what])
         elif kind == "deactivate":

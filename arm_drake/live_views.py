@@ -121,6 +121,8 @@ class LiveViews:
         self._fixed_frame = self._find(frame, "fixed frame")
         self._scene.patch({"fixed_frame": {"value": frame}})
         self.draw()
+        if frame == WORLD:  # All goes back, and stays there without being drawn.
+            self._draw_links()
 
     def set_trail(self, frame: str | None) -> None:
         """Draw the way of a link's origin in the last 20 s.
@@ -266,9 +268,11 @@ def commanded_positions(simulation: Simulation, robot: str) -> dict[str, float]:
         if name.endswith(f"/{interfaces.POSITION}")
     }
     for row in simulation.list_controllers():
+        if row.state != "active":  # Or couldn't be loaded.
+            continue
         # Those that command no positions, but follow some.
-        _, _, system = simulation.directory.find(row.name)
-        if row.state == "active" and system.HasOutputPort("controller_state"):
+        owner, _, system = simulation.directory.find(row.name)
+        if owner is manager and system.HasOutputPort("controller_state"):
             message = simulation.eval_output(f"{row.name}.controller_state")
             names = getattr(message, "joint_names", ())
             points = getattr(getattr(message, "reference", None), "positions", ())

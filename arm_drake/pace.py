@@ -94,8 +94,10 @@ class Pace:
             step: How far it went [s].
             took: Its wall time [s].
         """
-        # As long as the page may wait, but not all at once.
-        self._step = step * min(_LONGEST_STEP / max(took, 1e-6), 2.0)
+        if step > 0.0:
+            # As long as the page may wait, but not all at once.
+            longest = step * _LONGEST_STEP / max(took, 1e-6)
+            self._step = min(longest, 2.0 * max(step, self._step))
         now = time.perf_counter()
         self._moments.append((now, simulated))
         while len(self._moments) > 2 and self._moments[1][0] < now - _FACTOR_WINDOW:

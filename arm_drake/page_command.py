@@ -29,9 +29,28 @@ def start_page(options: argparse.Namespace) -> Page:
     if page.is_public:
         text = "whoever reaches this machine can open the page, and move the robot"
         print(f"warning: {text}", file=sys.stderr)
-    elif "SSH_CONNECTION" in os.environ:
-        print(f"from your own machine: {ssh_command(page.port)}", file=sys.stderr)
     return page
+
+
+def from_elsewhere(page: Page) -> str:
+    """Return how to open a page of this machine from another one, where that is likely.
+
+    Args:
+        page: The page.
+
+    Returns:
+        A sentence; "" where there is a screen, or where others can open the page.
+    """
+    if page.is_public or not is_without_screen():
+        return ""
+    return f"from another machine: {ssh_command(page.port)}"
+
+
+def is_without_screen() -> bool:
+    """Return whether whoever started the command looks from another machine."""
+    names = ("DISPLAY", "WAYLAND_DISPLAY")
+    is_bare = sys.platform == "linux" and not any(map(os.environ.get, names))
+    return is_bare or "SSH_CONNECTION" in os.environ
 
 
 def ssh_command(port: int) -> str:

@@ -30,7 +30,7 @@ from arm_drake.viewer_panel import (
 from arm_drake.visualization.ghost import Ghost
 from arm_drake.visualization.link_views import LinkViews
 from arm_drake.visualization.meshcat import frame_shapes
-from arm_drake.visualization.page import Event, Page
+from arm_drake.visualization.page import Event, Scene
 
 # How often files are looked at [s].
 _WATCH_PERIOD = 0.5
@@ -45,7 +45,7 @@ class RobotViewer:
 
     def __init__(
         self,
-        page: Page,
+        page: Scene,
         load: Callable[[], Robot],
         *,
         shown: Sequence[str] = ("visual",),

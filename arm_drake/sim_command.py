@@ -147,7 +147,7 @@ def _simulate_live(
     """Simulate on a page; return the exit code."""
     # Not at the top: a headless simulation must not wait for a web server.
     from arm_drake.live_simulation import LiveSimulation
-    from arm_drake.page_command import interrupting, start_page
+    from arm_drake.page_command import from_elsewhere, interrupting, start_page
 
     with start_page(options) as page:
         simulation = _prepare(options, robot, world, motion, page.meshcat, say)
@@ -162,6 +162,7 @@ def _simulate_live(
         )
         _show(options, live.views)
         say.page(f"page: {page.url}")
+        say.line(from_elsewhere(page))
         duration = _choose_duration(options, motion)
         if duration is None:
             say.line("simulating until Ctrl-C")

@@ -13,10 +13,10 @@ from arm_drake.description.urdf import RobotDescription
 from arm_drake.drake_log import use_native_logging
 from arm_drake.errors import InputError, suggest
 from arm_drake.output_files import check_suffix, check_writable
-from arm_drake.page_command import interrupting, start_page
+from arm_drake.page_command import from_elsewhere, interrupting, start_page
 from arm_drake.robot_viewer import RobotViewer
 from arm_drake.viewer_panel import find_pose
-from arm_drake.visualization.page import Page
+from arm_drake.visualization.page import Page, Scene
 from arm_drake.visualization.screenshot import SCREENSHOT_SUFFIXES, save_screenshot
 
 LoadRobot = Callable[[Mapping[str, float]], Robot]
@@ -45,9 +45,10 @@ def view(options: argparse.Namespace, load: LoadRobot) -> int:
     use_native_logging()
     # What was loaded is shown; only when files change it is loaded again.
     loaded = [robot]
-    with start_page(options) as page:
+    scene = Scene() if options.screenshot is not None else start_page(options)
+    with scene:
         viewer = RobotViewer(
-            page,
+            scene,
             lambda: loaded.pop() if loaded else load(positions),
             shown=options.show or ("visual",),
             fixed_frame=options.fixed_frame or WORLD,
@@ -56,9 +57,9 @@ def view(options: argparse.Namespace, load: LoadRobot) -> int:
         if ghost:
             viewer.show_ghost(ghost)
         if options.screenshot is not None:
-            save_screenshot(page.meshcat, options.screenshot, paths=["drake"])
-        _say(options, viewer, page)
-        if options.screenshot is None:
+            save_screenshot(scene.meshcat, options.screenshot, paths=["drake"])
+        _say(options, viewer, scene)
+        if isinstance(scene, Page):
             with interrupting(viewer.stop):
                 viewer.run()
             if not options.json:
@@ -127,13 +128,13 @@ def _find_positions(options: argparse.Namespace, robot: Robot) -> dict[str, floa
     return positions | read_positions(options.position, robot.description)
 
 
-def _say(options: argparse.Namespace, viewer: RobotViewer, page: Page) -> None:
+def _say(options: argparse.Namespace, viewer: RobotViewer, scene: Scene) -> None:
     """Say where to look."""
     robot = viewer.robot
     if options.json:
-        place = {"page": page.url}
-        if options.screenshot is not None:
-            place = {"screenshot": str(options.screenshot)}
+        place = {"screenshot": str(options.screenshot)}
+        if isinstance(scene, Page):
+            place = {"page": scene.url}
         summary: dict[str, Any] = {
             "robot": robot.name,
             "positions": viewer.positions,
@@ -141,7 +142,9 @@ def _say(options: argparse.Namespace, viewer: RobotViewer, page: Page) -> None:
             "report": robot.report.to_json(),
         }
         print(json.dumps(summary), flush=True)
-    elif options.screenshot is not None:
+    elif not isinstance(scene, Page):
         print(f"screenshot: {options.screenshot}")
     else:
-        print(f"page: {page.url}, until Ctrl-C", flush=True)
+        print(f"page: {scene.url}, until Ctrl-C", flush=True)
+        if hint := from_elsewhere(scene):
+            print(hint, flush=True)

@@ -42,10 +42,18 @@ def _move(viewer: "RobotViewer", moved: Mapping[str, Any]) -> None:
     there = {
         name: value
         for name, value in moved.items()
-        if name in own and isinstance(value, int | float) and math.isfinite(value)
+        if name in own and _is_finite(value)
     }
     if there:
         viewer.set_positions(there)
+
+
+def _is_finite(value: Any) -> bool:
+    """Return whether it is a number that a joint can take."""
+    try:
+        return isinstance(value, int | float) and math.isfinite(value)
+    except OverflowError:  # An integer that no float is as large as.
+        return False
 
 
 def _do(viewer: "RobotViewer", kind: str, name: str, value: Any) -> None:

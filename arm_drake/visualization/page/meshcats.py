@@ -40,7 +40,7 @@ def give_back(meshcat: Meshcat) -> None:
     meshcat.DeleteAddedControls()
     meshcat.Delete()
     meshcat.ResetRenderMode()
-    # What is told of these is forgotten: the next browser has them as they are at first.
+    # What was told of these is forgotten: browsers have their own to start with.
     for name in ("/Grid", "/Axes", "/Background", "/Cameras", "/Lights"):
         meshcat.Delete(name)
     _free.meshcats.append(meshcat)

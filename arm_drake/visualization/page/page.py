@@ -1,29 +1,17 @@
 """A page: Meshcat's scene with a panel, for the thread that made it."""
 
-import dataclasses as dc
 import queue
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from arm_drake.errors import InputError
-from arm_drake.visualization.page.scene import Scene
+from arm_drake.visualization.page.scene import Event, Scene
 from arm_drake.visualization.page.server import PageServer
 from arm_drake.visualization.page.widgets import Section
 
 # Meshcat ends its connections within milliseconds [s].
 _LONGEST_GOODBYE = 1.0
-
-
-@dc.dataclass(frozen=True)
-class Event:
-    """What somebody did in a browser."""
-
-    # The widget's name.
-    id: str
-
-    # Its new value; None of a button.
-    value: Any = None
 
 
 class Page(Scene):

@@ -1,9 +1,23 @@
 """What is drawn on, whether there is a page that shows it or not."""
 
-from collections.abc import Mapping
+import dataclasses as dc
+import time
+from collections.abc import Mapping, Sequence
 from typing import Any, Self
 
 from arm_drake.visualization.page.meshcats import give_back, take_meshcat
+from arm_drake.visualization.page.widgets import Section
+
+
+@dc.dataclass(frozen=True)
+class Event:
+    """What somebody did in a browser."""
+
+    # The widget's name.
+    id: str
+
+    # Its new value; None of a button.
+    value: Any = None
 
 
 class Scene:
@@ -20,6 +34,31 @@ class Scene:
         Args:
             changes: New values of fields, by the widget's name.
         """
+
+    def set_panel(self, title: str, sections: Sequence[Section]) -> None:
+        """Replace the panel, where there is one.
+
+        Args:
+            title: What stands above it.
+            sections: What it consists of.
+        """
+
+    def say(self, text: str, severity: str = "info") -> None:
+        """Show a message, where there is a page.
+
+        Args:
+            text: The message.
+            severity: "info", "warning" or "error".
+        """
+
+    def events(self, timeout: float) -> list[Event]:
+        """Return what happened in browsers.
+
+        Args:
+            timeout: How long to wait for the first [s].
+        """
+        time.sleep(timeout)
+        return []
 
     def set_labels(self, labels: Mapping[str, str]) -> None:
         """Write names beside things of the scene, where there is a page.
