@@ -23,7 +23,7 @@ def add_view_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--named-pose",
         metavar="NAME",
-        help="a pose that the SRDF names, as NAME or GROUP/NAME",
+        help="a pose that the SRDF names, as NAME or 'GROUP: NAME'",
     )
     parser.add_argument(
         "--ghost",

@@ -10,6 +10,9 @@ from arm_drake.playback import Player
 from arm_drake.simulation import TICK_TOLERANCE, Simulation
 from arm_drake.visualization.meshcat import frame_shapes
 
+# Room for a robot that is going to move, in parts of its diameter.
+ROOM_TO_MOVE = 0.3
+
 
 def draw(simulation: Simulation) -> None:
     """Have a simulation's diagram draw its robots.
@@ -23,18 +26,21 @@ def draw(simulation: Simulation) -> None:
             system.ForcedPublish(system.GetMyContextFromRoot(root))
 
 
-def frame_robots(simulation: Simulation, meshcat: Meshcat) -> None:
+def frame_robots(
+    simulation: Simulation, meshcat: Meshcat, *, room: float = 0.0
+) -> None:
     """Point the camera so that all of the robots is to be seen, where they are now.
 
     Args:
         simulation: A simulation with robots.
         meshcat: Where they are drawn.
+        room: How far they may move sideways, in parts of their diameter.
     """
     scene_graph = simulation.diagram.GetSubsystemByName("scene_graph")
     root = simulation.simulator.get_context()
     context = scene_graph.GetMyContextFromRoot(root)
     query = scene_graph.get_query_output_port().Eval(context)
-    frame_shapes(meshcat, query, models=list(simulation.robots))
+    frame_shapes(meshcat, query, models=list(simulation.robots), room=room)
 
 
 def run_drawing(

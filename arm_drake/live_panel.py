@@ -1,6 +1,7 @@
 """The panel of `arm-drake sim`, and what changes in it."""
 
 import collections
+import re
 from typing import TYPE_CHECKING, Any
 
 from arm_drake.clients import GoalHandle
@@ -157,7 +158,7 @@ def read_rate(text: object) -> float:
 
 
 def _class_name(type_: str) -> str:
-    return type_.rpartition("/")[2]
+    return re.split(r"/|::", type_)[-1]
 
 
 def _rate_text(rate: float) -> str:

@@ -171,6 +171,7 @@ class LiveSimulation:
         if self._is_playing:
             self._pace.start(self.simulation.time)
         next_picture = next_panel = time.perf_counter()
+        drawn_at = math.nan
         while self._is_running and self.simulation.time < self._end:
             wait = min(next_picture, next_panel) - time.perf_counter()
             # As fast as it goes: no waiting, but for what is clicked.
@@ -180,7 +181,11 @@ class LiveSimulation:
                 self._advance()
             now = time.perf_counter()
             if now >= next_picture:
-                self.views.draw()
+                # A recording has the pictures that its own times ask for, no others.
+                is_due = self._frame_rate is None or not self._is_playing
+                if is_due and drawn_at != self.simulation.time:
+                    self.views.draw()
+                    drawn_at = self.simulation.time
                 next_picture = max(next_picture + _FRAME_PERIOD, now)
             if now >= next_panel:
                 self._tell(progress)

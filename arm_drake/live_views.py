@@ -9,7 +9,7 @@ from pydrake.multibody.plant import MultibodyPlant
 
 from arm_drake import interfaces
 from arm_drake.description.joints import WORLD
-from arm_drake.drawing import draw, frame_robots
+from arm_drake.drawing import ROOM_TO_MOVE, draw, frame_robots
 from arm_drake.errors import InputError, suggest
 from arm_drake.kinematic import KinematicPlant
 from arm_drake.simulation import Simulation
@@ -69,6 +69,8 @@ class LiveViews:
             self._plant, self._scene_graph, self._models, list(self._robots.values())
         )
         self._fixed_frame = WORLD
+        # Pose of the fixed frame as it was last drawn.
+        self._X_WF = RigidTransform()
         self._ghosts = {
             name: Ghost(
                 scene.meshcat,
@@ -84,7 +86,7 @@ class LiveViews:
         self._trail: Trail | None = None
         self._trail_link = _NOTHING
         self._arrows: dict[str, ContactArrows] = {}
-        self.frame()
+        frame_robots(simulation, scene.meshcat, room=ROOM_TO_MOVE)
 
     def show(self, what: str, is_shown: bool = True) -> None:
         """Draw something, or don't.
@@ -158,7 +160,8 @@ class LiveViews:
 
     def widgets(self) -> tuple[Widget, ...]:
         """Return the toggles and choices of the panel."""
-        extra = [Toggle("show:ghost", "commanded pose, as a ghost", self._has_ghosts)]
+        label = "commanded pose, where it differs, as a ghost"
+        extra = [Toggle("show:ghost", label, self._has_ghosts)]
         if self._has_physics:
             has_contacts = bool(self._arrows)
             extra.append(Toggle("show:contacts", "contact forces", has_contacts))
@@ -231,7 +234,9 @@ class LiveViews:
             for link, X_WL in links.items()
         }
         X_WF = where.get(self._fixed_frame, RigidTransform())
-        self._scene.meshcat.SetTransform("/drake", X_WF.inverse(), time)
+        if self._is_recorded or not X_WF.IsExactlyEqualTo(self._X_WF):
+            self._scene.meshcat.SetTransform("/drake", X_WF.inverse(), time)
+            self._X_WF = RigidTransform(X_WF)
         self._views.update(poses, time)
         if self._trail is not None:
             point = where[self._trail_link].translation()
@@ -242,7 +247,11 @@ class LiveViews:
                 base = description.base if description.roots else WORLD
                 positions = commanded_positions(self._simulation, name)
                 base_pose = poses[name].get(base)
-                ghost.show(positions, base_pose=base_pose, time=time)
+                # Where it is as commanded, only the robot itself is to be seen.
+                hidden_at = None if self._is_recorded else poses[name]
+                ghost.show(
+                    positions, base_pose=base_pose, time=time, hidden_at=hidden_at
+                )
 
 
 def commanded_positions(simulation: Simulation, robot: str) -> dict[str, float]:

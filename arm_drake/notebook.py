@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot, list_robots
 from arm_drake.diagram import build_diagram
-from arm_drake.drawing import draw, frame_robots, run_drawing
+from arm_drake.drawing import ROOM_TO_MOVE, draw, frame_robots, run_drawing
 from arm_drake.errors import InputError
 from arm_drake.live_simulation import LiveSimulation
 from arm_drake.loading import load_robot
@@ -244,7 +244,7 @@ def animate(
         own = dc.replace(given, frame_rate=0.0)
         diagram = build_diagram(robots, world=world, options=own, meshcat=meshcat)
         simulation = Simulation(diagram)
-        frame_robots(simulation, meshcat)
+        frame_robots(simulation, meshcat, room=ROOM_TO_MOVE)
         start_recording(meshcat, rate)
         run_drawing(
             simulation,

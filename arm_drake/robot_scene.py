@@ -11,6 +11,7 @@ from arm_drake.description.robot import Robot
 from arm_drake.options import SimulationOptions
 from arm_drake.placement import place_free_links
 from arm_drake.plant import add_plant, add_robot_model, set_initial_positions
+from arm_drake.visualization.ghost import Ghost
 from arm_drake.visualization.meshcat import add_visualizer, frame_shapes
 
 # Nothing moves, but only discrete plants know joints that follow others.
@@ -28,6 +29,7 @@ class RobotScene:
             robot: The robot.
         """
         self.robot = robot
+        self._meshcat = meshcat
         builder = DiagramBuilder()
         self.plant, self.scene_graph = add_plant(
             builder, _TIME_STEP, SimulationOptions()
@@ -74,6 +76,18 @@ class RobotScene:
             for link in self.robot.description.links
             if link != WORLD
         }
+
+    def make_ghost(self) -> Ghost:
+        """Return a ghost of the robot, which stands where the robot does."""
+        return Ghost(
+            self._meshcat,
+            self.plant,
+            self.scene_graph,
+            self.model,
+            self.robot.name,
+            self.robot.description,
+            base_context=self.context,
+        )
 
     def publish(self) -> None:
         """Draw the robot's visual shapes where they are now."""

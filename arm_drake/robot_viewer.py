@@ -1,5 +1,6 @@
 """RobotViewer: a robot on a page, with sliders for its joints."""
 
+import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from arm_drake.joint_ranges import (
 )
 from arm_drake.pose_text import pose_yaml
 from arm_drake.robot_scene import RobotScene
-from arm_drake.source_files import FileWatcher, watched_files
+from arm_drake.source_files import FileWatcher, file_of, watched_files
 from arm_drake.viewer_events import handle_events
 from arm_drake.viewer_panel import (
     find_pose,
@@ -27,7 +28,6 @@ from arm_drake.viewer_panel import (
     make_pose_changes,
     make_viewer_sections,
 )
-from arm_drake.visualization.ghost import Ghost
 from arm_drake.visualization.link_views import LinkViews
 from arm_drake.visualization.meshcat import frame_shapes
 from arm_drake.visualization.page import Event, Scene
@@ -51,6 +51,7 @@ class RobotViewer:
         shown: Sequence[str] = ("visual",),
         fixed_frame: str = WORLD,
         is_watching: bool = True,
+        find_files: Callable[[Exception], Iterable[Path]] = file_of,
     ) -> None:
         """Load the robot and show it in its initial positions.
 
@@ -60,13 +61,14 @@ class RobotViewer:
             shown: What to draw, as `show`.
             fixed_frame: Link that stays where it is, or "world".
             is_watching: Whether to load the robot again when its files change.
+            find_files: Returns the files whose change may mend what can't be loaded,
+                beside those of the last robot; by default the one of the error.
 
         Raises:
             ArmDrakeError: If the robot can't be loaded, or hasn't what is to be shown.
         """
-        # Where it is.
         self.page = page
-        self._load = load
+        self._load, self._find_files = load, find_files
         self._watcher = FileWatcher(()) if is_watching else None
         self._views = LinkViews(page, shown)
         self._random = np.random.default_rng()
@@ -74,6 +76,7 @@ class RobotViewer:
         self._positions: dict[str, float] = {}
         self._ghost_positions: dict[str, float] | None = None
         self._is_running = False
+        self._trouble = ""  # Why the robot couldn't be loaded again.
         self._put(load())
         self.set_fixed_frame(fixed_frame)
         self.frame()
@@ -208,15 +211,16 @@ class RobotViewer:
             Whether it could be loaded; if not, the page says why, and the last one that
             could stays.
         """
+        start = time.time_ns()
         try:
             self._put(self._load())
         except (ArmDrakeError, OSError) as error:
-            text = f"{error}\n\nThe last robot that could be loaded stays."
-            self.page.say(text, "error")
-            file = getattr(error, "file", None)
-            if self._watcher is not None and file is not None:
-                self._watcher.watch({*self._files, Path(file)})
+            self._trouble = f"{error}\n\nThe last robot that could be loaded stays."
+            self.page.say(self._trouble, "error")
+            if self._watcher is not None:
+                self._watcher.watch({*self._files, *self._find_files(error)}, start)
             return False
+        self._trouble = ""
         self.page.say("")
         return True
 
@@ -226,8 +230,9 @@ class RobotViewer:
         Args:
             events: What happened on the page, in order.
         """
-        for problem in handle_events(self, events):
-            self.page.say(problem, "error")
+        if happened := list(events):
+            problems = [self._trouble, *handle_events(self, happened)]
+            self.page.say(problems[-1], "error")
 
     def run(self) -> None:
         """Do what is clicked until `stop`, or Ctrl-C."""
@@ -240,6 +245,7 @@ class RobotViewer:
     def stop(self) -> None:
         """End `run`."""
         self._is_running = False
+        self.page.call(lambda: None)  # It may wait for a click.
 
     def _put(self, robot: Robot) -> None:
         """Show a robot in place of the one before."""
@@ -259,17 +265,11 @@ class RobotViewer:
         if self._fixed_frame not in robot.description.links:
             self._fixed_frame = WORLD
         meshcat.Delete("/drake")
-        plant, scene_graph, model = scene.plant, scene.scene_graph, scene.model
-        self._views.put(plant, scene_graph, {robot.name: model}, [robot])
-        self._ghost = Ghost(
-            meshcat,
-            plant,
-            scene_graph,
-            model,
-            robot.name,
-            robot.description,
-            base_context=scene.context,
-        )
+        # Drake makes visible what it draws for the first time.
+        scene.publish()
+        models = {robot.name: scene.model}
+        self._views.put(scene.plant, scene.scene_graph, models, [robot])
+        self._ghost = scene.make_ghost()
         if self._ghost_positions is not None:
             ghost = self._ghost_positions.items()
             self.show_ghost({n: q for n, q in ghost if n in names})

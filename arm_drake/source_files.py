@@ -17,6 +17,9 @@ from arm_drake.description.xacro import expand_xacro
 from arm_drake.description.xacro_sources import read_sources
 from arm_drake.errors import ArmDrakeError, InputError, PackageError
 
+# Times of files come from a clock that may be late by so much [ns].
+_COARSENESS = 20_000_000
+
 # What tells a file from what it was: time of its last change [ns], size, inode.
 _Signature = tuple[int, int, int]
 
@@ -55,6 +58,16 @@ def watched_files(robot: Robot) -> tuple[Path, ...]:
     return _sorted({*robot.source_files, *find_srdf_files(robot)})
 
 
+def file_of(error: Exception) -> tuple[Path, ...]:
+    """Return the file that an error names, if it names one.
+
+    Args:
+        error: Why a robot can't be loaded.
+    """
+    file = error.file if isinstance(error, InputError) else None
+    return () if file is None else (_absolute(Path(file)),)
+
+
 def files_of_failed(
     source: Source,
     error: Exception | None = None,
@@ -78,8 +91,8 @@ def files_of_failed(
         The files, sorted; none if it isn't known which file is the robot's.
     """
     files = {Path(file) for file in _listed(controllers or ())}
-    if isinstance(error, InputError) and error.file is not None:
-        files.add(Path(error.file))
+    if error is not None:
+        files.update(file_of(error))
     with contextlib.suppress(ArmDrakeError):
         entry, _ = find_entry(source)
         packages = PackageFinder(entry, [Path(path) for path in _listed(package_paths)])
@@ -107,7 +120,7 @@ class FileWatcher:
         self._watched: dict[Path, _Watched] = {}
         self.watch(files)
 
-    def watch(self, files: Iterable[Path]) -> None:
+    def watch(self, files: Iterable[Path], since: int | None = None) -> None:
         """Watch these files and no others.
 
         Changes of files that were watched before and that `changed` has not told yet
@@ -115,10 +128,12 @@ class FileWatcher:
 
         Args:
             files: The files; they need not exist.
+            since: Files that are new here and were written since then [ns], on the
+                clock of `time.time_ns`, count as changed.
         """
         old = self._watched
         self._watched = {
-            file: old[file] if file in old else _Watched(_signature(file))
+            file: old[file] if file in old else _first_look(file, since)
             for file in files
         }
 
@@ -147,6 +162,16 @@ class _Watched:
         is_changed = not is_missed and (now != self.signature or self.is_missed)
         self.signature, self.is_missed = now, is_missed
         return is_changed
+
+
+def _first_look(file: Path, since: int | None) -> _Watched:
+    signature = _signature(file)
+    is_new = (
+        since is not None
+        and signature is not None
+        and signature[0] >= since - _COARSENESS
+    )
+    return _Watched(None if is_new else signature)
 
 
 def _signature(file: Path) -> _Signature | None:

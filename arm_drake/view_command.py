@@ -15,6 +15,7 @@ from arm_drake.errors import InputError, suggest
 from arm_drake.output_files import check_suffix, check_writable
 from arm_drake.page_command import from_elsewhere, interrupting, start_page
 from arm_drake.robot_viewer import RobotViewer
+from arm_drake.source_files import files_of_failed
 from arm_drake.viewer_panel import find_pose
 from arm_drake.visualization.page import Page, Scene
 from arm_drake.visualization.screenshot import SCREENSHOT_SUFFIXES, save_screenshot
@@ -49,10 +50,18 @@ def view(options: argparse.Namespace, load: LoadRobot) -> int:
     with scene:
         viewer = RobotViewer(
             scene,
-            lambda: loaded.pop() if loaded else load(positions),
+            # The viewer knows where joints are.
+            lambda: loaded.pop() if loaded else load({}),
             shown=options.show or ("visual",),
             fixed_frame=options.fixed_frame or WORLD,
             is_watching=not (options.no_watch or options.screenshot),
+            find_files=lambda error: files_of_failed(
+                options.robot,
+                error,
+                controllers=options.controllers,
+                xacro_args=dict(options.xacro_args),
+                package_paths=options.package_path,
+            ),
         )
         if ghost:
             viewer.show_ghost(ghost)

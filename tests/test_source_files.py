@@ -3,6 +3,7 @@
 import os
 import re
 import shutil
+import time
 from pathlib import Path
 
 import pytest
@@ -379,3 +380,17 @@ def test_files_of_real_robots_are_those_that_xacro_and_the_urdf_name(name, monke
     lines = [entry.what for entry in robot.report if entry.kind == "missing"]
     missing = {mesh for mesh in meshes if any(mesh in line for line in lines)}
     assert meshes - missing <= found
+
+
+def test_a_new_file_that_came_while_it_was_looked_for_has_changed(tmp_path):
+    file, other = tmp_path / "file", tmp_path / "other"
+    start = time.time_ns() - 1_000_000_000
+    file.touch()
+    other.touch()
+    os.utime(other, ns=(start - 10**9, start - 10**9))
+    watcher = FileWatcher()
+
+    watcher.watch([file, other], start)
+
+    assert watcher.changed() == (file,)
+    assert watcher.changed() == ()

@@ -22,6 +22,10 @@ _BLUE = (0.1, 0.5, 1.0)
 _ALPHA = 0.35
 
 
+# Two poses are as good as one if they differ by no more [m] and [rad].
+_NEAR, _ALIGNED = 2e-3, 1e-2
+
+
 class _Follower(NamedTuple):
     """A mimic joint: position = factor * position of the master + offset."""
 
@@ -94,6 +98,7 @@ class Ghost:
             self._base = plant.GetBodyByName(description.base, model)
         self._bodies: list[_DrawnBody] | None = None
         self._sent: dict[str, RigidTransform] = {}
+        self._hidden: set[str] = set()
         self._is_shown = False
 
     @property
@@ -112,6 +117,7 @@ class Ghost:
         *,
         base_pose: RigidTransform | None = None,
         time: float | None = None,
+        hidden_at: Mapping[str, RigidTransform] | None = None,
     ) -> None:
         """Show the robot at joint positions.
 
@@ -122,6 +128,8 @@ class Ghost:
             base_pose: Where the base is, in the world, with all that it carries; by
                 default as in the base context.
             time: Time in the recording, if there is one [s].
+            hidden_at: Poses of links in the world at which they are left out: there
+                something else is, and two shapes in one place are hard to look at.
 
         Raises:
             InputError: If there is no such joint, or a position isn't finite.
@@ -129,7 +137,7 @@ class Ghost:
         q = self._resolve(positions)
         if self._bodies is None:
             self._bodies = self._draw()
-        self._place(self._bodies, q, base_pose, time)
+        self._place(self._bodies, q, base_pose, time, hidden_at or {})
         if not self._is_shown:
             self._is_shown = True
             self._meshcat.SetProperty(self.path, "visible", True)
@@ -140,6 +148,7 @@ class Ghost:
         *,
         base_pose: RigidTransform | None = None,
         time: float | None = None,
+        hidden_at: Mapping[str, RigidTransform] | None = None,
     ) -> None:
         """Move it, if it is shown; the arguments are those of `show`.
 
@@ -147,7 +156,7 @@ class Ghost:
             InputError: If there is no such joint, or a position isn't finite.
         """
         if self._is_shown:
-            self.show(positions, base_pose=base_pose, time=time)
+            self.show(positions, base_pose=base_pose, time=time, hidden_at=hidden_at)
 
     def hide(self) -> None:
         """Hide it; `show` shows it again."""
@@ -161,6 +170,7 @@ class Ghost:
             self._meshcat.Delete(self.path)
         self._bodies, self._is_shown = None, False
         self._sent.clear()
+        self._hidden.clear()
 
     def _resolve(self, positions: Mapping[str, float]) -> np.ndarray:
         """Return the positions of the whole plant."""
@@ -186,6 +196,7 @@ class Ghost:
         q: np.ndarray,
         base_pose: RigidTransform | None,
         time: float | None,
+        hidden_at: Mapping[str, RigidTransform],
     ) -> None:
         plant, context = self._plant, self._context
         plant.SetPositions(context, q)
@@ -199,6 +210,11 @@ class Ghost:
             X_WB = plant.EvalBodyPoseInWorld(context, body)
             if is_carried:
                 X_WB = X_WM @ X_WB
+            other = hidden_at.get(body.name())
+            is_hidden = other is not None and _are_close(X_WB, other)
+            if is_hidden != (path in self._hidden):
+                self._hidden ^= {path}
+                self._meshcat.SetProperty(path, "visible", not is_hidden)
             known = self._sent.get(path)
             # Between pictures of a recording, Meshcat interpolates.
             if time is not None or known is None or not known.IsExactlyEqualTo(X_WB):
@@ -225,3 +241,11 @@ class Ghost:
             if is_drawn:
                 bodies.append(_DrawnBody(body, path, link in carried))
         return bodies
+
+
+def _are_close(one: RigidTransform, other: RigidTransform) -> bool:
+    shift = one.translation() - other.translation()
+    turn = one.rotation().inverse().multiply(other.rotation()).matrix()
+    # The trace of a rotation by an angle is 1 + 2 cos(angle).
+    cosine = 0.5 * (np.trace(turn) - 1.0)
+    return bool(np.linalg.norm(shift) <= _NEAR and cosine >= math.cos(_ALIGNED))

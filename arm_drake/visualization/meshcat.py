@@ -41,13 +41,16 @@ _VIEW_DISTANCE = 1.1
 _SMALLEST_DIAMETER = 0.3
 
 _CAMERA = "/Cameras/default/rotated/<object>"
-_GRID = "/Grid"
+_GRID, _AXES = "/Grid", "/Axes"
 
 # The page's own camera draws nothing nearer than that [m]; what share of the distance
 # that is for a small robot; and the nearest at all.
 _NEAR = 0.01
 _NEAR_SHARE = 0.02
 _NEAREST = 1e-5
+
+# Ways that a robot may move.
+_SIDES = ((0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0))
 
 # Length of a cell of the page's own grid [m]; a small robot is longer than so many.
 _CELL = 0.5
@@ -149,7 +152,11 @@ def frame_points(meshcat: Meshcat, points: Sequence[np.ndarray]) -> None:
 
 
 def frame_shapes(
-    meshcat: Meshcat, query: QueryObject, *, models: Collection[str] | None = None
+    meshcat: Meshcat,
+    query: QueryObject,
+    *,
+    models: Collection[str] | None = None,
+    room: float = 0.0,
 ) -> None:
     """Point the camera so that it sees all that is drawn of a scene, or of robots.
 
@@ -161,6 +168,7 @@ def frame_shapes(
         query: The scene.
         models: Names of the model instances that count, such as those of the robots; by
             default all. A house around a robot would be all that is seen of it.
+        room: How far they may move sideways, in parts of their diameter.
     """
     inspector = query.inspector()
     corners, origins = [], []
@@ -177,8 +185,9 @@ def frame_shapes(
                 corners.append(X_WB.multiply((signs * box.half_width()).T).T)
     if corners:
         points = np.concatenate(corners)
-        camera = _VIEW.camera_for(points)
         diameter = float(np.linalg.norm(np.ptp(points, axis=0)))
+        sideways = room * diameter * np.array(_SIDES)
+        camera = _VIEW.camera_for((points + sideways[:, None, :]).reshape(-1, 3))
         _look(meshcat, np.array(camera.eye), np.array(camera.target), diameter)
     elif origins:
         frame_points(meshcat, origins)
@@ -200,7 +209,8 @@ def _look(
     meshcat.SetProperty(_CAMERA, "near", near)
     cell = round_number(max(diameter, _NEAREST) / _CELLS)
     scale = min(cell / _CELL, 1.0)
-    meshcat.SetTransform(_GRID, np.diag([scale, scale, scale, 1.0]))
+    for path in (_GRID, _AXES):
+        meshcat.SetTransform(path, np.diag([scale, scale, scale, 1.0]))
 
 
 def save_html(meshcat: Meshcat, path: Path) -> None:

@@ -1,5 +1,6 @@
 """A headless Chromium, and a real robot to look at in it."""
 
+import concurrent.futures
 import contextlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -48,6 +49,13 @@ def page(browser: Browser) -> Iterator[Page]:
     context = browser.new_context(viewport=VIEWPORT)
     yield context.new_page()
     context.close()
+
+
+@pytest.fixture(scope="package")
+def program_thread() -> Iterator[concurrent.futures.ThreadPoolExecutor]:
+    """Where programs with a page run, one after the other: a page needs its thread."""
+    with concurrent.futures.ThreadPoolExecutor(1, "program") as thread:
+        yield thread
 
 
 @pytest.fixture(scope="package")

@@ -17,8 +17,13 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 # and gets all that is there [s].
 PATIENCE = 10.0
 
-# Bytes at a time.
+# Bytes at a time, and of one frame at most.
 _CHUNK = 1 << 16
+
+# A websocket's frames: the largest size that is said in its second byte, and the bit
+# of the first byte that says that it is about the connection.
+_SMALL_FRAME = 125
+_IS_CONTROL = 0x08
 
 Message = Mapping[str, Any]
 
@@ -97,13 +102,35 @@ class Tunnel(_OwnNames):
         self._streams |= streams
         try:
             await meshcat.write("\r\n".join([*lines, "\r\n"]).encode("latin-1"))
-            await asyncio.gather(_pump(meshcat, browser), _pump(browser, meshcat))
+            await asyncio.gather(
+                _pump(meshcat, browser), self._hand_on(browser, meshcat)
+            )
         except StreamClosedError:
             pass
         finally:
             self._streams -= streams
             for stream in streams:
                 stream.close()
+
+    async def _hand_on(self, browser: IOStream, meshcat: IOStream) -> None:
+        """Hand on what a browser says; on a public page, only that it is still there.
+
+        A message that makes no sense ends Drake's Meshcat.
+        """
+        if not self.settings["is_public"]:
+            await _pump(browser, meshcat)
+        while True:
+            # The frames of RFC 6455, section 5.2.
+            head = await browser.read_bytes(2)
+            size, extra = head[1] & 0x7F, b""
+            if size > _SMALL_FRAME:
+                extra = await browser.read_bytes(2 if size == _SMALL_FRAME + 1 else 8)
+                size = int.from_bytes(extra)
+            if size > _CHUNK:
+                raise StreamClosedError
+            rest = await browser.read_bytes(size + (4 if head[1] & 0x80 else 0))
+            if head[0] & _IS_CONTROL:
+                await meshcat.write(head + extra + rest)
 
 
 class PanelSocket(_OwnNames, WebSocketHandler):
@@ -155,7 +182,12 @@ class PanelSocket(_OwnNames, WebSocketHandler):
         try:
             while self._waiting:
                 text = json.dumps(self._waiting.pop(next(iter(self._waiting))))
-                await asyncio.wait_for(self.write_message(text), PATIENCE)
+                sent = asyncio.ensure_future(self.write_message(text))
+                # Given up, it fails when the connection ends, and nobody asks for it.
+                sent.add_done_callback(
+                    lambda done: done.cancelled() or done.exception()
+                )
+                await asyncio.wait_for(asyncio.shield(sent), PATIENCE)
         except WebSocketClosedError:
             pass
         except TimeoutError:

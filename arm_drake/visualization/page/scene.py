@@ -2,7 +2,7 @@
 
 import dataclasses as dc
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Self
 
 from arm_drake.visualization.page.meshcats import give_back, take_meshcat
@@ -49,6 +49,13 @@ class Scene:
         Args:
             text: The message.
             severity: "info", "warning" or "error".
+        """
+
+    def call(self, function: Callable[[], None]) -> None:
+        """Have something done by the thread of the page; without a page, nobody does.
+
+        Args:
+            function: Does it.
         """
 
     def events(self, timeout: float) -> list[Event]:

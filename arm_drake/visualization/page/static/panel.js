@@ -263,9 +263,9 @@ const draw_names = () => {
         span.hidden = w <= 0;
         if (span.hidden) continue;
         const left = (0.5 + 0.5 * x / w) * width + 6;
-        // Below those whose place it would take.
+        // Below those whose place it would take; half a pixel, as numbers are rounded.
         let top = (0.5 - 0.5 * y / w) * height - 8;
-        for (let other; (other = taken.find((t) => Math.abs(t.top - top) < offsetHeight
+        for (let other; (other = taken.find((t) => Math.abs(t.top - top) < offsetHeight - 0.5
             && left < t.right && t.left < left + offsetWidth));) top = other.top + offsetHeight;
         taken.push({left, right: left + offsetWidth, top});
         span.style.transform = `translate(${left.toFixed(1)}px, ${top.toFixed(1)}px)`;

@@ -1,0 +1,178 @@
+"""Ctrl-C ends `arm-drake view` and `sim` in any state, with the data so far."""
+
+import contextlib
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+# Nothing waits longer than this for a process to do what it should [s].
+PATIENCE = 30.0
+
+# The longest that an end may take [s]; the goal of 1 s is for a benchmark to measure,
+# this is for a machine that has other things to do.
+LONGEST_END = 10.0
+
+
+class State(NamedTuple):
+    """What a process is doing when it is interrupted."""
+
+    # Words of the command line; FOLDER stands for a folder of the test.
+    words: tuple[str, ...]
+
+    # What it has printed when it is in the state, on any of its outputs, and how much
+    # longer it takes [s]. The test may be late, never early.
+    until: str = ""
+    delay: float = 0.0
+
+    # Its exit codes. Where there is nothing to finish, that of a shell, or the signal,
+    # by which Python ends if it met the interrupt in a module of C++.
+    codes: tuple[int, ...] = (0,)
+
+    # Files that it writes in the end.
+    files: tuple[str, ...] = ()
+
+    # Options of Python.
+    flags: tuple[str, ...] = ()
+
+
+SIM = ("sim", "doosan_a0912")
+LOG = ("--log", "FOLDER/run.npz")
+TUTORIAL = ("--motion", "tutorial")
+
+# Python tells of each module that it has imported.
+LOADING: Any = {"codes": (130, -signal.SIGINT), "flags": ("-X", "importtime")}
+
+STATES = {
+    "sim, importing": State((*SIM, *LOG), " numpy.version", **LOADING),
+    "sim, loading": State((*SIM, *LOG), " arm_drake.loading", **LOADING),
+    "sim, playing": State((*SIM, *LOG), "simulating until", 0.5, files=("run.npz",)),
+    "sim, paused": State((*SIM, "--paused", *LOG), "simulating until", 0.5),
+    "sim, rate 0": State((*SIM, "--rate", "0"), "simulating until", 0.5),
+    "sim, slow": State((*SIM, "--rate", "0.01"), "simulating until", 0.5),
+    "sim, motion": State(
+        (*SIM, *TUTORIAL, *LOG, "--record", "FOLDER/run.html"),
+        "goal accepted",
+        1.0,
+        files=("run.npz", "run.html"),
+    ),
+    "sim, holding": State(
+        (*SIM, "--duration", "0.2", "--rate", "0", "--hold", *LOG),
+        "the page stays",
+        0.5,
+        files=("run.npz",),
+    ),
+    "sim, headless": State(
+        (*SIM, "--headless", "--duration", "1000", *LOG),
+        "   1.00 s",
+        0.0,
+        files=("run.npz",),
+    ),
+    "view, importing": State(("view", "doosan_a0912"), " numpy.version", **LOADING),
+    "view, loading": State(("view", "doosan_a0912"), " arm_drake.loading", **LOADING),
+    "view": State(("view", "doosan_a0912"), "until Ctrl-C", 0.5),
+}
+
+
+class Ended(NamedTuple):
+    """How a process has ended."""
+
+    # From Ctrl-C on [s].
+    took: float
+
+    code: int
+    output: str
+
+
+def interrupt(name: str, folder: Path) -> Ended:
+    """Start a process, bring it into a state, and press Ctrl-C."""
+    state = STATES[name]
+    words = [word.replace("FOLDER", str(folder)) for word in state.words]
+    log = folder / "output.txt"
+    with log.open("w", encoding="utf-8") as output:
+        process = subprocess.Popen(
+            [sys.executable, *state.flags, "-m", "arm_drake", *words],
+            stdout=output,
+            stderr=subprocess.STDOUT,
+        )
+    with contextlib.ExitStack() as stack:
+        stack.callback(process.kill)
+        wait_until(lambda: state.until in log.read_text(encoding="utf-8"), process)
+        time.sleep(state.delay)
+        process.send_signal(signal.SIGINT)
+        start = time.perf_counter()
+        code = process.wait(PATIENCE)
+        took = time.perf_counter() - start
+        stack.pop_all()
+    return Ended(took, code, log.read_text(encoding="utf-8"))
+
+
+def wait_until(is_so: Callable[[], bool], process: subprocess.Popen[bytes]) -> None:
+    deadline = time.monotonic() + PATIENCE
+    while not is_so():
+        assert process.poll() is None, "it has ended by itself"
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", STATES)
+def test_ctrl_c_ends_it_and_what_was_asked_for_is_there(
+    name: str, tmp_path: Path
+) -> None:
+    state = STATES[name]
+
+    ended = interrupt(name, tmp_path)
+
+    assert "Traceback" not in ended.output
+    assert ended.code in state.codes, ended.output[-2000:]
+    assert ended.took < LONGEST_END
+    assert {path.name for path in tmp_path.iterdir()} >= set(state.files)
+    if "run.npz" in state.files:
+        with np.load(tmp_path / "run.npz") as rollout:
+            # All that was simulated, up to the end that is told.
+            steps = np.diff(rollout["time"])
+            assert len(steps) >= 10
+            np.testing.assert_allclose(steps, steps[0], rtol=1e-9)
+            assert rollout["position"].shape == (len(steps) + 1, 6)
+            told = next(
+                float(line.split()[1])
+                for line in ended.output.splitlines()
+                if line.startswith("simulated ")
+            )
+            # Half a unit of the last digit, and one tick.
+            assert abs(rollout["time"][-1] - told) <= 0.005 + steps[0]
+    if "run.html" in state.files:
+        page = (tmp_path / "run.html").read_text(encoding="utf-8")
+        assert page.startswith("<!DOCTYPE html>")
+        assert page.rstrip().endswith("</html>")
+
+
+@pytest.mark.slow
+def test_a_second_ctrl_c_does_not_wait_for_files(tmp_path: Path) -> None:
+    # A recording of a robot with meshes takes its time; twice Ctrl-C gives it up.
+    words = [*SIM, *TUTORIAL, "--record", str(tmp_path / "run.html")]
+    with subprocess.Popen(
+        [sys.executable, "-m", "arm_drake", *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    ) as process:
+        assert process.stdout is not None
+        lines = iter(process.stdout.readline, "")
+        assert any("goal accepted" in line for line in lines)
+        process.send_signal(signal.SIGINT)
+        assert any("stopped at" in line for line in lines)
+        process.send_signal(signal.SIGINT)
+        rest = process.stdout.read()
+        code = process.wait(PATIENCE)
+
+    # It may have been done already.
+    assert code in (0, 130)
+    assert "Traceback" not in rest

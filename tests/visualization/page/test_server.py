@@ -1,0 +1,521 @@
+"""The server of a page: who can reach it, what it hands on, and what it leaves."""
+
+import gc
+import itertools
+import logging
+import re
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import psutil
+import pytest
+from pydrake.geometry import Box, Rgba
+
+from arm_drake.errors import InputError
+from arm_drake.visualization.page import Event, Page, handlers, server
+from tests.test_memory import resident_memory
+from tests.visualization.page.clients import (
+    BINARY,
+    PATIENCE,
+    PING,
+    PONG,
+    TEXT,
+    Panel,
+    WebSocket,
+    get,
+    wait_until,
+)
+from tests.visualization.scene import unpack
+
+MIB = 1 << 20
+
+
+@pytest.fixture
+def page() -> Iterator[Page]:
+    with Page() as page:
+        yield page
+
+
+def listening(port: int) -> set[str]:
+    """Return the addresses on which this process listens to a port."""
+    return {
+        connection.laddr.ip
+        for connection in psutil.Process().net_connections("tcp")
+        if connection.status == psutil.CONN_LISTEN and connection.laddr.port == port
+    }
+
+
+def free_ports(count: int) -> int:
+    """Return the first of so many free ports in a row."""
+    for first in itertools.count(20000, count):
+        try:
+            for port in range(first, first + count):
+                socket.create_server(("127.0.0.1", port)).close()
+        except OSError:
+            continue
+        return first
+    raise AssertionError
+
+
+def test_only_this_machine_is_listened_to(page: Page) -> None:
+    for port in (page.port, page.meshcat.port()):
+        found = listening(port)
+        assert "127.0.0.1" in found
+        assert found <= {"127.0.0.1", "::1"}
+    # 127.0.0.2 is this machine too, but not where the server listens.
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.2", page.port), timeout=5.0).close()
+    assert not page.is_public
+    assert page.url == f"http://localhost:{page.port}/"
+
+
+@pytest.mark.parametrize("host", ["*", "0.0.0.0"])  # noqa: S104
+def test_all_addresses_are_listened_to_when_asked_for(host: str) -> None:
+    with Page(host=host) as page:
+        assert listening(page.port) == {"0.0.0.0"}  # noqa: S104
+        assert page.is_public
+        # Other machines know this one by names that it may not know itself.
+        assert get(page.port, "/", "robot.example.org").status == 200
+        # Meshcat itself still listens to this machine alone.
+        assert listening(page.meshcat.port()) <= {"127.0.0.1", "::1"}
+
+
+def test_an_address_of_this_machine_is_served_by_its_own_name() -> None:
+    with Page(host="127.0.0.2") as page:
+        assert listening(page.port) == {"127.0.0.2"}
+        assert not page.is_public
+        assert page.url == f"http://127.0.0.2:{page.port}/"
+        with socket.create_connection(("127.0.0.2", page.port)) as connection:
+            text = f"GET / HTTP/1.0\r\nHost: 127.0.0.2:{page.port}\r\n\r\n"
+            connection.sendall(text.encode())
+            assert connection.recv(12) == b"HTTP/1.1 200"
+
+
+@pytest.mark.parametrize("name", ["localhost", "LOCALHOST", "127.0.0.1", "[::1]"])
+def test_names_of_this_machine_are_answered(page: Page, name: str) -> None:
+    for path in ("/", "/panel.js", "/panel.css", "/meshcat/"):
+        assert get(page.port, path, f"{name}:{page.port}").status == 200
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "evil.example",
+        "localhost.evil.example",
+        "127.0.0.1.evil.example",
+        "192.168.1.2",
+        "0.0.0.0",  # noqa: S104
+        "",
+    ],
+)
+def test_another_name_is_refused(page: Page, name: str) -> None:
+    host = f"{name}:{page.port}" if name else ""
+    for path in ("/", "/index.html", "/panel.js", "/meshcat/", "/meshcat/meshcat.js"):
+        assert get(page.port, path, host).status in (400, 403)
+    for path in ("/panel", "/meshcat/"):
+        with WebSocket(page.port, path, host=host or "x") as client:
+            assert client.status == 403
+    assert page.num_browsers == 0
+
+
+@pytest.mark.parametrize("path", ["/panel", "/meshcat/"])
+def test_websockets_of_other_web_sites_are_refused(page: Page, path: str) -> None:
+    foreign = (
+        "http://evil.example",
+        f"http://evil.example:{page.port}",
+        f"http://localhost.evil.example:{page.port}",
+        # Another program of this machine.
+        f"http://localhost:{page.port + 1}",
+        "null",
+    )
+
+    for origin in foreign:
+        with WebSocket(page.port, path, origin=origin) as client:
+            assert client.status == 403, origin
+
+    with WebSocket(page.port, path) as client:
+        assert client.status == 101
+    assert page.meshcat.GetNumActiveConnections() <= 1
+
+
+def test_nothing_is_kept_by_the_browser(page: Page) -> None:
+    # After an update of the package the page's old script would not fit.
+    for path in ("/", "/panel.js", "/meshcat/"):
+        assert get(page.port, path).headers["cache-control"] == "no-store"
+
+
+def test_only_the_pages_own_files_are_served(page: Page) -> None:
+    assert b"panel.js" in get(page.port, "/").body
+    for path in ("/../page.py", "/%2e%2e/page.py", "//etc/passwd", "/none.js"):
+        assert get(page.port, path).status in (403, 404)
+
+
+def test_a_taken_port_gives_the_next_one() -> None:
+    first = free_ports(3)
+
+    with (
+        Page(port=first) as one,
+        socket.create_server(("127.0.0.1", first + 1)),
+        Page(port=first) as two,
+    ):
+        assert (one.port, one.has_moved) == (first, False)
+        assert (two.port, two.has_moved) == (first + 2, True)
+        assert two.url == f"http://localhost:{first + 2}/"
+        assert get(two.port, "/").status == 200
+
+
+def test_the_first_free_port_from_7000_on_is_no_other_than_asked_for() -> None:
+    with Page() as page:
+        assert page.port >= 7000
+        assert not page.has_moved
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"port": 80}, "port 80: expected 1024 to 65535"),
+        ({"port": 65536}, "port 65536: expected 1024 to 65535"),
+        (
+            {"host": "my-robot"},
+            "host 'my-robot': expected localhost, * (all addresses) or an address of "
+            "this machine",
+        ),
+        (
+            # An address for documentation, which no machine has.
+            {"host": "192.0.2.1"},
+            "host '192.0.2.1': expected localhost, * (all addresses) or an address of "
+            "this machine",
+        ),
+    ],
+)
+def test_a_place_that_cannot_be_is_said(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        Page(**options)
+
+    assert str(caught.value) == message
+
+
+def test_that_no_port_is_free_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server, "_TRIED_PORTS", 2)
+    first = free_ports(2)
+
+    with (
+        socket.create_server(("127.0.0.1", first)),
+        socket.create_server(("127.0.0.1", first + 1)),
+        pytest.raises(InputError) as caught,
+    ):
+        Page(port=first)
+
+    assert str(caught.value) == f"no port from {first} to {first + 1} is free"
+
+
+def test_a_page_that_cannot_start_leaves_no_meshcat() -> None:
+    process = psutil.Process()
+
+    def attempt() -> int:
+        with pytest.raises(InputError):
+            Page(port=80)
+        return len(process.net_connections("tcp"))
+
+    # The first one may make a Meshcat, which stays for the next page.
+    first = attempt()
+
+    assert [attempt() for _ in range(3)] == [first] * 3
+
+
+def test_meshcats_files_come_unchanged(page: Page) -> None:
+    text = get(page.meshcat.port(), "/").body.decode()
+    # By what they say, such as cas-v1/db39149...; the script is among them.
+    named = re.findall(r'(?:src|href)="([^"]+)"', text)
+    names = ("", "index.html", "meshcat.html", "favicon.ico", "none", *named)
+    sizes = []
+    for name in names:
+        through = get(page.port, f"/meshcat/{name}")
+        direct = get(page.meshcat.port(), f"/{name}")
+
+        assert through.status == direct.status
+        if direct.status == 200:
+            assert through.body == direct.body
+            if "content-type" in direct.headers:
+                assert through.headers["content-type"] == direct.headers["content-type"]
+        sizes.append(len(direct.body))
+    # The page and its script are there indeed.
+    assert sizes[0] > 1000
+    assert sizes[-1] > 100_000
+
+
+def scene_of(client: WebSocket, count: int) -> list[bytes]:
+    """Return the first messages of a scene, in any order."""
+    found = []
+    for _ in range(count):
+        kind, data = client.read()
+        assert kind == BINARY
+        found.append(data)
+    return sorted(found)
+
+
+def test_the_scene_comes_unchanged_and_goes_on(page: Page) -> None:
+    page.meshcat.SetObject("/drake/old", Box(1.0, 2.0, 3.0), Rgba(1, 0, 0))
+    with (
+        WebSocket(page.port, "/meshcat/") as through,
+        WebSocket(page.meshcat.port(), "/") as direct,
+    ):
+        wait_until(lambda: page.meshcat.GetNumActiveConnections() == 2)
+        page.meshcat.SetObject("/drake/new", Box(4.0, 5.0, 6.0), Rgba(0, 1, 0))
+        page.meshcat.SetProperty("/drake/last", "done", True)
+
+        found = []
+        for client in (through, direct):
+            messages: list[bytes] = []
+            while not messages or b"/drake/last" not in messages[-1]:
+                messages += scene_of(client, 1)
+            found.append(messages)
+
+    assert sorted(found[0]) == sorted(found[1])
+    boxes = {
+        message["path"]: message["object"]["geometries"][0]
+        for message in map(unpack, found[0])
+        if message["type"] == "set_object" and message["path"].startswith("/drake/")
+    }
+    # three.js has the depth of a box along z.
+    sides = ("width", "height", "depth")
+    assert sorted(boxes["/drake/new"][side] for side in sides) == [4.0, 5.0, 6.0]
+    assert sorted(boxes["/drake/old"][side] for side in sides) == [1.0, 2.0, 3.0]
+
+
+def test_what_the_browser_tells_meshcat_arrives(page: Page) -> None:
+    page.meshcat.AddButton("go")
+    # MessagePack for {"type": "button", "name": "go"}.
+    click = b"\x82\xa4type\xa6button\xa4name\xa2go"
+
+    with WebSocket(page.port, "/meshcat/") as client:
+        client.send(click, BINARY)
+        wait_until(lambda: page.meshcat.GetButtonClicks("go") == 1)
+
+
+GARBAGE = [
+    b"",
+    b"{",
+    b"\xff\xfe\x00",
+    b"null",
+    b"1",
+    b'"play"',
+    b"[]",
+    b'["id", "value"]',
+    b"{}",
+    b'{"value": 1}',
+    b'{"id": null, "value": 1}',
+    b'{"id": 1}',
+    b'{"id": ["play"]}',
+    b'{"id": {"id": "play"}}',
+    b"[" * 60_000,
+    b'{"id":' * 10_000,
+    b"9" * 60_000,
+]
+
+
+@pytest.mark.parametrize("kind", [TEXT, BINARY])
+@pytest.mark.parametrize("garbage", GARBAGE, ids=range(len(GARBAGE)))
+def test_garbage_is_no_event_and_harms_nobody(
+    page: Page, caplog: pytest.LogCaptureFixture, garbage: bytes, kind: int
+) -> None:
+    if kind == TEXT and garbage.startswith(b"\xff"):
+        garbage = b'\xc3\xa4{"id"'  # Websockets have no other text.
+
+    with caplog.at_level(logging.WARNING), Panel(page.port) as client:
+        client.send(garbage, kind)
+        client.say("after", 2)
+        # In the order of what was said: garbage would be first.
+        assert page.events(PATIENCE) == [Event("after", 2)]
+
+    assert caplog.records == []
+
+
+def test_a_message_that_is_too_long_ends_its_own_connection_only(
+    page: Page, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.WARNING), Panel(page.port) as other:
+        with Panel(page.port) as client:
+            wait_until(lambda: page.num_browsers == 2)
+            client.send(b'{"id": "' + b"x" * MIB + b'"}')
+            with pytest.raises(ConnectionError):
+                client.hear()
+        wait_until(lambda: page.num_browsers == 1)
+        other.say("play")
+        assert page.events(PATIENCE) == [Event("play")]
+
+    assert caplog.records == []
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/meshcat/%0d%0aX-Evil:%20yes",
+        "/meshcat/a%20b",
+        "/meshcat/%00",
+        "/meshcat/%ff",
+        "/meshcat/..%2f..%2fetc%2fpasswd",
+        "/meshcat/" + "x" * 8000,
+        "/meshcat/@example.org/",
+        "/meshcat//example.org/",
+    ],
+)
+def test_paths_that_make_no_sense_are_no_files(
+    page: Page, caplog: pytest.LogCaptureFixture, path: str
+) -> None:
+    # Drake warns of such paths, and so does tornado; an error would be a traceback.
+    with caplog.at_level(logging.ERROR):
+        assert get(page.port, path).status in (400, 403, 404, 431)
+
+    assert caplog.records == []
+    assert get(page.port, "/meshcat/").status == 200
+
+
+def test_raw_garbage_harms_nobody(page: Page) -> None:
+    with Panel(page.port) as other:
+        for garbage in (b"\x16\x03\x01\x02\x00", b"GET\r\n\r\n", b"\x00" * 100_000):
+            with socket.create_connection(("127.0.0.1", page.port)) as connection:
+                connection.sendall(garbage)
+        other.say("play")
+        assert page.events(PATIENCE) == [Event("play")]
+
+    assert get(page.port, "/meshcat/").status == 200
+
+
+def test_a_panel_that_is_not_read_is_dropped_and_the_others_go_on(
+    page: Page, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(handlers, "PATIENCE", 0.3)
+    count, size = 200, MIB
+
+    with Panel(page.port, buffer=4096), Panel(page.port) as other:
+        wait_until(lambda: page.num_browsers == 2)
+        before = resident_memory()
+        for number in range(count):
+            page.set_labels({str(number): "x" * size})
+            if number % 5 == 0:
+                other.hear()
+        most = resident_memory() - before
+        wait_until(lambda: page.num_browsers == 1)
+        last = other.hear_until(lambda m: str(count - 1) in m.get("labels", {}))
+
+    assert len(last["labels"][str(count - 1)]) == size
+    assert [r for r in caplog.records if r.levelno >= logging.WARNING] == []
+    # A few copies: the text, its JSON, its bytes, for each of the two, and what the
+    # server's queue holds, not all that was sent.
+    assert most < count * size / 4
+
+
+def test_a_panel_that_does_not_answer_pings_is_dropped(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(server, "PATIENCE", 0.3)
+
+    with Page() as page, Panel(page.port):
+        wait_until(lambda: page.num_browsers == 1)
+        wait_until(lambda: page.num_browsers == 0)
+
+
+def test_a_scene_that_is_not_read_is_dropped_and_the_others_go_on(
+    page: Page, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(handlers, "PATIENCE", 0.5)
+    meshcat, rng = page.meshcat, np.random.default_rng(1)
+    line = np.asfortranarray(rng.random((3, 200_000)))  # 2.4 MB on the wire.
+
+    with (
+        WebSocket(page.port, "/meshcat/", buffer=4096),
+        WebSocket(page.port, "/meshcat/") as other,
+    ):
+        wait_until(lambda: meshcat.GetNumActiveConnections() == 2)
+        before = resident_memory()
+        for number in range(60):
+            meshcat.SetLine("/drake/line", line)
+            meshcat.SetProperty("/drake/line", "number", float(number))
+            data = b""
+            while b"number" not in data:
+                _, data = other.read()
+        grown = resident_memory() - before
+        assert unpack(data)["value"] == 59.0
+        wait_until(lambda: meshcat.GetNumActiveConnections() == 1)
+
+    # 144 MB were sent; Drake itself keeps up to 50 MiB for who doesn't read.
+    assert grown < 100 * MIB
+
+
+def read_on(read: Callable[[], object]) -> None:
+    while True:
+        read()
+
+
+def test_a_closed_page_leaves_its_port_and_tells_its_browsers() -> None:
+    page = Page()
+    port, meshcat_port = page.port, page.meshcat.port()
+    with Panel(port) as panel, WebSocket(port, "/meshcat/") as scene:
+        wait_until(lambda: page.num_browsers == 1)
+
+        page.close()
+
+        for read in (panel.hear, scene.read):
+            with pytest.raises(ConnectionError):
+                read_on(read)
+    assert listening(port) == set()
+    # Meshcat stays for the next page.
+    assert listening(meshcat_port)
+    with Page(port=port) as again:
+        assert (again.port, again.has_moved) == (port, False)
+        assert again.meshcat is page.meshcat
+
+
+def test_a_page_that_is_closed_takes_no_harm() -> None:
+    page = Page()
+    page.close()
+
+    page.close()
+    page.set_panel("too late", [])
+    page.patch({"a": {"value": 1}})
+    page.say("too late")
+    page.set_labels({})
+
+    assert page.num_browsers == 0
+    assert page.events(0.0) == []
+
+
+def test_pages_one_after_the_other_leave_nothing() -> None:
+    process = psutil.Process()
+
+    def use() -> tuple[int, int, int]:
+        with Page() as page:
+            page.set_panel("robot", [])
+            assert get(page.port, "/meshcat/").status == 200
+            with Panel(page.port) as panel, WebSocket(page.port, "/meshcat/"):
+                panel.hear()
+                page.meshcat.SetObject("/drake/box", Box(1.0, 1.0, 1.0))
+        # Of their connections the clients' ends may not be gone yet.
+        ours = (psutil.CONN_LISTEN, psutil.CONN_ESTABLISHED)
+        sockets = [c for c in process.net_connections("tcp") if c.status in ours]
+        gc.collect()
+        return threading.active_count(), len(sockets), process.num_fds()
+
+    for _ in range(3):
+        first = use()
+    before = resident_memory()
+
+    rest = [use() for _ in range(20)]
+
+    assert set(rest) == {first}
+    # A Meshcat is about 1 MB, with its threads and files; a server some 100 kB.
+    assert resident_memory() - before < 4 * MIB
+
+
+def test_a_public_page_keeps_garbage_from_meshcat() -> None:
+    # On this machine alone, whoever can send it could end the program as well.
+    with Page(host="*") as page, WebSocket(page.port, "/meshcat/") as browser:
+        browser.send(b"\xc1garbage", BINARY)
+        browser.send(b"still there?", PING)
+        wait_until(lambda: browser.read() == (PONG, b"still there?"))
+
+        assert get(page.port, "/meshcat/").status == 200
