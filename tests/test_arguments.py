@@ -1,8 +1,13 @@
 """Words of the command line: xacro arguments stand anywhere after ROBOT."""
 
+import argparse
+import re
+from pathlib import Path
+
 import pytest
 
-from arm_drake.arguments import parse_arguments
+from arm_drake.arguments import make_parser, parse_arguments
+from arm_drake.command_arguments import add_page_arguments
 
 A_B = [("a", "1"), ("b", "2")]
 
@@ -68,3 +73,33 @@ def test_other_words_are_refused(capsys, words, message):
 
     assert stop.value.code == 2
     assert capsys.readouterr().err.endswith(f"error: {message}\n")
+
+
+def test_the_options_that_the_docs_name_exist():
+    docs = (Path(__file__).parents[1] / "docs/page.md").read_text(encoding="utf-8")
+    parser = make_parser()
+    helps = subparsers(parser)
+    known = set(re.findall(r"--[a-z][a-z-]+", helps["view"] + helps["sim"]))
+
+    named = set(re.findall(r"--[a-z][a-z-]+", docs))
+
+    assert named
+    assert named <= known
+
+
+def test_every_option_of_a_page_is_in_the_docs():
+    docs = (Path(__file__).parents[1] / "docs/page.md").read_text(encoding="utf-8")
+    parser = argparse.ArgumentParser(add_help=False)
+    add_page_arguments(parser)
+
+    options = [word for action in parser._actions for word in action.option_strings]
+
+    assert [option for option in options if option not in docs] == []
+
+
+def subparsers(parser):
+    """Return the help of each command."""
+    (commands,) = (
+        action for action in parser._actions if hasattr(action.choices, "items")
+    )
+    return {name: sub.format_help() for name, sub in commands.choices.items()}
