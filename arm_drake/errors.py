@@ -65,6 +65,10 @@ class MotionError(InputError):
     """A motion file can't be used with this robot."""
 
 
+class SimulationError(ArmDrakeError):
+    """A simulation can't go on."""
+
+
 class OutputError(InputError):
     """A result can't be written where it was asked for."""
 

@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from arm_drake.description.joints import FREE_TYPES, JointInfo
+from arm_drake.description.joints import JointInfo
 from arm_drake.description.tree import last_master
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.errors import InputError, suggest
@@ -78,15 +78,6 @@ def joint_ranges(description: RobotDescription) -> tuple[JointRange, ...]:
         description: The robot.
     """
     return tuple(_range(joint) for joint in description.movable_joints)
-
-
-def free_joints(description: RobotDescription) -> tuple[str, ...]:
-    """Return the joints with several degrees of freedom, which have no range.
-
-    Args:
-        description: The robot.
-    """
-    return tuple(j.name for j in description.joints if j.type in FREE_TYPES)
 
 
 def center(ranges: Iterable[JointRange]) -> dict[str, float]:

@@ -2,6 +2,7 @@
 
 import collections
 import re
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from arm_drake.clients import GoalHandle
@@ -14,6 +15,7 @@ from arm_drake.visualization.page import (
     Button,
     Buttons,
     Choice,
+    Event,
     Item,
     Section,
     Text,
@@ -67,6 +69,22 @@ class LogLines:
         return "\n".join(reversed(self._lines))
 
 
+def latest(events: Iterable[Event]) -> list[Event]:
+    """Return events without those whose value is replaced by a later one.
+
+    Of a slider's way the end counts, unless something else was done on the way.
+
+    Args:
+        events: What happened, in order.
+    """
+    kept: list[Event] = []
+    for event in events:
+        if kept and kept[-1].id == event.id and event.value is not None:
+            kept.pop()
+        kept.append(event)
+    return kept
+
+
 def make_sections(live: "LiveSimulation") -> list[Section]:
     """Return the panel of a simulation.
 
@@ -74,13 +92,8 @@ def make_sections(live: "LiveSimulation") -> list[Section]:
         live: The simulation.
     """
     simulation = live.simulation
-    rates = sorted({*_RATES, live.realtime_rate} - {0.0})
-    rate = Choice(
-        "rate",
-        "real-time rate",
-        (*map(_rate_text, rates), AS_FAST_AS_POSSIBLE),
-        _rate_text(live.realtime_rate),
-    )
+    now = live.realtime_rate
+    rate = Choice("rate", "real-time rate", _rate_options(now), _rate_text(now))
     buttons = Buttons(
         (
             Button("play", "pause", "play or pause (space)", key=" "),
@@ -119,7 +132,10 @@ def make_changes(live: "LiveSimulation") -> dict[str, dict[str, Any]]:
     simulation = live.simulation
     changes: dict[str, dict[str, Any]] = {
         "play": {"label": "pause" if live.is_playing else "play"},
-        "rate": {"value": _rate_text(live.realtime_rate)},
+        "rate": {
+            "value": _rate_text(live.realtime_rate),
+            "options": _rate_options(live.realtime_rate),
+        },
         "time": {"value": f"{simulation.time:.2f} s"},
         "wall_time": {"value": f"{live.wall_time:.2f} s"},
         "factor": {"value": f"{live.realtime_factor:.2f}" if live.is_playing else "–"},
@@ -159,6 +175,11 @@ def read_rate(text: object) -> float:
 
 def _class_name(type_: str) -> str:
     return re.split(r"/|::", type_)[-1]
+
+
+def _rate_options(now: float) -> tuple[str, ...]:
+    rates = sorted({*_RATES, now} - {0.0})
+    return (*map(_rate_text, rates), AS_FAST_AS_POSSIBLE)
 
 
 def _rate_text(rate: float) -> str:

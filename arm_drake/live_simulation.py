@@ -2,11 +2,17 @@
 
 import math
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
-from arm_drake.errors import ArmDrakeError
-from arm_drake.live_panel import LogLines, make_changes, make_sections, read_rate
+from arm_drake.errors import ArmDrakeError, SimulationError
+from arm_drake.live_panel import (
+    LogLines,
+    latest,
+    make_changes,
+    make_sections,
+    read_rate,
+)
 from arm_drake.live_views import LiveViews
 from arm_drake.mailbox import News
 from arm_drake.motion import Motion
@@ -23,6 +29,9 @@ _PANEL_PERIOD = 0.1
 
 # Velocities of bases are sent anew after so much simulated time [s].
 _REPEAT_PERIOD = 0.1
+
+
+Progress = Callable[[float], None]
 
 
 class LiveSimulation:
@@ -66,13 +75,12 @@ class LiveSimulation:
             page, simulation, tuple(shown), is_recorded=frame_rate is not None
         )
         self.remotes: list[Remote] = find_remotes(simulation)
-        # Where it is.
         self.page = page
         self._motion = motion
         self._pace = Pace(realtime_rate)
         self._is_playing = not is_paused
-        self._is_running = False
-        self._end = math.inf
+        self._is_stopped = False
+        self._duration = math.inf
         self._frame_rate = frame_rate
         if frame_rate is not None:
             start_recording(page.meshcat, frame_rate)
@@ -141,6 +149,7 @@ class LiveSimulation:
         if self._frame_rate is not None:
             start_recording(self.page.meshcat, self._frame_rate)
         self._log.clear()
+        self._end = self.simulation.time + self._duration
         self._start()
         self.views.draw()
 
@@ -159,20 +168,23 @@ class LiveSimulation:
         if self._is_playing:
             pace.start(self.simulation.time)
 
-    def run(self, duration: float | None = None, progress: Any = None) -> None:
+    def run(
+        self, duration: float | None = None, progress: Progress | None = None
+    ) -> None:
         """Do what is clicked, and simulate while it is playing.
 
         Args:
-            duration: Simulated time after which it returns [s]; None is until `stop`.
+            duration: Simulated time after which it returns [s], counted anew from a
+                reset; None is until `stop`.
             progress: Called with the simulated time [s], ten times a second.
         """
-        self._end = math.inf if duration is None else self.simulation.time + duration
-        self._is_running = True
+        self._duration = math.inf if duration is None else duration
+        self._end = self.simulation.time + self._duration
         if self._is_playing:
             self._pace.start(self.simulation.time)
         next_picture = next_panel = time.perf_counter()
         drawn_at = math.nan
-        while self._is_running and self.simulation.time < self._end:
+        while not self._is_stopped and self.simulation.time < self._end:
             wait = min(next_picture, next_panel) - time.perf_counter()
             # As fast as it goes: no waiting, but for what is clicked.
             is_busy = self._is_playing and self.realtime_rate == 0.0
@@ -192,12 +204,13 @@ class LiveSimulation:
                 next_panel = now + _PANEL_PERIOD
         if self._is_playing:
             self._pace.stop()
+        self._is_stopped = False
         self.views.draw()
         self._tell(progress)
 
     def stop(self) -> None:
-        """End `run`; what is under way takes a twentieth of a second at most."""
-        self._is_running = False
+        """End `run`, or the next one, within a twentieth of a second."""
+        self._is_stopped = True
 
     def handle(self, events: Iterable[Event]) -> None:
         """Do what was clicked.
@@ -205,13 +218,16 @@ class LiveSimulation:
         Args:
             events: What happened on the page, in order.
         """
-        for event in latest(events):
+        problems = []
+        for event in (happened := latest(events)):
             try:
                 self._do(event.id, event.value)
+            except SimulationError:
+                raise
             except ArmDrakeError as error:
-                self.page.say(str(error), "error")
-            else:
-                self.page.say("")
+                problems.append(str(error))
+        if happened:
+            self.page.say("\n".join(problems), "error")
 
     def _do(self, name: str, value: Any) -> None:
         kind, _, what = name.partition(":")
@@ -226,9 +242,15 @@ class LiveSimulation:
         elif kind == "deactivate":
             self.simulation.switch_controllers(deactivate=[what])
         elif kind == "remote":
-            for remote in self.remotes:
-                if name.startswith(f"remote:{remote.controller}:"):
-                    remote.handle(name, value)
+            owners = (
+                remote
+                for remote in self.remotes
+                if name.startswith(f"remote:{remote.controller}:")
+            )
+            # A controller may be called as the start of another.
+            owner = max(owners, key=lambda one: len(one.controller), default=None)
+            if owner is not None:
+                owner.handle(name, value)
         else:
             self.views.handle(name, value)
 
@@ -267,26 +289,10 @@ class LiveSimulation:
                 self.views.draw()
                 self._picture_at = now + 1.0 / self._frame_rate
 
-    def _tell(self, progress: Any) -> None:
+    def _tell(self, progress: Progress | None) -> None:
         self.page.patch(make_changes(self))
         if progress is not None:
             progress(self.simulation.time)
 
     def _take_news(self, news: News) -> None:
         self._log.add(self.simulation, news)
-
-
-def latest(events: Iterable[Event]) -> list[Event]:
-    """Return events without those whose value is replaced by a later one.
-
-    Of a slider's way the end counts, unless something else was done on the way.
-
-    Args:
-        events: What happened, in order.
-    """
-    kept: list[Event] = []
-    for event in events:
-        if kept and kept[-1].id == event.id and event.value is not None:
-            kept.pop()
-        kept.append(event)
-    return kept

@@ -120,7 +120,7 @@ class LiveViews:
         Raises:
             InputError: If there is no such link.
         """
-        self._fixed_frame = self._find(frame, "fixed frame")
+        self._fixed_frame = self._find(frame, "fixed frame", self._frames)
         self._scene.patch({"fixed_frame": {"value": frame}})
         self.draw()
         if frame == WORLD:  # All goes back, and stays there without being drawn.
@@ -139,7 +139,7 @@ class LiveViews:
             self._trail.clear()
         self._trail = None
         if frame is not None:
-            self._trail_link = self._find(frame, "trail")
+            self._trail_link = self._find(frame, "trail", self._frames[1:])
             self._trail = Trail(self._scene.meshcat)
         self._scene.patch({"trail": {"value": frame or _NOTHING}})
         self.draw()
@@ -157,6 +157,11 @@ class LiveViews:
         for name, arrows in self._arrows.items():
             prefix = f"{name}/" if len(self._robots) > 1 else ""
             arrows.show(self._simulation.eval_output(f"{prefix}contacts"))
+
+    def end_recording(self) -> None:
+        """Leave out what would stand still in a recording: contact forces."""
+        for arrows in self._arrows.values():
+            arrows.hide()
 
     def widgets(self) -> tuple[Widget, ...]:
         """Return the toggles and choices of the panel."""
@@ -190,11 +195,9 @@ class LiveViews:
             return False
         return True
 
-    def _find(self, frame: str, what: str) -> str:
-        if frame not in self._frames:
-            raise InputError(
-                f"{what}: no link {frame!r}; {suggest(frame, self._frames)}"
-            )
+    def _find(self, frame: str, what: str, known: Sequence[str]) -> str:
+        if frame not in known:
+            raise InputError(f"{what}: no link {frame!r}; {suggest(frame, known)}")
         return frame
 
     def _show_contacts(self, is_shown: bool) -> None:
@@ -240,7 +243,7 @@ class LiveViews:
         self._views.update(poses, time)
         if self._trail is not None:
             point = where[self._trail_link].translation()
-            self._trail.append(now, point)
+            self._trail.append(now, point, is_recorded=self._is_recorded)
         if self._has_ghosts:
             for name, ghost in self._ghosts.items():
                 description = self._robots[name].description

@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 import functools
+import math
 import os
 import threading
 import weakref
@@ -33,6 +34,9 @@ from arm_drake.world import World
 
 T = TypeVar("T")
 
+# Robots that are loaded, or one that can be.
+Robots = Robot | Sequence[Robot] | str | os.PathLike[str]
+
 # The pages that are open, by their names.
 _open: "weakref.WeakValueDictionary[str, PageHandle]" = weakref.WeakValueDictionary()
 _lock = threading.Lock()
@@ -51,7 +55,7 @@ class PageHandle:
         """Create it; `view` and `simulate` do that."""
         self._thread = thread
         # Whoever forgets it closes the page.
-        weakref.finalize(self, thread.close)
+        weakref.finalize(self, thread.request_close)
 
     @property
     def url(self) -> str:
@@ -98,6 +102,11 @@ class PageHandle:
             return self.call(lambda runner: getattr(runner, name)(*args, **kwargs))
 
         return act
+
+    def __dir__(self) -> list[str]:
+        """Return also what there is of what is shown."""
+        own = [*super().__dir__()]
+        return own + (self.call(dir) if self.is_open else [])
 
     def __repr__(self) -> str:
         """Return where it is."""
@@ -165,7 +174,7 @@ def view(
 
 
 def simulate(
-    robots: Robot | Sequence[Robot],
+    robots: Robots,
     *,
     motion: Motion | str | None = None,
     world: World = "empty",
@@ -183,7 +192,7 @@ def simulate(
     page's thread, so use it there alone.
 
     Args:
-        robots: One or several loaded robots.
+        robots: One or several loaded robots, or what `load_robot` takes.
         motion: What to send to the controllers: a motion, or the name of one that comes
             with the first robot, or of a file.
         world: As `build_diagram`.
@@ -197,26 +206,26 @@ def simulate(
     Raises:
         ArmDrakeError: If the robots can't be simulated, or the page can't be there.
     """
-    given = SimulationOptions() if options is None else options
+    given, loaded = options or SimulationOptions(), _load(robots)
 
     def make(page: Page) -> LiveSimulation:
         own = dc.replace(given, frame_rate=0.0)
-        diagram = build_diagram(robots, world=world, options=own, meshcat=page.meshcat)
+        diagram = build_diagram(loaded, world=world, options=own, meshcat=page.meshcat)
         return LiveSimulation(
             page,
             Simulation(diagram),
-            motion=_motion_of(motion, robots),
+            motion=_motion_of(motion, loaded),
             realtime_rate=realtime_rate,
             is_paused=is_paused,
             shown=shown,
         )
 
-    names = ", ".join(robot.name for robot in list_robots(robots))
+    names = ", ".join(robot.name for robot in loaded)
     return _open_page(f"simulate {names}", lambda: Page(host=host, port=port), make)
 
 
 def animate(
-    robots: Robot | Sequence[Robot],
+    robots: Robots,
     duration: float,
     *,
     motion: Motion | str | None = None,
@@ -226,7 +235,7 @@ def animate(
     """Simulate robots as fast as it goes; return the simulation and its recording.
 
     Args:
-        robots: One or several loaded robots.
+        robots: One or several loaded robots, or what `load_robot` takes.
         duration: How long [s].
         motion: What to send to the controllers: a motion, or the name of one that comes
             with the first robot, or of a file.
@@ -236,20 +245,22 @@ def animate(
     Raises:
         ArmDrakeError: If the robots can't be simulated.
     """
-    given = SimulationOptions() if options is None else options
+    if not 0.0 < duration < math.inf:
+        raise InputError(f"duration: expected more than 0 s, got {duration!r}")
+    given, loaded = options or SimulationOptions(), _load(robots)
     rate = given.frame_rate or SimulationOptions.frame_rate
     with Scene() as scene:
         meshcat = scene.meshcat
         # It draws nothing by itself, so that another one may have the Meshcat later.
         own = dc.replace(given, frame_rate=0.0)
-        diagram = build_diagram(robots, world=world, options=own, meshcat=meshcat)
+        diagram = build_diagram(loaded, world=world, options=own, meshcat=meshcat)
         simulation = Simulation(diagram)
         frame_robots(simulation, meshcat, room=ROOM_TO_MOVE)
         start_recording(meshcat, rate)
         run_drawing(
             simulation,
             duration,
-            _motion_of(motion, robots),
+            _motion_of(motion, loaded),
             draw=lambda: draw(simulation),
             frame_rate=rate,
         )
@@ -259,12 +270,17 @@ def animate(
     return simulation, Recording(page)
 
 
-def _motion_of(
-    motion: Motion | str | None, robots: Robot | Sequence[Robot]
-) -> Motion | None:
+def _load(robots: Robots) -> list[Robot]:
+    """Return robots, which are loaded if they are not yet."""
+    if isinstance(robots, str | os.PathLike):
+        return [load_robot(robots)]
+    return list_robots(robots)
+
+
+def _motion_of(motion: Motion | str | None, robots: Sequence[Robot]) -> Motion | None:
     if motion is None or isinstance(motion, Motion):
         return motion
-    return find_motion(motion, list_robots(robots)[0])
+    return find_motion(motion, robots[0])
 
 
 def _open_page(

@@ -8,6 +8,7 @@ were at once.
 
 import concurrent.futures
 import queue
+import sys
 import threading
 from collections.abc import Callable
 from typing import Any, Protocol, TypeVar
@@ -75,9 +76,18 @@ class PageThread:
         """
         self._ready: concurrent.futures.Future[Page] = concurrent.futures.Future()
         self._done = threading.Event()
+        self._is_unwanted = False
         self._runner: Any = None
+        self._thread: int | None = None
+        # What ended it, if nobody did.
+        self.error: BaseException | None = None
         _workers.do(lambda: self._live(make_page, make))
-        self._page = self._ready.result()
+        try:
+            self._page = self._ready.result()
+        except BaseException:
+            # Such as a Ctrl-C, while the page is still being made.
+            self._is_unwanted = True
+            raise
 
     @property
     def url(self) -> str:
@@ -99,8 +109,8 @@ class PageThread:
             RuntimeError: If the page is closed.
             Whatever the function raises.
         """
-        if not self.is_open:
-            raise RuntimeError("the page is closed")
+        if threading.get_ident() == self._thread:
+            return function(self._runner)
         result: concurrent.futures.Future[T] = concurrent.futures.Future()
 
         def act() -> None:
@@ -109,30 +119,40 @@ class PageThread:
             except BaseException as error:
                 result.set_exception(error)
 
-        self._page.call(act)
-        while True:
-            try:
-                return result.result(timeout=0.1)
-            except TimeoutError:
-                if not self.is_open:
-                    raise RuntimeError("the page is closed") from None
+        if self.is_open:
+            self._page.call(act)
+        while not result.done():
+            concurrent.futures.wait([result], timeout=0.1)
+            if not self.is_open and not result.done():
+                why = f": {self.error}" if self.error is not None else ""
+                raise RuntimeError(f"the page is closed{why}") from self.error
+        return result.result()
+
+    def request_close(self) -> None:
+        """Have the page end, and don't wait for it."""
+        if self.is_open:
+            self._page.call(lambda: self._runner.stop())
 
     def close(self) -> None:
         """End the page; its address is free again."""
-        if self.is_open:
-            runner = self._runner
-            self._page.call(runner.stop)
+        self.request_close()
+        if threading.get_ident() != self._thread:
             self._done.wait()
 
     def _live(self, make_page: Callable[[], Page], make: Callable[[Page], Any]) -> None:
+        self._thread = threading.get_ident()
         try:
             with make_page() as page:
                 self._runner = make(page)
                 self._ready.set_result(page)
-                self._runner.run()
+                if not self._is_unwanted:
+                    self._runner.run()
         except BaseException as error:
             if not self._ready.done():
                 self._ready.set_exception(error)
+            else:
+                self.error = error
+                print(f"arm_drake: a page has ended: {error}", file=sys.stderr)
         finally:
-            self._runner = None
+            self._runner = self._thread = None
             self._done.set()

@@ -24,6 +24,7 @@ from arm_drake.source_files import FileWatcher, file_of, watched_files
 from arm_drake.viewer_events import handle_events
 from arm_drake.viewer_panel import (
     find_pose,
+    list_news,
     make_fixed_frame,
     make_pose_changes,
     make_viewer_sections,
@@ -39,8 +40,7 @@ _WATCH_PERIOD = 0.5
 class RobotViewer:
     """Shows a robot without physics: RViz with joint_state_publisher_gui.
 
-    All that can be clicked on its page is a method, too. It is used in the thread that
-    made its page.
+    All that can be clicked is a method, too. It is used in the thread of its page.
     """
 
     def __init__(
@@ -51,6 +51,7 @@ class RobotViewer:
         shown: Sequence[str] = ("visual",),
         fixed_frame: str = WORLD,
         is_watching: bool = True,
+        tell: Callable[[str], None] = lambda text: None,
         find_files: Callable[[Exception], Iterable[Path]] = file_of,
     ) -> None:
         """Load the robot and show it in its initial positions.
@@ -61,22 +62,20 @@ class RobotViewer:
             shown: What to draw, as `show`.
             fixed_frame: Link that stays where it is, or "world".
             is_watching: Whether to load the robot again when its files change.
-            find_files: Returns the files whose change may mend what can't be loaded,
-                beside those of the last robot; by default the one of the error.
+            find_files: Returns the files whose change may mend what can't be loaded.
+            tell: Takes how each reload went, in words.
 
         Raises:
             ArmDrakeError: If the robot can't be loaded, or hasn't what is to be shown.
         """
         self.page = page
-        self._load, self._find_files = load, find_files
-        self._watcher = FileWatcher(()) if is_watching else None
+        self._load, self._find_files, self._tell = load, find_files, tell
+        self._watcher = FileWatcher(period=_WATCH_PERIOD) if is_watching else None
         self._views = LinkViews(page, shown)
         self._random = np.random.default_rng()
-        self._fixed_frame = WORLD
-        self._positions: dict[str, float] = {}
+        self._fixed_frame, self._positions = WORLD, dict[str, float]()
         self._ghost_positions: dict[str, float] | None = None
-        self._is_running = False
-        self._trouble = ""  # Why the robot couldn't be loaded again.
+        self._is_stopped, self._trouble = False, ""
         self._put(load())
         self.set_fixed_frame(fixed_frame)
         self.frame()
@@ -208,20 +207,22 @@ class RobotViewer:
         """Load the robot again; joints that are still there stay where they are.
 
         Returns:
-            Whether it could be loaded; if not, the page says why, and the last one that
-            could stays.
+            Whether it could be loaded; if not, the last one that could stays.
         """
-        start = time.time_ns()
+        known, start = self.robot.report, time.time_ns()
         try:
             self._put(self._load())
         except (ArmDrakeError, OSError) as error:
             self._trouble = f"{error}\n\nThe last robot that could be loaded stays."
             self.page.say(self._trouble, "error")
+            self._tell(self._trouble)
             if self._watcher is not None:
                 self._watcher.watch({*self._files, *self._find_files(error)}, start)
             return False
+        news = list_news(known, self.robot.report)
         self._trouble = ""
-        self.page.say("")
+        self.page.say("\n\n".join(news), "warning")
+        self._tell("\n".join(["loaded again", *news]))
         return True
 
     def handle(self, events: Iterable[Event]) -> None:
@@ -236,15 +237,15 @@ class RobotViewer:
 
     def run(self) -> None:
         """Do what is clicked until `stop`, or Ctrl-C."""
-        self._is_running = True
-        while self._is_running:
+        while not self._is_stopped:
             self.handle(self.page.events(_WATCH_PERIOD))
             if self._watcher is not None and self._watcher.changed():
                 self.reload()
+        self._is_stopped = False
 
     def stop(self) -> None:
-        """End `run`."""
-        self._is_running = False
+        """End `run`, also one that is still to come."""
+        self._is_stopped = True
         self.page.call(lambda: None)  # It may wait for a click.
 
     def _put(self, robot: Robot) -> None:
@@ -257,9 +258,8 @@ class RobotViewer:
         kept = {n: q for n, q in self._positions.items() if n in names}
         self._scene, self._ranges, self._named_poses = scene, ranges, named_poses
         given = {**self._independent(robot.initial_positions), **kept}
-        self._positions = complete(robot.description, given)
+        self._positions, self._files = complete(robot.description, given), files
         scene.set_positions(self._positions)
-        self._files = files
         if self._watcher is not None:
             self._watcher.watch(files)
         if self._fixed_frame not in robot.description.links:
@@ -279,10 +279,10 @@ class RobotViewer:
             self._positions,
             named_poses,
             has_ghost=self._ghost_positions is not None,
-            shown=(
+            shown=[
                 *self._views.toggles(),
                 make_fixed_frame([robot], self._fixed_frame),
-            ),
+            ],
         )
         self.page.set_panel(robot.name, sections)
         self._draw()

@@ -15,12 +15,17 @@ from arm_drake.description.robot import Robot
 from arm_drake.diagram import build_diagram
 from arm_drake.drake_log import use_native_logging
 from arm_drake.drawing import run_drawing
-from arm_drake.errors import InputError
+from arm_drake.errors import InputError, SimulationError
 from arm_drake.motion import Motion
 from arm_drake.options import SimulationOptions
 from arm_drake.playback import check_motion
 from arm_drake.robot_motions import find_motion
-from arm_drake.sim_files import check_outputs, needs_recording, write_outputs
+from arm_drake.sim_files import (
+    check_outputs,
+    needs_recording,
+    warn_of_pictures,
+    write_outputs,
+)
 from arm_drake.sim_output import Speaker, list_failures, print_summary, summarize
 from arm_drake.simulation import Simulation
 from arm_drake.visualization.meshcat import start_recording
@@ -48,9 +53,13 @@ def simulate(options: argparse.Namespace, robot: Robot) -> int:
     # What Drake says of its file is kept, which native logging wouldn't.
     world = load_world(options.world, robot.package_paths)
     use_native_logging()
-    if options.hold and options.headless:
-        raise InputError("--hold keeps the page, and with --headless there is none")
+    for word in ("hold", "paused"):
+        if options.headless and getattr(options, word):
+            text = f"--{word} is for the page, and with --headless there is none"
+            raise InputError(text)
     check_outputs(options)
+    if options.headless or needs_recording(options):
+        warn_of_pictures(options)
     motion = _find_motion(options.motion, options.set, robot)
     say = Speaker(is_quiet=options.json)
     if not options.headless:
@@ -104,6 +113,7 @@ def _simulate_headless(
             simulation,
             say,
         )
+        views.end_recording()
         return _finish(options, simulation, wall_time, meshcat, say)
 
 
@@ -122,6 +132,8 @@ def _show(options: argparse.Namespace, views: "LiveViews") -> None:
     """Show what the command line asks for."""
     views.set_fixed_frame(options.fixed_frame or WORLD)
     views.set_trail(options.trail)
+    if options.contacts and needs_recording(options):
+        print("warning: contact forces are not in recordings", file=sys.stderr)
     for what in ("ghost", "contacts"):
         if getattr(options, what):
             views.show(what)
@@ -134,6 +146,8 @@ def _measure(run: Callable[[], None], simulation: Simulation, say: Speaker) -> f
         run()
     except KeyboardInterrupt:  # What was simulated is kept.
         say.line(f"stopped at {simulation.time:.2f} s")
+    except SimulationError as error:  # So it is.
+        say.failures.append(str(error))
     return time.perf_counter() - start
 
 
@@ -167,11 +181,12 @@ def _simulate_live(
         if duration is None:
             say.line("simulating until Ctrl-C")
         with interrupting(live.stop) as is_interrupted:
-            live.run(duration, say.progress)
+            _measure(lambda: live.run(duration, say.progress), simulation, say)
+        live.views.end_recording()
         if is_interrupted():
             say.line(f"stopped at {simulation.time:.2f} s")
         code = _finish(options, simulation, live.wall_time, page.meshcat, say)
-        if options.hold and not is_interrupted():
+        if options.hold and not (is_interrupted() or say.failures):
             say.page(f"the page stays at {page.url} until Ctrl-C")
             live.pause()
             with interrupting(live.stop):
@@ -220,9 +235,12 @@ def _finish(
     rollout = simulation.rollout()
     (robot,) = simulation.robots.values()
     write_outputs(rollout, options, meshcat, say, robot)
-    failures = list_failures(simulation)
+    failures = [*list_failures(simulation), *say.failures]
     if options.json:
-        print(json.dumps(summarize(simulation, robot, rollout, wall_time)), flush=True)
+        print(
+            json.dumps(summarize(simulation, robot, rollout, wall_time, failures)),
+            flush=True,
+        )
     else:
         print_summary(simulation, rollout, wall_time, say)
         say.controllers(simulation)

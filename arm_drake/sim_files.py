@@ -113,6 +113,19 @@ def needs_recording(options: argparse.Namespace) -> bool:
     return options.record is not None or options.video is not None
 
 
+def warn_of_pictures(options: argparse.Namespace) -> None:
+    """Say what is shown on pages only.
+
+    Args:
+        options: Arguments of `arm-drake sim`.
+    """
+    if "names" in options.show:
+        text = "names of frames are on the page only, not in pictures and recordings"
+        print(f"warning: {text}", file=sys.stderr)
+    if options.contacts and needs_recording(options):
+        print("warning: contact forces are not in recordings", file=sys.stderr)
+
+
 def _size(path: Path) -> str:
     return f"{path.stat().st_size / 1e6:.1f} MB"
 

@@ -1,6 +1,7 @@
 """What `arm-drake sim` says: how it goes, what failed, and how it ended."""
 
 import sys
+from collections.abc import Sequence
 from typing import Any
 
 from arm_drake.clients import GoalHandle
@@ -32,6 +33,8 @@ class Speaker:
         self._next_report = 0.0
         self._news = ""
         self._controllers = ""
+        # What ended the simulation before its end.
+        self.failures: list[str] = []
 
     def line(self, text: str) -> None:
         """Say something, if it isn't empty."""
@@ -115,7 +118,11 @@ def list_failures(simulation: Simulation) -> list[str]:
 
 
 def summarize(
-    simulation: Simulation, robot: Robot, rollout: Rollout, wall_time: float
+    simulation: Simulation,
+    robot: Robot,
+    rollout: Rollout,
+    wall_time: float,
+    failures: Sequence[str],
 ) -> dict[str, Any]:
     """Return what `--json` prints.
 
@@ -124,6 +131,7 @@ def summarize(
         robot: Its robot.
         rollout: What was recorded.
         wall_time: How long it took [s].
+        failures: What failed, in words.
     """
     final = simulation.joint_states()
     return {
@@ -141,7 +149,7 @@ def summarize(
             }
             for goal in simulation.goals
         ],
-        "failures": list_failures(simulation),
+        "failures": list(failures),
         "effort_saturation": rollout.effort_saturation(),
         "final": dict(zip(final.name, final.position, strict=True)),
         "report": simulation.report.to_json(),

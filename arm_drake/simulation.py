@@ -25,6 +25,7 @@ from arm_drake.motion import Motion
 from arm_drake.playback import Player
 from arm_drake.recording import read_rollout
 from arm_drake.rollout import Rollout
+from arm_drake.stepping import advance
 from arm_drake.topic_clients import TopicHandle, list_topics
 from arm_drake.topic_names import TopicNames
 
@@ -216,13 +217,14 @@ class Simulation:
             time: Simulated time to stop at [s].
 
         Raises:
+            SimulationError: If Drake can't go on, as with a state beyond all numbers.
             ValueError: If the time is past, or no number.
         """
         if not time >= self.time or not math.isfinite(time):
             raise ValueError(f"can't go from {self.time} s to {time} s")
         while self.time < time:
             chunk = self.time + _TICKS_AT_A_TIME * self.period
-            self.simulator.AdvanceTo(min(chunk, time))
+            advance(self.simulator, min(chunk, time))
             for news in self.mailbox.collect():
                 for callback in self._on_event:
                     callback(news)

@@ -2,7 +2,9 @@
 
 import contextlib
 import dataclasses as dc
+import math
 import os
+import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -111,12 +113,16 @@ class FileWatcher:
     that is missing counts as changed when it is back, or missing twice in a row.
     """
 
-    def __init__(self, files: Iterable[Path] = ()) -> None:
+    def __init__(self, files: Iterable[Path] = (), *, period: float = 0.0) -> None:
         """Look at files for the first time.
 
         Args:
             files: The files; they need not exist.
+            period: Time between two looks, at least [s]; a file that is being replaced
+                may be missing for as long.
         """
+        self._period = period
+        self._looked_at = -math.inf
         self._watched: dict[Path, _Watched] = {}
         self.watch(files)
 
@@ -138,7 +144,10 @@ class FileWatcher:
         }
 
     def changed(self) -> tuple[Path, ...]:
-        """Return the files that have changed since the last call, in their order."""
+        """Return the files that have changed since the last look, in their order."""
+        if time.monotonic() < self._looked_at + self._period:
+            return ()
+        self._looked_at = time.monotonic()
         return tuple(
             file
             for file, watched in self._watched.items()

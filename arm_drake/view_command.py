@@ -31,6 +31,8 @@ def view(options: argparse.Namespace, load: LoadRobot) -> int:
         load: Loads the robot with initial positions by joint [rad] or [m].
     """
     if options.screenshot is not None:
+        if "names" in options.show:
+            print("warning: names of frames are on the page only", file=sys.stderr)
         check_suffix(options.screenshot, "a screenshot", SCREENSHOT_SUFFIXES)
         check_writable(options.screenshot)
     robot = load({})
@@ -62,6 +64,7 @@ def view(options: argparse.Namespace, load: LoadRobot) -> int:
                 xacro_args=dict(options.xacro_args),
                 package_paths=options.package_path,
             ),
+            tell=lambda text: print(text, file=sys.stderr, flush=True),
         )
         if ghost:
             viewer.show_ghost(ghost)

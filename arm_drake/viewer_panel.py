@@ -163,6 +163,18 @@ def find_pose(poses: Sequence[GroupState], name: str) -> GroupState:
     raise InputError(f"no pose {name!r}; {hint}")
 
 
+def list_news(before: LoadReport, after: LoadReport) -> list[str]:
+    """Return the lines of a report that were not in the one before.
+
+    Args:
+        before: The earlier report.
+        after: The later one.
+    """
+    known = {str(entry) for entry in before.grouped()}
+    lines = [str(entry) for entry in after.grouped()]
+    return [line for line in lines if line not in known]
+
+
 def _slider(joint: JointRange, position: float) -> Slider:
     hint = ""
     if joint.follows is not None:

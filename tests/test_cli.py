@@ -414,7 +414,7 @@ def test_sim_exits_with_1_when_a_topic_message_is_refused(run, tmp_path):
         ),
         (
             ["doosan_a0912", "--hold"],
-            "--hold keeps the page, and with --headless there is none",
+            "--hold is for the page, and with --headless there is none",
         ),
         (
             ["doosan_a0912", "--distro", "noetic"],

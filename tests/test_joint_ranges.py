@@ -14,7 +14,6 @@ from arm_drake.joint_ranges import (
     JointRange,
     center,
     complete,
-    free_joints,
     joint_ranges,
     randomize,
 )
@@ -77,7 +76,6 @@ def test_joints_with_several_degrees_of_freedom_have_no_range(tmp_path):
     )
 
     assert [r.name for r in joint_ranges(robot)] == ["j"]
-    assert free_joints(robot) == ("loose", "table")
 
 
 @pytest.mark.parametrize(

@@ -425,7 +425,7 @@ def test_news_have_a_line_each_the_newest_first(page: Page, robot: ad.Robot) -> 
         ),
         (
             Event("trail", 3),
-            "trail: no link '3'; known: base, lower, upper, world",
+            "trail: no link '3'; known: base, lower, upper",
         ),
         (
             Event("show:everything", True),

@@ -345,8 +345,7 @@ def test_other_widgets_are_not_its_own(page: Page, arm: ad.Simulation) -> None:
         (
             "set_trail",
             "lowr",
-            "trail: no link 'lowr'; did you mean 'lower'? known: base, lower, upper, "
-            "world",
+            "trail: no link 'lowr'; did you mean 'lower'? known: base, lower, upper",
         ),
         (
             "show",

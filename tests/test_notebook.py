@@ -1,5 +1,6 @@
 """Pages beside a program: cells that are run again, other threads, static pages."""
 
+import concurrent.futures
 import gc
 import re
 import threading
@@ -130,6 +131,74 @@ def test_a_closed_page_says_so() -> None:
     with pytest.raises(RuntimeError, match="the page is closed"):
         page.randomize()
     page.close()
+
+
+def test_a_page_may_be_used_from_within_its_thread(pages) -> None:
+    page = ad.view(ARM)
+    pages.append(page)
+
+    page.call(lambda viewer: page.set_positions({JOINT: 0.25}))
+
+    assert page.call(lambda viewer: page.positions[JOINT]) == 0.25
+
+
+def test_a_page_may_be_closed_from_within_its_thread() -> None:
+    page = ad.view(ARM)
+
+    page.call(lambda viewer: page.close())
+
+    wait_until(lambda: not page.is_open)
+
+
+def test_a_page_that_has_failed_says_why(capsys) -> None:
+    page = ad.simulate(ARM)
+
+    def fail(live: ad.LiveSimulation) -> None:
+        def explode(*arguments: object) -> None:
+            raise RuntimeError("own controller exploded")
+
+        live.views.draw = explode
+
+    page.call(fail)
+    wait_until(lambda: not page.is_open)
+
+    with pytest.raises(RuntimeError) as caught:
+        page.play()
+    assert str(caught.value) == "the page is closed: own controller exploded"
+    assert capsys.readouterr().err == (
+        "arm_drake: a page has ended: own controller exploded\n"
+    )
+
+
+def test_an_interrupt_while_a_page_is_made_leaves_none(monkeypatch) -> None:
+    class Interrupted(concurrent.futures.Future):
+        def result(self, timeout: float | None = None) -> None:
+            raise KeyboardInterrupt
+
+    listening = num_listening()
+    monkeypatch.setattr("arm_drake.page_threads.concurrent.futures.Future", Interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        ad.view(ARM)
+    monkeypatch.undo()
+
+    # Meshcat itself waits for the next page.
+    wait_until(lambda: num_listening() <= listening + 1)
+
+
+def test_methods_of_what_is_shown_are_offered_for_completion(pages) -> None:
+    page = ad.view(ARM)
+    pages.append(page)
+
+    assert {"set_positions", "randomize", "close"} <= set(dir(page))
+
+
+@pytest.mark.parametrize("duration", [0.0, -1.0, float("nan"), float("inf")])
+def test_an_animation_takes_time(duration: float) -> None:
+    with pytest.raises(InputError) as caught:
+        ad.animate(ARM, duration)
+
+    text = f"duration: expected more than 0 s, got {duration!r}"
+    assert str(caught.value) == text
 
 
 def test_in_a_notebook_the_page_is_in_the_cell(pages) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import arm_drake as ad
-from arm_drake.errors import InputError, MotionError
+from arm_drake.errors import InputError, MotionError, SimulationError
 from arm_drake.manager.state import ControllerFailure
 from arm_drake.messages import (
     Float64MultiArray,
@@ -16,6 +16,7 @@ from arm_drake.messages import (
     TopicRejected,
 )
 from arm_drake.motion import parse_motion
+from tests.models import load, pendulum
 from tests.robots import real_robot
 
 JTC = "joint_trajectory_controller"
@@ -743,3 +744,18 @@ def test_what_was_sent_after_a_context_was_saved_is_undone_with_it(tmp_path):
         "joint_trajectory_controller": "active",
         "end_effector_sensor": "active",
     }
+
+
+def test_a_simulation_that_cannot_go_on_says_when_and_why(tmp_path):
+    sim = ad.Simulation(ad.build_diagram(load(tmp_path, pendulum())))
+    sim.run(0.1)
+
+    # Something outside of all numbers.
+    context = sim.simulator.get_mutable_context()
+    plant = sim.diagram.GetSubsystemByName("plant")
+    plant.SetPositions(plant.GetMyMutableContextFromRoot(context), [1e308])
+    plant.SetVelocities(plant.GetMyMutableContextFromRoot(context), [1e308])
+
+    with pytest.raises(SimulationError, match=r"^the simulation can't go on at 0\.1"):
+        sim.run(0.1)
+    assert len(sim.rollout().time) > 0

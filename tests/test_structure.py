@@ -155,7 +155,7 @@ PACKAGE = Path(arm_drake.__file__).parent
 LAYERS = [
     ["errors", "interfaces", "messages", "timing", "yaml_files", "bundled"],
     ["argument_types", "drake_log", "output_files"],
-    ["command_arguments", "notebook_cells"],
+    ["command_arguments", "notebook_cells", "stepping"],
     ["arguments"],
     ["description", "options"],
     ["visualization"],

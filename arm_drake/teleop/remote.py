@@ -98,6 +98,8 @@ class Remote(ABC):
             InputError: If the controller isn't active, or there is no such widget or
                 value.
         """
+        # The browser shows another value than it was told.
+        self._told.pop(event_id, None)
         known = {widget.id: widget for widget in self._leaves()}
         if event_id not in known:
             raise self._error(f"no widget {event_id!r}; {suggest(event_id, known)}")

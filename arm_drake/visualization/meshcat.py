@@ -112,6 +112,8 @@ def add_visualizer(
         publish_period=1.0 / frame_rate if frame_rate else _NEVER,
         role=Role.kIllustration,
         prefix="visual",
+        # What is drawn on demand stays when a simulation is reset.
+        delete_on_initialization_event=frame_rate > 0.0,
     )
     MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, params)
 

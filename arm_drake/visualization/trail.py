@@ -66,25 +66,29 @@ class Trail:
         self._pieces: collections.deque[_Piece] = collections.deque()
         self._count = 0
 
-    def append(self, time: float, point: ArrayLike) -> None:
+    def append(
+        self, time: float, point: ArrayLike, *, is_recorded: bool = False
+    ) -> None:
         """Let the line go on to a point.
 
         Args:
             time: When the point is there [s]; if it is earlier than before, a new line
                 begins.
             point: Where it is in the world [m], shape (3,).
+            is_recorded: Whether it goes to a recording at that time, too; there a piece
+                comes as a whole.
         """
         # A copy: Drake may compute the next point in the same place.
         place = np.array(point, dtype=float)
         if self._pieces and time < self._pieces[-1].end:
             self.clear()
         if not self._pieces:
-            self._begin(time, place)
+            self._begin(time, place, is_recorded)
             return
         last = self._pieces[-1]
         is_full = len(last.points) >= _PIECE
         if is_full or time - last.start > _SPAN * self._duration:
-            self._begin(last.end, last.points[-1])
+            self._begin(last.end, last.points[-1], is_recorded)
             last = self._pieces[-1]
         if np.linalg.norm(place - last.points[-1]) >= self._min_distance:
             last.points.append(place)
@@ -99,8 +103,11 @@ class Trail:
             self._pieces.clear()
             self._meshcat.Delete(self._path)
 
-    def _begin(self, time: float, point: Array) -> None:
+    def _begin(self, time: float, point: Array, is_recorded: bool) -> None:
         path = f"{self._path}/{self._count}"
+        if is_recorded:
+            self._meshcat.SetProperty(path, "visible", False, 0.0)
+            self._meshcat.SetProperty(path, "visible", True, time)
         self._count += 1
         self._pieces.append(_Piece(path, time, time, [point]))
 

@@ -12,7 +12,6 @@ from importlib.metadata import version
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from arm_drake.description.meshes.surfaces import Array, Surface, transformed
 from arm_drake.description.report import ReportEntry
@@ -107,6 +106,9 @@ def _count(surfaces: list[Surface]) -> int:
 
 def _decimate(surface: Surface, max_faces: int) -> Surface:
     """Return a surface with at most so many triangles, or as few as are possible."""
+    # Not at the top: most robots are loaded without it.
+    from scipy.spatial import cKDTree
+
     if len(surface.faces) <= max_faces:
         return surface
     # Vertices are several where a colour or a normal changes: there it would tear.

@@ -3,6 +3,7 @@
 import asyncio
 import ipaddress
 import json
+import socket
 from collections.abc import Callable, Mapping
 from typing import Any
 from urllib.parse import quote, urlsplit
@@ -28,6 +29,22 @@ _IS_CONTROL = 0x08
 Message = Mapping[str, Any]
 
 
+def is_own(name: str) -> bool:
+    """Return whether somebody may call this machine so: an address, or its own name.
+
+    A web site's name may lead here, too.
+
+    Args:
+        name: What stands in an address before the port.
+    """
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        names = {socket.gethostname(), socket.getfqdn()}
+        return name.lower() in {own.lower() for own in names}
+    return True
+
+
 def is_local(name: str) -> bool:
     """Return whether a name or an address is that of this machine, for itself alone."""
     if name == "localhost":
@@ -46,8 +63,11 @@ class _OwnNames(RequestHandler):
 
     def prepare(self) -> None:
         name = self.request.host_name.strip("[]")
-        if not (self.settings["is_public"] or is_local(name)):
-            raise HTTPError(403)
+        known = self.settings["is_public"] and is_own(name)
+        if not (known or is_local(name)):
+            self.set_status(403)
+            self.finish("Ask for this machine by its address, or by its own name.")
+            return
         self.set_header("Cache-Control", "no-store")
 
 

@@ -6,6 +6,7 @@ never destroyed: what a page is done with serves the next page of the same threa
 """
 
 import ctypes
+import logging
 import threading
 
 from pydrake.geometry import Meshcat, MeshcatParams
@@ -25,7 +26,15 @@ def take_meshcat() -> Meshcat:
     """Return an empty Meshcat that listens to this machine alone."""
     if _free.meshcats:
         return _free.meshcats.pop()
-    meshcat = Meshcat(MeshcatParams(host="localhost", port=0, show_stats_plot=False))
+    log = logging.getLogger("drake")
+    level = log.level
+    # It would tell an address that nobody needs.
+    log.setLevel(logging.WARNING)
+    try:
+        params = MeshcatParams(host="localhost", port=0, show_stats_plot=False)
+        meshcat = Meshcat(params)
+    finally:
+        log.setLevel(level)
     ctypes.pythonapi.Py_IncRef(ctypes.py_object(meshcat))
     return meshcat
 

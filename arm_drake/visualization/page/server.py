@@ -196,6 +196,12 @@ def _bind(host: str, port: int) -> list[socket.socket]:
     if host == "localhost":
         addresses = ["127.0.0.1", "::1"]
     elif host in _ANYWHERE:
+        if socket.has_dualstack_ipv6():
+            server = socket.create_server(
+                ("::", port), family=socket.AF_INET6, dualstack_ipv6=True
+            )
+            server.setblocking(False)
+            return [server]
         addresses = ["0.0.0.0"]  # noqa: S104  so it was asked for.
     else:
         addresses = [str(ipaddress.ip_address(host))]

@@ -75,10 +75,14 @@ def test_only_this_machine_is_listened_to(page: Page) -> None:
 @pytest.mark.parametrize("host", ["*", "0.0.0.0"])  # noqa: S104
 def test_all_addresses_are_listened_to_when_asked_for(host: str) -> None:
     with Page(host=host) as page:
-        assert listening(page.port) == {"0.0.0.0"}  # noqa: S104
+        assert listening(page.port) in ({"::"}, {"0.0.0.0"})  # noqa: S104
         assert page.is_public
-        # Other machines know this one by names that it may not know itself.
-        assert get(page.port, "/", "robot.example.org").status == 200
+        for name in ("192.0.2.7", "[2001:db8::1]", socket.gethostname()):
+            assert get(page.port, "/", name).status == 200
+        # A web site's name may lead here, too.
+        refused = get(page.port, "/", "robot.example.org")
+        assert refused.status == 403
+        assert b"by its address, or by its own name" in refused.body
         # Meshcat itself still listens to this machine alone.
         assert listening(page.meshcat.port()) <= {"127.0.0.1", "::1"}
 
@@ -389,7 +393,7 @@ def test_a_panel_that_is_not_read_is_dropped_and_the_others_go_on(
     page: Page, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(handlers, "PATIENCE", 0.3)
-    count, size = 200, MIB
+    count, size = 300, MIB
 
     with Panel(page.port, buffer=4096), Panel(page.port) as other:
         wait_until(lambda: page.num_browsers == 2)
@@ -422,7 +426,7 @@ def test_a_panel_that_does_not_answer_pings_is_dropped(
 def test_a_scene_that_is_not_read_is_dropped_and_the_others_go_on(
     page: Page, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(handlers, "PATIENCE", 0.5)
+    monkeypatch.setattr(handlers, "PATIENCE", 1.0)
     meshcat, rng = page.meshcat, np.random.default_rng(1)
     line = np.asfortranarray(rng.random((3, 200_000)))  # 2.4 MB on the wire.
 
@@ -431,19 +435,24 @@ def test_a_scene_that_is_not_read_is_dropped_and_the_others_go_on(
         WebSocket(page.port, "/meshcat/") as other,
     ):
         wait_until(lambda: meshcat.GetNumActiveConnections() == 2)
-        before = resident_memory()
-        for number in range(60):
-            meshcat.SetLine("/drake/line", line)
-            meshcat.SetProperty("/drake/line", "number", float(number))
-            data = b""
-            while b"number" not in data:
-                _, data = other.read()
-        grown = resident_memory() - before
-        assert unpack(data)["value"] == 59.0
-        wait_until(lambda: meshcat.GetNumActiveConnections() == 1)
 
-    # 144 MB were sent; Drake itself keeps up to 50 MiB for who doesn't read.
-    assert grown < 100 * MIB
+        def send(numbers: range) -> None:
+            for number in numbers:
+                meshcat.SetLine("/drake/line", line)
+                meshcat.SetProperty("/drake/line", "number", float(number))
+                data = b""
+                while b"number" not in data:
+                    _, data = other.read()
+                assert unpack(data)["value"] == number
+
+        send(range(10))
+        wait_until(lambda: meshcat.GetNumActiveConnections() == 1)
+        before = resident_memory()
+        send(range(10, 60))
+        grown = resident_memory() - before
+
+    # 120 MB were sent, and nothing is kept for who has been left.
+    assert grown < 50 * MIB
 
 
 def read_on(read: Callable[[], object]) -> None:

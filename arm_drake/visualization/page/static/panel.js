@@ -299,6 +299,9 @@ const press = (event) => {
 };
 addEventListener("keydown", press);
 at("scene").addEventListener("load", () => {
+    // The page itself tells when the connection is lost.
+    const own = at("scene").contentDocument.getElementById("status-message");
+    if (own) own.style.visibility = "hidden";
     at("scene").contentWindow.addEventListener("keydown", press);
 });
 
