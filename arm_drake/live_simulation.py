@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from arm_drake.errors import ArmDrakeError, SimulationError
+from arm_drake.history import History
 from arm_drake.live_panel import (
     LogLines,
     latest,
@@ -14,7 +15,6 @@ from arm_drake.live_panel import (
     read_rate,
 )
 from arm_drake.live_views import LiveViews
-from arm_drake.mailbox import News
 from arm_drake.motion import Motion
 from arm_drake.pace import Pace
 from arm_drake.playback import Player
@@ -52,6 +52,7 @@ class LiveSimulation:
         is_paused: bool = False,
         shown: Iterable[str] = ("visual",),
         frame_rate: float | None = None,
+        history: float = math.inf,
     ) -> None:
         """Show a simulation; `run` lets it go.
 
@@ -65,6 +66,8 @@ class LiveSimulation:
             shown: What is shown at first, as `show` calls it.
             frame_rate: Pictures per simulated second for a recording [Hz]; None if
                 nothing is recorded.
+            history: How much of the past the rollout has at least [s]; from twice as
+                much on, the rest is forgotten.
 
         Raises:
             InputError: If there is nothing called as in ``shown``.
@@ -82,10 +85,11 @@ class LiveSimulation:
         self._is_stopped = False
         self._duration = math.inf
         self._frame_rate = frame_rate
+        self._history = History(simulation, history)
         if frame_rate is not None:
             start_recording(page.meshcat, frame_rate)
         self._log = LogLines()
-        simulation.on_event(self._take_news)
+        simulation.on_event(lambda news: self._log.add(simulation, news))
         self._start()
         names = ", ".join(simulation.robots)
         page.set_panel(names, make_sections(self))
@@ -200,6 +204,7 @@ class LiveSimulation:
                     drawn_at = self.simulation.time
                 next_picture = max(next_picture + _FRAME_PERIOD, now)
             if now >= next_panel:
+                self._history.trim()
                 self._tell(progress)
                 next_panel = now + _PANEL_PERIOD
         if self._is_playing:
@@ -293,6 +298,3 @@ class LiveSimulation:
         self.page.patch(make_changes(self))
         if progress is not None:
             progress(self.simulation.time)
-
-    def _take_news(self, news: News) -> None:
-        self._log.add(self.simulation, news)

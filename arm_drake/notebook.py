@@ -181,6 +181,7 @@ def simulate(
     options: SimulationOptions | None = None,
     realtime_rate: float = 1.0,
     is_paused: bool = False,
+    history: float = 300.0,
     shown: Sequence[str] = ("visual",),
     host: str = "localhost",
     port: int | None = None,
@@ -199,6 +200,7 @@ def simulate(
         options: How to simulate.
         realtime_rate: Simulated seconds per second; 0 is as fast as it goes.
         is_paused: Whether it waits for the page's play button, or `play`.
+        history: How much of the past the rollout has at least [s].
         shown: What to draw, as `LiveViews.show`.
         host: Address of the page.
         port: Port of the page, or the first free one after it.
@@ -217,6 +219,7 @@ def simulate(
             motion=_motion_of(motion, loaded),
             realtime_rate=realtime_rate,
             is_paused=is_paused,
+            history=history,
             shown=shown,
         )
 

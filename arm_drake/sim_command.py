@@ -22,6 +22,7 @@ from arm_drake.playback import check_motion
 from arm_drake.robot_motions import find_motion
 from arm_drake.sim_files import (
     check_outputs,
+    history_of,
     needs_recording,
     warn_of_pictures,
     write_outputs,
@@ -173,6 +174,7 @@ def _simulate_live(
             is_paused=options.paused,
             shown=options.show or ("visual",),
             frame_rate=FRAME_RATE if needs_recording(options) else None,
+            history=history_of(options),
         )
         _show(options, live.views)
         say.page(f"page: {page.url}")

@@ -1,6 +1,7 @@
 """The files that `arm-drake sim` writes."""
 
 import argparse
+import math
 import sys
 from pathlib import Path
 
@@ -20,6 +21,9 @@ from arm_drake.visualization.video import (
     check_video_installed,
     save_video,
 )
+
+# How much is kept of what nobody asked to be written [s].
+_HISTORY = 300.0
 
 # Where nothing can be shown in place, so much of a film is between two lines.
 _SHARE = 0.25
@@ -111,6 +115,15 @@ def needs_recording(options: argparse.Namespace) -> bool:
         options: Arguments of `arm-drake sim`.
     """
     return options.record is not None or options.video is not None
+
+
+def history_of(options: argparse.Namespace) -> float:
+    """Return how much of the past is kept for what is to be written [s].
+
+    Args:
+        options: Arguments of `arm-drake sim`.
+    """
+    return math.inf if options.log or options.plot else _HISTORY
 
 
 def warn_of_pictures(options: argparse.Namespace) -> None:
