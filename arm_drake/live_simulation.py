@@ -91,8 +91,7 @@ class LiveSimulation:
         self._log = LogLines()
         simulation.on_event(lambda news: self._log.add(simulation, news))
         self._start()
-        names = ", ".join(simulation.robots)
-        page.set_panel(names, make_sections(self))
+        page.set_panel(", ".join(simulation.robots), make_sections(self))
 
     @property
     def is_playing(self) -> bool:
@@ -216,6 +215,7 @@ class LiveSimulation:
     def stop(self) -> None:
         """End `run`, or the next one, within a twentieth of a second."""
         self._is_stopped = True
+        self.page.call(lambda: None)  # It may wait for a click.
 
     def handle(self, events: Iterable[Event]) -> None:
         """Do what was clicked.

@@ -1,6 +1,7 @@
 """A simulation on a page: it is the same one, and all that is clicked is done."""
 
 import itertools
+import time
 import urllib.request
 from collections.abc import Iterator
 from typing import Any
@@ -597,3 +598,16 @@ def test_a_recording_has_a_picture_for_each_of_its_times(
         # Between two ticks of 10 ms it moves evenly, but for acceleration: 20 rad/s^2
         # make 1 mrad at most; a picture of another time is tens of mrad off.
         assert 2.0 * np.arctan2(y, w) == pytest.approx(expected, abs=2e-3)
+
+
+def test_stop_wakes_a_simulation_that_waits_for_a_click(
+    page: Page, robot: ad.Robot
+) -> None:
+    live = make(page, robot, is_paused=True)
+
+    live.stop()
+
+    # A wait may have no end, see Page.call.
+    start = time.monotonic()
+    live.page.events(20.0)
+    assert time.monotonic() - start < 10.0

@@ -118,7 +118,11 @@ class Page(Scene):
         self._server.send({"type": "labels", "labels": dict(labels)})
 
     def call(self, function: Callable[[], None]) -> None:
-        """Have something done by the thread of the page; any thread may ask."""
+        """Have something done by the thread of the page; any thread may ask.
+
+        A signal's handler may ask, too, and has to, if it wants to end a wait: after a
+        signal at the end of its time, Python's SimpleQueue may wait for ever.
+        """
         self._queue.put(function)
 
     def events(self, timeout: float) -> list[Event]:
