@@ -46,6 +46,8 @@ bench: setup
 	$(BIN)/python -m tests.benchmarks.servo
 	$(BIN)/python -m tests.benchmarks.ticks
 	$(BIN)/python -m tests.benchmarks.loading
+	$(BIN)/python -m tests.benchmarks.page
+	$(BIN)/python -m tests.benchmarks.peers --output out
 	$(BIN)/python -m pytest -m long
 
 # For those who change the dependencies; needs uv.

@@ -99,7 +99,7 @@ class Remote(ABC):
                 value.
         """
         # The browser shows another value than it was told.
-        self._told.pop(event_id, None)
+        self._told.get(event_id, {}).pop("value", None)
         known = {widget.id: widget for widget in self._leaves()}
         if event_id not in known:
             raise self._error(f"no widget {event_id!r}; {suggest(event_id, known)}")

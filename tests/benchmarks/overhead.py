@@ -83,7 +83,7 @@ def make_peer(
     set_initial_positions(plant, model, dict(initial))
     plant.Finalize()
     filter_self_collision(plant, scene_graph, model)
-    drive = make_robot_drive(description, robot.pose, options, step)
+    drive = make_robot_drive(description, robot.pose, options, step, period=period)
     hardware = add_hardware(
         builder,
         plant,

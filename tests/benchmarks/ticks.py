@@ -36,7 +36,6 @@ from pydrake.systems.primitives import ConstantVectorSource, ZeroOrderHold
 
 import arm_drake as ad
 from arm_drake import interfaces
-from arm_drake.clients import ACTION
 from arm_drake.controller_loading import load_controllers_of
 from arm_drake.controllers import CONTROLLER_TYPES
 from arm_drake.controllers.controller_interface import (
@@ -59,6 +58,9 @@ from arm_drake.robot_commands import make_drive_commands
 from arm_drake.robot_systems import RobotSystems
 from arm_drake.surroundings import find_surroundings
 from tests.controllers.parameters import FORWARD, JSB, JTC, PID, load
+
+# The port of a trajectory controller's action.
+ACTION = "follow_joint_trajectory"
 
 ROBOT = "doosan_a0912"
 

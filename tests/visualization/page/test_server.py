@@ -88,7 +88,10 @@ def test_all_addresses_are_listened_to_when_asked_for(host: str) -> None:
 
 
 def test_an_address_of_this_machine_is_served_by_its_own_name() -> None:
-    with Page(host="127.0.0.2") as page:
+    # A port that is free elsewhere, too: other tests keep their Meshcats.
+    with socket.create_server(("", 0)) as taken:
+        port = taken.getsockname()[1]
+    with Page(host="127.0.0.2", port=port) as page:
         assert listening(page.port) == {"127.0.0.2"}
         assert not page.is_public
         assert page.url == f"http://127.0.0.2:{page.port}/"

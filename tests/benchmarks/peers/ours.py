@@ -1,0 +1,196 @@
+"""Our simulation, as anyone would build it, and the same in C++ only."""
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import (
+    TrajectorySource,
+    VectorLogSink,
+    ZeroOrderHold,
+)
+from pydrake.trajectories import PiecewisePolynomial
+
+import arm_drake as ad
+from arm_drake.drives import (
+    RobotDrive,
+    commanded_joints,
+    effort_limits,
+    make_robot_drive,
+)
+from arm_drake.gripper_ranges import find_gripper_joints
+from arm_drake.hardware import add_hardware, connect_forces
+from arm_drake.options import PRESETS
+from arm_drake.plant import (
+    add_actuators,
+    add_plant,
+    add_robot_model,
+    filter_self_collision,
+    set_initial_positions,
+)
+from tests.benchmarks.peers import robots
+from tests.benchmarks.peers.commands import commands_of, make_goal
+from tests.benchmarks.peers.task import (
+    PERIOD,
+    STEPS,
+    Array,
+    Contestant,
+    Recording,
+    Runner,
+    Task,
+)
+
+ENGINE = "arm_drake"
+CPP_ONLY = "Drake, C++ only"
+
+# Engine and setting of the default, and of the same without Python.
+ACCURATE = (ENGINE, "accurate")
+SAME = (CPP_ONLY, "same servo")
+
+
+def make_contestants(task: Task, *, num_arms: int = 1) -> list[Contestant]:
+    """Return all presets with all steps, and the diagram without Python."""
+    found = []
+    for step in STEPS:
+        for preset in PRESETS:
+            options = ad.SimulationOptions(time_step=step, preset=preset)
+            make = partial(make_ours, task, options, num_arms)
+            law = "own" if preset == "kinematic" else "servo"
+            if preset != "kinematic" or step == STEPS[-1]:
+                found.append(Contestant(ENGINE, preset, law, step, make))
+        if num_arms == 1:
+            make = partial(make_cpp_only, task, step)
+            found.append(Contestant(*SAME, "servo", step, make))
+    return found
+
+
+def make_ours(
+    task: Task,
+    options: ad.SimulationOptions,
+    num_arms: int = 1,
+    *,
+    is_drawn: bool = False,
+) -> Runner:
+    """Return our diagram of one or several arms, and draw it if asked to."""
+    names = [f"arm{i}" for i in range(num_arms)]
+    arms = [
+        robots.load(task.urdf, name=name, place=2.0 * i) for i, name in enumerate(names)
+    ]
+    meshcat = ad.start_meshcat() if is_drawn else None
+    sim = ad.Simulation(ad.build_diagram(arms, options=options, meshcat=meshcat))
+    goal = make_goal(task)
+    joints = [j.name for j in arms[0].description.movable_joints]
+    columns = [joints.index(name) for name in task.joints]
+    every = round(PERIOD * (options.log_rate or robots.RATE))
+
+    def prepare() -> None:
+        sim.reset()
+        for name in names:
+            prefix = f"{name}/" if num_arms > 1 else ""
+            sim.controller(prefix + robots.CONTROLLER).send_goal(goal)
+
+    def run() -> Recording:
+        sim.run(task.duration)
+        rollout = sim.rollout(names[-1])
+        rows = slice(None, every * task.num_ticks, every)
+        return Recording(
+            rollout.position[rows, columns], rollout.velocity[rows, columns]
+        )
+
+    return Runner(prepare, run)
+
+
+def make_cpp_only(task: Task, step: float) -> Runner:
+    """Return the same plant, servo and logs, told what our controller would tell."""
+    robot = robots.load(task.urdf, name="arm0")
+    names = [joint.name for joint in commanded_joints(robot.description)]
+    order = [task.joints.index(name) for name in names]
+    told = np.hstack([part[:, order] for part in commands_of(task)])
+    diagram, drive = build_cpp_only(robot, ad.SimulationOptions(time_step=step), told)
+    simulator = Simulator(diagram)
+    log = diagram.GetSubsystemByName("log0")
+    joints = [j.name for j in robot.description.movable_joints]
+    columns = [joints.index(name) for name in task.joints]
+    # The drive's plant must outlive the servo.
+    keep: dict[str, Any] = {"drive": drive}
+
+    def prepare() -> None:
+        simulator.reset_context(diagram.CreateDefaultContext())
+        simulator.Initialize()
+
+    def run() -> Recording:
+        assert keep
+        simulator.AdvanceTo(task.duration)
+        return _read(log, diagram, simulator, columns, task.num_ticks)
+
+    return Runner(prepare, run)
+
+
+def _read(
+    log: VectorLogSink,
+    diagram: Diagram,
+    simulator: Simulator,
+    columns: list[int],
+    num_ticks: int,
+) -> Recording:
+    """Return what a log of held joint states holds: it shows each tick at the next."""
+    context = simulator.get_context()
+    sample = diagram.GetSubsystemByName("sample")
+    last = sample.get_output_port().Eval(sample.GetMyContextFromRoot(context))
+    rows = np.vstack([log.FindLog(context).data().T[1:], last])[:num_ticks]
+    q, v, _ = np.split(rows, 3, axis=1)
+    return Recording(q[:, columns], v[:, columns])
+
+
+def build_cpp_only(
+    robot: ad.Robot, options: ad.SimulationOptions, commands: Array
+) -> tuple[Diagram, RobotDrive]:
+    """Return the diagram without Python, and the drive that must outlive it."""
+    step = options.time_step
+    description, initial = robot.description, robot.initial_positions
+    builder = DiagramBuilder()
+    plant, scene_graph = add_plant(builder, step, options)
+    model = add_robot_model(plant, description, robot.name, robot.pose)
+    joints = commanded_joints(description)
+    add_actuators(plant, model, [joint.name for joint in joints], effort_limits(joints))
+    set_initial_positions(plant, model, dict(initial))
+    plant.Finalize()
+    filter_self_collision(plant, scene_graph, model)
+    drive = make_robot_drive(
+        description,
+        robot.pose,
+        options,
+        step,
+        grippers={joint.name for joint in find_gripper_joints(robot)},
+        period=PERIOD,
+    )
+    hardware = add_hardware(
+        builder,
+        plant,
+        model,
+        description,
+        prefix="",
+        drive=drive,
+        initial=initial,
+        options=options,
+    )
+    assert hardware.command is not None
+    # Each command holds from its tick to the next one, without a delay.
+    ticks = PERIOD * np.arange(len(commands) + 1)
+    held = PiecewisePolynomial.ZeroOrderHold(
+        ticks, np.vstack([commands, commands[-1:]]).T
+    )
+    source = builder.AddSystem(TrajectorySource(held))
+    builder.Connect(source.get_output_port(), hardware.command)
+    if hardware.friction is not None:
+        connect_forces(builder, plant, {model: hardware.friction})
+    # What our broadcaster holds and our rollout records.
+    states = hardware.joint_states
+    sample = builder.AddNamedSystem("sample", ZeroOrderHold(PERIOD, states.size()))
+    builder.Connect(states, sample.get_input_port())
+    for i, port in enumerate((sample.get_output_port(), source.get_output_port())):
+        log = builder.AddNamedSystem(f"log{i}", VectorLogSink(port.size(), PERIOD))
+        builder.Connect(port, log.get_input_port())
+    return builder.Build(), drive
