@@ -44,11 +44,11 @@ lint: setup
 bench: setup
 	$(BIN)/python -m tests.benchmarks.overhead $(ARGS)
 	$(BIN)/python -m tests.benchmarks.servo
-	$(BIN)/python -m tests.benchmarks.ticks
 	$(BIN)/python -m tests.benchmarks.loading
 	$(BIN)/python -m tests.benchmarks.page
 	$(BIN)/python -m tests.benchmarks.peers --output out
 	$(BIN)/python -m pytest -m long
+	$(BIN)/python -m tests.benchmarks.ticks
 
 # For those who change the dependencies; needs uv.
 lock:

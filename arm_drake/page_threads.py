@@ -116,6 +116,7 @@ class PageThread:
         def act() -> None:
             try:
                 result.set_result(function(self._runner))
+            # It is the caller's, whatever it is; Drake's checks end in a SystemExit.
             except BaseException as error:
                 result.set_exception(error)
 

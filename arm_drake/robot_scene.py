@@ -12,7 +12,7 @@ from arm_drake.options import SimulationOptions
 from arm_drake.placement import place_free_links
 from arm_drake.plant import add_plant, add_robot_model, set_initial_positions
 from arm_drake.visualization.ghost import Ghost
-from arm_drake.visualization.meshcat import add_visualizer, frame_shapes
+from arm_drake.visualization.meshcat import add_visualizer
 
 # Nothing moves, but only discrete plants know joints that follow others.
 _TIME_STEP = 0.001
@@ -92,15 +92,3 @@ class RobotScene:
     def publish(self) -> None:
         """Draw the robot's visual shapes where they are now."""
         self._diagram.ForcedPublish(self._context)
-
-
-def show_robot(meshcat: Meshcat, robot: Robot) -> None:
-    """Draw a robot in its initial positions, and point the camera at it.
-
-    Args:
-        meshcat: Where to draw it.
-        robot: The robot.
-    """
-    scene = RobotScene(meshcat, robot)
-    scene.publish()
-    frame_shapes(meshcat, scene.query)

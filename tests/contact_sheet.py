@@ -15,8 +15,8 @@ from pydrake.geometry import Meshcat
 import arm_drake as ad
 from arm_drake.drake_log import use_native_logging
 from arm_drake.errors import ArmDrakeError
-from arm_drake.robot_scene import show_robot
 from arm_drake.visualization.screenshot import Photographer
+from tests.shown import show_robot
 
 _TILE = (480, 360)  # pixels
 _LABEL = 24

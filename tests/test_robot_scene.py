@@ -8,8 +8,9 @@ from pydrake.geometry import Meshcat
 
 import arm_drake as ad
 from arm_drake.joint_ranges import complete
-from arm_drake.robot_scene import RobotScene, show_robot
+from arm_drake.robot_scene import RobotScene
 from tests.models import GRIPPER, TWO_LINKS, bob, joint, load
+from tests.shown import show_robot
 from tests.visualization import scene
 from tests.visualization.scene import about_y, pose
 

@@ -12,14 +12,14 @@ from arm_drake.interfaces import POSITION, VELOCITY
 from arm_drake.messages import DynamicInterfaceGroupValues, JointTrajectoryPoint
 from arm_drake.messages.controllers import InterfaceValue
 from arm_drake.teleop.axes import Axis, find_axis
-from arm_drake.teleop.remote import Remote, find_plugins, shown
+from arm_drake.teleop.remote import GrippingRemote, find_plugins, shown
 from arm_drake.visualization.page.widgets import Button, Buttons, Slider
 
 if TYPE_CHECKING:
     from arm_drake.simulation import Simulation
 
 
-class CommandRemote(Remote):
+class CommandRemote(GrippingRemote):
     """Sends numbers to a controller, which acts on them at once."""
 
     # Whether a message has all numbers; else those alone that are new.
@@ -99,22 +99,8 @@ class CommandRemote(Remote):
         """Send 0 for everything that is no position; raises as `command`."""
         self.command({n: 0.0 for n, a in self._axes.items() if a.interface != POSITION})
 
-    def open(self) -> None:
-        """Open the gripper that is among the joints.
-
-        Raises:
-            InputError: As `command`, and if there is none.
-        """
-        self._grip(0)
-
-    def close(self) -> None:
-        """Close the gripper that is among the joints; raises as `open`."""
-        self._grip(1)
-
-    def _grip(self, end: int) -> None:
-        if not self._grips:
-            raise self._error("none of its joints is known to be a gripper's")
-        self.command({name: ends[end] for name, ends in self._grips.items()})
+    def _move_grips(self, positions: Mapping[str, float]) -> None:
+        self.command(positions)
 
     def _find_grips(self) -> dict[str, tuple[float, float]]:
         """Return where a gripper is open and where closed, by numbers that move it."""

@@ -194,6 +194,34 @@ class Remote(ABC):
         return InputError(f"controller {self.controller!r}: {problem}")
 
 
+class GrippingRemote(Remote):
+    """A remote of joints, among which there may be a gripper's."""
+
+    # Where the gripper is open and where closed, by what moves it.
+    _grips: Mapping[str, tuple[float, float]]
+
+    @abstractmethod
+    def _move_grips(self, positions: Mapping[str, float]) -> None:
+        """Send positions of the gripper, by what moves it."""
+
+    def open(self) -> None:
+        """Open the gripper that is among the joints.
+
+        Raises:
+            InputError: If there is none, or the controller takes nothing now.
+        """
+        self._grip(0)
+
+    def close(self) -> None:
+        """Close the gripper that is among the joints; raises as `open`."""
+        self._grip(1)
+
+    def _grip(self, end: int) -> None:
+        if not self._grips:
+            raise self._error("none of its joints is known to be a gripper's")
+        self._move_grips({name: ends[end] for name, ends in self._grips.items()})
+
+
 def find_plugins(manager: ControllerManager, name: str) -> tuple[Any, ...]:
     """Return the tags of Gazebo's plugins that a controller stands for.
 

@@ -18,7 +18,7 @@ from arm_drake.controllers.gazebo_joint_pose_trajectory import (
 from arm_drake.errors import suggest
 from arm_drake.messages import Duration, Header, JointTrajectory, JointTrajectoryPoint
 from arm_drake.teleop.axes import Axis, find_axis
-from arm_drake.teleop.remote import Remote, shown
+from arm_drake.teleop.remote import GrippingRemote, shown
 from arm_drake.visualization.page.widgets import Button, Buttons, Slider
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ class _Plan:
         return {j: q + part * (self.goal[j] - q) for j, q in self.start.items()}
 
 
-class TrajectoryRemote(Remote):
+class TrajectoryRemote(GrippingRemote):
     """Moves the joints of a controller that follows trajectories.
 
     Its controller is a JointTrajectoryController, of ros2_control or of Gazebo, or
@@ -181,22 +181,8 @@ class TrajectoryRemote(Remote):
             self._publish(port, trajectory)
         self._plan = plan
 
-    def open(self) -> None:
-        """Open the gripper that is among the joints.
-
-        Raises:
-            InputError: As `go_to`, and if there is none.
-        """
-        self._grip(0)
-
-    def close(self) -> None:
-        """Close the gripper that is among the joints; raises as `open`."""
-        self._grip(1)
-
-    def _grip(self, end: int) -> None:
-        if not self._grips:
-            raise self._error("none of its joints is known to be a gripper's")
-        self.go_to({joint: ends[end] for joint, ends in self._grips.items()})
+    def _move_grips(self, positions: Mapping[str, float]) -> None:
+        self.go_to(positions)
 
     def _duration(self, start: Mapping[str, float], goal: Mapping[str, float]) -> float:
         """Return how long the way takes [s]."""

@@ -17,12 +17,12 @@ from pydrake.geometry import Meshcat
 import arm_drake as ad
 from arm_drake.cli import main
 from arm_drake.errors import OutputError
-from arm_drake.robot_scene import show_robot
 from arm_drake.visualization.browser import BrowserError
 from arm_drake.visualization.screenshot import Photographer, save_screenshot
 from tests.browser.pictures import difference, grow
 from tests.models import GRIPPER, LENGTH, bob
 from tests.robots import skip_or_fail
+from tests.shown import show_robot
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
