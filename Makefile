@@ -6,7 +6,7 @@ BIN := .venv/bin
 DEMO := doosan_a0912 --motion tutorial --record out/demo.html --plot out/demo.png \
 	--log out/demo.npz
 
-.PHONY: demo test quick lint bench setup lock clean
+.PHONY: demo test quick lint docs bench setup lock clean
 
 setup: .venv/.ready
 
@@ -41,14 +41,25 @@ lint: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+# README, pages, notebooks and the API reference, in out/docs/index.html.
+docs: setup
+	$(BIN)/python -W error docs/make_site.py out/docs
+
+# Its extra is what we are compared with; it stays installed.
 bench: setup
+	@if command -v uv >/dev/null; then \
+		uv sync --quiet --locked --inexact --extra bench --python $(PYTHON); \
+	else \
+		$(BIN)/pip install --quiet -c requirements.lock -e '.[bench]'; \
+	fi
 	$(BIN)/python -m tests.benchmarks.overhead $(ARGS)
-	$(BIN)/python -m tests.benchmarks.servo
 	$(BIN)/python -m tests.benchmarks.loading
 	$(BIN)/python -m tests.benchmarks.page
-	$(BIN)/python -m tests.benchmarks.peers --output out
+	$(BIN)/python -m tests.benchmarks.many --rounds 3 --output out
+	$(BIN)/python -m tests.benchmarks.peers --output out --page
 	$(BIN)/python -m pytest -m long
 	$(BIN)/python -m tests.benchmarks.ticks
+	$(BIN)/python -m tests.benchmarks.servo
 
 # For those who change the dependencies; needs uv.
 lock:

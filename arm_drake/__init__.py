@@ -3,6 +3,8 @@
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from arm_drake.importing import without_collection
+
 if TYPE_CHECKING:
     from arm_drake.clients import ControllerHandle as ControllerHandle
     from arm_drake.clients import GoalHandle as GoalHandle
@@ -25,6 +27,14 @@ if TYPE_CHECKING:
     from arm_drake.errors import ParameterError as ParameterError
     from arm_drake.live_simulation import LiveSimulation as LiveSimulation
     from arm_drake.loading import load_robot as load_robot
+    from arm_drake.many import Outcome as Outcome
+    from arm_drake.many import Run as Run
+    from arm_drake.many import RunError as RunError
+    from arm_drake.many import RunResult as RunResult
+    from arm_drake.many import RunResults as RunResults
+    from arm_drake.many import RunsInterrupted as RunsInterrupted
+    from arm_drake.many import iterate_many as iterate_many
+    from arm_drake.many import run_many as run_many
     from arm_drake.messages import Float64MultiArray as Float64MultiArray
     from arm_drake.messages import (
         FollowJointTrajectoryGoal as FollowJointTrajectoryGoal,
@@ -73,6 +83,7 @@ _MODULES = {
     "Motion": "motion",
     "MultiDOFCommand": "messages",
     "Now": "controllers.cycles",
+    "Outcome": "many",
     "Page": "visualization.page",
     "PageHandle": "notebook",
     "ParameterError": "errors",
@@ -80,6 +91,11 @@ _MODULES = {
     "Robot": "description.robot",
     "RobotViewer": "robot_viewer",
     "Rollout": "rollout",
+    "Run": "many",
+    "RunError": "many",
+    "RunResult": "many",
+    "RunResults": "many",
+    "RunsInterrupted": "many",
     "Simulation": "simulation",
     "SimulationOptions": "options",
     "SpeedScalingFactor": "messages",
@@ -87,9 +103,11 @@ _MODULES = {
     "TickingController": "controllers.ticking_controller",
     "animate": "notebook",
     "build_diagram": "diagram",
+    "iterate_many": "many",
     "load_motion": "motion",
     "load_robot": "loading",
     "register_controller": "controllers",
+    "run_many": "many",
     "simulate": "notebook",
     "start_meshcat": "visualization.meshcat",
     "view": "notebook",
@@ -102,7 +120,8 @@ def __getattr__(name: str) -> Any:
     """Import a public name when it is first used."""
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module = importlib.import_module(f"{__name__}.{_MODULES[name]}")
+    with without_collection():
+        module = importlib.import_module(f"{__name__}.{_MODULES[name]}")
     value = getattr(module, name)
     globals()[name] = value
     return value

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from arm_drake.argument_types import pair
 from arm_drake.command_arguments import add_sim_arguments, add_view_arguments
+from arm_drake.log_arguments import add_compare, add_replay
 
 _XACRO = ":="
 
@@ -102,6 +103,9 @@ def make_parser() -> argparse.ArgumentParser:
         required=True,
         help="picture to write: .svg, .png, .pdf, or .dot for Graphviz",
     )
+
+    add_replay(commands)
+    _add_json(add_compare(commands))
 
     cache = commands.add_parser(
         "cache",

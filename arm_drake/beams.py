@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.geometry import GeometryId, Mesh, QueryObject
+from pydrake.geometry import Mesh, QueryObject
 
 Array = NDArray[np.float64]
 
@@ -19,7 +19,7 @@ _MAX_STEPS = 1000
 
 
 def find_range(
-    query: QueryObject, start: Array, along: Array, own: Collection[GeometryId]
+    query: QueryObject, start: Array, along: Array, own: Collection[int]
 ) -> float:
     """Return how far a beam goes to the first shape [m]; infinite if it meets none.
 
@@ -31,7 +31,7 @@ def find_range(
         query: Where the shapes are.
         start: Start of the beam in the world [m], shape (3,).
         along: Its direction, of length 1, shape (3,).
-        own: Shapes that it passes through.
+        own: Numbers of the shapes that it passes through.
     """
     inspector, way = query.inspector(), 0.0
     for _ in range(_MAX_STEPS):
@@ -39,7 +39,7 @@ def find_range(
         for near in query.ComputeSignedDistanceToPoint(
             start + way * along, _LONGEST - way
         ):
-            if near.id_G in own:
+            if near.id_G.get_value() in own:
                 continue
             if near.distance < _TOUCH:
                 return way

@@ -6,15 +6,15 @@ import functools
 import io
 import json
 import os
-import signal
 import sys
 import textwrap
-import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from arm_drake.arguments import parse_arguments
 from arm_drake.errors import ArmDrakeError, InputError
+from arm_drake.importing import without_collection
+from arm_drake.interrupts import unbroken
 
 _USAGE_ERROR = 2
 
@@ -44,24 +44,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 130
 
 
-@contextlib.contextmanager
-def _unbroken() -> Iterator[None]:
-    """Put Ctrl-C off for an import, where Drake makes an ImportError of it."""
-    is_main = threading.current_thread() is threading.main_thread()
-    before = signal.getsignal(signal.SIGINT)
-    if not is_main or before is None:
-        yield
-        return
-    pressed = threading.Event()
-    signal.signal(signal.SIGINT, lambda *signal_and_frame: pressed.set())
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-    if pressed.is_set():
-        raise KeyboardInterrupt
-
-
 def load_robot_of(
     options: argparse.Namespace, positions: Mapping[str, float] | None = None
 ) -> Any:
@@ -71,7 +53,7 @@ def load_robot_of(
         options: What was parsed.
         positions: Initial positions by joint [rad] or [m], beside those in `options`.
     """
-    with _unbroken():
+    with unbroken(), without_collection():  # Drake would make an ImportError of Ctrl-C.
         from arm_drake.loading import load_robot
 
     initial = dict(positions or {})
@@ -124,14 +106,14 @@ def _check(options: argparse.Namespace) -> int:
 
 
 def _sim(options: argparse.Namespace) -> int:
-    with _unbroken():
+    with unbroken(), without_collection():
         from arm_drake.sim_command import simulate
 
     return simulate(options, load_robot_of(options))
 
 
 def _view(options: argparse.Namespace) -> int:
-    with _unbroken():
+    with unbroken(), without_collection():
         from arm_drake.view_command import view
 
     return view(options, functools.partial(load_robot_of, options))
@@ -141,6 +123,19 @@ def _graph(options: argparse.Namespace) -> int:
     from arm_drake.graph_command import run_graph
 
     return run_graph(options, functools.partial(load_robot_of, options))
+
+
+def _replay(options: argparse.Namespace) -> int:
+    with unbroken(), without_collection():
+        from arm_drake.replay_command import run_replay
+
+    return run_replay(options, functools.partial(load_robot_of, options))
+
+
+def _compare(options: argparse.Namespace) -> int:
+    from arm_drake.compare_command import run_compare
+
+    return run_compare(options)
 
 
 def _cache(options: argparse.Namespace) -> int:
@@ -165,5 +160,7 @@ _COMMANDS: Mapping[str, Callable[[argparse.Namespace], int]] = {
     "view": _view,
     "sim": _sim,
     "graph": _graph,
+    "replay": _replay,
+    "compare": _compare,
     "cache": _cache,
 }

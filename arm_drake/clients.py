@@ -36,7 +36,6 @@ from arm_drake.messages import (
     Twist,
 )
 from arm_drake.motion import StepMessage
-from arm_drake.parameter_changes import publish_parameters
 
 if TYPE_CHECKING:
     from arm_drake.simulation import Simulation
@@ -53,11 +52,13 @@ class GoalHandle:
             request: What was sent.
             where: Where the goal comes from, for messages; empty if from a program.
         """
-        self.controller = controller
-        self.request = request
-        self.where = where
+        self.controller, self.request, self.where = controller, request, where
         self.status = GoalStatus.PENDING
         self.result: Result | None = None
+
+        # When it was sent, and when its end was noticed, at most 50 cycles late [s].
+        self.sent_at = 0.0
+        self.ended_at: float | None = None
 
         # What of the goal was not taken as written.
         self.note = ""
@@ -80,18 +81,20 @@ class GoalHandle:
         self._sources.clear()
         return self._feedback
 
+    def forget_feedback(self) -> None:
+        """Forget all feedback so far."""
+        self._feedback, self._sources = [], []
+
     def describe(self) -> str:
         """Return status and result in words."""
-        text, result = self.status.value, self.result
+        text, result, why = self.status.value, self.result, self.note
         if isinstance(result, FollowJointTrajectoryResult):
             text += f", error code {int(result.error_code)}"
             why = result.error_string
-        else:
-            why = self.note
-            if isinstance(result, GripperCommandResult):
-                text += describe_grip(result, (result.position,))
-            elif isinstance(result, ParallelGripperCommandResult):
-                text += describe_grip(result, result.state.position)
+        elif isinstance(result, GripperCommandResult):
+            text += describe_grip(result, (result.position,))
+        elif isinstance(result, ParallelGripperCommandResult):
+            text += describe_grip(result, result.state.position)
         return f"{text}: {why}" if why else text
 
     def __repr__(self) -> str:
@@ -118,9 +121,7 @@ class ControllerHandle:
             type_: Its ros2_control type.
         """
         self.name = name
-        self._simulation = simulation
-        self._system = system
-        self._type = type_
+        self._simulation, self._system, self._type = simulation, system, type_
         self._topics = ControllerTopics(name, type_, system)
 
     def check(self, message: StepMessage) -> None:
@@ -248,6 +249,8 @@ class ControllerHandle:
                 f"controller {self.name!r} of type {self._type!r}: no parameter can "
                 "change while it runs"
             )
+        from arm_drake.parameter_changes import publish_parameters  # Rarely needed.
+
         simulation, system = self._simulation, self._system
         manager, _, _ = simulation.directory.find(self.name)
         root = simulation.simulator.get_mutable_context()
@@ -285,10 +288,8 @@ class ControllerHandle:
             InputError: If the controller publishes none.
         """
         if not self._system.HasOutputPort("controller_state"):
-            raise InputError(
-                f"controller {self.name!r} of type {self._type!r} publishes no "
-                "controller_state"
-            )
+            what = f"controller {self.name!r} of type {self._type!r}"
+            raise InputError(f"{what} publishes no controller_state")
         return self._simulation.eval_output(f"{self.name}.controller_state")
 
     def _send(self, port: str, message: Message, where: str = "") -> None:

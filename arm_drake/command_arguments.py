@@ -8,6 +8,9 @@ from arm_drake.argument_types import not_negative, pair, positive, words_of
 # What a page can show of a robot.
 SHOWN = ("visual", "frames", "names", "collision", "inertia", "joint_axes")
 
+# What a plot of a rollout can show; the first is the default.
+PLOT_KINDS = ("tracking", "error", "effort", "phase", "path", "overview")
+
 
 def add_view_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `view`."""
@@ -64,6 +67,18 @@ def add_page_arguments(parser: argparse.ArgumentParser) -> None:
     add("--fixed-frame", metavar="LINK", help="link that stays where it is (the world)")
     add("--host", default="localhost", help="address of the page (localhost)")
     add("--port", type=int, help="port of the page (first free from 7000)")
+
+
+def add_plot_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of a plot of a rollout."""
+    add = parser.add_argument
+    add("--plot", metavar="FILE.png", type=Path, help="draw reference and measurement")
+    add(
+        "--plot-kind",
+        metavar="KIND",
+        choices=PLOT_KINDS,
+        help=f"what --plot draws instead: {', '.join(PLOT_KINDS[1:])}",
+    )
 
 
 def add_sim_arguments(parser: argparse.ArgumentParser) -> None:
@@ -132,13 +147,19 @@ def add_sim_arguments(parser: argparse.ArgumentParser) -> None:
         "--preset",
         metavar="NAME",
         default="accurate",
-        help="accurate (the default), or kinematic: joints are where their commands "
-        "say, without physics",
+        help="accurate (the default), fast: arms that touch nothing, in large steps; "
+        "or kinematic: joints are where their commands say, without physics",
     )
-    add("--time-step", metavar="S", type=positive, help="largest step [s] (0.001)")
-    add("--log", metavar="FILE", type=Path, help="write the rollout: .npz or .csv")
+    add(
+        "--time-step",
+        metavar="S",
+        type=positive,
+        help="largest step [s] (0.001; fast: 0.01)",
+    )
+    add("--log", metavar="FILE", type=Path, help="write the rollout: .npz, .csv, .mcap")
+    add("--log-contacts", action="store_true", help="contact forces in the log, too")
     add("--record", metavar="FILE.html", type=Path, help="write an animated page")
-    add("--plot", metavar="FILE.png", type=Path, help="draw reference and measurement")
+    add_plot_arguments(parser)
     add("--screenshot", metavar="FILE.png", type=Path, help="take a picture at the end")
     add("--video", metavar="FILE.mp4", type=Path, help="film the simulation")
     add("--paused", action="store_true", help="wait for the page's play button")

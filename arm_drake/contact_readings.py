@@ -6,15 +6,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
-from pydrake.geometry import ContactSurface, GeometryId, SceneGraph, SceneGraphInspector
+from pydrake.geometry import ContactSurface, SceneGraph, SceneGraphInspector
 from pydrake.multibody.plant import ContactResults, MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
-from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
+from pydrake.systems.framework import Context, DiagramBuilder
 
 from arm_drake.description.gazebo_bumpers import shape_name
 from arm_drake.messages import Header, Vector3, Wrench
 from arm_drake.messages.contacts import ContactsState, ContactState
 from arm_drake.plant_ports import PlantPorts
+from arm_drake.python_system import PythonSystem
 
 Array = NDArray[np.float64]
 
@@ -24,8 +25,9 @@ _WORLD = "world"
 class _Touch(NamedTuple):
     """Two shapes that touch."""
 
-    first: GeometryId
-    second: GeometryId
+    # Their numbers.
+    first: int
+    second: int
 
     # Where [m], the force on the second shape [N] and its torque about that point
     # [N·m], the direction from the second one to the first, and the overlap [m].
@@ -36,7 +38,7 @@ class _Touch(NamedTuple):
     depth: float
 
 
-class ContactReadings(LeafSystem):
+class ContactReadings(PythonSystem):
     """Tells what touches a robot.
 
     .. pydrake_system::
@@ -81,8 +83,9 @@ class ContactReadings(LeafSystem):
         """
         super().__init__()
         self._shapes = _shapes(plant, scene_graph.model_inspector(), model, links)
+        # Numbers of shapes: their identifiers would keep the plant in memory.
         self._own = {
-            geometry
+            geometry.get_value()
             for body in plant.GetBodyIndices(model)
             for geometry in plant.GetCollisionGeometriesForBody(plant.get_body(body))
         }
@@ -132,8 +135,8 @@ def _shapes(
     inspector: SceneGraphInspector,
     model: ModelInstanceIndex,
     links: Collection[str],
-) -> Mapping[GeometryId, tuple[int, str]]:
-    """Return body and name of all collision shapes."""
+) -> Mapping[int, tuple[int, str]]:
+    """Return body and name of all collision shapes, by their numbers."""
     found = {}
     for index in range(plant.num_bodies()):
         body = plant.get_body(BodyIndex(index))
@@ -148,7 +151,7 @@ def _shapes(
             name = f"{name}::{shape_name(link, number)}"
             if not index:  # Drake puts the instance in front.
                 name = f"{_WORLD}::{inspector.GetName(geometry).rpartition('::')[2]}"
-            found[geometry] = (at, name)
+            found[geometry.get_value()] = (at, name)
     return found
 
 
@@ -159,8 +162,8 @@ def _touches(results: ContactResults) -> Iterator[_Touch]:
         info = results.point_pair_contact_info(index)
         pair = info.point_pair()
         yield _Touch(
-            pair.id_A,
-            pair.id_B,
+            pair.id_A.get_value(),
+            pair.id_B.get_value(),
             info.contact_point(),
             info.contact_force(),
             nothing,
@@ -172,8 +175,8 @@ def _touches(results: ContactResults) -> Iterator[_Touch]:
         surface, F_A = area.contact_surface(), area.F_Ac_W()
         force, torque = F_A.translational(), F_A.rotational()
         yield _Touch(
-            surface.id_M(),
-            surface.id_N(),
+            surface.id_M().get_value(),
+            surface.id_N().get_value(),
             surface.centroid(),
             -force,
             -torque,

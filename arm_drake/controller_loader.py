@@ -184,6 +184,7 @@ class ControllerLoader:
             robot_name=there.robot_name,
             world_name=there.world_name,
             make_kinematics=there.make_kinematics,
+            is_managed=True,
         )
 
     def _take_rate(self, controller: ControllerConfig, own: dict[str, Any]) -> int:

@@ -8,28 +8,24 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
+from arm_drake.build_info import BuildInfo, add_build_info
 from arm_drake.contact import separate
-from arm_drake.control.drive_commands import DriveCommands
-from arm_drake.controller_loading import load_controllers_of, report_motionless
 from arm_drake.description.drive_gains import find_drive_gains, holds_joints
 from arm_drake.description.finger_surfaces import with_surfaces
-from arm_drake.description.joints import WORLD
+from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot, list_robots
 from arm_drake.description.srdf import find_disabled_collisions
 from arm_drake.drive_report import report_drive, report_times
 from arm_drake.drives import commanded_joints, effort_limits, make_robot_drive
 from arm_drake.errors import InputError
+from arm_drake.free_poses import log_free_poses
 from arm_drake.gripper_ranges import (
     find_gripper_joints,
     find_gripper_links,
-    find_gripper_ranges,
 )
 from arm_drake.hardware import add_hardware, connect_forces
-from arm_drake.kinematic import KinematicPlant
-from arm_drake.loaded_controllers import command_order
 from arm_drake.manager import ControllerManager
 from arm_drake.mobile_bases import RobotBases
-from arm_drake.mock_hardware import add_mock_hardware, make_blocks
 from arm_drake.options import SimulationOptions
 from arm_drake.placement import place_free_links
 from arm_drake.plant import (
@@ -38,13 +34,19 @@ from arm_drake.plant import (
     add_robot_model,
     filter_pairs,
     filter_self_collision,
+    link_bodies,
     set_initial_positions,
 )
+from arm_drake.presets import (
+    find_obstacles,
+    find_world_obstacles,
+    report_fallback,
+)
 from arm_drake.robot_commands import find_bare_joints, make_drive_commands, may_let_go
-from arm_drake.robot_sensors import add_sensors, report_blind
+from arm_drake.robot_parts import RobotParts, load_parts
+from arm_drake.robot_sensors import add_sensors
 from arm_drake.robot_systems import RobotSystems
-from arm_drake.timing import choose_time_step
-from arm_drake.visualization.meshcat import add_visualizer, show_backdrop
+from arm_drake.timing import choose_time_step, has_rate
 from arm_drake.world import World, load_world
 from arm_drake.worlds.loaded_world import LoadedWorld
 
@@ -77,11 +79,15 @@ def build_diagram(
         raise InputError(f"options: expected SimulationOptions, got {options!r}")
     robots = list_robots(robots)
     loaded = load_world(world, [path for r in robots for path in r.package_paths])
+    asked = options
     if options.gravity is None:
         options = dc.replace(options, gravity=loaded.gravity)
-    step, periods = choose_time_step(
-        options.time_step, [robot.controllers.update_rate for robot in robots]
-    )
+    rates = [robot.controllers.update_rate for robot in robots]
+    step, periods = choose_time_step(options.largest_step, rates, options.log_rate)
+    if options.time_step is None and not all(map(has_rate, periods, rates)):
+        # Shorter steps than the preset's meet the ticks of robots at odd rates.
+        shorter = dc.replace(options, preset="accurate").largest_step
+        step, periods = choose_time_step(shorter, rates, options.log_rate)
     builder = DiagramBuilder()
     systems = [
         RobotSystems(
@@ -90,11 +96,14 @@ def build_diagram(
             f"{robot.name}/" if len(robots) > 1 else "",
             period,
             options,
+            step,
             loaded.name,
         )
         for robot, period in zip(robots, periods, strict=True)
     ]
+    add_build_info(builder, BuildInfo(options, loaded.name))
     is_kinematic = options.preset == "kinematic"
+    parts = [load_parts(system) for system in systems]
     if is_kinematic:
         plant, scene_graph = MultibodyPlant(0.0), builder.AddSystem(SceneGraph())
         scene_graph.set_name("scene_graph")
@@ -102,33 +111,64 @@ def build_diagram(
     else:
         plant, scene_graph = add_plant(builder, step, options)
     loaded.add_to(plant)
+    if options.preset == "fast":
+        around = find_world_obstacles(plant, scene_graph)
+        obstacles = [
+            around + find_obstacles(robot, part.controllers, options)
+            for robot, part in zip(robots, parts, strict=True)
+        ]
+        if any(obstacles):
+            return _build_accurate(robots, loaded, asked, meshcat, obstacles)
     bases = [RobotBases.of(r, has_physics=not is_kinematic) for r in robots]
-    models = [_add_model(plant, b, has_things=loaded.has_things) for b in bases]
+    models = [_add_model(plant, base, loaded, options) for base in bases]
     plant.Finalize()
     for base, model in zip(bases, models, strict=True):
         place_free_links(plant, scene_graph, model, base.robot)
         base.set_friction(plant, scene_graph, model)
     if is_kinematic:
-        _add_mirrored_robots(systems, plant, scene_graph, models)
+        # Not at the top: most robots have physics.
+        from arm_drake.mirrored_robots import add_mirrored_robots
+
+        add_mirrored_robots(systems, parts, plant, scene_graph, models)
     else:
-        _add_robots(systems, plant, scene_graph, models, bases)
+        _add_robots(systems, parts, plant, scene_graph, models, bases)
     if meshcat is not None:
+        # Not at the top: a run without a browser starts sooner.
+        from arm_drake.visualization.meshcat import add_visualizer, show_backdrop
+
         add_visualizer(builder, scene_graph, meshcat, frame_rate=options.frame_rate)
         show_backdrop(meshcat, has_grid=loaded.has_grid, background=loaded.background)
     diagram = builder.Build()
     diagram.set_name("arm_drake")
-    _report_world(diagram, loaded)
+    for part in parts:
+        _report_world(part.report, loaded)
     if not is_kinematic:
         free = [base.free_links for base in bases]
         links = dict(zip(models, free, strict=True))
         overlaps = separate(diagram, plant, scene_graph, links)
-        for robot, model in zip(robots, models, strict=True):
-            _report_overlaps(diagram, robot, overlaps[model])
+        for robot, part, model in zip(robots, parts, models, strict=True):
+            _report_overlaps(part.report, robot, overlaps[model])
+    return diagram
+
+
+def _build_accurate(
+    robots: Sequence[Robot],
+    world: LoadedWorld,
+    options: SimulationOptions,
+    meshcat: Meshcat | None,
+    obstacles: Sequence[Sequence[str]],
+) -> Diagram:
+    """Return the diagram of robots for which another preset doesn't do."""
+    options = dc.replace(options, preset="accurate")
+    diagram = build_diagram(robots, world=world, options=options, meshcat=meshcat)
+    for robot, why in zip(robots, obstacles, strict=True):
+        report_fallback(why, _report_of(diagram, robot))
     return diagram
 
 
 def _add_robots(
     systems: Sequence[RobotSystems],
+    parts: Sequence[RobotParts],
     plant: MultibodyPlant,
     scene_graph: SceneGraph,
     models: Sequence[ModelInstanceIndex],
@@ -137,10 +177,9 @@ def _add_robots(
     """Add hardware and controllers of robots that move by their dynamics."""
     builder = systems[0].builder
     forces = {}
-    for system, model, base in zip(systems, models, bases, strict=True):
+    for system, part, model, base in zip(systems, parts, models, bases, strict=True):
         robot, options = system.robot, system.options
-        there = system.find_surroundings(gripper_ranges=find_gripper_ranges(robot))
-        controllers, report = load_controllers_of(robot, system.period, options, there)
+        there, controllers, report, _ = part
         if options.self_collision:
             pairs = find_disabled_collisions(robot, report)
             filter_pairs(plant, scene_graph, model, pairs)
@@ -178,7 +217,15 @@ def _add_robots(
             hardware, builder, plant, scene_graph, model, robot, system.prefix
         )
         poses = plant.get_body_poses_output_port()
-        system.add_frames(poses, _bodies(plant, model, robot))
+        system.add_frames(poses, link_bodies(plant, model, robot.description.links))
+        log_free_poses(
+            builder,
+            plant,
+            model,
+            robot,
+            prefix=system.prefix,
+            period=system.log_period,
+        )
         system.add(hardware, there, controllers, report, commands)
         base.add_truths(
             builder, plant, scene_graph, model, controllers, report, system.prefix
@@ -191,85 +238,40 @@ def _add_robots(
     builder.ExportOutput(plant.get_state_output_port(), "state")
 
 
-def _add_mirrored_robots(
-    systems: Sequence[RobotSystems],
-    plant: MultibodyPlant,
-    scene_graph: SceneGraph,
-    models: Sequence[ModelInstanceIndex],
-) -> None:
-    """Add hardware and controllers of robots whose joints are where they should be."""
-    builder = systems[0].builder
-    joints = {
-        system.robot.name: (
-            model,
-            [joint.name for joint in system.robot.description.movable_joints],
+def _report_of(diagram: Diagram, robot: Robot) -> LoadReport:
+    """Return the load report of a robot in a diagram."""
+    return next(
+        system.report
+        for system in diagram.GetSystems()
+        if isinstance(system, ControllerManager) and system.robot is robot
+    )
+
+
+def _report_world(report: LoadReport, world: LoadedWorld) -> None:
+    """Add what was not taken as written of a world to the report of a robot."""
+    for entry in world.report:
+        report.add(**dc.asdict(entry))
+
+
+def _report_overlaps(report: LoadReport, robot: Robot, overlaps: list[str]) -> None:
+    if overlaps:
+        report.add(
+            "warning",
+            "repair",
+            f"links overlap in the initial pose: {', '.join(overlaps)}",
+            "they pass through each other",
+            file=robot.description.file,
         )
-        for system, model in zip(systems, models, strict=True)
-    }
-    kinematic = builder.AddNamedSystem("plant", KinematicPlant(plant, joints))
-    for system, model in zip(systems, models, strict=True):
-        robot, blocks = system.robot, make_blocks(system.robot)
-        there = system.find_surroundings(blocks, find_gripper_ranges(robot))
-        controllers, report = load_controllers_of(
-            robot, system.period, system.options, there
-        )
-        for info, block in zip(robot.description.hardware, blocks, strict=True):
-            done, where = "as mock_components has it", f"ros2_control {info.name!r}"
-            for text in block.warnings:
-                report.add("warning", "ignored", text, done, where=where)
-        report_motionless(controllers, report)
-        report_blind(robot, report)
-        order = command_order(there, controllers)
-        hardware = add_mock_hardware(
-            builder, robot, blocks, order, there, system.prefix, system.period
-        )
-        builder.Connect(hardware.joint_motions, kinematic.GetInputPort(robot.name))
-        drive = DriveCommands((), order, velocity_lead=0.0)
-        poses = kinematic.GetOutputPort("body_poses")
-        system.add_frames(poses, _bodies(plant, model, robot))
-        system.add(hardware, there, controllers, report, drive)
-    kinematic.connect_geometry(builder, scene_graph)
-    builder.ExportOutput(kinematic.GetOutputPort("state"), "state")
-
-
-def _bodies(
-    plant: MultibodyPlant, model: ModelInstanceIndex, robot: Robot
-) -> list[int]:
-    """Return the indices of the bodies of a robot's links."""
-    bodies = [
-        plant.world_body() if link == WORLD else plant.GetBodyByName(link, model)
-        for link in robot.description.links
-    ]
-    return [int(body.index()) for body in bodies]
-
-
-def _report_world(diagram: Diagram, world: LoadedWorld) -> None:
-    """Add what was not taken as written of a world to the report of each robot."""
-    for system in diagram.GetSystems():
-        if isinstance(system, ControllerManager):
-            for entry in world.report:
-                system.report.add(**dc.asdict(entry))
-
-
-def _report_overlaps(diagram: Diagram, robot: Robot, overlaps: list[str]) -> None:
-    if not overlaps:
-        return
-    for system in diagram.GetSystems():
-        if isinstance(system, ControllerManager) and system.robot is robot:
-            system.report.add(
-                "warning",
-                "repair",
-                f"links overlap in the initial pose: {', '.join(overlaps)}",
-                "they pass through each other",
-                file=robot.description.file,
-            )
 
 
 def _add_model(
-    plant: MultibodyPlant, base: RobotBases, *, has_things: bool
+    plant: MultibodyPlant,
+    base: RobotBases,
+    world: LoadedWorld,
+    options: SimulationOptions,
 ) -> ModelInstanceIndex:
     robot, description = base.robot, base.describe()
-    if has_things:
+    if world.has_things:
         description = with_surfaces(description, find_gripper_links(robot))
     model = add_robot_model(
         plant,
@@ -277,6 +279,7 @@ def _add_model(
         robot.name,
         robot.pose,
         has_free_base=robot.has_free_base,
+        collides=options.preset != "fast",
     )
     joints = commanded_joints(robot.description)
     add_actuators(plant, model, [joint.name for joint in joints], effort_limits(joints))

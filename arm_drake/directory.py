@@ -1,7 +1,7 @@
 """Who is in a diagram: its robots, their managers and controllers, by name."""
 
-from collections.abc import Mapping
-from typing import Literal, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal, NamedTuple, get_args
 
 from pydrake.systems.framework import Context, Diagram
 
@@ -9,7 +9,7 @@ from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.errors import InputError, suggest
 from arm_drake.loaded_controllers import ControllerState, LoadedController
 from arm_drake.manager import ControllerManager
-from arm_drake.messages import SwitchController
+from arm_drake.messages import Strictness, SwitchController
 
 
 class ControllerList(list[ControllerState]):
@@ -51,6 +51,29 @@ class TopicList(list[TopicInfo]):
             f"{', '.join(row.bridged_to)}".rstrip()
             for row in self
         )
+
+
+def make_switch(
+    activate: Sequence[str], deactivate: Sequence[str], strictness: Strictness
+) -> SwitchController:
+    """Return the request for a switch.
+
+    Args:
+        activate: Names of controllers to start.
+        deactivate: Names of controllers to stop.
+        strictness: "strict" or "best_effort".
+
+    Raises:
+        InputError: If there is no such strictness, or these are no names.
+    """
+    if strictness not in (known := get_args(Strictness)):
+        hint = suggest(str(strictness), known)
+        raise InputError(f"unknown strictness {strictness!r}; {hint}")
+    given: Any = (activate, deactivate, strictness)  # The request checks them.
+    try:
+        return SwitchController(*given)
+    except ValueError as error:
+        raise InputError(str(error)) from None
 
 
 class Directory:

@@ -153,11 +153,13 @@ def report_times(
         options: How to simulate.
         report: Where the lines are added.
     """
-    if step < _MUCH_LESS * options.time_step:
+    largest = options.largest_step
+    is_asked_for = options.time_step is not None or options.preset != "fast"
+    if is_asked_for and step < _MUCH_LESS * largest:
         report.add(
             "info",
             "repair",
-            f"steps of {1e3 * options.time_step:.4g} ms don't fit into the controller "
+            f"steps of {1e3 * largest:.4g} ms don't fit into the controller "
             f"manager's period of {1e3 * period:.4g} ms",
             f"the physics takes steps of {1e3 * step:.4g} ms",
             where="time_step",

@@ -140,9 +140,11 @@ def make_robot_drive(
     is_driven = np.array([joint.name not in bare for joint in joints], dtype=bool)
     strength = _strength(description, limits, samples)
     lacking = compute_rotor_inertia(samples, limits, strength, time_step) * is_driven
+    is_fast = options.preset == "fast"
     has_rotors = options.reflected_inertia
     if has_rotors is None:
-        has_rotors = time_step > _LONG_STEP
+        # Where nothing is unknown, there is no payload to need them.
+        has_rotors = time_step > _LONG_STEP and not is_fast
     rotors = lacking if has_rotors else np.zeros(n)
     add_rotors(plant, dict(zip([j.name for j in joints], rotors, strict=True)))
     if not options.gravity_compensation:
@@ -152,7 +154,7 @@ def make_robot_drive(
     is_passive = n < len([j for j in description.movable_joints if j.mimic is None])
     is_careful = lets_go or is_passive or pid.is_given or bool(carried)
     observer_gain = CAREFUL_OBSERVER_GAIN if is_careful else OBSERVER_GAIN
-    if not options.disturbance_observer:
+    if is_fast or not options.disturbance_observer:
         observer_gain = 0.0
     known = samples.with_rotors(rotors)
     load = np.array([(carried or {}).get(joint.name, 0.0) for joint in joints])
@@ -173,6 +175,8 @@ def make_robot_drive(
         carried=load,
         observer_gain=observer_gain,
         position_rate=np.array([row.position_rate or math.nan for row in rows]),
+        is_exact=is_fast,
+        is_coordinated=not is_fast,
     )
     if grippers:
         at = tuple(i for i, joint in enumerate(joints) if joint.name in grippers)

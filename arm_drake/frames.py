@@ -4,10 +4,12 @@ from collections.abc import Sequence
 
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context
+
+from arm_drake.python_system import PythonSystem
 
 
-class LinkFrames(LeafSystem):
+class LinkFrames(PythonSystem):
     """Picks the poses of a robot's links out of those of all bodies.
 
     .. pydrake_system::

@@ -119,6 +119,7 @@ def add_hardware(
                 has_limits=has_limits,
                 knows_friction=knows_friction,
                 pid=drive.pid,
+                start=np.array([initial[name] for name in names]),
             ),
         )
         D = _reduced_state(plant, model, alone, description)

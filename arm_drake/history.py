@@ -1,15 +1,17 @@
 """What a simulation without an end keeps of its past."""
 
-import numpy as np
-from pydrake.systems.primitives import VectorLogSink
+from typing import TYPE_CHECKING
 
-from arm_drake.simulation import Simulation
+from arm_drake.recording import forget_rows
+
+if TYPE_CHECKING:
+    from arm_drake.simulation import Simulation
 
 
 class History:
     """Keeps the logs of a simulation from growing for ever."""
 
-    def __init__(self, simulation: Simulation, duration: float) -> None:
+    def __init__(self, simulation: "Simulation", duration: float) -> None:
         """Create it.
 
         Args:
@@ -29,11 +31,6 @@ class History:
         if now - self._start <= 2.0 * self._duration:
             return
         self._start = now - self._duration
+        self._simulation.mailbox.forget_before(self._start)
         root = self._simulation.simulator.get_mutable_context()
-        for system in self._simulation.diagram.GetSystems():
-            if isinstance(system, VectorLogSink):
-                log = system.FindMutableLog(root)
-                times, rows = log.sample_times().copy(), log.data().T.copy()
-                log.Clear()
-                for row in range(int(np.searchsorted(times, self._start)), len(times)):
-                    log.AddData(times[row], rows[row])
+        forget_rows(self._simulation.diagram, root, self._start)

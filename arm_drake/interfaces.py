@@ -45,6 +45,11 @@ VALUES_PORT: Final = "command_values"
 MANAGER_PORT: Final = "controller_manager"
 EXPORT_PORT: Final = "exported_state_interfaces"
 
+# What the manager reads and keeps for its controllers, and what lies on their topics.
+MOTIONS_PORT: Final = "joint_motions"
+TICKS_PORT: Final = "ticks"
+INBOX_PORT: Final = "inbox"
+
 # Time of the tick in which a slow controller's state interfaces were sampled.
 TICK_PORT: Final = "tick_time"
 
@@ -67,9 +72,8 @@ CHAIN_PORT: Final = "chain:"
 def is_internal(port: str) -> bool:
     """Return whether a port of a controller is none of its topics."""
     own = (STATE_PORT, COMMAND_PORT, VALUES_PORT, MANAGER_PORT, PARAMETERS_PORT)
-    return port in (*own, TICK_PORT, FRAMES_PORT, CONTACTS_PORT) or port.startswith(
-        (EXPORT_PORT, CHAIN_PORT)
-    )
+    told = (TICK_PORT, TICKS_PORT, INBOX_PORT, FRAMES_PORT, CONTACTS_PORT)
+    return port in (*own, *told) or port.startswith((EXPORT_PORT, CHAIN_PORT))
 
 
 def interface_names(joints: Iterable[str], names: Iterable[str]) -> tuple[str, ...]:

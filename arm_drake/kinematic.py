@@ -13,14 +13,15 @@ from pydrake.systems.framework import (
     Context,
     DiagramBuilder,
     InputPort,
-    LeafSystem,
 )
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
+
+from arm_drake.python_system import PythonSystem
 
 Array = NDArray[np.float64]
 
 
-class KinematicPlant(LeafSystem):
+class KinematicPlant(PythonSystem):
     """Tells where the links are, of joints that are where they are said to be.
 
     .. pydrake_system::

@@ -2,11 +2,11 @@
 
 import collections
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
 from arm_drake.clients import GoalHandle
-from arm_drake.errors import InputError
+from arm_drake.errors import ArmDrakeError, InputError, SimulationError
 from arm_drake.mailbox import News
 from arm_drake.messages import CancelResponse, GoalStatus, SwitchControllerResult
 from arm_drake.simulation import Simulation
@@ -17,6 +17,7 @@ from arm_drake.visualization.page import (
     Choice,
     Event,
     Item,
+    Page,
     Section,
     Text,
 )
@@ -67,6 +68,29 @@ class LogLines:
     def __str__(self) -> str:
         """Return the lines, the newest first."""
         return "\n".join(reversed(self._lines))
+
+
+def do_latest(page: Page, events: Iterable[Event], do: Callable[[Event], None]) -> None:
+    """Do what was clicked, and say on the page what can't be done.
+
+    Args:
+        page: The page.
+        events: What happened on it, in order.
+        do: Does one thing.
+
+    Raises:
+        SimulationError: If a simulation can't go on.
+    """
+    problems = []
+    for event in (happened := latest(events)):
+        try:
+            do(event)
+        except SimulationError:
+            raise
+        except ArmDrakeError as error:
+            problems.append(str(error))
+    if happened:
+        page.say("\n".join(problems), "error")
 
 
 def latest(events: Iterable[Event]) -> list[Event]:

@@ -5,11 +5,10 @@ import time
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from arm_drake.errors import ArmDrakeError, SimulationError
 from arm_drake.history import History
 from arm_drake.live_panel import (
     LogLines,
-    latest,
+    do_latest,
     make_changes,
     make_sections,
     read_rate,
@@ -223,16 +222,7 @@ class LiveSimulation:
         Args:
             events: What happened on the page, in order.
         """
-        problems = []
-        for event in (happened := latest(events)):
-            try:
-                self._do(event.id, event.value)
-            except SimulationError:
-                raise
-            except ArmDrakeError as error:
-                problems.append(str(error))
-        if happened:
-            self.page.say("\n".join(problems), "error")
+        do_latest(self.page, events, lambda event: self._do(event.id, event.value))
 
     def _do(self, name: str, value: Any) -> None:
         kind, _, what = name.partition(":")

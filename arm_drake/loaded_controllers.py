@@ -1,7 +1,7 @@
 """Controllers of a robot that are loaded: what the rest asks of them."""
 
 import dataclasses as dc
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from typing import Literal, NamedTuple
 
 from arm_drake.controllers.controller_interface import ControllerInterface
@@ -36,6 +36,29 @@ class LoadedController:
 
     # Joints that it moves, of a drive that follows one controller at a time.
     joints: tuple[str, ...] = ()
+
+
+def list_states(
+    controllers: Iterable[LoadedController], active: Collection[str]
+) -> tuple[ControllerState, ...]:
+    """Return the states of controllers when some of them are active.
+
+    Args:
+        controllers: The controllers, in the order of the YAML.
+        active: Names of those that are active.
+    """
+    return tuple(
+        ControllerState(
+            c.name,
+            c.type,
+            "unconfigured"
+            if c.system is None
+            else "active"
+            if c.name in active
+            else "inactive",
+        )
+        for c in controllers
+    )
 
 
 def controller_infos(

@@ -44,6 +44,18 @@ class _Source(NamedTuple):
     name: str
 
 
+class Sent(NamedTuple):
+    """A message that was put on a port."""
+
+    # When [s].
+    time: float
+
+    # Input port of the diagram.
+    port: str
+
+    message: Message
+
+
 class Mailbox:
     """Puts messages on the ports of a diagram, and collects the news."""
 
@@ -89,12 +101,16 @@ class Mailbox:
         # Name of the source of each rejection and failure, by its id.
         self._names: dict[int, str] = {}
 
+        # What was sent, the latest last.
+        self.sent: list[Sent] = []
+
         self.goals: list[GoalHandle] = []
         self.rejected: list[Rejection] = []
         self.failures: list[Failure] = []
 
     def add_goal(self, goal: GoalHandle) -> None:
         """Take note of a goal that is being sent."""
+        goal.sent_at = self._simulator.get_context().get_time()
         self._handles[id(goal.request)] = goal
         self.goals.append(goal)
 
@@ -129,6 +145,7 @@ class Mailbox:
         """
         context = self._simulator.get_mutable_context()
         time, there = context.get_time(), self._diagram.GetInputPort(port)
+        self.sent.append(Sent(time, port, message))
         # What the context doesn't know was sent after it: it is one of before.
         lying = there.Eval(context) if there.HasValue(context) else ()
         known = set(map(id, lying)) if isinstance(lying, tuple) else {id(lying)}
@@ -141,6 +158,17 @@ class Mailbox:
         messages = tuple(message for _, message in self._published[port])
         value = AbstractValue.Make(messages)
         there.FixValue(context, value)
+
+    def forget_before(self, time: float) -> None:
+        """Forget what was sent before a time, and the feedback of goals that ended.
+
+        Args:
+            time: The time [s].
+        """
+        self.sent = [sent for sent in self.sent if sent.time >= time]
+        for goal in self.goals:
+            if goal.ended_at is not None and goal.ended_at < time:
+                goal.forget_feedback()
 
     def collect(self) -> Iterator[News]:
         """Yield the news since the last time, one source after the other.
@@ -169,6 +197,8 @@ class Mailbox:
             if handle is None:  # Sent past the Simulation, by a system of the user's.
                 return []
             handle.update(event)
+            if handle.status.is_terminal and handle.ended_at is None:
+                handle.ended_at = self._simulator.get_context().get_time()
             return [handle]
         if isinstance(event, TopicRejected | ParametersRejected):
             self._names[id(event)] = name

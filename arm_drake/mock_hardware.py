@@ -14,7 +14,6 @@ from pydrake.systems.framework import (
     BasicVector,
     Context,
     DiagramBuilder,
-    LeafSystem,
     State,
 )
 
@@ -25,6 +24,7 @@ from arm_drake.description.robot import Robot
 from arm_drake.description.tree import last_master
 from arm_drake.hardware import Hardware
 from arm_drake.interfaces import CLAIMED_PORT
+from arm_drake.python_system import PythonSystem
 from arm_drake.surroundings import Surroundings
 from arm_drake.timing import cycle_at
 
@@ -49,7 +49,7 @@ class _Read(NamedTuple):
         return self
 
 
-class MockHardware(LeafSystem):
+class MockHardware(PythonSystem):
     """Hardware blocks that mirror commands to states, one cycle later.
 
     .. pydrake_system::

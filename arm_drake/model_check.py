@@ -3,6 +3,7 @@
 import numpy as np
 
 from arm_drake.couplings import find_followers, velocity_map
+from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.drives import commanded_joints, effort_limits, make_servo_plant
 from arm_drake.dynamics_samples import sample_gravity
@@ -24,17 +25,9 @@ def check_model(robot: Robot) -> None:
     """
     description, options = robot.description, SimulationOptions()
     joints = commanded_joints(description)
-    plant = make_servo_plant(
-        description, robot.pose, options, options.time_step, robot.report
-    )
-    model = plant.GetModelInstanceByName("robot")
-    set_initial_positions(plant, model, dict(robot.initial_positions))
-    N = velocity_map(plant, description, joints)
-    at = find_followers(plant, description)
-    efforts = np.abs(sample_gravity(plant, N, _NUM_POSES, at))
-    limits = effort_limits(joints)
+    efforts = _weights(robot, options, robot.report)
     for joint, at_start, anywhere, limit in zip(
-        joints, efforts[0], efforts.max(axis=0), limits, strict=True
+        joints, efforts[0], efforts.max(axis=0), effort_limits(joints), strict=True
     ):
         if anywhere <= limit:
             continue
@@ -51,3 +44,30 @@ def check_model(robot: Robot) -> None:
             where=f"joint {joint.name!r}",
             file=description.file,
         )
+
+
+def bears_weight(robot: Robot, options: SimulationOptions) -> bool:
+    """Return whether a robot's effort limits bear its weight in all poses.
+
+    Args:
+        robot: The robot.
+        options: How to simulate: with what gravity.
+    """
+    limits = effort_limits(commanded_joints(robot.description))
+    return bool((_weights(robot, options).max(axis=0) <= np.array(limits)).all())
+
+
+def _weights(
+    robot: Robot, options: SimulationOptions, report: LoadReport | None = None
+) -> np.ndarray:
+    """Return what holds commanded joints in some poses [N·m], the first one first."""
+    description = robot.description
+    joints = commanded_joints(description)
+    plant = make_servo_plant(
+        description, robot.pose, options, options.largest_step, report
+    )
+    model = plant.GetModelInstanceByName("robot")
+    set_initial_positions(plant, model, dict(robot.initial_positions))
+    N = velocity_map(plant, description, joints)
+    at = find_followers(plant, description)
+    return np.abs(sample_gravity(plant, N, _NUM_POSES, at))

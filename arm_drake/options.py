@@ -5,6 +5,7 @@ import math
 from collections.abc import Mapping
 from numbers import Real
 from types import NoneType
+from typing import NamedTuple
 
 from arm_drake.errors import InputError, suggest
 
@@ -12,20 +13,49 @@ from arm_drake.errors import InputError, suggest
 SMALLEST_STEP = 1e-6
 
 
-PRESETS = ("accurate", "kinematic")
+class _Preset(NamedTuple):
+    """What a preset brings with it."""
+
+    # Largest step, where none is asked for [s].
+    largest_step: float
+
+    # What it leaves out.
+    leaves_out: str = ""
+
+
+_PRESETS: Mapping[str, _Preset] = {
+    "accurate": _Preset(1e-3),
+    # Its servo moves a joint to the same place whatever the step.
+    "fast": _Preset(
+        1e-2,
+        "no contact: links pass through everything, contact sensors feel nothing; "
+        "pushes and payloads leave an error; at its effort limit each joint is on its "
+        "own; velocities are means of a step",
+    ),
+    "kinematic": _Preset(
+        1e-3,
+        "no physics: joints are where their commands say a cycle later, and there are "
+        "no efforts",
+    ),
+}
+
+PRESETS = tuple(_PRESETS)
 
 
 @dc.dataclass(frozen=True)
 class SimulationOptions:
     """How a robot is simulated."""
 
-    # "accurate": the dynamics, with everything. "kinematic": none, joints are where
-    # their commands say one cycle later, as mock_components/GenericSystem has it.
+    # "accurate": the dynamics, with everything. "fast": the dynamics of robots that
+    # touch nothing, in steps as large as the controllers' period. "kinematic": none,
+    # joints are where their commands say one cycle later, as
+    # mock_components/GenericSystem has it.
     preset: str = "accurate"
 
     # Largest step of the physics [s]. The step that is used divides the period of the
     # controller manager evenly, so that a command acts on the step that starts with it.
-    time_step: float = 1e-3
+    # None: 1 ms, or 10 ms with "fast".
+    time_step: float | None = None
 
     # Whether gravity of 9.81 m/s^2 acts along -z of the world, or the acceleration of
     # gravity in the world [m/s^2]. None: that of the world's file, else 9.81 along -z.
@@ -58,6 +88,9 @@ class SimulationOptions:
     # Rate at which the rollout is logged [Hz]; None means the manager's rate.
     log_rate: float | None = None
 
+    # Whether the rollout has the contact forces on the robot's links, too.
+    log_contacts: bool = False
+
     # Pictures per simulated second, in a diagram with a Meshcat [Hz]; 0 leaves it to
     # who runs the diagram.
     frame_rate: float = 30.0
@@ -67,6 +100,18 @@ class SimulationOptions:
 
     # Controllers to leave inactive.
     inactive: tuple[str, ...] = ()
+
+    @property
+    def largest_step(self) -> float:
+        """Largest step of the physics [s]."""
+        if self.time_step is None:
+            return _PRESETS[self.preset].largest_step
+        return self.time_step
+
+    @property
+    def leaves_out(self) -> str:
+        """What the preset leaves out; empty if nothing."""
+        return _PRESETS[self.preset].leaves_out
 
     def __post_init__(self) -> None:
         """Reject what can't be simulated."""
@@ -78,7 +123,7 @@ class SimulationOptions:
             raise InputError(
                 f"no preset {self.preset!r}; {suggest(self.preset, PRESETS)}"
             )
-        if not SMALLEST_STEP <= self.time_step < math.inf:
+        if not SMALLEST_STEP <= self.largest_step < math.inf:
             raise InputError(
                 f"time_step must be at least {SMALLEST_STEP} s, got {self.time_step!r}"
             )

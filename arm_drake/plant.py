@@ -57,6 +57,7 @@ def add_robot_model(
     *,
     has_free_base: bool = False,
     is_reduced: bool = False,
+    collides: bool = True,
     report: LoadReport | None = None,
 ) -> ModelInstanceIndex:
     """Add a robot's bodies and joints.
@@ -69,6 +70,7 @@ def add_robot_model(
         has_free_base: Whether its base moves freely, instead of being fixed.
         is_reduced: Whether to leave out what is seen and what collides, and to fix
             joints of several degrees of freedom: what a servo computes with.
+        collides: Whether it touches anything.
         report: Where Drake's warnings are recorded.
 
     Raises:
@@ -78,7 +80,10 @@ def add_robot_model(
     root = ET.fromstring(description.urdf)  # noqa: S314  our own text.
     root.set("name", name)
     if is_reduced:
-        _reduce(root)
+        _remove(root, "visual", "collision")
+        _fix_free_joints(root)
+    elif not collides:
+        _remove(root, "collision")
     # A link called "world" is the world itself: move what is attached to it.
     for joint in root.iterfind("joint"):
         parent = joint.find("parent")
@@ -106,11 +111,14 @@ def add_robot_model(
     return model
 
 
-def _reduce(root: ET.Element) -> None:
+def _remove(root: ET.Element, *tags: str) -> None:
     for link in root.iterfind("link"):
-        for tag in ("visual", "collision"):
+        for tag in tags:
             for element in link.findall(tag):
                 link.remove(element)
+
+
+def _fix_free_joints(root: ET.Element) -> None:
     for joint in root.iterfind("joint"):
         if joint.get("type") in FREE_TYPES:
             joint.set("type", "fixed")
@@ -200,6 +208,17 @@ def state_indices(
         positions_at.append(names.index(f"{name}_{suffix[0]}"))
         velocities_at.append(len(names) + velocities.index(f"{name}_{suffix[1]}"))
     return positions_at, velocities_at
+
+
+def link_bodies(
+    plant: MultibodyPlant, model: ModelInstanceIndex, links: Iterable[str]
+) -> list[int]:
+    """Return the indices of the bodies of links, one of which may be the world."""
+    bodies = [
+        plant.world_body() if link == WORLD else plant.GetBodyByName(link, model)
+        for link in links
+    ]
+    return [int(body.index()) for body in bodies]
 
 
 def transform_of(pose: Pose | None) -> RigidTransform:

@@ -66,5 +66,5 @@ class PlantPorts:
 
     def _source(self, name: str) -> OutputPort:
         if name == _QUERY:
-            return self._scene_graph.get_query_output_port()
+            return self._scene_graph.GetOutputPort("query")
         return self._plant.GetOutputPort(_PLANT[name])

@@ -39,6 +39,8 @@ class Player:
         self._motion = Motion(None, ()) if motion is None else motion
         self._tolerance = tolerance
         check_motion(simulation, self._motion)
+        if motion is not None:
+            simulation.motions.append(motion)
         self._start = simulation.time
         self._steps = self._motion.timeline()
         self._next = next(self._steps, None)

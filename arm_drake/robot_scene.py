@@ -89,6 +89,21 @@ class RobotScene:
             base_context=self.context,
         )
 
-    def publish(self) -> None:
-        """Draw the robot's visual shapes where they are now."""
+    def set_free_pose(self, link: str, X_WL: RigidTransform) -> None:
+        """Put a link somewhere that no joint holds.
+
+        Args:
+            link: Name of the link.
+            X_WL: Its pose in the world.
+        """
+        body = self.plant.GetBodyByName(link, self.model)
+        self.plant.SetFloatingBaseBodyPoseInWorldFrame(self.context, body, X_WL)
+
+    def publish(self, time: float = 0.0) -> None:
+        """Draw the robot's visual shapes where they are now.
+
+        Args:
+            time: When that is [s], for recordings.
+        """
+        self._context.SetTime(time)
         self._diagram.ForcedPublish(self._context)

@@ -2,14 +2,15 @@
 
 import dataclasses as dc
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Multiplexer, VectorLogSink, ZeroOrderHold
 
 from arm_drake import interfaces
 from arm_drake.chains import connect_chains
+from arm_drake.contact_log import CONTACT_LOG, ContactForces
 from arm_drake.control.drive_commands import DriveCommands
-from arm_drake.control.generic_system import GenericSystem
 from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.controllers.sampled_states import SampledStates
 from arm_drake.description.gazebo_joints import Ros2ControlPlugin
@@ -26,9 +27,13 @@ from arm_drake.manager import (
     ControllerManager,
 )
 from arm_drake.options import SimulationOptions
+from arm_drake.reference_log import log_references
 from arm_drake.robot_commands import make_command_limits
 from arm_drake.surroundings import Surroundings, find_surroundings
-from arm_drake.timing import has_rate
+from arm_drake.timing import fit_period, has_rate
+
+if TYPE_CHECKING:
+    from arm_drake.control.generic_system import GenericSystem
 
 
 @dc.dataclass(frozen=True)
@@ -47,12 +52,15 @@ class RobotSystems:
 
     options: SimulationOptions
 
+    # Step of the plant [s].
+    step: float
+
     # Name of the world, which topics of Gazebo contain.
     world_name: str = "empty"
 
     def find_surroundings(
         self,
-        blocks: Sequence[GenericSystem] | None = None,
+        blocks: Sequence["GenericSystem"] | None = None,
         gripper_ranges: Mapping[str, tuple[float, float]] | None = None,
     ) -> Surroundings:
         """Return what the robot offers its controllers.
@@ -89,7 +97,7 @@ class RobotSystems:
     def log_period(self) -> float:
         """Period of the log of the joints' states [s]."""
         rate = self.options.log_rate
-        return self.period if rate is None else 1.0 / rate
+        return self.period if rate is None else fit_period(rate, self.step)
 
     def add(
         self,
@@ -138,6 +146,8 @@ class RobotSystems:
         )
         joint_states = hardware.joint_states
         self._record(joint_states)
+        if self.options.log_contacts:
+            self._record_contacts(hardware.contacts, report)
         for port, name in (
             (hardware.command, "drive"),
             (hardware.values, interfaces.VALUES_PORT),
@@ -145,7 +155,11 @@ class RobotSystems:
         ):
             if port is not None:
                 builder.Connect(manager.GetOutputPort(name), port)
-        builder.Connect(joint_states, manager.GetInputPort(interfaces.STATE_PORT))
+        for port, name in (
+            (joint_states, interfaces.STATE_PORT),
+            (hardware.joint_motions, interfaces.MOTIONS_PORT),
+        ):
+            builder.Connect(port, manager.GetInputPort(name))
         everything = hardware.everything or self._all_states(
             manager, joint_states, hardware.readings
         )
@@ -154,6 +168,7 @@ class RobotSystems:
             self._add_controller(name, system, hardware, everything)
             manager.add_controller(builder, system)
         connect_chains(builder, systems.values())
+        log_references(builder, systems.values(), prefix, self.period)
         export_topics(builder, systems, prefix, report)
         if controllers:
             switch = manager.GetInputPort(SWITCH_PORT)
@@ -231,6 +246,19 @@ class RobotSystems:
         # itself would compute the servo with the old command, once more.
         sample = self._sample(joint_states, period)
         self._log(sample, "joint_states", period)
+
+    def _record_contacts(self, contacts: OutputPort | None, report: LoadReport) -> None:
+        """Record the contact forces at every tick."""
+        if contacts is None:
+            what, done = "log_contacts", "nothing touches anything without physics"
+            report.add("warning", "unsupported", what, done, where="log_contacts")
+            return
+        forces = ContactForces(self.robot.description.links)
+        self.builder.AddNamedSystem(f"{self.prefix}{CONTACT_LOG}", forces)
+        self.builder.Connect(contacts, forces.get_input_port())
+        period = self.log_period
+        sample = self._sample(forces.get_output_port(), period, ":contacts")
+        self._log(sample, CONTACT_LOG, period)
 
     def _sample_ticks(
         self, system: ControllerInterface, measured: OutputPort, name: str

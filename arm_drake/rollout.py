@@ -1,17 +1,29 @@
 """What a simulation leaves behind: arrays with names, to save and to look at."""
 
 import dataclasses as dc
-import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_drake import interfaces
-from arm_drake.errors import OutputError, suggest
-from arm_drake.visualization.plot import plot_tracking
+from arm_drake.errors import (
+    ArmDrakeError,
+    InputError,
+    MissingExtraError,
+    suggest,
+)
+from arm_drake.logs.checks import check_fields
+from arm_drake.logs.formats import reader_for, writer_for
+from arm_drake.logs.link_poses import find_tip, read_link_poses
+from arm_drake.logs.records import GoalRecord, SentMessage
+from arm_drake.output_files import writing
+from arm_drake.visualization.plot import draw_rollout
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
@@ -59,15 +71,72 @@ class Rollout:
     # What each controller wanted, by its name.
     references: Mapping[str, Reference]
 
+    # Name of the robot, and what its topics' names start with: "" or "/<robot>".
+    robot_name: str = ""
+    namespace: str = ""
+
+    # Command interfaces "<joint>/<interface>", C of them, and what they held until the
+    # row's tick, shape (N, C), each in the unit of its interface; NaN where nothing was
+    # commanded yet, or recorded. Without any, shape (N, 0).
+    command_names: tuple[str, ...] = ()
+    command: Array = dc.field(default_factory=lambda: np.zeros((0, 0)))
+
+    # Controllers by name with their types, K of them, and whether they were active in
+    # the cycle before the row, 1 or 0, shape (N, K); NaN where it wasn't recorded.
+    controllers: Mapping[str, str] = dc.field(default_factory=dict)
+    active: Array = dc.field(default_factory=lambda: np.zeros((0, 0)))
+
+    # Pose in the world of links that no joint with a position holds, such as a mobile
+    # base: x, y, z [m], quaternion w, x, y, z, shape (N, 7).
+    free_poses: Mapping[str, Array] = dc.field(default_factory=dict)
+
+    # Total contact force on each link in the world [N], shape (N, 3); only where that
+    # was asked for, see `SimulationOptions.log_contacts`.
+    contact_forces: Mapping[str, Array] = dc.field(default_factory=dict)
+
+    # Goals and messages that were sent, in order.
+    goals: tuple[GoalRecord, ...] = ()
+    messages: tuple[SentMessage, ...] = ()
+
+    # What made it: versions, files with hashes, options, world, motions; plain data.
+    info: Mapping[str, Any] = dc.field(default_factory=dict)
+
+    # The robot's expanded description, as it was written.
+    description: str = ""
+
+    def __post_init__(self) -> None:
+        """Give what wasn't recorded its shape."""
+        for field, names in (
+            ("command", self.command_names),
+            ("active", self.controllers),
+        ):
+            if not names:
+                empty = np.zeros((len(self.time), 0))
+                object.__setattr__(self, field, empty)
+
+    @property
+    def is_at_limit(self) -> NDArray[np.bool_]:
+        """Whether each joint is at its effort limit in each row, shape (N, J)."""
+        limit = (1.0 - _AT_LIMIT) * self.effort_limit
+        return np.abs(self.effort) >= limit
+
     def effort_saturation(self) -> dict[str, float]:
         """Return how long joints were at their effort limit [s], by joint.
 
         Joints that never were are left out. The time is counted in rows.
         """
+        return self.time_at_limit(np.ones(len(self.time), dtype=bool))
+
+    def time_at_limit(self, rows: NDArray[np.bool_]) -> dict[str, float]:
+        """Return how long joints were at their effort limit in some rows [s], by joint.
+
+        Args:
+            rows: Which rows count, shape (N,).
+        """
         if len(self.time) < 2:
             return {}
         row = float(self.time[-1] - self.time[0]) / (len(self.time) - 1)
-        is_at_limit = np.abs(self.effort) >= (1.0 - _AT_LIMIT) * self.effort_limit
+        is_at_limit = self.is_at_limit[rows]
         return {
             name: count * row
             for name, count in zip(
@@ -98,96 +167,120 @@ class Rollout:
         """Write the rollout; the same rollout always gives the same bytes.
 
         Args:
-            path: `.npz` for arrays, `.csv` for a table with units in its head.
+            path: `.npz` for arrays, with everything; `.csv` for a table of the rows,
+                with units in its head; `.mcap` for a bag of ROS 2 messages, with
+                everything, which needs the extra `bag`.
 
         Raises:
+            MissingExtraError: If what the file needs isn't installed.
             OutputError: If the file can't be written, or its type is unknown.
         """
         path = Path(path)
         write = writer_for(path)
-        try:
+        with writing(path):
             write(self, path)
-        except OSError as error:
-            reason = error.strerror or str(error)
-            raise OutputError(f"can't be written: {reason}", file=path) from None
 
-    def plot(self, path: str | Path) -> None:
-        """Draw reference and measured position of every joint into a picture.
+    @classmethod
+    def load(cls, path: str | Path, robot: str | None = None) -> Self:
+        """Return the rollout of a file that `save` has written.
+
+        From a table alone come the rows: no goals, messages, limits, description and
+        provenance; joints are "revolute" or "prismatic", as their units say.
 
         Args:
-            path: `.png`, `.svg` or `.pdf` file to write.
+            path: `.npz`, `.csv` or `.mcap` file.
+            robot: Name of the robot, in a bag of several; by default the first one.
+
+        Raises:
+            InputError: If the file can't be read, or is no rollout.
+            MissingExtraError: If what the file needs isn't installed.
         """
-        plot_tracking(
-            Path(path),
-            time=self.time,
-            names=self.joint_names,
-            types=self.joint_types,
-            position=self.position,
-            references={
-                name: (reference.joint_names, reference.position)
-                for name, reference in self.references.items()
-            },
-        )
+        path = Path(path)
+        read = reader_for(path)
+        try:
+            fields = read(path, robot)
+            check_fields(fields)
+        except (ArmDrakeError, KeyboardInterrupt):
+            raise
+        except OSError as error:
+            reason = error.strerror or str(error)
+            raise InputError(f"can't be read: {reason}", file=path) from None
+        except Exception as error:  # Whatever a damaged file makes of its readers.
+            reason = " ".join(str(error).split()) or type(error).__name__
+            text = f"can't be read: it is damaged or no log ({reason})"
+            raise InputError(text, file=path) from None
+        wanted = fields.pop("references")
+        references = {name: Reference(*parts) for name, parts in wanted.items()}
+        return cls(**fields, references=references)
 
+    def columns(self) -> dict[str, Array]:
+        """Return every quantity of the rows, each of shape (N,), with unit in its name.
 
-def writer_for(path: Path) -> Callable[[Rollout, Path], None]:
-    """Return what writes a rollout to a file of this type.
+        They are the columns of a `.csv` file.
+        """
+        from arm_drake.logs.table import make_columns
 
-    Raises:
-        OutputError: If the type is unknown.
-    """
-    if path.suffix not in _WRITERS:
-        raise OutputError(
-            f"unknown type {path.suffix!r} of a log; expected one of "
-            f"{', '.join(sorted(_WRITERS))}",
-            file=path,
-        )
-    return _WRITERS[path.suffix]
+        return make_columns(self)
 
+    def to_pandas(self) -> "pd.DataFrame":
+        """Return the rows as a data frame: one column for each quantity, as a `.csv`.
 
-def _write_npz(rollout: Rollout, path: Path) -> None:
-    arrays: dict[str, Any] = {
-        "time": rollout.time,
-        "joint_names": np.array(rollout.joint_names, dtype=np.str_),
-        "position": rollout.position,
-        "velocity": rollout.velocity,
-        "effort": rollout.effort,
-    }
-    for name, reference in rollout.references.items():
-        arrays[f"{name}/reference"] = reference.position
-        arrays[f"{name}/joint_names"] = np.array(reference.joint_names, dtype=np.str_)
-    with path.open("wb") as file:
-        np.savez(file, **arrays)
+        Its index is the time [s].
 
+        Raises:
+            MissingExtraError: If pandas isn't installed.
+        """
+        try:
+            import pandas as pd
+        except ImportError:
+            raise MissingExtraError("Rollout.to_pandas", "pandas") from None
+        columns = self.columns()
+        index = pd.Index(columns.pop("time [s]"), name="time [s]")
+        return pd.DataFrame(columns, index=index)
 
-def _write_csv(rollout: Rollout, path: Path) -> None:
-    columns = {"time [s]": rollout.time}
-    quantities = {
-        interfaces.POSITION: rollout.position,
-        interfaces.VELOCITY: rollout.velocity,
-        interfaces.EFFORT: rollout.effort,
-    }
-    joints = list(zip(rollout.joint_names, rollout.joint_types, strict=True))
-    for quantity, values in quantities.items():
-        for column, (name, joint_type) in enumerate(joints):
-            unit = interfaces.unit(quantity, joint_type)
-            columns[f"{name} {quantity} [{unit}]"] = values[:, column]
-    types = dict(joints)
-    for controller, reference in rollout.references.items():
-        for column, name in enumerate(reference.joint_names):
-            unit = interfaces.unit(interfaces.POSITION, types[name])
-            head = f"{controller} {name} reference [{unit}]"
-            columns[head] = reference.position[:, column]
-    with path.open("w", encoding="utf-8") as file:
-        file.write(",".join(columns) + "\n")
-        for row in zip(*columns.values(), strict=True):
-            numbers = (
-                "" if math.isnan(number) else repr(float(number)) for number in row
-            )
-            file.write(",".join(numbers) + "\n")
+    def link_poses(self, link: str) -> Array:
+        """Return where a link was in the world: x, y, z [m], quaternion w, x, y, z.
 
+        Shape (N, 7).
 
-_WRITERS: Mapping[str, Callable[[Rollout, Path], None]] = {
-    ".npz": _write_npz,
-    ".csv": _write_csv,
-}
+        Args:
+            link: Name of the link.
+
+        Raises:
+            InputError: If the rollout has no description, or no such link.
+        """
+        return read_link_poses(self, link)
+
+    def find_tip(self) -> str:
+        """Return the end effector's link, or the base that moves without an arm.
+
+        Raises:
+            InputError: If the rollout has no description.
+        """
+        return find_tip(self)
+
+    def plot(
+        self,
+        path: str | Path | None = None,
+        kind: str = "tracking",
+        *,
+        joints: Sequence[str] | None = None,
+        link: str | None = None,
+    ) -> "Figure":
+        """Return a picture of the rollout, which a notebook shows; see docs/plots.md.
+
+        Args:
+            path: `.png`, `.svg` or `.pdf` file to write, too; None writes none.
+            kind: What to look at: "tracking" (reference and measurement), "error",
+                "effort" (with its limit), "phase" (velocity over position), "path" (the
+                way of a link) or "overview".
+            joints: Which joints, in this order; None is all of them.
+            link: The link of "path" and "overview"; None is the end effector.
+
+        Raises:
+            InputError: If there is no such kind, joint or link, or "path" lacks a
+                description.
+            OutputError: If the picture can't be written, or its type is unknown.
+        """
+        path = None if path is None else Path(path)
+        return draw_rollout(self, path, kind=kind, joints=joints, link=link)

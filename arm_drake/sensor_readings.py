@@ -14,7 +14,6 @@ from pydrake.systems.framework import (
     BasicVector,
     Context,
     DiagramBuilder,
-    LeafSystem,
 )
 
 from arm_drake.beams import find_range
@@ -30,6 +29,7 @@ from arm_drake.interfaces import (
 )
 from arm_drake.plant import transform_of
 from arm_drake.plant_ports import PlantPorts
+from arm_drake.python_system import PythonSystem
 
 Array = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ class _Mount(NamedTuple):
         return poses[self.body] @ self.X_LS
 
 
-class SensorReadings(LeafSystem):
+class SensorReadings(PythonSystem):
     """Measures what sensors do, in the plant as it is.
 
     .. pydrake_system::
@@ -230,8 +230,9 @@ class SensorReadings(LeafSystem):
     ) -> Callable[[Context], Array]:
         poses = self._ports.take("body_poses")
         query = self._ports.take("geometry_query")
+        # Numbers: identifiers would keep the plant in memory.
         own = {
-            geometry
+            geometry.get_value()
             for other in self._plant.GetBodiesWeldedTo(body)
             for geometry in self._plant.GetCollisionGeometriesForBody(other)
             if other.index() != self._plant.world_body().index()

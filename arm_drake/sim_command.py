@@ -4,12 +4,12 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from pydrake.geometry import Meshcat
 
-from arm_drake import yaml_files
+from arm_drake.build_info import find_build_info
 from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot
 from arm_drake.diagram import build_diagram
@@ -17,16 +17,17 @@ from arm_drake.drake_log import use_native_logging
 from arm_drake.drawing import run_drawing
 from arm_drake.errors import InputError, SimulationError
 from arm_drake.motion import Motion
-from arm_drake.options import SimulationOptions
 from arm_drake.playback import check_motion
-from arm_drake.robot_motions import find_motion
 from arm_drake.sim_files import (
     check_outputs,
+    find_saturation,
     history_of,
     needs_recording,
+    start_log,
     warn_of_pictures,
     write_outputs,
 )
+from arm_drake.sim_options import choose_duration, choose_motion, simulation_options
 from arm_drake.sim_output import Speaker, list_failures, print_summary, summarize
 from arm_drake.simulation import Simulation
 from arm_drake.visualization.meshcat import start_recording
@@ -36,12 +37,6 @@ from arm_drake.worlds.loaded_world import LoadedWorld
 
 if TYPE_CHECKING:
     from arm_drake.live_views import LiveViews
-
-# How long a simulation without a motion lasts, headless [s].
-_HEADLESS_DURATION = 10.0
-
-# What follows a motion [s].
-_AFTER_MOTION = 1.0
 
 
 def simulate(options: argparse.Namespace, robot: Robot) -> int:
@@ -61,7 +56,7 @@ def simulate(options: argparse.Namespace, robot: Robot) -> int:
     check_outputs(options)
     if options.headless or needs_recording(options):
         warn_of_pictures(options)
-    motion = _find_motion(options.motion, options.set, robot)
+    motion = choose_motion(options.motion, options.set, robot)
     say = Speaker(is_quiet=options.json)
     if not options.headless:
         return _simulate_live(options, robot, world, motion, say)
@@ -76,7 +71,7 @@ def _simulate_headless(
     say: Speaker,
 ) -> int:
     """Simulate without a page; return the exit code."""
-    chosen, rate = _choose_duration(options, motion), options.rate or 0.0
+    chosen, rate = choose_duration(options, motion), options.rate or 0.0
     assert chosen is not None  # Only a page goes on without an end.
     duration = chosen
     if not (needs_recording(options) or options.screenshot):
@@ -179,7 +174,7 @@ def _simulate_live(
         _show(options, live.views)
         say.page(f"page: {page.url}")
         say.line(from_elsewhere(page))
-        duration = _choose_duration(options, motion)
+        duration = choose_duration(options, motion)
         if duration is None:
             say.line("simulating until Ctrl-C")
         with interrupting(live.stop) as is_interrupted:
@@ -209,7 +204,7 @@ def _prepare(
         build_diagram(
             robot,
             world=world,
-            options=_simulation_options(options),
+            options=simulation_options(options),
             meshcat=meshcat,
         )
     )
@@ -221,8 +216,12 @@ def _prepare(
             print(entry, file=sys.stderr)
     if motion is not None:
         check_motion(simulation, motion)
+    build = find_build_info(simulation.diagram)
+    if build is not None and build.options.leaves_out:
+        say.line(f"preset {build.options.preset}: {build.options.leaves_out}")
     say.controllers(simulation)
     simulation.on_event(say.event)
+    start_log(options, simulation)
     return simulation
 
 
@@ -236,64 +235,17 @@ def _finish(
     """Write and say what came of it; return the exit code."""
     rollout = simulation.rollout()
     (robot,) = simulation.robots.values()
+    saturation = find_saturation(simulation, rollout)
     write_outputs(rollout, options, meshcat, say, robot)
     failures = [*list_failures(simulation), *say.failures]
     if options.json:
         print(
-            json.dumps(summarize(simulation, robot, rollout, wall_time, failures)),
+            json.dumps(summarize(simulation, robot, saturation, wall_time, failures)),
             flush=True,
         )
     else:
-        print_summary(simulation, rollout, wall_time, say)
+        print_summary(simulation, saturation, wall_time, say)
         say.controllers(simulation)
     for failure in failures:
         print(f"arm-drake: {failure}", file=sys.stderr)
     return 1 if failures else 0
-
-
-def _simulation_options(options: argparse.Namespace) -> SimulationOptions:
-    defaults = SimulationOptions()
-    return SimulationOptions(
-        preset=options.preset,
-        time_step=options.time_step or defaults.time_step,
-        gravity=None if options.gravity is None else options.gravity == "on",
-        active=tuple(options.active),
-        inactive=tuple(options.inactive),
-        # It is drawn when it is told to.
-        frame_rate=0.0,
-    )
-
-
-def _find_motion(
-    name: str | None, given: Sequence[tuple[str, str]], robot: Robot
-) -> Motion | None:
-    """Return the motion of a name or a file, with values of its parameters."""
-    if name is None:
-        if given:
-            raise InputError("--set is for a parameter of a motion; give --motion, too")
-        return None
-    return find_motion(name, robot, _read_parameters(given))
-
-
-def _read_parameters(given: Sequence[tuple[str, str]]) -> dict[str, Any]:
-    """Return the values of `--set`, read as YAML."""
-    parameters = {}
-    for name, text in given:
-        try:
-            parameters[name] = yaml_files.parse(text)
-        except yaml_files.YamlError as error:
-            raise InputError(f"--set {name}={text}: {error.problem}") from None
-    return parameters
-
-
-def _choose_duration(
-    options: argparse.Namespace, motion: Motion | None
-) -> float | None:
-    """Return how long to simulate [s]; None is until Ctrl-C."""
-    if options.duration is not None:
-        return float(options.duration)
-    if motion is not None:
-        if motion.repeats and not options.headless:
-            return None
-        return motion.duration + _AFTER_MOTION
-    return _HEADLESS_DURATION if options.headless else None

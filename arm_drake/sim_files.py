@@ -7,11 +7,15 @@ from pathlib import Path
 
 from pydrake.geometry import Meshcat
 
+from arm_drake.command_arguments import PLOT_KINDS
 from arm_drake.description.robot import Robot
-from arm_drake.errors import OutputError
+from arm_drake.errors import InputError, OutputError
+from arm_drake.logs.formats import can_stream, writer_for
+from arm_drake.logs.ros_types import load_types
 from arm_drake.output_files import check_suffix, check_writable
-from arm_drake.rollout import Rollout, writer_for
+from arm_drake.rollout import Rollout
 from arm_drake.sim_output import Speaker
+from arm_drake.simulation import Simulation
 from arm_drake.visualization.browser import check_installed
 from arm_drake.visualization.meshcat import save_html
 from arm_drake.visualization.plot import check_plot_path
@@ -25,6 +29,9 @@ from arm_drake.visualization.video import (
 # How much is kept of what nobody asked to be written [s].
 _HISTORY = 300.0
 
+# And beside a log that is written on the way [s].
+_HISTORY_WITH_LOG = 60.0
+
 # Where nothing can be shown in place, so much of a film is between two lines.
 _SHARE = 0.25
 
@@ -36,13 +43,18 @@ def check_outputs(options: argparse.Namespace) -> None:
         options: Arguments of `arm-drake sim`.
 
     Raises:
+        InputError: If there is a kind of plot, and no plot.
         MissingExtraError: If what a file needs isn't installed.
         OutputError: If a file is of a type that can't be, or can't be written.
     """
     if options.log is not None:
         writer_for(options.log)
+        if options.log.suffix == ".mcap":
+            load_types()
     if options.plot is not None:
         check_plot_path(options.plot)
+    elif options.plot_kind is not None:
+        raise InputError("--plot-kind says what --plot draws; give --plot, too")
     if options.record is not None and options.record.suffix != ".html":
         raise OutputError("expected a .html file to record to", file=options.record)
     if options.screenshot is not None:
@@ -78,10 +90,12 @@ def write_outputs(
         OutputError: If a file can't be written.
     """
     if options.log is not None:
-        rollout.save(options.log)
-        say.line(f"log: {options.log}")
+        # Others are written already.
+        if not can_stream(options.log):
+            rollout.save(options.log)
+        say.line(f"log: {options.log} ({_size(options.log)})")
     if options.plot is not None:
-        rollout.plot(options.plot)
+        rollout.plot(options.plot, options.plot_kind or PLOT_KINDS[0])
         say.line(f"plot: {options.plot}")
     if meshcat is not None and (options.record or options.video):
         meshcat.StopRecording()
@@ -123,7 +137,35 @@ def history_of(options: argparse.Namespace) -> float:
     Args:
         options: Arguments of `arm-drake sim`.
     """
-    return math.inf if options.log or options.plot else _HISTORY
+    is_whole = options.log is not None and not can_stream(options.log)
+    return math.inf if is_whole or options.plot else _HISTORY
+
+
+def start_log(options: argparse.Namespace, simulation: Simulation) -> None:
+    """Write the log while the simulation runs, if it is of a type that can grow.
+
+    Args:
+        options: Arguments of `arm-drake sim`.
+        simulation: The simulation.
+    """
+    if options.log is not None and can_stream(options.log):
+        # A page keeps its own history.
+        is_endless = options.plot is not None or not options.headless
+        history = math.inf if is_endless else _HISTORY_WITH_LOG
+        simulation.record_to(options.log, history=history)
+
+
+def find_saturation(simulation: Simulation, rollout: Rollout) -> dict[str, float]:
+    """Return how long joints were at their effort limit [s], and end the log.
+
+    Args:
+        simulation: The simulation.
+        rollout: What of it is in memory.
+    """
+    for recorder in list(simulation.recorders):
+        recorder.close()
+        return recorder.effort_saturation(rollout.robot_name)
+    return rollout.effort_saturation()
 
 
 def warn_of_pictures(options: argparse.Namespace) -> None:

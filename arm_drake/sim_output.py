@@ -1,7 +1,7 @@
 """What `arm-drake sim` says: how it goes, what failed, and how it ended."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from arm_drake.clients import GoalHandle
@@ -13,7 +13,6 @@ from arm_drake.messages import (
     GoalStatus,
     SwitchControllerResult,
 )
-from arm_drake.rollout import Rollout
 from arm_drake.simulation import Simulation
 
 _FAILED = (GoalStatus.REJECTED, GoalStatus.ABORTED)
@@ -120,7 +119,7 @@ def list_failures(simulation: Simulation) -> list[str]:
 def summarize(
     simulation: Simulation,
     robot: Robot,
-    rollout: Rollout,
+    saturation: Mapping[str, float],
     wall_time: float,
     failures: Sequence[str],
 ) -> dict[str, Any]:
@@ -129,14 +128,14 @@ def summarize(
     Args:
         simulation: A simulation that has run.
         robot: Its robot.
-        rollout: What was recorded.
+        saturation: How long joints were at their effort limit [s], by joint.
         wall_time: How long it took [s].
         failures: What failed, in words.
     """
     final = simulation.joint_states()
     return {
         "robot": robot.name,
-        "joints": list(rollout.joint_names),
+        "joints": list(final.name),
         "duration": simulation.time,
         "wall_time": wall_time,
         "real_time_factor": simulation.time / wall_time if wall_time else None,
@@ -150,20 +149,23 @@ def summarize(
             for goal in simulation.goals
         ],
         "failures": list(failures),
-        "effort_saturation": rollout.effort_saturation(),
+        "effort_saturation": dict(saturation),
         "final": dict(zip(final.name, final.position, strict=True)),
         "report": simulation.report.to_json(),
     }
 
 
 def print_summary(
-    simulation: Simulation, rollout: Rollout, wall_time: float, say: Speaker
+    simulation: Simulation,
+    saturation: Mapping[str, float],
+    wall_time: float,
+    say: Speaker,
 ) -> None:
     """Say how a simulation ended.
 
     Args:
         simulation: A simulation that has run.
-        rollout: What was recorded.
+        saturation: How long joints were at their effort limit [s], by joint.
         wall_time: How long it took [s].
         say: What says it.
     """
@@ -175,7 +177,7 @@ def print_summary(
     for goal in simulation.goals:
         if not goal.status.is_terminal:
             say.line(f"{goal.controller}: goal is still {goal.status.value}")
-    for name, seconds in rollout.effort_saturation().items():
+    for name, seconds in saturation.items():
         say.line(f"{name} was at its effort limit for {seconds:.2f} s")
 
 

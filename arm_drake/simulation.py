@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 from pydrake.math import RigidTransform
@@ -11,19 +12,16 @@ from pydrake.systems.framework import Diagram
 from arm_drake.clients import ControllerHandle, GoalHandle
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
-from arm_drake.directory import ControllerList, Directory, TopicList
-from arm_drake.errors import InputError, suggest
+from arm_drake.directory import ControllerList, Directory, TopicList, make_switch
+from arm_drake.errors import InputError
+from arm_drake.happenings import collect_rollout
 from arm_drake.mailbox import Failure, Mailbox, News, Rejection
 from arm_drake.manager import MANAGER, SWITCH_PORT
-from arm_drake.messages import (
-    JointState,
-    Message,
-    Strictness,
-    SwitchController,
-)
+from arm_drake.messages import JointState, Message, Strictness, SwitchController
 from arm_drake.motion import Motion
 from arm_drake.playback import Player
-from arm_drake.recording import read_rollout
+from arm_drake.recorder import Recorder
+from arm_drake.recording import read_joint_states
 from arm_drake.rollout import Rollout
 from arm_drake.stepping import advance
 from arm_drake.topic_clients import TopicHandle, list_topics
@@ -34,8 +32,6 @@ _TICKS_AT_A_TIME = 50
 
 # A step is due at the first tick that isn't earlier by more than this part of a period.
 TICK_TOLERANCE = 1e-6
-
-_STRICTNESS = ("strict", "best_effort")
 
 
 class Simulation:
@@ -58,12 +54,15 @@ class Simulation:
         self.period = min(manager.period for manager in managers)
         self.simulator = Simulator(diagram)
         self._on_event: list[Callable[[News], None]] = []
+        self.recorders: list[Recorder] = []
         self._start()
 
     def _start(self) -> None:
         self.simulator.Initialize()
         managers = self.directory.managers.values()
         self.mailbox = Mailbox(self.diagram, self.simulator, managers)
+        # What was played, in order.
+        self.motions: list[Motion] = []
 
     @property
     def time(self) -> float:
@@ -154,14 +153,7 @@ class Simulation:
         Raises:
             InputError: If it is strict and can't be done.
         """
-        if strictness not in _STRICTNESS:
-            hint = suggest(str(strictness), _STRICTNESS)
-            raise InputError(f"unknown strictness {strictness!r}; {hint}")
-        given: Any = (activate, deactivate, strictness)  # The request checks them.
-        try:
-            request = SwitchController(*given)
-        except ValueError as error:
-            raise InputError(str(error)) from None
+        request = make_switch(activate, deactivate, strictness)
         manager, local = self.directory.address(request, robot)
         problems = manager.find_problems(self.simulator.get_context(), local)
         if problems and strictness == "strict":
@@ -193,14 +185,7 @@ class Simulation:
             robot: Name of the robot; by default the first one.
         """
         manager = self.directory.manager(robot)
-        values = self.eval_output(f"{manager.prefix}joint_states").reshape(3, -1)
-        names = tuple(j.name for j in manager.robot.description.movable_joints)
-        return JointState(
-            name=names,
-            position=tuple(values[0].tolist()),
-            velocity=tuple(values[1].tolist()),
-            effort=tuple(values[2].tolist()),
-        )
+        return read_joint_states(self.diagram, self.simulator.get_context(), manager)
 
     def on_event(self, callback: Callable[[News], None]) -> None:
         """Call a function with news from controllers and their managers.
@@ -228,6 +213,8 @@ class Simulation:
             for news in self.mailbox.collect():
                 for callback in self._on_event:
                     callback(news)
+            for recorder in self.recorders:
+                recorder.update()
 
     def run(
         self,
@@ -273,6 +260,8 @@ class Simulation:
         """Go back to the start: time 0, initial positions, nothing sent."""
         self.simulator.reset_context(self.diagram.CreateDefaultContext())
         self._start()
+        for recorder in self.recorders:
+            recorder.restart()
 
     def rollout(self, robot: str | None = None) -> Rollout:
         """Return what was recorded so far.
@@ -280,8 +269,19 @@ class Simulation:
         Args:
             robot: Name of the robot; by default the first one.
         """
-        manager = self.directory.manager(robot)
-        return read_rollout(self.diagram, self.simulator.get_context(), manager)
+        return collect_rollout(self, robot=robot)
+
+    def record_to(
+        self, path: str | Path, *, robot: str | None = None, history: float = 60.0
+    ) -> Recorder:
+        """Write what is recorded to a file, each simulated second; see `Recorder`.
+
+        Args:
+            path: `.mcap` file for all robots, or `.csv` file for one.
+            robot: Name of the robot; by default all, or the only one.
+            history: How much of the past stays in memory at least, for `rollout` [s].
+        """
+        return Recorder(self, Path(path), robot=robot, history=history)
 
     def publish(self, port: str, message: Message, period: float) -> None:
         """Put a message on a port, where its controller sees it at its next tick.

@@ -4,17 +4,20 @@ import dataclasses as dc
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial
+from typing import TYPE_CHECKING
 
 from arm_drake import interfaces
 from arm_drake.chain_kinematics import PlantKinematics
-from arm_drake.control.admittance import ChainKinematics
-from arm_drake.control.generic_system import GenericSystem
 from arm_drake.description.sensors import (
     SensorInfo,
     accelerating_joints,
     sensed_names,
 )
 from arm_drake.description.urdf import RobotDescription
+
+if TYPE_CHECKING:
+    from arm_drake.control.admittance import ChainKinematics
+    from arm_drake.control.generic_system import GenericSystem
 
 
 @dc.dataclass(frozen=True)
@@ -79,7 +82,7 @@ class Surroundings:
     world_name: str = "empty"
 
     # Returns the kinematics of joints, seen from a link; None if it isn't known.
-    make_kinematics: Callable[[Sequence[str], str], ChainKinematics] | None = None
+    make_kinematics: Callable[[Sequence[str], str], "ChainKinematics"] | None = None
 
     @property
     def measured(self) -> tuple[str, ...]:
@@ -93,7 +96,7 @@ class Surroundings:
 def find_surroundings(
     description: RobotDescription,
     initial_positions: Mapping[str, float],
-    blocks: Sequence[GenericSystem] | None = None,
+    blocks: Sequence["GenericSystem"] | None = None,
     *,
     sensors: Sequence[SensorInfo] = (),
     robot_name: str = "",
@@ -206,7 +209,7 @@ def _driven(description: RobotDescription, commands: Iterable[str]) -> frozenset
 
 
 def _find_objections(
-    blocks: Sequence[GenericSystem], start: Collection[str], stop: Collection[str]
+    blocks: Sequence["GenericSystem"], start: Collection[str], stop: Collection[str]
 ) -> str:
     """Return why blocks can't start and stop command interfaces, "" if they can."""
     objections = []

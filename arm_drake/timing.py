@@ -15,15 +15,22 @@ _SMALLEST_PART = Fraction(1, 10)
 # Part of a period by which an event may miss its time.
 _TOLERANCE = 1e-6
 
+# A log of more steps than that, or of parts of steps smaller than these, needn't meet
+# ticks: it would cost precision of the steps' own times.
+_MOST_STEPS, _MOST_PARTS = 100_000, 100
+
+_NANOSECONDS = 1_000_000_000
+
 
 def choose_time_step(
-    wanted: float, update_rates: Sequence[int]
+    wanted: float, update_rates: Sequence[int], log_rate: float | None = None
 ) -> tuple[float, list[float]]:
     """Return the step of the plant and the periods of the managers.
 
     Args:
         wanted: Largest step [s].
         update_rates: Rates of the managers [Hz].
+        log_rate: Rate of a log [Hz], see `fit_period`.
 
     Returns:
         The step [s], at most ``wanted``, that divides every manager's period, and these
@@ -40,8 +47,38 @@ def choose_time_step(
         common = Fraction(1, update_rates[0])
     exact = common / math.ceil(common / largest)
     multiples = [round(Fraction(1, rate) / exact) for rate in update_rates]
-    step = _round_up(float(exact), max(multiples).bit_length())
+    # A log's period is an exact multiple of a part of the step.
+    ratio = None if log_rate is None else _ratio(log_rate, float(exact))
+    steps, parts = (1, 1) if ratio is None else ratio.as_integer_ratio()
+    bits = (parts * max([*multiples, steps])).bit_length()
+    step = parts * _round_up(float(exact) / parts, bits)
     return step, [step * multiple for multiple in multiples]
+
+
+def fit_period(rate: float, step: float) -> float:
+    """Return the period of a rate [s], as an exact fraction of a step if it is one.
+
+    What happens at such a period comes at the same instant as a tick, and not a
+    rounding error earlier, when the tick's command isn't there yet.
+
+    Args:
+        rate: The rate [Hz].
+        step: Step of the plant [s].
+    """
+    ratio = _ratio(rate, step)
+    if ratio is None:
+        return 1.0 / rate
+    return ratio.numerator * (step / ratio.denominator)
+
+
+def _ratio(rate: float, step: float) -> Fraction | None:
+    """Return a rate's period per step if it is a fraction, and a reasonable one."""
+    steps = 1.0 / (rate * step)
+    if steps > _MOST_STEPS:
+        return None
+    ratio = Fraction(steps).limit_denominator(_MOST_PARTS)
+    is_near = abs(float(ratio) - steps) <= _TOLERANCE * steps
+    return ratio if ratio and is_near else None
 
 
 def cycle_at(time: float, period: float) -> int | None:
@@ -54,6 +91,22 @@ def cycle_at(time: float, period: float) -> int | None:
     cycles = time / period
     number = round(cycles)
     return number if abs(cycles - number) <= _TOLERANCE else None
+
+
+def cycle_times(number: int, period: float, rate: int) -> tuple[int, int]:
+    """Return the time of a cycle, and the time since the last one [ns].
+
+    Args:
+        number: Number of the cycle.
+        period: Period of the cycles in Drake's time [s].
+        rate: Their nominal rate [Hz].
+    """
+    if has_rate(period, rate):
+        time_ns = number * _NANOSECONDS // rate
+        return time_ns, time_ns - (number - 1) * _NANOSECONDS // rate
+    # Another robot's manager has the say about the steps.
+    time_ns = round(number * period * _NANOSECONDS)
+    return time_ns, time_ns - round((number - 1) * period * _NANOSECONDS)
 
 
 def has_rate(period: float, rate: int) -> bool:

@@ -14,7 +14,6 @@ from pydrake.systems.framework import (
     BasicVector,
     Context,
     DiagramBuilder,
-    LeafSystem,
     OutputPort,
 )
 
@@ -36,6 +35,7 @@ from arm_drake.messages import (
     TwistWithCovariance,
     Vector3,
 )
+from arm_drake.python_system import PythonSystem
 from arm_drake.wheels import Wheel, find_wheels
 
 Array = NDArray[np.float64]
@@ -43,7 +43,7 @@ Array = NDArray[np.float64]
 _UP = np.array([0.0, 0.0, 1.0])
 
 
-class BaseTruth(LeafSystem):
+class BaseTruth(PythonSystem):
     """Measures a base and its wheels against the ground z = 0, which is at rest.
 
     .. pydrake_system::

@@ -8,9 +8,15 @@ from pydrake.multibody.plant import MultibodyPlant
 
 from arm_drake.errors import InputError, suggest
 from arm_drake.worlds.ground import add_ground
-from arm_drake.worlds.house import add_house
 from arm_drake.worlds.loaded_world import LoadedWorld
-from arm_drake.worlds.sdf_plant import load_sdf_world
+
+
+def _add_house(plant: MultibodyPlant) -> None:
+    # Not at the top: furniture takes long to import, and few runs have it.
+    from arm_drake.worlds.house import add_house
+
+    add_house(plant)
+
 
 # Files that are worlds, by the ends of their names.
 WORLD_SUFFIXES = (".world", ".sdf")
@@ -21,7 +27,7 @@ World = str | Path | Callable[[MultibodyPlant], None] | LoadedWorld
 
 WORLDS: Mapping[str, LoadedWorld] = {
     "empty": LoadedWorld("empty", add_ground),
-    "house": LoadedWorld("house", add_house, has_grid=False),
+    "house": LoadedWorld("house", _add_house, has_grid=False),
     "void": LoadedWorld("void"),
 }
 
@@ -46,6 +52,9 @@ def load_world(world: World, package_paths: Sequence[Path] = ()) -> LoadedWorld:
     if isinstance(world, str) and world in WORLDS:
         return WORLDS[world]
     if isinstance(world, Path) or (isinstance(world, str) and _is_file_name(world)):
+        # Not at the top, as the house.
+        from arm_drake.worlds.sdf_plant import load_sdf_world
+
         return load_sdf_world(Path(world).expanduser(), package_paths)
     if not isinstance(world, str):
         raise InputError(

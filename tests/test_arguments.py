@@ -97,6 +97,17 @@ def test_every_option_of_a_page_is_in_the_docs():
     assert [option for option in options if option not in docs] == []
 
 
+def test_the_options_of_logs_are_those_of_the_docs():
+    docs = (Path(__file__).parents[1] / "docs/logs.md").read_text(encoding="utf-8")
+    helps = subparsers(make_parser())
+    own = set(re.findall(r"--[a-z][a-z-]+", helps["replay"] + helps["compare"]))
+
+    named = set(re.findall(r"--[a-z][a-z-]+", docs))
+
+    assert own - {"--help"} <= named
+    assert named <= own | set(re.findall(r"--[a-z][a-z-]+", helps["sim"]))
+
+
 def subparsers(parser):
     """Return the help of each command."""
     (commands,) = (

@@ -1,13 +1,12 @@
 """Poses and Jacobians of a robot's links, against Pinocchio's."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import arm_drake as ad
 from arm_drake.chain_kinematics import PlantKinematics
 from tests import models
-
-pin = pytest.importorskip("pinocchio")
 
 # Of a chain of some rotations, in two libraries.
 ROUNDING = 1e-12

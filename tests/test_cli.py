@@ -258,6 +258,19 @@ def test_sim_prints_one_json_object_with_the_promised_keys(run):
     } in (result["controllers"])
 
 
+def test_sim_draws_the_kind_of_plot_that_it_is_asked_for(run, tmp_path):
+    plot = tmp_path / "a.svg"
+
+    code, out, _ = run(
+        "sim", "doosan_a0912", "--headless", "--duration", "0.1",
+        "--plot", plot, "--plot-kind", "effort",
+    )  # fmt: skip
+
+    assert code == 0
+    assert f"plot: {plot}" in out
+    assert "<!-- joint1 [N·m] -->" in plot.read_text(encoding="utf-8")
+
+
 @pytest.mark.slow
 def test_sim_runs_the_tutorial_and_writes_what_it_is_asked_for(run, tmp_path):
     log, plot, page = (tmp_path / name for name in ("a.npz", "a.png", "a.html"))
@@ -367,11 +380,15 @@ def test_sim_exits_with_1_when_a_topic_message_is_refused(run, tmp_path):
         ),
         (
             ["doosan_a0912", "--log", "a.xls"],
-            "a.xls: unknown type '.xls' of a log; expected one of .csv, .npz",
+            "a.xls: unknown type '.xls' of a log; expected one of .csv, .mcap, .npz",
         ),
         (
             ["doosan_a0912", "--plot", "a.bmp"],
             "a.bmp: unknown type '.bmp' of a picture; expected one of .png, .svg, .pdf",
+        ),
+        (
+            ["doosan_a0912", "--plot-kind", "error"],
+            "--plot-kind says what --plot draws; give --plot, too",
         ),
         (
             ["doosan_a0912", "--record", "a.mp4"],
@@ -397,7 +414,7 @@ def test_sim_exits_with_1_when_a_topic_message_is_refused(run, tmp_path):
         (
             ["doosan_a0912", "--preset", "kinematics"],
             "no preset 'kinematics'; did you mean 'kinematic'? known: accurate, "
-            "kinematic",
+            "fast, kinematic",
         ),
         (
             ["doosan_a0912", "--initial", "joint9=1"],

@@ -20,7 +20,7 @@ from arm_drake.errors import InputError
 from tests import models
 
 W0 = ad.SimulationOptions().servo_bandwidth
-STEP = ad.SimulationOptions().time_step
+STEP = ad.SimulationOptions().largest_step
 PERIOD = 1e-2
 
 INPUTS = [

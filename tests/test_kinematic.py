@@ -246,7 +246,7 @@ def test_two_robots_stand_beside_each_other():
 
 
 def test_an_unknown_preset_is_an_error():
-    with pytest.raises(InputError, match="no preset 'quick'; known: accurate, kin"):
+    with pytest.raises(InputError, match="no preset 'quick'; known: accurate, f"):
         ad.SimulationOptions(preset="quick")
 
 

@@ -145,6 +145,7 @@ def empty_logs(sim: Any) -> None:
     for system in sim.diagram.GetSystems():
         if isinstance(system, VectorLogSink):
             system.FindMutableLog(sim.simulator.get_mutable_context()).Clear()
+    sim.mailbox.forget_before(sim.time)
 
 
 def measure(num_ticks: int) -> Slopes:
@@ -177,7 +178,7 @@ def leak_ticks(kept: Any, original: Callable[..., Any]) -> Callable[..., Any]:
 
     def update(self: Any, context: Any, state: Any) -> None:
         original(self, context, state)
-        kept.append(self._tick_port.Eval(context))
+        kept.append(self._cycle.Eval(context))
 
     return update
 
@@ -196,12 +197,12 @@ LEAKS = {"ticks": (leak_ticks, list), "bytes": (leak_bytes, bytearray)}
 
 
 def measure_leak(num_ticks: int, name: str) -> Slopes:
-    """Return what a tick leaves behind when controllers leak."""
-    from arm_drake.controllers.ticking_controller import TickingController
+    """Return what a tick leaves behind when the manager leaks."""
+    from arm_drake.manager import ControllerManager
 
     make, container = LEAKS[name]
-    update = make(container(), TickingController._update_state)
-    with mock.patch.object(TickingController, "_update_state", update):
+    update = make(container(), ControllerManager._update)
+    with mock.patch.object(ControllerManager, "_update", update):
         return measure(num_ticks)
 
 

@@ -1,140 +1,115 @@
-"""The README tells the truth: its programs run, its tables are the registry."""
+"""The README tells the truth: its program runs, its tables are the registries."""
 
 import re
-import sys
-import tomllib
-from pathlib import Path
+from collections.abc import Callable
 
 import pytest
 
-import arm_drake as ad
+from arm_drake.bundled import bundled_motions, bundled_robots
 from arm_drake.controllers import CONTROLLER_TYPES, find_controller_type
 from arm_drake.controllers.type_table import render_others, render_types
 from arm_drake.controllers.vendor_types import EQUIVALENTS
-from arm_drake.motion import parse_motion
-from tests.plugin_package import add_package
+from arm_drake.description.plugin_control import PLUGIN_TYPES
+from arm_drake.world import WORLDS
+from tests.snippets import ROOT, read_blocks
 
-ROOT = Path(__file__).parents[1]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
+README = ROOT / "README.md"
+PAGES = [README, ROOT / "docs/controllers.md"]
 
-# A whole table, of any kind.
-TABLE = re.compile(r"^\|[^\n]*\n\| ---[^\n]*\n(?:\|[^\n]*\n)*", flags=re.MULTILINE)
-
-
-def code_blocks(text: str, language: str) -> list[str]:
-    return re.findall(rf"```{language}\n(.*?)```", text, flags=re.DOTALL)
+# A whole table below its name.
+TABLE = re.compile(r"^<!-- table: (\w+) -->\n((?:\|[^\n]*\n)*)", flags=re.MULTILINE)
 
 
-def tables() -> list[str]:
-    """Return the README's tables as the registry makes them, in their order."""
+def render_table(head: list[str], rows: list[list[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def render_robots() -> str:
+    """Return the bundled robots, as their READMEs call them, and their motions."""
+    rows = []
+    for name, entry in bundled_robots().items():
+        readme = entry.parents[1] / "README.md"
+        title = readme.read_text(encoding="utf-8").partition("\n")[0].lstrip("# ")
+        motions = ", ".join(f"`{motion}`" for motion in bundled_motions(name))
+        rows.append([f"`{name}`", f"[{title}](models/{name}/README.md)", motions])
+    return render_table(["robot", "what it is", "its motions"], rows)
+
+
+def render_bundled() -> str:
+    """Return the names of everything else that comes with arm_drake."""
+    own = [name for name, row in CONTROLLER_TYPES.items() if not row.runs_as]
+    plugins = [re.split("::|/", name)[-1] for name in PLUGIN_TYPES.values()]
+    kinds = {
+        "worlds": sorted(WORLDS),
+        f"{len(own)} controller types": sorted(own),
+        "Gazebo plugins": sorted(plugins),
+    }
+    rows = [[kind, ", ".join(f"`{n}`" for n in names)] for kind, names in kinds.items()]
+    return render_table(["what", "names"], rows)
+
+
+def render_run_as() -> str:
     run_as = {}
     for name in (*CONTROLLER_TYPES, *EQUIVALENTS):
         row = find_controller_type(name, installed={})
         if row is not None and row.runs_as:
             run_as[name] = row.runs_as
-    return [render_types(CONTROLLER_TYPES), render_others(run_as)]
+    return f"{render_others(run_as)}\n"
+
+
+# How each table is made.
+MAKERS: dict[str, Callable[[], str]] = {
+    "robots": render_robots,
+    "bundled": render_bundled,
+    "types": lambda: f"{render_types(CONTROLLER_TYPES)}\n",
+    "others": render_run_as,
+}
 
 
 def renew(text: str) -> str:
-    """Return the README with its tables made anew."""
-    made = iter(tables())
-    return TABLE.sub(lambda _: f"{next(made)}\n", text)
+    """Return a page with its tables made anew."""
+    return TABLE.sub(lambda m: f"<!-- table: {m[1]} -->\n{MAKERS[m[1]]()}", text)
 
 
 @pytest.mark.slow
 def test_the_program_runs_and_succeeds(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    program = code_blocks(README, "python")[0]
+    (program,) = (b.text for b in read_blocks(README) if b.language == "python")
 
     exec(compile(program, "README.md", "exec"), {})  # noqa: S102  our own text.
 
-    assert "GoalStatus.SUCCEEDED" in capsys.readouterr().out
-    assert {path.name for path in tmp_path.iterdir()} == {"run.npz", "run.png"}
+    printed = capsys.readouterr().out
+    assert printed == "nothing to report\nGoalStatus.SUCCEEDED\n"
+    files = {path.name for path in tmp_path.iterdir()}
+    assert files == {"arm.html", "run.npz", "run.png"}
 
 
-def test_the_tables_are_those_of_the_registry():
-    assert [table.rstrip() for table in TABLE.findall(README)] == tables(), (
-        "python -m tests.test_readme renews them"
-    )
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_the_tables_are_those_of_the_registries(page):
+    text = page.read_text(encoding="utf-8")
+
+    assert text == renew(text), "python -m tests.test_readme renews them"
 
 
-def check_wave(robot: ad.Robot, *, amplitude: float) -> None:
-    """Check that the joints follow a sine of 1 rad/s, at its top."""
-    simulation = ad.Simulation(ad.build_diagram(robot))
-    simulation.advance_to(1.57)
+def test_every_table_has_its_place():
+    places = [
+        name
+        for page in PAGES
+        for name, _ in TABLE.findall(page.read_text(encoding="utf-8"))
+    ]
 
-    state = simulation.joint_states()
-    positions = dict(zip(state.name, state.position, strict=True))
-    # At its top the sine is flat: a lag of 0.1 s would be amplitude * 0.1**2 / 2.
-    assert positions["joint1"] == pytest.approx(amplitude, abs=1e-3)
-    assert positions["joint3"] == pytest.approx(amplitude, abs=1e-3)
-    assert positions["joint2"] == pytest.approx(0.0, abs=1e-3)
-
-
-def write_own_type(folder: Path) -> None:
-    (folder / "waves.py").write_text(code_blocks(README, "python")[1])
-    (yaml,) = code_blocks(README, "yaml")
-    (folder / "waves.yaml").write_text(yaml)
-
-
-@pytest.fixture
-def without_waves():
-    """Forget the example's module after the test."""
-    yield
-    sys.modules.pop("waves", None)
-
-
-def test_the_controller_type_of_the_readme_moves_a_robot(
-    tmp_path, monkeypatch, without_waves
-):
-    write_own_type(tmp_path)
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.syspath_prepend(tmp_path)
-    names: dict[str, ad.Robot] = {}
-
-    exec(compile(code_blocks(README, "python")[2], "README.md", "exec"), names)  # noqa: S102
-
-    assert len(code_blocks(README, "python")[1].splitlines()) <= 40
-    assert str(names["robot"].report) == ""
-    check_wave(names["robot"], amplitude=0.2)
-
-
-def test_so_does_the_package_of_the_readme(tmp_path, monkeypatch, without_waves):
-    (toml,) = code_blocks(README, "toml")
-    ((group, points),) = tomllib.loads(toml)["project"]["entry-points"].items()
-    add_package(tmp_path, "waves", points, group=group)
-    write_own_type(tmp_path)
-    monkeypatch.syspath_prepend(tmp_path)
-
-    robot = ad.load_robot("doosan_a0912", controllers=tmp_path / "waves.yaml")
-
-    assert str(robot.report) == ""
-    check_wave(robot, amplitude=0.2)
+    assert sorted(places) == sorted(MAKERS)
 
 
 def test_the_commands_exist():
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
-    for command in re.findall(r"`?make (\w+)", README):
-        assert re.search(rf"^{command}:", makefile, flags=re.MULTILINE), command
-
-
-def test_the_links_lead_somewhere():
-    for target in re.findall(r"\]\(([^)]+)\)", README):
-        if not target.startswith("https://"):
-            file, _, heading = target.partition("#")
-            text = (ROOT / file).read_text(encoding="utf-8") if heading else ""
-            assert (ROOT / file).exists(), target
-            assert not heading or f"\n## {heading.replace('-', ' ')}\n" in text.lower()
-
-
-def test_the_motion_of_the_docs_can_be_read():
-    import yaml
-
-    docs = (ROOT / "docs/motions.md").read_text(encoding="utf-8")
-    (text,) = code_blocks(docs, "yaml")
-    motion = parse_motion(yaml.safe_load(text))
-    assert [step.at for step in motion.steps] == [0.0, 3.0, 4.0, 5.0, 7.0]
+    targets = re.findall(r"\bmake ([a-z]+)\b", README.read_text(encoding="utf-8"))
+    assert {"bench", "demo", "docs", "test"} <= set(targets)
+    for target in targets:
+        assert re.search(rf"^{target}:", makefile, flags=re.MULTILINE), target
 
 
 if __name__ == "__main__":
-    (ROOT / "README.md").write_text(renew(README), encoding="utf-8")
+    for path in PAGES:
+        path.write_text(renew(path.read_text(encoding="utf-8")), encoding="utf-8")

@@ -131,6 +131,31 @@ def test_efforts_are_those_that_a_tick_causes(tmp_path):
     assert effort.tolist() == [[0.0, 0.0]] * 3 + [[-1.0, 2.0]] * 2
 
 
+@pytest.mark.parametrize("preset", ["accurate", "fast"])
+@pytest.mark.parametrize("log_rate", [1000.0, 100.0, 50.0])
+def test_a_log_of_another_rate_has_the_same_efforts_at_the_ticks(
+    tmp_path, preset, log_rate
+):
+    rollouts = []
+    for rate in (None, log_rate):
+        options = {"preset": preset, "log_rate": rate, "time_step": None}
+        sim = simulate(tmp_path, controllers(position="[shoulder, elbow]"), **options)
+        assert not any(entry.what.startswith("fast: ") for entry in sim.report)
+        sim.advance_to(0.1)
+        command(sim, "position", 0.3, 0.5)
+        sim.advance_to(0.3)
+        rollouts.append(sim.rollout())
+    at_ticks, rows = rollouts
+    every, of = max(1, round(100.0 / log_rate)), max(1, round(log_rate / 100.0))
+
+    np.testing.assert_array_equal(rows.time[::of], at_ticks.time[::every])
+    # The periods differ in their last bits.
+    np.testing.assert_allclose(
+        rows.effort[::of], at_ticks.effort[::every], rtol=0.0, atol=1e-9
+    )
+    assert np.ptp(at_ticks.effort) > 1.0
+
+
 def test_the_last_row_is_there_before_it_is_logged(tmp_path):
     sim = simulate(tmp_path, controllers(effort="[shoulder, elbow]"))
     command(sim, "effort", 2.0, -1.0)

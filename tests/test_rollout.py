@@ -79,7 +79,7 @@ def test_csv_has_a_head_with_units_and_reads_back(tmp_path):
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("a.txt", "unknown type '.txt' of a log; expected one of .csv, .npz"),
+        ("a.txt", "unknown type '.txt' of a log; expected one of .csv, .mcap, .npz"),
         ("no/a.npz", "can't be written: No such file or directory"),
         ("no/a.csv", "can't be written: No such file or directory"),
     ],

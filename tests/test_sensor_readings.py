@@ -1,7 +1,9 @@
 """Sensors measure what the physics does: closed forms, and a gripper with a box."""
 
+import gc
 import math
 import re
+import weakref
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -245,8 +247,8 @@ def test_a_beam_along_the_ground_meets_what_is_in_front(
     assert sim.topic("/eye/range").value().range == pytest.approx(expected, abs=1e-3)
 
 
-@pytest.mark.parametrize("angle", [0.0, 0.5, 1.2])
-def test_a_range_is_the_way_to_what_is_in_front(tmp_path: Path, angle: float) -> None:
+def make_eye(folder: Path, angle: float) -> ad.Simulation:
+    """Return a simulation of a beam from the bob, which is a ball."""
     # The beam starts in the origin of the bob, 1 m above the ground, and goes along x,
     # down by the pitch of the joint.
     yaml = controllers(
@@ -258,8 +260,8 @@ def test_a_range_is_the_way_to_what_is_in_front(tmp_path: Path, angle: float) ->
         '<link name="bob">', f'<link name="bob">{models.sphere(0.05)}'
     )
     urdf = with_sensors(urdf, sensor("eye", "range"))
-    sim = simulate(
-        tmp_path,
+    return simulate(
+        folder,
         urdf,
         yaml,
         initial_positions={"swing": angle},
@@ -267,10 +269,23 @@ def test_a_range_is_the_way_to_what_is_in_front(tmp_path: Path, angle: float) ->
         world="empty",
     )
 
+
+@pytest.mark.parametrize("angle", [0.0, 0.5, 1.2])
+def test_a_range_is_the_way_to_what_is_in_front(tmp_path: Path, angle: float) -> None:
+    sim = make_eye(tmp_path, angle)
+
     sim.run(0.001)
 
     expected = 1.0 / math.sin(angle) if angle else math.inf
     assert sim.topic("/eye/range").value().range == pytest.approx(expected, abs=1e-5)
+
+
+def test_what_reads_shapes_is_freed_with_its_diagram(tmp_path: Path) -> None:
+    diagram = weakref.ref(make_eye(tmp_path, 0.5).diagram)
+
+    gc.collect()
+
+    assert diagram() is None
 
 
 def test_a_joint_reports_its_acceleration(tmp_path: Path) -> None:

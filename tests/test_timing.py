@@ -1,11 +1,13 @@
 """Steps and ticks meet exactly, however long a simulation runs."""
 
+import math
+
 import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, State
 
-from arm_drake.timing import choose_time_step, cycle_at, has_rate
+from arm_drake.timing import choose_time_step, cycle_at, fit_period, has_rate
 
 RATES = [100, 125, 30, 60, 333, 500, 1000]
 STEPS = [1e-3, 2e-3, 5e-3, 1e-2, 3e-3]
@@ -130,3 +132,46 @@ def test_a_cycle_is_there_at_its_time_only(time, number):
 def test_a_period_has_its_rate_but_for_rounding():
     assert has_rate(1.0 / 97.0, 97)
     assert not has_rate(0.01, 97)
+
+
+@pytest.mark.parametrize("wanted", [1e-3, 1e-2])
+@pytest.mark.parametrize(
+    ("update_rate", "log_rate"),
+    [
+        (100, 3000),
+        (100, 1000),
+        (100, 100),
+        (100, 20),
+        (125, 1),
+        (125, 1000),
+        (30, 60),
+        (30, 90),
+        (30, 7),
+    ],
+)
+def test_a_log_meets_the_ticks_to_the_last_bit(
+    wanted: float, update_rate: int, log_rate: int
+) -> None:
+    step, (period,) = choose_time_step(wanted, [update_rate], log_rate)
+    logged = fit_period(log_rate, step)
+
+    assert step <= wanted * (1.0 + 1e-9)
+    assert logged == pytest.approx(1.0 / log_rate, rel=1e-9)
+    common = math.gcd(update_rate, log_rate)
+    for k in range(0, 1_000_000, 997):
+        # Products of whole numbers and a period, as Drake computes times of events.
+        tick, row = k * update_rate // common, k * log_rate // common
+        assert tick * period == row * logged
+
+
+def test_a_log_rate_that_fits_no_step_stays_as_it_is() -> None:
+    step, _ = choose_time_step(1e-3, [100], 333.3)
+
+    assert fit_period(333.3, step) == 1.0 / 333.3
+
+
+@pytest.mark.parametrize("log_rate", [1e-12, 1e-9, 1e-4])
+def test_a_log_that_is_hardly_ever_written_does_not_touch_the_step(
+    log_rate: float,
+) -> None:
+    assert choose_time_step(1e-3, [100], log_rate) == choose_time_step(1e-3, [100])

@@ -50,6 +50,15 @@ class DriveMode(Message):
     # Whether all joints follow positions and nothing else is claimed.
     is_plain: bool
 
+    # Of each joint: where its position stands among the values, and its rate [Hz]. What
+    # is few is quicker in plain numbers than in numpy.
+    positions: tuple[tuple[int, float], ...] = dc.field(init=False)
+
+    def __post_init__(self) -> None:
+        """Prepare what every cycle reads."""
+        at = zip(self.position_at.tolist(), self.rate.tolist(), strict=True)
+        object.__setattr__(self, "positions", tuple(at))
+
 
 def is_outdone(name: str, claims: Collection[str]) -> bool:
     """Return whether a drive does not act on a command, for it follows another one.

@@ -11,6 +11,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_drake.control.coupled_joints import common_accelerations, find_groups
+
 Array = NDArray[np.float64]
 
 # Share of a disturbance that the observer takes over at each step. Beside joints that
@@ -42,13 +44,6 @@ _UNLIMITED_ACCELERATION = 100.0  # rad/s^2
 # gravity, that braking and steady motion make use of.
 _BRAKING = 0.7
 _CRUISING = 0.8
-
-# Correlation of inertias above which joints push each other about.
-_COUPLED = 0.02
-
-# Rounds, and excess of the effort, at which the search for those accelerations ends.
-_ROUNDS = 200
-_EXCESS = 1.01
 
 
 @dc.dataclass(frozen=True)
@@ -146,6 +141,13 @@ class ServoGains:
     # and wait for each other.
     group: NDArray[np.intp]
 
+    # Part of the command of the step before in what the servo follows. With it a joint
+    # is where the ideal drive would be in continuous time, whatever the step.
+    last_command: float = 0.0
+
+    # Whether joints wait for each other where efforts are at their limits.
+    is_coordinated: bool = True
+
     # Indices of grippers' joints, and steps of the position from which on a gripper
     # forgets what it pressed against [rad], shape (n,).
     grippers: tuple[int, ...] = ()
@@ -204,6 +206,8 @@ def compute_servo_gains(
     position_rate: Array | None = None,
     command_period: float = 0.0,
     carried: Array | float = 0.0,
+    is_exact: bool = False,
+    is_coordinated: bool = True,
 ) -> ServoGains:
     """Return the servo's numbers; one rule for every robot.
 
@@ -219,6 +223,10 @@ def compute_servo_gains(
             [1/s], NaN where they aren't, shape (n,).
         command_period: Period T at whose end a command is to be met [s]; 0: it is now.
         carried: Inertia of what wheels move on the ground [kg·m^2], shape (n,).
+        is_exact: Whether joints are to be where the ideal drive would be in continuous
+            time; else they are up to half a step ahead.
+        is_coordinated: Whether joints wait for each other at their effort limits; else
+            they have only accelerations that all can have at once.
     """
     h, z = time_step, math.exp(-bandwidth * time_step)
     max_inertia, min_inertia = samples.inertia.max(axis=0), samples.inertia.min(axis=0)
@@ -233,8 +241,11 @@ def compute_servo_gains(
         speed = np.minimum(limits.approach_speed, _CRUISING * spare / samples.damping)
     n = len(spare)
     kp, kd = np.full(n, (1.0 - z) ** 2 / h**2), np.full(n, (1.0 - z**2) / h)
-    # While it is held a position is (T + h)/2 ahead of the motion, on average.
-    ahead = (command_period + h) / 2.0 if command_period else 0.0
+    # While it is held a position is T/2 ahead of the motion, on average; the sampled
+    # drive is h/2 ahead of the ideal one.
+    early = 0.0 if is_exact else h
+    ahead = (command_period + early) / 2.0 if command_period else 0.0
+    last = z * (z - 1.0 + bandwidth * h) / (1.0 - z) ** 2 if is_exact else 0.0
     lead = np.full(n, velocity_lead(bandwidth) - ahead)
     largest = liveliest
     if position_rate is not None:
@@ -243,7 +254,11 @@ def compute_servo_gains(
         kd[is_given], lead[is_given] = 1.0 / h, 0.0
         kp[is_given] = position_rate[is_given] / h
         largest = np.where(is_given, math.inf, liveliest)
-    together = _common_accelerations(samples.mass_matrix, spare, liveliest)
+    together = common_accelerations(samples.mass_matrix, spare, liveliest)
+    most = together
+    if is_coordinated:
+        # The strong wait for each other, as the effort law makes them.
+        most = np.where(is_strong, largest, np.minimum(spare / max_inertia, largest))
     return ServoGains(
         kp=kp,
         kd=kd,
@@ -252,49 +267,14 @@ def compute_servo_gains(
         velocity_lead=lead,
         max_approach=speed * kd / kp,
         braking_error=_BRAKING * together * (kd / kp) ** 2,
-        # The strong wait for each other, as the effort law makes them.
-        max_acceleration=np.where(
-            is_strong, largest, np.minimum(spare / max_inertia, largest)
-        ),
+        max_acceleration=most,
         observer_gain=observer_gain,
         max_disturbance=2.0 * effort / min_inertia,
         effort_limit=limits.effort,
         is_strong=is_strong & np.isfinite(limits.effort),
-        group=_groups(samples.mass_matrix),
+        group=find_groups(samples.mass_matrix),
         lower=limits.lower,
         upper=limits.upper,
+        last_command=last,
+        is_coordinated=is_coordinated,
     )
-
-
-def _groups(masses: Array) -> NDArray[np.intp]:
-    """Return numbers of groups of coupled joints, of mass matrices (k, n, n)."""
-    scale = np.sqrt(np.diagonal(masses, axis1=1, axis2=2))
-    correlation = np.abs(masses / scale[:, :, None] / scale[:, None, :]).max(axis=0)
-    group = np.arange(len(correlation))
-    for i, j in np.argwhere(correlation > _COUPLED):
-        group[group == group[j]] = group[i]
-    numbers: NDArray[np.intp] = np.unique(group, return_inverse=True)[1]
-    return numbers
-
-
-def _common_accelerations(masses: Array, spare: Array, largest: Array) -> Array:
-    """Return accelerations that all joints can have at once, shape (n,).
-
-    Args:
-        masses: Mass matrices, shape (k, n, n).
-        spare: Efforts that are left beside gravity, infinite where unlimited.
-        largest: Accelerations that none is to exceed.
-    """
-    inertia = np.diagonal(masses, axis1=1, axis2=2).max(axis=0)
-    found, rows = np.minimum(largest, spare / inertia), np.arange(len(spare))
-    for _ in range(_ROUNDS):
-        # What each joint asks of each other one, where that is most.
-        parts = np.abs(masses) * found
-        totals = parts.sum(axis=2)
-        worst = totals.argmax(axis=0), rows
-        excess = np.maximum(totals[worst] / spare, 1.0)
-        if (excess < _EXCESS).all():
-            break
-        share = parts[worst] / totals[worst][:, None]
-        found = found * np.exp(-0.5 * (share * np.log(excess)[:, None]).max(axis=0))
-    return found

@@ -17,8 +17,9 @@ from arm_drake.controllers.controller_type import (
     check_controller_types,
 )
 from arm_drake.controllers.installed_types import InstalledType, installed_types
+from arm_drake.controllers.lazy_types import ControllerTypes
 from arm_drake.controllers.standard_types import STANDARD_TYPES
-from arm_drake.controllers.vendor_types import EQUIVALENTS
+from arm_drake.controllers.vendor_types import EQUIVALENTS, parameters_of
 
 __all__ = [
     "CONTROLLER_TYPES",
@@ -32,7 +33,7 @@ __all__ = [
 ]
 
 
-CONTROLLER_TYPES: dict[str, ControllerType] = dict(STANDARD_TYPES)
+CONTROLLER_TYPES = ControllerTypes(STANDARD_TYPES)
 
 
 def find_controller_type(
@@ -73,10 +74,11 @@ def find_controller_type(
         )
     if name not in EQUIVALENTS:
         return None
-    type_, parameters = EQUIVALENTS[name]
-    row = CONTROLLER_TYPES[type_]
+    equivalent = EQUIVALENTS[name]
+    row = CONTROLLER_TYPES[equivalent.runs_as]
     return row._replace(
-        parameters=parameters or row.parameters, runs_as=row.runs_as or type_
+        parameters=parameters_of(equivalent) or row.parameters,
+        runs_as=row.runs_as or equivalent.runs_as,
     )
 
 

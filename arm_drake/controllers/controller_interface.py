@@ -2,20 +2,23 @@
 
 import dataclasses as dc
 from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import (
     Context,
     InputPort,
-    LeafSystem,
 )
 
 from arm_drake import interfaces
-from arm_drake.control.admittance import ChainKinematics
 from arm_drake.controllers.cycles import Array, Cycle
 from arm_drake.errors import InputError
 from arm_drake.messages import NANOSECONDS
+from arm_drake.python_system import PythonSystem
+
+if TYPE_CHECKING:
+    from arm_drake.control.admittance import ChainKinematics
 
 # Returns what a controller exports.
 _ReadExports = Callable[[Context], Array]
@@ -73,10 +76,13 @@ class ControllerInterfaceParams:
     world_name: str = "empty"
 
     # Returns the kinematics of joints, seen from a link; None if it isn't known.
-    make_kinematics: Callable[[Sequence[str], str], ChainKinematics] | None = None
+    make_kinematics: Callable[[Sequence[str], str], "ChainKinematics"] | None = None
+
+    # Whether a manager keeps its state and says when it ticks; else it does so itself.
+    is_managed: bool = False
 
 
-class ControllerInterface(LeafSystem):
+class ControllerInterface(PythonSystem):
     """Base of all controllers: what they read, what they claim.
 
     A controller that reads no efforts is given none: its port ends after the

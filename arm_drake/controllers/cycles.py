@@ -1,7 +1,7 @@
 """What manager and controllers tell each other in a cycle."""
 
 from collections.abc import Mapping
-from typing import Generic, NamedTuple, Self, TypeVar
+from typing import Any, Generic, NamedTuple, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,13 @@ class Cycle(NamedTuple):
     # Values of the command interfaces if a switch has changed them, shape (k,).
     commands: Array | None = None
 
+    # The last ticks of the controllers whose state the manager keeps.
+    ticks: Mapping[str, "Tick[Any]"] = {}
+
+    # What lies on their ports: the same object as long as nothing new does; None if
+    # that isn't known.
+    news: object = None
+
     def __deepcopy__(self, memo: dict[int, object]) -> Self:
         return self
 
@@ -63,14 +70,27 @@ class Tick(NamedTuple, Generic[S]):
     # Why it didn't.
     fault: str = ""
 
+    # The cycle's `news` when the controller last looked at its ports.
+    news: object = None
+
     def __deepcopy__(self, memo: dict[int, object]) -> Self:
         return self
+
+
+class Given(NamedTuple):
+    """What a manager has read for all of its controllers."""
+
+    # What is on a port of positions and velocities of all joints.
+    motions: Array
+
+    # What the command interfaces hold.
+    values: Array
 
 
 class Now(NamedTuple):
     """When and where a tick happens."""
 
-    # Where inputs are read.
+    # Where inputs are read; None if all that is read is given.
     context: Context
 
     time_ns: int
@@ -79,6 +99,11 @@ class Now(NamedTuple):
     period_ns: int
 
     cycle: Cycle
+
+    # Whether nothing can have come on the controller's ports since it last looked.
+    is_quiet: bool = False
+
+    given: Given | None = None
 
 
 def messages_on(port: InputPort, context: Context, expected: type[M]) -> tuple[M, ...]:

@@ -117,6 +117,11 @@ class ForwardControllersBase(TickingController[ForwardCommandState]):
         events = add_events(state.events, rejected)
         return state._replace(seen=seen, events=events)
 
+    def rests(self, state: ForwardCommandState) -> bool:
+        """Return whether only a message can change the state while inactive."""
+        del state
+        return True
+
     def _command(self, state: ForwardCommandState) -> Array:
         return state.command
 

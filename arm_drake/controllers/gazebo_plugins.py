@@ -1,5 +1,6 @@
 """Gazebo's joint plugins: which system stands for which tag."""
 
+import importlib
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -7,42 +8,51 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
 )
-from arm_drake.controllers.gazebo_contact_sensor import ContactSensor
-from arm_drake.controllers.gazebo_diff_drive import DiffDrive
-from arm_drake.controllers.gazebo_joint_controller import JointController
-from arm_drake.controllers.gazebo_joint_pose_trajectory import (
-    GazeboRosJointPoseTrajectory,
-)
-from arm_drake.controllers.gazebo_joint_position_controller import (
-    JointPositionController,
-)
-from arm_drake.controllers.gazebo_joint_state_publisher import (
-    GazeboRosJointStatePublisher,
-    JointStatePublisher,
-)
-from arm_drake.controllers.gazebo_joint_trajectory_controller import (
-    JointTrajectoryController,
-)
-from arm_drake.controllers.gazebo_ros_diff_drive import GazeboRosDiffDrive
 from arm_drake.description import gazebo_drives, gazebo_joints
 from arm_drake.description.gazebo_bumpers import ContactSensorTag
 
-# Those whose system stands for all tags of the kind.
-_OF_ALL: Mapping[type, Callable[..., ControllerInterface]] = {
-    gazebo_joints.JointPositionController: JointPositionController,
-    gazebo_joints.JointController: JointController,
+# Modules of this package, and the systems in them; imported when a robot has the tag.
+_SYSTEMS: Mapping[type, tuple[str, str]] = {
+    gazebo_joints.JointPositionController: (
+        "gazebo_joint_position_controller",
+        "JointPositionController",
+    ),
+    gazebo_joints.JointController: ("gazebo_joint_controller", "JointController"),
+    gazebo_joints.JointTrajectoryController: (
+        "gazebo_joint_trajectory_controller",
+        "JointTrajectoryController",
+    ),
+    gazebo_joints.JointStatePublisher: (
+        "gazebo_joint_state_publisher",
+        "JointStatePublisher",
+    ),
+    ContactSensorTag: ("gazebo_contact_sensor", "ContactSensor"),
+    gazebo_drives.DiffDrive: ("gazebo_diff_drive", "DiffDrive"),
+    gazebo_drives.GazeboRosDiffDrive: ("gazebo_ros_diff_drive", "GazeboRosDiffDrive"),
+    gazebo_joints.GazeboRosJointPoseTrajectory: (
+        "gazebo_joint_pose_trajectory",
+        "GazeboRosJointPoseTrajectory",
+    ),
+    gazebo_joints.GazeboRosJointStatePublisher: (
+        "gazebo_joint_state_publisher",
+        "GazeboRosJointStatePublisher",
+    ),
 }
 
-# And for one tag.
-_OF_ONE: Mapping[type, Callable[..., ControllerInterface]] = {
-    gazebo_joints.JointTrajectoryController: JointTrajectoryController,
-    gazebo_joints.JointStatePublisher: JointStatePublisher,
-    ContactSensorTag: ContactSensor,
-    gazebo_drives.DiffDrive: DiffDrive,
-    gazebo_drives.GazeboRosDiffDrive: GazeboRosDiffDrive,
-    gazebo_joints.GazeboRosJointPoseTrajectory: GazeboRosJointPoseTrajectory,
-    gazebo_joints.GazeboRosJointStatePublisher: GazeboRosJointStatePublisher,
-}
+# Those whose system stands for all tags of the kind.
+_OF_ALL = (gazebo_joints.JointPositionController, gazebo_joints.JointController)
+
+
+def find_system(kind: type) -> Callable[..., ControllerInterface]:
+    """Return the class of the system that stands for tags.
+
+    Args:
+        kind: Class of the tags.
+    """
+    module, name = _SYSTEMS[kind]
+    found = importlib.import_module(f"arm_drake.controllers.{module}")
+    system: Callable[..., ControllerInterface] = getattr(found, name)
+    return system
 
 
 def make_plugin(
@@ -55,6 +65,5 @@ def make_plugin(
         params: Rate and surroundings of the system.
     """
     kind = type(tags[0])
-    if kind in _OF_ALL:
-        return _OF_ALL[kind](tuple(tags), params)
-    return _OF_ONE[kind](tags[0], params)
+    system = find_system(kind)
+    return system(tuple(tags) if kind in _OF_ALL else tags[0], params)

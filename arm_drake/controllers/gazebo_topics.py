@@ -8,7 +8,7 @@ name mapping" and "Static Remapping of Names".
 import math
 import re
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from arm_drake.description.gazebo_bumpers import ContactSensorTag
 from arm_drake.description.gazebo_drives import DiffDrive, GazeboRosDiffDrive
@@ -20,7 +20,9 @@ from arm_drake.description.gazebo_joints import (
     JointStatePublisher,
     JointTrajectoryController,
 )
-from arm_drake.messages import Twist
+
+if TYPE_CHECKING:
+    from arm_drake.messages import Twist
 
 GazeboTag = (
     JointPositionController
@@ -149,7 +151,7 @@ def ros_topic(name: str, namespace: str, remappings: Sequence[str]) -> str:
     return topic
 
 
-def find_twist_fault(message: Twist) -> str:
+def find_twist_fault(message: "Twist") -> str:
     """Return why a base doesn't take a velocity; empty if it does."""
     numbers = (message.linear.x, message.angular.z)
     if all(map(math.isfinite, numbers)):

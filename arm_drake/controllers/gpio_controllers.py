@@ -233,6 +233,11 @@ class GpioCommandController(TickingController[GpioCommandControllerState]):
         events = add_events(state.events, rejected)
         return state._replace(seen=seen, events=events)
 
+    def rests(self, state: GpioCommandControllerState) -> bool:
+        """Return whether only a message can change the state while inactive."""
+        del state
+        return True
+
     def _command(self, state: GpioCommandControllerState) -> Array:
         return state.command
 

@@ -123,6 +123,7 @@ class JointTrajectoryController(
     """
 
     goal_type = FollowJointTrajectoryGoal
+    reads_by_now = True
 
     def __init__(
         self,
@@ -190,25 +191,26 @@ class JointTrajectoryController(
         inbox, state = self._state(context)
         return control.query(inbox.rules, state, Time.of(time).to_nanoseconds())
 
-    def _declare_input(self, name: str) -> InputPort:  # None is none to newer Drakes.
+    def _declare_input(self, name: str) -> InputPort:
         return self.DeclareAbstractInputPort(name, AbstractValue.Make(()))
 
     def _update(
         self, now: Now, state: JointTrajectoryControllerSystemState
     ) -> JointTrajectoryControllerSystemState:
         inbox, inputs, last = self._receive(now, state)
-        return JointTrajectoryControllerSystemState(
-            inbox, control.tick(inbox.rules, last, inputs)
-        )
+        new = control.tick(inbox.rules, last, inputs)
+        return JointTrajectoryControllerSystemState(inbox, new)
 
     def _idle(
         self, now: Now, state: JointTrajectoryControllerSystemState
     ) -> JointTrajectoryControllerSystemState:
         inbox, inputs, last = self._receive(now, state)
         new = control.idle(inbox.rules, last, inputs)
-        if inbox is state.inbox and new is state.control:
-            return state
         return JointTrajectoryControllerSystemState(inbox, new)
+
+    def rests(self, state: JointTrajectoryControllerSystemState) -> bool:
+        """Return whether only a message can change the state while inactive."""
+        return state.control.goal is None  # Else its result is due.
 
     def _activate(
         self, now: Now, state: JointTrajectoryControllerSystemState
@@ -227,6 +229,8 @@ class JointTrajectoryController(
         self, now: Now, state: JointTrajectoryControllerSystemState
     ) -> tuple[Inbox, TickInputs, JointTrajectoryState]:
         """Return what has come in, the inputs of the tick, and the state before it."""
+        if now.is_quiet:
+            return state.inbox, self._sense(now), state.control
         inbox, last = self._take_parameters(now, state.inbox, state.control)
         context = now.context
         topics, seen_topics = new_messages(
@@ -246,14 +250,9 @@ class JointTrajectoryController(
             inputs = inputs._replace(
                 topics=topics, requests=requests, scaling_factors=factors
             )
-        if (
-            seen_topics is not inbox.topics
-            or seen_requests is not inbox.requests
-            or seen_factors is not inbox.factors
-        ):
-            inbox = inbox._replace(
-                topics=seen_topics, requests=seen_requests, factors=seen_factors
-            )
+        inbox = inbox._replace(
+            topics=seen_topics, requests=seen_requests, factors=seen_factors
+        )
         return inbox, inputs, last
 
     def _take_parameters(
@@ -274,7 +273,7 @@ class JointTrajectoryController(
 
     def _sense(self, now: Now) -> TickInputs:
         """Return what the tick reads besides messages."""
-        measured = self._read(now.context)
+        measured = self._measured_now(now)
         velocity_at, acceleration_at = self._velocity_at, self._acceleration_at
         return TickInputs(
             now.time_ns,

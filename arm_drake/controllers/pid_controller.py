@@ -281,6 +281,11 @@ class PidController(TickingController[PidControllerState]):
         inbox, _ = self._receive(now, state.inbox, INACTIVE)
         return state if inbox is state.inbox else state._replace(inbox=inbox)
 
+    def rests(self, state: PidControllerState) -> bool:
+        """Return whether only a message can change the state while inactive."""
+        del state
+        return True
+
     def _command(self, state: PidControllerState) -> Array:
         return state.control.command
 

@@ -3,13 +3,14 @@
 import math
 
 from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import Context, DiscreteValues
 
 from arm_drake import interfaces
 from arm_drake.controllers.cycles import Cycle
+from arm_drake.python_system import PythonSystem
 
 
-class SampledStates(LeafSystem):
+class SampledStates(PythonSystem):
     """Holds what was measured in the last tick of one slow controller.
 
     .. pydrake_system::

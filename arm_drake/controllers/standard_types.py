@@ -1,211 +1,184 @@
 """Our controller types, by their ros2_control names: those of ros2_controllers."""
 
-import functools
-
-from arm_drake.controllers.admittance_controller import AdmittanceController
-from arm_drake.controllers.admittance_parameters import AdmittanceControllerParameters
-from arm_drake.controllers.battery_state_broadcaster import (
-    BatteryStateBroadcaster,
-    BatteryStateBroadcasterParameters,
-)
-from arm_drake.controllers.chained_filter_controller import (
-    ChainedFilter,
-    ChainedFilterParameters,
-)
-from arm_drake.controllers.controller_type import ControllerType
-from arm_drake.controllers.diff_drive_controller import DiffDriveController
-from arm_drake.controllers.diff_drive_parameters import DiffDriveControllerParameters
-from arm_drake.controllers.force_torque_sensor_broadcaster import (
-    ForceTorqueSensorBroadcaster,
-    ForceTorqueSensorBroadcasterParameters,
-)
-from arm_drake.controllers.forward_command_controller import (
-    ForwardCommandController,
-    ForwardCommandControllerParameters,
-    JointGroupController,
-    JointGroupControllerParameters,
-    MultiInterfaceForwardCommandController,
-    MultiInterfaceForwardCommandControllerParameters,
-)
-from arm_drake.controllers.gpio_controllers import (
-    GpioCommandController,
-    GpioCommandControllerParameters,
-)
-from arm_drake.controllers.gps_sensor_broadcaster import (
-    GPSSensorBroadcaster,
-    GPSSensorBroadcasterParameters,
-)
-from arm_drake.controllers.gripper_controllers import (
-    EffortGripperActionControllerParameters,
-    GripperActionController,
-    GripperActionControllerParameters,
-)
-from arm_drake.controllers.imu_sensor_broadcaster import (
-    IMUSensorBroadcaster,
-    IMUSensorBroadcasterParameters,
-)
-from arm_drake.controllers.joint_state_broadcaster import (
-    JointStateBroadcaster,
-    JointStateBroadcasterParameters,
-)
-from arm_drake.controllers.joint_trajectory_controller import JointTrajectoryController
-from arm_drake.controllers.joint_trajectory_parameters import (
-    JointTrajectoryControllerParameters,
-    ScaledJointTrajectoryControllerParameters,
-)
-from arm_drake.controllers.magnetometer_broadcaster import (
-    MagnetometerBroadcaster,
-    MagnetometerBroadcasterParameters,
-)
-from arm_drake.controllers.mecanum_drive_controller import MecanumDriveController
-from arm_drake.controllers.mecanum_drive_parameters import (
-    MecanumDriveControllerParameters,
-)
-from arm_drake.controllers.omni_wheel_drive_controller import OmniWheelDriveController
-from arm_drake.controllers.omni_wheel_drive_parameters import (
-    OmniWheelDriveControllerParameters,
-)
-from arm_drake.controllers.parallel_gripper_action_controller import (
-    ParallelGripperActionController,
-    ParallelGripperActionControllerParameters,
-)
-from arm_drake.controllers.passthrough_controller import (
-    PassthroughController,
-    PassthroughControllerParameters,
-)
-from arm_drake.controllers.pid_controller import PidController
-from arm_drake.controllers.pid_parameters import PidControllerParameters
-from arm_drake.controllers.pose_broadcaster import (
-    PoseBroadcaster,
-    PoseBroadcasterParameters,
-)
-from arm_drake.controllers.range_sensor_broadcaster import (
-    RangeSensorBroadcaster,
-    RangeSensorBroadcasterParameters,
-)
-from arm_drake.controllers.state_interfaces_broadcaster import (
-    StateInterfacesBroadcaster,
-    StateInterfacesBroadcasterParameters,
-)
-from arm_drake.controllers.steering_controllers import SteeringController
-from arm_drake.controllers.steering_parameters import (
-    AckermannSteeringControllerParameters,
-    BicycleSteeringControllerParameters,
-    TricycleSteeringControllerParameters,
-)
-from arm_drake.controllers.tricycle_controller import TricycleController
-from arm_drake.controllers.tricycle_parameters import TricycleControllerParameters
-from arm_drake.controllers.vda5050_safety_state_broadcaster import (
-    Vda5050SafetyStateBroadcaster,
-    Vda5050SafetyStateBroadcasterParameters,
-)
+from arm_drake.controllers.lazy_types import LazyType
 
 _JSB = "joint_state_broadcaster/JointStateBroadcaster"
 _JTC = "joint_trajectory_controller/JointTrajectoryController"
 
 # Ours; those without a system have their parameters checked alone.
-STANDARD_TYPES: dict[str, ControllerType] = {
-    _JSB: ControllerType(JointStateBroadcasterParameters, JointStateBroadcaster),
-    _JTC: ControllerType(
-        JointTrajectoryControllerParameters, JointTrajectoryController
+STANDARD_TYPES: dict[str, LazyType] = {
+    _JSB: LazyType(
+        "JointStateBroadcasterParameters",
+        "joint_state_broadcaster",
+        "JointStateBroadcaster",
     ),
-    "forward_command_controller/ForwardCommandController": ControllerType(
-        ForwardCommandControllerParameters, ForwardCommandController
+    _JTC: LazyType(
+        "JointTrajectoryControllerParameters",
+        "joint_trajectory_parameters",
+        "JointTrajectoryController",
+        "joint_trajectory_controller",
     ),
-    "forward_command_controller/MultiInterfaceForwardCommandController": ControllerType(
-        MultiInterfaceForwardCommandControllerParameters,
-        MultiInterfaceForwardCommandController,
+    "forward_command_controller/ForwardCommandController": LazyType(
+        "ForwardCommandControllerParameters",
+        "forward_command_controller",
+        "ForwardCommandController",
     ),
-    "position_controllers/JointGroupPositionController": ControllerType(
-        JointGroupControllerParameters,
-        functools.partial(JointGroupController, interface="position"),
+    "forward_command_controller/MultiInterfaceForwardCommandController": LazyType(
+        "MultiInterfaceForwardCommandControllerParameters",
+        "forward_command_controller",
+        "MultiInterfaceForwardCommandController",
     ),
-    "velocity_controllers/JointGroupVelocityController": ControllerType(
-        JointGroupControllerParameters,
-        functools.partial(JointGroupController, interface="velocity"),
+    "position_controllers/JointGroupPositionController": LazyType(
+        "JointGroupControllerParameters",
+        "forward_command_controller",
+        "JointGroupController",
+        interface="position",
     ),
-    "effort_controllers/JointGroupEffortController": ControllerType(
-        JointGroupControllerParameters,
-        functools.partial(JointGroupController, interface="effort"),
+    "velocity_controllers/JointGroupVelocityController": LazyType(
+        "JointGroupControllerParameters",
+        "forward_command_controller",
+        "JointGroupController",
+        interface="velocity",
     ),
-    "position_controllers/GripperActionController": ControllerType(
-        GripperActionControllerParameters, GripperActionController
+    "effort_controllers/JointGroupEffortController": LazyType(
+        "JointGroupControllerParameters",
+        "forward_command_controller",
+        "JointGroupController",
+        interface="effort",
     ),
-    "effort_controllers/GripperActionController": ControllerType(
-        EffortGripperActionControllerParameters,
-        functools.partial(GripperActionController, interface="effort"),
+    "position_controllers/GripperActionController": LazyType(
+        "GripperActionControllerParameters",
+        "gripper_controllers",
+        "GripperActionController",
     ),
-    "parallel_gripper_action_controller/GripperActionController": ControllerType(
-        ParallelGripperActionControllerParameters, ParallelGripperActionController
+    "effort_controllers/GripperActionController": LazyType(
+        "EffortGripperActionControllerParameters",
+        "gripper_controllers",
+        "GripperActionController",
+        interface="effort",
     ),
-    "pid_controller/PidController": ControllerType(
-        PidControllerParameters, PidController
+    "parallel_gripper_action_controller/GripperActionController": LazyType(
+        "ParallelGripperActionControllerParameters",
+        "parallel_gripper_action_controller",
+        "ParallelGripperActionController",
     ),
-    "diff_drive_controller/DiffDriveController": ControllerType(
-        DiffDriveControllerParameters, DiffDriveController
+    "pid_controller/PidController": LazyType(
+        "PidControllerParameters", "pid_parameters", "PidController", "pid_controller"
     ),
-    "bicycle_steering_controller/BicycleSteeringController": ControllerType(
-        BicycleSteeringControllerParameters, SteeringController
+    "diff_drive_controller/DiffDriveController": LazyType(
+        "DiffDriveControllerParameters",
+        "diff_drive_parameters",
+        "DiffDriveController",
+        "diff_drive_controller",
     ),
-    "tricycle_steering_controller/TricycleSteeringController": ControllerType(
-        TricycleSteeringControllerParameters, SteeringController
+    "bicycle_steering_controller/BicycleSteeringController": LazyType(
+        "BicycleSteeringControllerParameters",
+        "steering_parameters",
+        "SteeringController",
+        "steering_controllers",
     ),
-    "ackermann_steering_controller/AckermannSteeringController": ControllerType(
-        AckermannSteeringControllerParameters, SteeringController
+    "tricycle_steering_controller/TricycleSteeringController": LazyType(
+        "TricycleSteeringControllerParameters",
+        "steering_parameters",
+        "SteeringController",
+        "steering_controllers",
     ),
-    "tricycle_controller/TricycleController": ControllerType(
-        TricycleControllerParameters, TricycleController
+    "ackermann_steering_controller/AckermannSteeringController": LazyType(
+        "AckermannSteeringControllerParameters",
+        "steering_parameters",
+        "SteeringController",
+        "steering_controllers",
     ),
-    "mecanum_drive_controller/MecanumDriveController": ControllerType(
-        MecanumDriveControllerParameters, MecanumDriveController
+    "tricycle_controller/TricycleController": LazyType(
+        "TricycleControllerParameters",
+        "tricycle_parameters",
+        "TricycleController",
+        "tricycle_controller",
     ),
-    "omni_wheel_drive_controller/OmniWheelDriveController": ControllerType(
-        OmniWheelDriveControllerParameters, OmniWheelDriveController
+    "mecanum_drive_controller/MecanumDriveController": LazyType(
+        "MecanumDriveControllerParameters",
+        "mecanum_drive_parameters",
+        "MecanumDriveController",
+        "mecanum_drive_controller",
     ),
-    "admittance_controller/AdmittanceController": ControllerType(
-        AdmittanceControllerParameters, AdmittanceController
+    "omni_wheel_drive_controller/OmniWheelDriveController": LazyType(
+        "OmniWheelDriveControllerParameters",
+        "omni_wheel_drive_parameters",
+        "OmniWheelDriveController",
+        "omni_wheel_drive_controller",
     ),
-    "gpio_controllers/GpioCommandController": ControllerType(
-        GpioCommandControllerParameters, GpioCommandController
+    "admittance_controller/AdmittanceController": LazyType(
+        "AdmittanceControllerParameters",
+        "admittance_parameters",
+        "AdmittanceController",
+        "admittance_controller",
     ),
-    "chained_filter_controller/ChainedFilter": ControllerType(
-        ChainedFilterParameters, ChainedFilter
+    "gpio_controllers/GpioCommandController": LazyType(
+        "GpioCommandControllerParameters", "gpio_controllers", "GpioCommandController"
     ),
-    "imu_sensor_broadcaster/IMUSensorBroadcaster": ControllerType(
-        IMUSensorBroadcasterParameters, IMUSensorBroadcaster
+    "chained_filter_controller/ChainedFilter": LazyType(
+        "ChainedFilterParameters", "chained_filter_controller", "ChainedFilter"
     ),
-    "force_torque_sensor_broadcaster/ForceTorqueSensorBroadcaster": ControllerType(
-        ForceTorqueSensorBroadcasterParameters, ForceTorqueSensorBroadcaster
+    "imu_sensor_broadcaster/IMUSensorBroadcaster": LazyType(
+        "IMUSensorBroadcasterParameters",
+        "imu_sensor_broadcaster",
+        "IMUSensorBroadcaster",
     ),
-    "range_sensor_broadcaster/RangeSensorBroadcaster": ControllerType(
-        RangeSensorBroadcasterParameters, RangeSensorBroadcaster
+    "force_torque_sensor_broadcaster/ForceTorqueSensorBroadcaster": LazyType(
+        "ForceTorqueSensorBroadcasterParameters",
+        "force_torque_sensor_broadcaster",
+        "ForceTorqueSensorBroadcaster",
     ),
-    "pose_broadcaster/PoseBroadcaster": ControllerType(
-        PoseBroadcasterParameters, PoseBroadcaster
+    "range_sensor_broadcaster/RangeSensorBroadcaster": LazyType(
+        "RangeSensorBroadcasterParameters",
+        "range_sensor_broadcaster",
+        "RangeSensorBroadcaster",
     ),
-    "gps_sensor_broadcaster/GPSSensorBroadcaster": ControllerType(
-        GPSSensorBroadcasterParameters, GPSSensorBroadcaster
+    "pose_broadcaster/PoseBroadcaster": LazyType(
+        "PoseBroadcasterParameters", "pose_broadcaster", "PoseBroadcaster"
     ),
-    "magnetometer_broadcaster/MagnetometerBroadcaster": ControllerType(
-        MagnetometerBroadcasterParameters, MagnetometerBroadcaster
+    "gps_sensor_broadcaster/GPSSensorBroadcaster": LazyType(
+        "GPSSensorBroadcasterParameters",
+        "gps_sensor_broadcaster",
+        "GPSSensorBroadcaster",
     ),
-    "battery_state_broadcaster/BatteryStateBroadcaster": ControllerType(
-        BatteryStateBroadcasterParameters, BatteryStateBroadcaster
+    "magnetometer_broadcaster/MagnetometerBroadcaster": LazyType(
+        "MagnetometerBroadcasterParameters",
+        "magnetometer_broadcaster",
+        "MagnetometerBroadcaster",
     ),
-    "state_interfaces_broadcaster/StateInterfacesBroadcaster": ControllerType(
-        StateInterfacesBroadcasterParameters, StateInterfacesBroadcaster
+    "battery_state_broadcaster/BatteryStateBroadcaster": LazyType(
+        "BatteryStateBroadcasterParameters",
+        "battery_state_broadcaster",
+        "BatteryStateBroadcaster",
     ),
-    "vda5050_safety_state_broadcaster/Vda5050SafetyStateBroadcaster": ControllerType(
-        Vda5050SafetyStateBroadcasterParameters, Vda5050SafetyStateBroadcaster
+    "state_interfaces_broadcaster/StateInterfacesBroadcaster": LazyType(
+        "StateInterfacesBroadcasterParameters",
+        "state_interfaces_broadcaster",
+        "StateInterfacesBroadcaster",
+    ),
+    "vda5050_safety_state_broadcaster/Vda5050SafetyStateBroadcaster": LazyType(
+        "Vda5050SafetyStateBroadcasterParameters",
+        "vda5050_safety_state_broadcaster",
+        "Vda5050SafetyStateBroadcaster",
     ),
     # By other packages, and by older names.
-    "passthrough_controller/PassthroughController": ControllerType(
-        PassthroughControllerParameters, PassthroughController
+    "passthrough_controller/PassthroughController": LazyType(
+        "PassthroughControllerParameters",
+        "passthrough_controller",
+        "PassthroughController",
     ),
-    "ur_controllers/ScaledJointTrajectoryController": ControllerType(
-        ScaledJointTrajectoryControllerParameters, JointTrajectoryController, _JTC
+    "ur_controllers/ScaledJointTrajectoryController": LazyType(
+        "ScaledJointTrajectoryControllerParameters",
+        "joint_trajectory_parameters",
+        "JointTrajectoryController",
+        "joint_trajectory_controller",
+        runs_as=_JTC,
     ),
-    "joint_state_controller/JointStateController": ControllerType(
-        JointStateBroadcasterParameters, JointStateBroadcaster, _JSB
+    "joint_state_controller/JointStateController": LazyType(
+        "JointStateBroadcasterParameters",
+        "joint_state_broadcaster",
+        "JointStateBroadcaster",
+        runs_as=_JSB,
     ),
 }

@@ -7,13 +7,8 @@ are run as it, and the report says so.
 """
 
 import dataclasses as dc
-from typing import NamedTuple
-
-from arm_drake.controllers.joint_trajectory_parameters import (
-    CommandInterface,
-    JointTrajectoryControllerParameters,
-    StateInterface,
-)
+import functools
+from typing import Literal, NamedTuple
 
 
 class Equivalent(NamedTuple):
@@ -21,20 +16,37 @@ class Equivalent(NamedTuple):
 
     runs_as: str
 
-    # Dataclass of its parameters, if not that type's.
-    parameters: type | None = None
+    # What a trajectory controller commands by default, as those of ROS 1 say by their
+    # names; empty if that type's parameters are this one's.
+    commands: Literal["", "position", "velocity", "effort"] = ""
 
 
-def _commanding(*names: CommandInterface) -> type:
-    """Return a trajectory controller's parameters whose interfaces have defaults.
+@functools.cache
+def parameters_of(equivalent: Equivalent) -> type | None:
+    """Return the dataclass of a type's parameters, None if that of what it runs as.
 
-    The types of ROS 1 say by their names what they command, and always read the same.
+    Args:
+        equivalent: A row of `EQUIVALENTS`.
     """
+    if not equivalent.commands:
+        return None
+    # Not at the top: few robots have one.
+    from arm_drake.controllers.joint_trajectory_parameters import (
+        CommandInterface,
+        JointTrajectoryControllerParameters,
+        StateInterface,
+    )
+
+    # They always read the same.
     states: tuple[StateInterface, ...] = ("position", "velocity")
     return dc.make_dataclass(
         "JointTrajectoryControllerParametersOfRos1",
         [
-            ("command_interfaces", tuple[CommandInterface, ...], names),
+            (
+                "command_interfaces",
+                tuple[CommandInterface, ...],
+                (equivalent.commands,),
+            ),
             ("state_interfaces", tuple[StateInterface, ...], states),
         ],
         bases=(JointTrajectoryControllerParameters,),
@@ -49,23 +61,17 @@ _PARALLEL_GRIPPER = "parallel_gripper_action_controller/GripperActionController"
 EQUIVALENTS = {
     # ROS 1: same parameters, action and splines; the topic is called `command` there.
     # ros-controls/ros_controllers: joint_trajectory_controller/ros_control_plugins.xml.
-    "effort_controllers/JointTrajectoryController": Equivalent(
-        _JTC, _commanding("effort")
-    ),
-    "position_controllers/JointTrajectoryController": Equivalent(
-        _JTC, _commanding("position")
-    ),
-    "velocity_controllers/JointTrajectoryController": Equivalent(
-        _JTC, _commanding("velocity")
-    ),
+    "effort_controllers/JointTrajectoryController": Equivalent(_JTC, "effort"),
+    "position_controllers/JointTrajectoryController": Equivalent(_JTC, "position"),
+    "velocity_controllers/JointTrajectoryController": Equivalent(_JTC, "velocity"),
     # ROS 1: these, slowed down as the robot says, which here is never.
     # UniversalRobots/Universal_Robots_ROS_scaled_controllers:
     # scaled_joint_trajectory_controller/src/scaled_joint_trajectory_controller.cpp.
     "position_controllers/ScaledJointTrajectoryController": Equivalent(
-        _JTC, _commanding("position")
+        _JTC, "position"
     ),
     "velocity_controllers/ScaledJointTrajectoryController": Equivalent(
-        _JTC, _commanding("velocity")
+        _JTC, "velocity"
     ),
     # That of ur_controllers, parameter by parameter.
     # Elite-Robots/Elite_Robots_CS_ROS2_Driver: eli_cs_controllers.

@@ -9,6 +9,7 @@ import ast
 import builtins
 import contextlib
 import errno
+import functools
 import os
 import re
 import string
@@ -153,6 +154,8 @@ def replaced(names: dict[str, Any], **values: Any) -> Iterator[None]:
         names.update(saved)
 
 
+# A macro's expressions are the same at every call.
+@functools.lru_cache(maxsize=1000)
 def _compile(expression: str) -> types.CodeType:
     tree = ast.parse(expression.strip(), "<expression>", "eval")
     names = dict.fromkeys(name for node in ast.walk(tree) for name in _names(node))

@@ -1,27 +1,24 @@
 """Controllers that write command interfaces or can fail, and the joints they move."""
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.systems.framework import Context, InputPort
 
 from arm_drake.control.command_limits import Previous
 from arm_drake.control.drive_mode import Mask
 from arm_drake.controllers.controller_interface import ControllerInterface
-from arm_drake.controllers.cycles import Array, Cycle, Tick
+from arm_drake.controllers.cycles import Array, Cycle
 from arm_drake.controllers.ticking_controller import TickingController
+from arm_drake.manager.ticks import Ticks
 
 
 class _Claimant(NamedTuple):
     """A controller that writes command interfaces, or whose update can fail."""
 
     name: str
-
-    # Where its ticks come in.
-    port: InputPort
 
     # Where its commands stand among the values, shape (k,), and which joints of the
     # drive they are for, shape (n,).
@@ -40,7 +37,6 @@ class Claimants:
         systems: Mapping[str, ControllerInterface],
         order: Sequence[str],
         joints: Sequence[str],
-        declare: Callable[[str], InputPort],
     ) -> None:
         """Create it.
 
@@ -48,7 +44,6 @@ class Claimants:
             systems: The controllers, by name.
             order: Names of the command values.
             joints: Joints of the drive, n of them.
-            declare: Declares the port of a controller's ticks.
         """
         self._joints = tuple(joints)
         at = {name: index for index, name in enumerate(order)}
@@ -61,26 +56,21 @@ class Claimants:
                 indices = [at.get(claim, 0) for claim in claims]
                 claimant = _Claimant(
                     name,
-                    declare(name),
                     np.array(indices, dtype=np.intp),
                     self._mask(claimed),
                     frozenset(claimed),
                 )
                 self._claimants.append(claimant)
 
-    def port(self, name: str) -> InputPort | None:
-        """Return where the ticks of a controller come in, if the manager sees them."""
-        return next((c.port for c in self._claimants if c.name == name), None)
-
     def write(
-        self, context: Context, cycle: Cycle, last: Cycle, values: Array
+        self, ticks: Ticks, cycle: Cycle, last: Cycle, values: Array
     ) -> dict[str, str]:
         """Write what controllers command in a cycle; return those that failed.
 
         A controller that doesn't tick leaves what it wrote, which may be limited since.
 
         Args:
-            context: Context of the manager.
+            ticks: What the controllers' ticks leave behind.
             cycle: The cycle.
             last: The one before; what a controller commands when it ends counts too.
             values: Command values, shape (k,), changed in place.
@@ -92,15 +82,15 @@ class Claimants:
         claimants: Iterable[_Claimant] = self._claimants
         if cycle.commands is not None:  # Those that end are first.
             claimants = sorted(claimants, key=lambda c: c.name in cycle.active)
-        for name, port, at, _, _ in claimants:
+        for name, at, _, _ in claimants:
             if name not in cycle.active and name not in last.active:
                 continue
             if cycle.periods and cycle.periods.get(name) == 0:
                 continue
-            tick: Tick[Any] = port.Eval(context)
+            tick = ticks[name]
             command = tick.command
-            # Quicker than in numpy, and without its warnings.
-            if all(map(math.isfinite, command.tolist())):
+            # A sum is finite only if all its terms are; quicker than in numpy.
+            if math.isfinite(sum(command.tolist())):
                 values[at] = command
             else:
                 written = np.isfinite(command)

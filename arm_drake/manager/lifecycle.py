@@ -6,12 +6,13 @@ controllers take over.
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping
-from typing import NamedTuple
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 from arm_drake.control.drive_commands import DriveCommands
 from arm_drake.control.drive_mode import DriveMode
 from arm_drake.control.update_schedule import due_period
-from arm_drake.controllers.cycles import Array, Cycle
+from arm_drake.controllers.cycles import Array, Cycle, Tick
 from arm_drake.manager.state import ControllerFailure, Event, ManagerState
 from arm_drake.messages import NANOSECONDS, SwitchController, SwitchControllerResult
 from arm_drake.switching import (
@@ -24,6 +25,9 @@ from arm_drake.switching import (
 
 # Why hardware can't start and stop these command interfaces; "" if it can.
 Refusal = Callable[[Collection[str], Collection[str]], str]
+
+
+_NO_PERIODS: Mapping[str, int] = MappingProxyType({})
 
 
 class Activation(NamedTuple):
@@ -74,7 +78,11 @@ class Lifecycle:
         self._slow = {name for name, rate in rates.items() if rate < update_rate}
 
     def start(
-        self, started: Iterable[str], values: Array, drive: Array
+        self,
+        started: Iterable[str],
+        values: Array,
+        drive: Array,
+        ticks: Mapping[str, Tick[Any]] = MappingProxyType({}),
     ) -> ManagerState:
         """Return the state before the first cycle, in which controllers start.
 
@@ -82,6 +90,7 @@ class Lifecycle:
             started: Names of the controllers.
             values: Values of the command interfaces, shape (k,).
             drive: What the drive is told.
+            ticks: What there is of the controllers' ticks.
         """
         active = {name: number for number, name in enumerate(started)}
         return ManagerState(
@@ -93,6 +102,7 @@ class Lifecycle:
             values=values,
             drive=drive,
             last_ns={},
+            ticks=ticks,
         )
 
     def judge(self, active: Collection[str], request: SwitchController) -> SwitchPlan:
@@ -137,7 +147,7 @@ class Lifecycle:
 
     def periods(
         self, held: ManagerState, active: Mapping[str, int], time_ns: int
-    ) -> dict[str, int]:
+    ) -> Mapping[str, int]:
         """Return the time since the last tick of controllers with their own rate [ns].
 
         It is 0 for those that don't tick.
@@ -147,6 +157,8 @@ class Lifecycle:
             active: Which controllers are active in this one.
             time_ns: Its time [ns].
         """
+        if not self._slow:
+            return _NO_PERIODS
         periods = {}
         for name in self._slow & active.keys():
             is_new = active[name] != held.cycle.active.get(name)

@@ -5,7 +5,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from pydrake.systems.framework import Context
 
 from arm_drake import interfaces
 from arm_drake.control.command_limits import CommandLimits
@@ -15,6 +14,7 @@ from arm_drake.controllers.cycles import Array, Cycle
 from arm_drake.manager.claims import Claimants
 from arm_drake.manager.lifecycle import Lifecycle
 from arm_drake.manager.state import CommandLimited, ManagerState
+from arm_drake.manager.ticks import News, Ticks
 from arm_drake.messages import NANOSECONDS, SwitchController
 from arm_drake.messages.news import add_news
 from arm_drake.surroundings import Surroundings
@@ -25,8 +25,8 @@ class Readings(NamedTuple):
 
     held: ManagerState
 
-    # What lies on the port for requests, old and new.
-    requests: tuple[SwitchController, ...]
+    # What lies on the ports, old and new.
+    news: News
 
     # Returns positions, velocities and efforts of all joints, shape (3 J,).
     measure: Callable[[], Array]
@@ -35,14 +35,15 @@ class Readings(NamedTuple):
     def new_requests(self) -> tuple[SwitchController, ...]:
         """The requests that weren't there in the last cycle."""
         old = self.held.requests
-        return tuple(r for r in self.requests if not any(r is other for other in old))
+        new = self.news.requests
+        return tuple(r for r in new if not any(r is other for other in old))
 
     @property
     def is_switching(self) -> bool:
         """Whether controllers may start or end."""
         held = self.held
         return held.active is not held.cycle.active or (
-            self.requests is not held.requests and bool(self.new_requests)
+            self.news.requests is not held.requests and bool(self.new_requests)
         )
 
 
@@ -94,15 +95,26 @@ class Loop:
             active, chain = plan.active, plan.chained
             values, _ = self._seed(readings, plan.mode)
         periods = self._lifecycle.periods(held, active, time_ns)
-        return Cycle(number, time_ns, period_ns, active, chain, periods, values)
+        return Cycle(
+            number,
+            time_ns,
+            period_ns,
+            active,
+            chain,
+            periods,
+            values,
+            held.ticks,
+            readings.news,
+        )
 
     def finish(
-        self, context: Context, readings: Readings, cycle: Cycle
+        self, ticks: Ticks, asleep: frozenset[str], readings: Readings, cycle: Cycle
     ) -> ManagerState:
         """Return what a cycle leads to, once controllers have ticked.
 
         Args:
-            context: Context of the manager, where their ticks are read.
+            ticks: What their ticks leave behind.
+            asleep: Controllers that have nothing to do until something comes.
             readings: What is held and read.
             cycle: What the controllers were told.
         """
@@ -120,7 +132,7 @@ class Loop:
             _, drive = self._seed(readings, mode)
             values = cycle.commands.copy()
             fresh = self._claimants.fresh(cycle, held.cycle)
-        failed = self._claimants.write(context, cycle, held.cycle, values)
+        failed = self._claimants.write(ticks, cycle, held.cycle, values)
         previous, all_limited = held.previous, held.limited
         if self._limits is not None:
             if fresh is not None:
@@ -158,7 +170,9 @@ class Loop:
             values,
             drive,
             last_ns,
-            readings.requests,
+            ticks,
+            asleep,
+            readings.news.requests,
             events,
             previous,
             all_limited,

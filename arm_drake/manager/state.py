@@ -3,11 +3,11 @@
 import dataclasses as dc
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 from arm_drake.control.command_limits import Previous
 from arm_drake.control.drive_mode import DriveMode
-from arm_drake.controllers.cycles import Array, Cycle
+from arm_drake.controllers.cycles import Array, Cycle, Tick
 from arm_drake.messages import SwitchController, SwitchControllerResult
 
 
@@ -59,6 +59,13 @@ class ManagerState(NamedTuple):
 
     # Time of the last tick of controllers with a rate of their own [ns].
     last_ns: Mapping[str, int]
+
+    # The last ticks of the controllers.
+    ticks: Mapping[str, Tick[Any]] = MappingProxyType({})
+
+    # Controllers that have nothing to do until something else lies on the ports than
+    # in the last cycle.
+    asleep: frozenset[str] = frozenset()
 
     # The requests seen last.
     requests: tuple[SwitchController, ...] = ()

@@ -1,13 +1,14 @@
 """The controller manager: the read-update-write loop, as a system of the diagram."""
 
 from collections.abc import Callable, Iterable
+from functools import partial
+from typing import cast
 
 import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import (
     Context,
     DiagramBuilder,
-    LeafSystem,
     State,
 )
 
@@ -20,10 +21,10 @@ from arm_drake.controllers.ticking_controller import TickingController
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.loaded_controllers import (
-    ControllerState,
     LoadedController,
     command_order,
     controller_infos,
+    list_states,
 )
 from arm_drake.manager.claims import Claimants
 from arm_drake.manager.lifecycle import Lifecycle
@@ -34,9 +35,11 @@ from arm_drake.manager.loop import (
     initial_values,
 )
 from arm_drake.manager.state import ManagerState
-from arm_drake.messages import NANOSECONDS, SwitchController
+from arm_drake.manager.ticks import News, TickKeeper
+from arm_drake.messages import SwitchController
+from arm_drake.python_system import PythonSystem
 from arm_drake.surroundings import Surroundings
-from arm_drake.timing import cycle_at, has_rate
+from arm_drake.timing import cycle_at, cycle_times
 
 # Name of the manager, and of its port on which a switch is requested.
 MANAGER = "controller_manager"
@@ -46,7 +49,7 @@ SWITCH_PORT = "switch_controller"
 STORED_PORT = "stored_state_interfaces"
 
 
-class ControllerManager(LeafSystem):
+class ControllerManager(PythonSystem):
     """Tells controllers when to run, and hands their commands to the hardware.
 
     .. pydrake_system::
@@ -55,6 +58,7 @@ class ControllerManager(LeafSystem):
         input_ports:
         - switch_controller
         - state_interfaces
+        - joint_motions
         output_ports:
         - cycle
         - controllers
@@ -63,12 +67,15 @@ class ControllerManager(LeafSystem):
         - command_values
         - drive
         - active
+        - ticks
+        - news
 
     =================  ====  =======  ==================================================
     port               size  unit     meaning
     =================  ====  =======  ==================================================
     switch_controller  --    --       SwitchController: what to activate, deactivate
     state_interfaces   3J    rad, ..  positions, velocities, efforts of the J joints
+    joint_motions      2J    rad, ..  the same without the efforts
     cycle              --    --       Cycle: what controllers are told
     controllers        --    --       tuple of ControllerState, in the order of the YAML
     events             --    --       tuple of the latest (number, event), the newest
@@ -79,14 +86,17 @@ class ControllerManager(LeafSystem):
     drive              7n    rad, ..  what the servo of n joints is told, see
                                       DriveCommands
     active             c     --       1 for each controller that is active, else 0
+    ticks              --    --       ManagerState: the last ticks of the controllers
+    news               --    --       News: what lies on all ports of messages
     =================  ====  =======  ==================================================
 
-    Further input ports, `command_interfaces:<controller>`, are what they command.
+    Further input ports, `command_interfaces:<controller>`, are what their ticks leave
+    behind, and `inbox:<controller>` what lies on their topics.
 
-    At every cycle a controller's commands are taken from its tick, so that they act on
-    the very step of the plant that starts with the cycle. A controller whose update
-    fails is deactivated, its chain with it, and its fallback controllers start in the
-    next cycle.
+    One update stores what all controllers leave behind. Their commands are taken from
+    their ticks, so they act on the very step of the plant that starts with the cycle. A
+    controller whose update fails is deactivated, its chain with it, and its fallback
+    controllers start in the next cycle.
     """
 
     def __init__(
@@ -115,8 +125,7 @@ class ControllerManager(LeafSystem):
             drive: What makes the servo's input of commands.
             surroundings: Interfaces of the robot.
             limits: What commands are held to, if they are.
-            keep: What must live as long as the diagram: Drake's InverseDynamics doesn't
-                keep the plant that it computes with.
+            keep: What must live as long as the diagram, such as the servo's plant.
         """
         super().__init__()
         self.robot = robot
@@ -146,26 +155,24 @@ class ControllerManager(LeafSystem):
         self._switch = self.DeclareAbstractInputPort(
             SWITCH_PORT, AbstractValue.Make(())
         )
-        num_measured = 3 * len(surroundings.joint_types)
-        self._measured = self.DeclareVectorInputPort(
-            interfaces.STATE_PORT, num_measured
-        )
-        claimants = Claimants(
+        J = len(surroundings.joint_types)
+        self._measured = self.DeclareVectorInputPort(interfaces.STATE_PORT, 3 * J)
+        motions = self.DeclareVectorInputPort(interfaces.MOTIONS_PORT, 2 * J)
+        self._keeper = TickKeeper(
             systems,
-            self.commands,
-            drive.joints,
-            lambda name: self.DeclareAbstractInputPort(
-                f"{interfaces.COMMAND_PORT}:{name}", AbstractValue.Make(())
-            ),
+            motions,
+            lambda name: self.DeclareAbstractInputPort(name, AbstractValue.Make(())),
         )
-        self._claimants = claimants
+        claimants = Claimants(systems, self.commands, drive.joints)
         self._loop = Loop(self._lifecycle, claimants, drive, limits, surroundings)
         initial = surroundings.initial_positions
         values = np.array(initial_values(self.commands, drive.joints, initial))
         hold = drive.initial([initial[joint] for joint in drive.joints])
         started = [c.name for c in self.controllers if c.state == "active"]
-        state = self._lifecycle.start(started, values, hold)
-        self._state_index = int(self.DeclareAbstractState(AbstractValue.Make(state)))
+        state = self._lifecycle.start(started, values, hold, self._keeper.start())
+        kept = self.DeclareAbstractState(AbstractValue.Make(state))
+        self._state_index = int(kept)
+        ports = (self._switch, *self._keeper.inboxes)
         self._cycle = self.DeclareAbstractOutputPort(
             "cycle",
             lambda: AbstractValue.Make(()),
@@ -173,7 +180,7 @@ class ControllerManager(LeafSystem):
             prerequisites_of_calc={
                 self.time_ticket(),
                 self.xa_ticket(),
-                self.input_port_ticket(self._switch.get_index()),
+                *(self.input_port_ticket(port.get_index()) for port in ports),
                 self.input_port_ticket(self._measured.get_index()),
             },
         )
@@ -187,15 +194,25 @@ class ControllerManager(LeafSystem):
             self._stored_states = StoredStates(surroundings, self.commands)
             self._stored = self.DeclareDiscreteState(list(surroundings.stored.values()))
             self.DeclareStateOutputPort(STORED_PORT, self._stored)
-        self._declare("controllers", self._rows)
-        self._declare("events", lambda state: state.events)
         self._declare(
-            interfaces.CLAIMED_PORT,
-            lambda state: self._lifecycle.claimed(state.active),
+            "controllers", lambda state: list_states(self.controllers, state.active)
         )
+        self._declare("events", lambda state: state.events)
+        claimed = self._lifecycle.claimed
+        self._declare(interfaces.CLAIMED_PORT, lambda state: claimed(state.active))
         names = (interfaces.VALUES_PORT, "drive", "active")
         for name, index in zip(names, states, strict=True):
             self.DeclareStateOutputPort(name, index)
+        self.DeclareStateOutputPort(interfaces.TICKS_PORT, kept)
+        # Computed anew only when something is put on a port.
+        self._news = self.DeclareAbstractOutputPort(
+            "news",
+            lambda: AbstractValue.Make(()),
+            self._calc_news,
+            prerequisites_of_calc={
+                self.input_port_ticket(port.get_index()) for port in ports
+            },
+        )
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
 
     def find_problems(
@@ -219,32 +236,18 @@ class ControllerManager(LeafSystem):
             builder: Where both are.
             system: The controller, one of those that this manager has.
         """
-        told = system.GetInputPort(interfaces.MANAGER_PORT)
-        builder.Connect(self._cycle, told)
+        builder.Connect(self._cycle, system.GetInputPort(interfaces.MANAGER_PORT))
         if isinstance(system, TickingController):
             values = self.GetOutputPort(interfaces.VALUES_PORT)
             builder.Connect(values, system.add_command_values(self.commands))
-            port = self._claimants.port(system.params.controller_name)
-            if port is not None:
-                builder.Connect(system.GetOutputPort(interfaces.COMMAND_PORT), port)
+            if system.params.is_managed:
+                kept = interfaces.TICKS_PORT
+                builder.Connect(self.GetOutputPort(kept), system.GetInputPort(kept))
+                self._keeper.connect(builder, system)
 
     def _state(self, context: Context) -> ManagerState:
         state: ManagerState = context.get_abstract_state(self._state_index).get_value()
         return state
-
-    def _rows(self, state: ManagerState) -> tuple[ControllerState, ...]:
-        return tuple(
-            ControllerState(
-                c.name,
-                c.type,
-                "unconfigured"
-                if c.system is None
-                else "active"
-                if c.name in state.active
-                else "inactive",
-            )
-            for c in self.controllers
-        )
 
     def _declare(self, name: str, calc: Callable[[ManagerState], object]) -> None:
         self.DeclareAbstractOutputPort(
@@ -254,47 +257,42 @@ class ControllerManager(LeafSystem):
             prerequisites_of_calc={self.xa_ticket()},
         )
 
-    def _read(self, context: Context, held: ManagerState) -> Readings:
-        return Readings(
-            held,
-            messages_on(self._switch, context, SwitchController),
-            lambda: self._measured.Eval(context),
-        )
-
-    def _time_ns(self, number: int) -> int:
-        """Return the time of a cycle [ns]."""
-        if has_rate(self.period, self._update_rate):
-            return number * NANOSECONDS // self._update_rate
-        # Another robot's manager has the say about the steps.
-        return round(number * self.period * NANOSECONDS)
+    def _calc_news(self, context: Context, output: AbstractValue) -> None:
+        requests = messages_on(self._switch, context, SwitchController)
+        output.set_value(self._keeper.read_news(context, requests))
 
     def _calc_cycle(self, context: Context, output: AbstractValue) -> None:
-        held = self._state(context)
+        output.set_value(self._find_cycle(context, self._state(context)))
+
+    def _find_cycle(self, context: Context, held: ManagerState) -> Cycle:
         number = cycle_at(context.get_time(), self.period)
         if number is None or number == held.cycle.number:
-            output.set_value(held.cycle)
-            return
-        time_ns = self._time_ns(number)
-        period_ns = time_ns - self._time_ns(number - 1)
-        readings = self._read(context, held)
-        output.set_value(self._loop.begin(readings, number, time_ns, period_ns))
+            return held.cycle._replace(ticks=held.ticks)
+        times = cycle_times(number, self.period, self._update_rate)
+        news = self._news.Eval(context)
+        readings = Readings(held, news, partial(self._measured.Eval, context))
+        return self._loop.begin(readings, number, *times)
 
     def _update(self, context: Context, state: State) -> None:
         held = self._state(context)
-        cycle: Cycle = self._cycle.Eval(context)
+        if self._keeper.are_direct:
+            cycle = self._find_cycle(context, held)
+        else:  # Others ask for it too, and the port remembers it.
+            cycle = self._cycle.Eval(context)
         if cycle.number == held.cycle.number:
             return
-        readings = self._read(context, held)
-        new = self._loop.finish(context, readings, cycle)
+        news = cast(News, cycle.news)
+        readings = Readings(held, news, partial(self._measured.Eval, context))
+        ticks, asleep = self._keeper.run(context, cycle, held)
+        new = self._loop.finish(ticks, asleep, readings, cycle)
         state.get_mutable_abstract_state(self._state_index).set_value(new)
-        state.get_mutable_discrete_state(self._values).set_value(new.values)
-        state.get_mutable_discrete_state(self._drive_state).set_value(
-            self._drive.told(new.drive)
-        )
+        numbers = state.get_mutable_discrete_state()
+        numbers.set_value(self._values, new.values)
+        numbers.set_value(self._drive_state, self._drive.told(new.drive))
         if cycle.commands is not None:
             flags = [float(c.name in cycle.active) for c in self.controllers]
-            state.get_mutable_discrete_state(self._flags).set_value(flags)
+            numbers.set_value(self._flags, flags)
         if self._stored is not None:
             stored = context.get_discrete_state(self._stored).value()
             stored = self._stored_states.update(stored, new.values)
-            state.get_mutable_discrete_state(self._stored).set_value(stored)
+            numbers.set_value(self._stored, stored)

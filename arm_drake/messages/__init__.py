@@ -8,178 +8,213 @@ copies its abstract values often. What a user sends is checked where it is made 
 raises ValueError; what controllers tell at every tick is taken as it is.
 """
 
-from arm_drake.messages.actions import (
-    ActionRequest,
-    CancelGoal,
-    CancelResponse,
-    Goal,
-    GoalEvent,
-    GoalStatus,
-    Result,
-    SendGoal,
-    TopicRejected,
-)
-from arm_drake.messages.admittance import (
-    AdmittanceControllerState,
-    Int8MultiArray,
-    String,
-)
-from arm_drake.messages.base import (
-    NANOSECONDS,
-    Duration,
-    Header,
-    JointState,
-    Message,
-    Time,
-    TimeLike,
-)
-from arm_drake.messages.controllers import (
-    DynamicJointState,
-    Float64MultiArray,
-    InterfaceValue,
-    MultiDOFCommand,
-    MultiDOFState,
-    MultiDOFStateStamped,
-    ParametersRejected,
-    Strictness,
-    SwitchController,
-    SwitchControllerResult,
-)
-from arm_drake.messages.dynamic_interfaces import DynamicInterfaceGroupValues
-from arm_drake.messages.geometry import (
-    Odometry,
-    Point,
-    Pose,
-    PoseStamped,
-    PoseWithCovariance,
-    Quaternion,
-    SetOdometry,
-    TFMessage,
-    Transform,
-    TransformStamped,
-    Twist,
-    TwistStamped,
-    TwistWithCovariance,
-    Vector3,
-    Wrench,
-    WrenchStamped,
-)
-from arm_drake.messages.grippers import (
-    Bool,
-    Float32,
-    Float64,
-    GripperCommand,
-    GripperCommandGoal,
-    GripperCommandResult,
-    ParallelGripperCommandGoal,
-    ParallelGripperCommandResult,
-)
-from arm_drake.messages.mecanum import MecanumDriveControllerState
-from arm_drake.messages.sensors import (
-    BatteryState,
-    BatteryStateArray,
-    Float64Values,
-    Imu,
-    Keys,
-    MagneticField,
-    NavSatFix,
-    NavSatStatus,
-    Range,
-)
-from arm_drake.messages.steering import (
-    AckermannDrive,
-    ResetOdometry,
-    SteeringControllerStatus,
-)
-from arm_drake.messages.trajectories import (
-    FollowJointTrajectoryErrorCode,
-    FollowJointTrajectoryFeedback,
-    FollowJointTrajectoryGoal,
-    FollowJointTrajectoryResult,
-    JointTolerance,
-    JointTrajectory,
-    JointTrajectoryControllerState,
-    JointTrajectoryPoint,
-    QueryTrajectoryState,
-    SpeedScalingFactor,
-)
+import importlib
+from typing import TYPE_CHECKING, Any
 
-__all__ = [
-    "NANOSECONDS",
-    "AckermannDrive",
-    "ActionRequest",
-    "AdmittanceControllerState",
-    "BatteryState",
-    "BatteryStateArray",
-    "Bool",
-    "CancelGoal",
-    "CancelResponse",
-    "Duration",
-    "DynamicInterfaceGroupValues",
-    "DynamicJointState",
-    "Float32",
-    "Float64",
-    "Float64MultiArray",
-    "Float64Values",
-    "FollowJointTrajectoryErrorCode",
-    "FollowJointTrajectoryFeedback",
-    "FollowJointTrajectoryGoal",
-    "FollowJointTrajectoryResult",
-    "Goal",
-    "GoalEvent",
-    "GoalStatus",
-    "GripperCommand",
-    "GripperCommandGoal",
-    "GripperCommandResult",
-    "Header",
-    "Imu",
-    "Int8MultiArray",
-    "InterfaceValue",
-    "JointState",
-    "JointTolerance",
-    "JointTrajectory",
-    "JointTrajectoryControllerState",
-    "JointTrajectoryPoint",
-    "Keys",
-    "MagneticField",
-    "MecanumDriveControllerState",
-    "Message",
-    "MultiDOFCommand",
-    "MultiDOFState",
-    "MultiDOFStateStamped",
-    "NavSatFix",
-    "NavSatStatus",
-    "Odometry",
-    "ParallelGripperCommandGoal",
-    "ParallelGripperCommandResult",
-    "ParametersRejected",
-    "Point",
-    "Pose",
-    "PoseStamped",
-    "PoseWithCovariance",
-    "Quaternion",
-    "QueryTrajectoryState",
-    "Range",
-    "ResetOdometry",
-    "Result",
-    "SendGoal",
-    "SetOdometry",
-    "SpeedScalingFactor",
-    "SteeringControllerStatus",
-    "Strictness",
-    "String",
-    "SwitchController",
-    "SwitchControllerResult",
-    "TFMessage",
-    "Time",
-    "TimeLike",
-    "TopicRejected",
-    "Transform",
-    "TransformStamped",
-    "Twist",
-    "TwistStamped",
-    "TwistWithCovariance",
-    "Vector3",
-    "Wrench",
-    "WrenchStamped",
-]
+if TYPE_CHECKING:
+    from arm_drake.messages.actions import ActionRequest as ActionRequest
+    from arm_drake.messages.actions import CancelGoal as CancelGoal
+    from arm_drake.messages.actions import CancelResponse as CancelResponse
+    from arm_drake.messages.actions import Goal as Goal
+    from arm_drake.messages.actions import GoalEvent as GoalEvent
+    from arm_drake.messages.actions import GoalStatus as GoalStatus
+    from arm_drake.messages.actions import Result as Result
+    from arm_drake.messages.actions import SendGoal as SendGoal
+    from arm_drake.messages.actions import TopicRejected as TopicRejected
+    from arm_drake.messages.admittance import (
+        AdmittanceControllerState as AdmittanceControllerState,
+    )
+    from arm_drake.messages.admittance import Int8MultiArray as Int8MultiArray
+    from arm_drake.messages.admittance import String as String
+    from arm_drake.messages.base import NANOSECONDS as NANOSECONDS
+    from arm_drake.messages.base import Duration as Duration
+    from arm_drake.messages.base import Header as Header
+    from arm_drake.messages.base import JointState as JointState
+    from arm_drake.messages.base import Message as Message
+    from arm_drake.messages.base import Time as Time
+    from arm_drake.messages.base import TimeLike as TimeLike
+    from arm_drake.messages.controllers import DynamicJointState as DynamicJointState
+    from arm_drake.messages.controllers import Float64MultiArray as Float64MultiArray
+    from arm_drake.messages.controllers import InterfaceValue as InterfaceValue
+    from arm_drake.messages.controllers import MultiDOFCommand as MultiDOFCommand
+    from arm_drake.messages.controllers import MultiDOFState as MultiDOFState
+    from arm_drake.messages.controllers import (
+        MultiDOFStateStamped as MultiDOFStateStamped,
+    )
+    from arm_drake.messages.controllers import ParametersRejected as ParametersRejected
+    from arm_drake.messages.controllers import Strictness as Strictness
+    from arm_drake.messages.controllers import SwitchController as SwitchController
+    from arm_drake.messages.controllers import (
+        SwitchControllerResult as SwitchControllerResult,
+    )
+    from arm_drake.messages.dynamic_interfaces import (
+        DynamicInterfaceGroupValues as DynamicInterfaceGroupValues,
+    )
+    from arm_drake.messages.geometry import Odometry as Odometry
+    from arm_drake.messages.geometry import Point as Point
+    from arm_drake.messages.geometry import Pose as Pose
+    from arm_drake.messages.geometry import PoseStamped as PoseStamped
+    from arm_drake.messages.geometry import PoseWithCovariance as PoseWithCovariance
+    from arm_drake.messages.geometry import Quaternion as Quaternion
+    from arm_drake.messages.geometry import SetOdometry as SetOdometry
+    from arm_drake.messages.geometry import TFMessage as TFMessage
+    from arm_drake.messages.geometry import Transform as Transform
+    from arm_drake.messages.geometry import TransformStamped as TransformStamped
+    from arm_drake.messages.geometry import Twist as Twist
+    from arm_drake.messages.geometry import TwistStamped as TwistStamped
+    from arm_drake.messages.geometry import TwistWithCovariance as TwistWithCovariance
+    from arm_drake.messages.geometry import Vector3 as Vector3
+    from arm_drake.messages.geometry import Wrench as Wrench
+    from arm_drake.messages.geometry import WrenchStamped as WrenchStamped
+    from arm_drake.messages.grippers import Bool as Bool
+    from arm_drake.messages.grippers import Float32 as Float32
+    from arm_drake.messages.grippers import Float64 as Float64
+    from arm_drake.messages.grippers import GripperCommand as GripperCommand
+    from arm_drake.messages.grippers import GripperCommandGoal as GripperCommandGoal
+    from arm_drake.messages.grippers import GripperCommandResult as GripperCommandResult
+    from arm_drake.messages.grippers import (
+        ParallelGripperCommandGoal as ParallelGripperCommandGoal,
+    )
+    from arm_drake.messages.grippers import (
+        ParallelGripperCommandResult as ParallelGripperCommandResult,
+    )
+    from arm_drake.messages.mecanum import (
+        MecanumDriveControllerState as MecanumDriveControllerState,
+    )
+    from arm_drake.messages.sensors import BatteryState as BatteryState
+    from arm_drake.messages.sensors import BatteryStateArray as BatteryStateArray
+    from arm_drake.messages.sensors import Float64Values as Float64Values
+    from arm_drake.messages.sensors import Imu as Imu
+    from arm_drake.messages.sensors import Keys as Keys
+    from arm_drake.messages.sensors import MagneticField as MagneticField
+    from arm_drake.messages.sensors import NavSatFix as NavSatFix
+    from arm_drake.messages.sensors import NavSatStatus as NavSatStatus
+    from arm_drake.messages.sensors import Range as Range
+    from arm_drake.messages.steering import AckermannDrive as AckermannDrive
+    from arm_drake.messages.steering import ResetOdometry as ResetOdometry
+    from arm_drake.messages.steering import (
+        SteeringControllerStatus as SteeringControllerStatus,
+    )
+    from arm_drake.messages.trajectories import (
+        FollowJointTrajectoryErrorCode as FollowJointTrajectoryErrorCode,
+    )
+    from arm_drake.messages.trajectories import (
+        FollowJointTrajectoryFeedback as FollowJointTrajectoryFeedback,
+    )
+    from arm_drake.messages.trajectories import (
+        FollowJointTrajectoryGoal as FollowJointTrajectoryGoal,
+    )
+    from arm_drake.messages.trajectories import (
+        FollowJointTrajectoryResult as FollowJointTrajectoryResult,
+    )
+    from arm_drake.messages.trajectories import JointTolerance as JointTolerance
+    from arm_drake.messages.trajectories import JointTrajectory as JointTrajectory
+    from arm_drake.messages.trajectories import (
+        JointTrajectoryControllerState as JointTrajectoryControllerState,
+    )
+    from arm_drake.messages.trajectories import (
+        JointTrajectoryPoint as JointTrajectoryPoint,
+    )
+    from arm_drake.messages.trajectories import (
+        QueryTrajectoryState as QueryTrajectoryState,
+    )
+    from arm_drake.messages.trajectories import SpeedScalingFactor as SpeedScalingFactor
+
+# Where each is defined. A module is imported when one of its names is first used: a
+# robot needs few, and classes take a while to make.
+_MODULES = {
+    "AckermannDrive": "steering",
+    "ActionRequest": "actions",
+    "AdmittanceControllerState": "admittance",
+    "BatteryState": "sensors",
+    "BatteryStateArray": "sensors",
+    "Bool": "grippers",
+    "CancelGoal": "actions",
+    "CancelResponse": "actions",
+    "Duration": "base",
+    "DynamicInterfaceGroupValues": "dynamic_interfaces",
+    "DynamicJointState": "controllers",
+    "Float32": "grippers",
+    "Float64": "grippers",
+    "Float64MultiArray": "controllers",
+    "Float64Values": "sensors",
+    "FollowJointTrajectoryErrorCode": "trajectories",
+    "FollowJointTrajectoryFeedback": "trajectories",
+    "FollowJointTrajectoryGoal": "trajectories",
+    "FollowJointTrajectoryResult": "trajectories",
+    "Goal": "actions",
+    "GoalEvent": "actions",
+    "GoalStatus": "actions",
+    "GripperCommand": "grippers",
+    "GripperCommandGoal": "grippers",
+    "GripperCommandResult": "grippers",
+    "Header": "base",
+    "Imu": "sensors",
+    "Int8MultiArray": "admittance",
+    "InterfaceValue": "controllers",
+    "JointState": "base",
+    "JointTolerance": "trajectories",
+    "JointTrajectory": "trajectories",
+    "JointTrajectoryControllerState": "trajectories",
+    "JointTrajectoryPoint": "trajectories",
+    "Keys": "sensors",
+    "MagneticField": "sensors",
+    "MecanumDriveControllerState": "mecanum",
+    "Message": "base",
+    "MultiDOFCommand": "controllers",
+    "MultiDOFState": "controllers",
+    "MultiDOFStateStamped": "controllers",
+    "NANOSECONDS": "base",
+    "NavSatFix": "sensors",
+    "NavSatStatus": "sensors",
+    "Odometry": "geometry",
+    "ParallelGripperCommandGoal": "grippers",
+    "ParallelGripperCommandResult": "grippers",
+    "ParametersRejected": "controllers",
+    "Point": "geometry",
+    "Pose": "geometry",
+    "PoseStamped": "geometry",
+    "PoseWithCovariance": "geometry",
+    "Quaternion": "geometry",
+    "QueryTrajectoryState": "trajectories",
+    "Range": "sensors",
+    "ResetOdometry": "steering",
+    "Result": "actions",
+    "SendGoal": "actions",
+    "SetOdometry": "geometry",
+    "SpeedScalingFactor": "trajectories",
+    "SteeringControllerStatus": "steering",
+    "Strictness": "controllers",
+    "String": "admittance",
+    "SwitchController": "controllers",
+    "SwitchControllerResult": "controllers",
+    "TFMessage": "geometry",
+    "Time": "base",
+    "TimeLike": "base",
+    "TopicRejected": "actions",
+    "Transform": "geometry",
+    "TransformStamped": "geometry",
+    "Twist": "geometry",
+    "TwistStamped": "geometry",
+    "TwistWithCovariance": "geometry",
+    "Vector3": "geometry",
+    "Wrench": "geometry",
+    "WrenchStamped": "geometry",
+}
+
+__all__ = sorted(_MODULES)
+
+
+def __getattr__(name: str) -> Any:
+    """Import a message when it is first used."""
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module = importlib.import_module(f"{__name__}.{_MODULES[name]}")
+    value = getattr(module, name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """Return the names of the messages."""
+    return __all__

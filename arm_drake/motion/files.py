@@ -58,7 +58,8 @@ def parse_motion(
         for index, item in enumerate(data[:-1] if repeats else data)
         for step in parse_step(item, index, file)
     ]
-    motion = Motion(file, tuple(sorted(steps, key=lambda step: step.at)), repeats)
+    in_order = tuple(sorted(steps, key=lambda step: step.at))
+    motion = Motion(file, in_order, repeats, dict(parameters or {}))
     if repeats:
         _check_repeat(data[-1], motion, Fields(f"[{len(data) - 1}]", file))
     return motion

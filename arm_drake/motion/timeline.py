@@ -73,6 +73,9 @@ class Motion:
     # Whether it starts over when it is done.
     repeats: bool = False
 
+    # Values that were given to its parameters, in place of their defaults.
+    parameters: Mapping[str, Any] = dc.field(default_factory=dict)
+
     @property
     def duration(self) -> float:
         """When the last step is done, trajectories at their scaled speed [s].

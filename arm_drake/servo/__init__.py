@@ -25,6 +25,10 @@ acceleration through the mass matrix; of that they are told, with the filter gai
 Slow changes are its acceleration. Fast ones are as if it were braked like the others: a
 light joint that gave way would multiply their gains.
 
+The preset "fast" has neither s nor I, and follows (1 - p) c + p c[-], with the command
+c of this step and c[-] of the one before: its joints are where the ideal drive would be
+in continuous time.
+
 A joint whose description has PID gains applies what these say, as under Gazebo Classic.
 Everything here is evaluated at every step of the plant, hence no Python.
 """
@@ -45,7 +49,12 @@ from pydrake.systems.primitives import (
 
 from arm_drake.control.drive_commands import IS_TAU, TAU_D
 from arm_drake.control.servo import Array, ServoGains
-from arm_drake.servo.laws import EffortLaws, acceleration_law, felt_acceleration
+from arm_drake.servo.laws import (
+    EffortLaws,
+    acceleration_law,
+    felt_acceleration,
+    mixed_command,
+)
 from arm_drake.servo.pid import DrivePid, pid_law
 from arm_drake.servo.signals import Layout
 
@@ -61,6 +70,7 @@ def make_joint_servo(
     has_limits: bool = False,
     knows_friction: bool = False,
     pid: DrivePid | None = None,
+    start: Array | None = None,
 ) -> Diagram:
     """Return the servo of a robot's n commanded joints.
 
@@ -99,6 +109,8 @@ def make_joint_servo(
         has_limits: Whether effort and velocity may be limited at run time.
         knows_friction: Whether dry friction is told, and made up for.
         pid: Gains of joints that follow the law of a PID controller; with modes only.
+        start: Initial positions [rad], shape (n,); for a servo with a part of the last
+            command, which has neither modes nor limits.
     """
     h, m = control_plant.time_step(), len(N)
     layout = Layout(2 * m, positions_at, velocities_at, has_modes, has_limits)
@@ -108,6 +120,13 @@ def make_joint_servo(
     command = wiring.source("command", layout.num_told)
     if pid is not None:
         command = wiring.add("pid", pid_law(pid, layout, h), state, command)
+    if gains.last_command:
+        assert start is not None
+        assert not has_modes
+        assert not has_limits
+        before = np.concatenate([start, np.zeros_like(start)])
+        mixed = mixed_command(gains.last_command, before, h)
+        command = wiring.add("mixed", mixed, command)
 
     read = [state, command]
     held = None

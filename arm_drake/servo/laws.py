@@ -12,9 +12,14 @@ from pydrake.symbolic import abs as abs_
 from pydrake.symbolic import max as max_
 from pydrake.symbolic import min as min_
 from pydrake.symbolic import sqrt as sqrt_
-from pydrake.systems.primitives import LinearSystem, SymbolicVectorSystem
+from pydrake.systems.primitives import (
+    AffineSystem,
+    LinearSystem,
+    Saturation,
+    SymbolicVectorSystem,
+)
 
-from arm_drake.control.servo import ServoGains
+from arm_drake.control.servo import Array, ServoGains
 from arm_drake.servo.signals import (
     Command,
     Layout,
@@ -92,6 +97,30 @@ def acceleration_law(
     return function(inputs, [*accelerations, *kept, *now])
 
 
+def mixed_command(part: float, start: Array, h: float) -> AffineSystem:
+    """Return a command with a part of that of the step before.
+
+    A joint that follows it is at the end of each step where the ideal drive would be in
+    continuous time: `ServoGains.last_command` is that part.
+
+    Args:
+        part: Part of the command of the step before.
+        start: The command before the first one.
+        h: Step of the plant [s].
+    """
+    one = np.eye(len(start))
+    # The state is the last command less the first, so that it starts at zero.
+    return AffineSystem(
+        A=0.0 * one,
+        B=one,
+        f0=-start,
+        C=part * one,
+        D=(1.0 - part) * one,
+        y0=part * start,
+        time_period=h,
+    )
+
+
 def felt_acceleration(gains: ServoGains, layout: Layout, h: float) -> LinearSystem:
     """Return the filters that tell other joints of the acceleration of a free one.
 
@@ -131,7 +160,7 @@ class EffortLaws:
         n = layout.num_joints
         self._gains, self._layout = gains, layout
         has_limit = bool(np.isfinite(gains.effort_limit).any())
-        self.is_limited = has_limit or layout.has_limits
+        self.is_limited = gains.is_coordinated and (has_limit or layout.has_limits)
         self._limits = variables("limit", n if layout.has_limits else 0)
         self._tau = variables("tau", n)
         self._bias = variables("bias", n if self.is_limited else 0)
@@ -159,8 +188,11 @@ class EffortLaws:
             scales[group] = min_(scales[group], part)
         return function(self._inputs(), [max_(s, _SMALLEST_SCALE) for s in scales])
 
-    def effort(self) -> SymbolicVectorSystem:
+    def effort(self) -> Saturation | SymbolicVectorSystem:
         """Return what computes the efforts from the common inputs and s, if limited."""
+        if len(self._inputs()) == self._layout.num_joints:
+            limit = self._gains.effort_limit
+            return Saturation(min_value=-limit, max_value=limit)
         efforts = []
         for i in range(self._layout.num_joints):
             tau = Expression(self._tau[i])

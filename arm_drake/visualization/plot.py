@@ -1,22 +1,19 @@
 """Pictures of a rollout, with matplotlib."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
-from arm_drake import interfaces
+from arm_drake.command_arguments import PLOT_KINDS
+from arm_drake.errors import InputError, suggest
 from arm_drake.output_files import check_suffix, writing
 
-Array = NDArray[np.float64]
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from arm_drake.rollout import Rollout
 
 PLOT_SUFFIXES = (".png", ".svg", ".pdf")
-
-# Beyond this many joints, two columns.
-_JOINTS_PER_COLUMN = 6
-
-_PANEL = (7.0, 1.5)  # inches
 
 
 def check_plot_path(path: Path) -> None:
@@ -24,68 +21,63 @@ def check_plot_path(path: Path) -> None:
     check_suffix(path, "a picture", PLOT_SUFFIXES)
 
 
-def plot_tracking(
-    path: Path,
+def draw_rollout(
+    rollout: "Rollout",
+    path: Path | None = None,
     *,
-    time: Array,
-    names: Sequence[str],
-    types: Sequence[str],
-    position: Array,
-    references: Mapping[str, tuple[Sequence[str], Array]],
-) -> None:
-    """Draw reference and measured position, a panel per joint.
+    kind: str = "tracking",
+    joints: Sequence[str] | None = None,
+    link: str | None = None,
+) -> "Figure":
+    """Return a picture of a rollout.
 
     Args:
-        path: Picture to write.
-        time: Times [s], shape (N,).
-        names: The J joints.
-        types: Their URDF types.
-        position: Measured positions [rad] or [m], shape (N, J).
-        references: Joints and wanted positions, shape (N, k), by controller.
+        rollout: The rollout.
+        path: `.png`, `.svg` or `.pdf` file to write; None writes none.
+        kind: One of PLOT_KINDS.
+        joints: Which joints, in this order; None is all of them.
+        link: Whose way is drawn; None is the end effector.
 
     Raises:
+        InputError: If there is no such kind, joint or link, or the rollout lacks what
+            it takes.
         OutputError: If the picture can't be written.
     """
-    check_plot_path(path)
+    if kind not in PLOT_KINDS:
+        raise InputError(
+            f"unknown kind {kind!r} of a plot; {suggest(kind, PLOT_KINDS)}"
+        )
+    if link is not None and kind not in ("path", "overview"):
+        raise InputError(f"a {kind} plot has no link; it is for path and overview")
+    chosen = rollout.joint_names if joints is None else tuple(joints)
+    for name in chosen:
+        if name not in rollout.joint_names:
+            hint = suggest(name, rollout.joint_names)
+            raise InputError(f"no joint {name!r} in the rollout; {hint}")
+    if path is not None:
+        check_plot_path(path)
     # Not at the top: a simulation without pictures must not wait for matplotlib.
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    from arm_drake.visualization.plots.effort import plot_effort
+    from arm_drake.visualization.plots.overview import plot_overview
+    from arm_drake.visualization.plots.panels import say_if_empty
+    from arm_drake.visualization.plots.path import plot_path
+    from arm_drake.visualization.plots.phase import plot_phase
+    from arm_drake.visualization.plots.tracking import plot_error, plot_tracking
 
-    num_columns = 1 if len(names) <= _JOINTS_PER_COLUMN else 2
-    num_rows = max(1, -(-len(names) // num_columns))
-    width, height = _PANEL[0] * num_columns, _PANEL[1] * num_rows + 0.8
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots(num_rows, num_columns, sharex=True, squeeze=False)
-    panels = axes.T.ravel()
-    for index, (name, joint_type) in enumerate(zip(names, types, strict=True)):
-        panel = panels[index]
-        panel.plot(time, position[:, index], color="C0", lw=3, label="measured")
-        for controller, (joints, wanted) in references.items():
-            if name in joints:
-                column = list(joints).index(name)
-                label = f"reference ({controller})"
-                panel.plot(time, wanted[:, column], "k--", lw=1, label=label)
-        unit = interfaces.unit(interfaces.POSITION, joint_type)
-        # Names may be longer than a panel is high.
-        panel.set_title(f"{name} [{unit}]", loc="left", fontsize="small")
-        panel.grid(alpha=0.3)
-        if (
-            len(time) and np.ptp(position[:, index]) < 1e-3
-        ):  # A still joint isn't noise.
-            middle = float(position[:, index].mean())
-            panel.set_ylim(middle - 0.05, middle + 0.05)
-    for panel in panels[len(names) :]:
-        panel.set_visible(False)
-    for column in range(num_columns):
-        axes[-1, column].set_xlabel("time [s]")
-    lines = {
-        label: handle
-        for panel in panels
-        for handle, label in zip(*panel.get_legend_handles_labels(), strict=True)
+    by_joint = {
+        "tracking": plot_tracking,
+        "error": plot_error,
+        "effort": plot_effort,
+        "phase": plot_phase,
     }
-    figure.legend(
-        lines.values(), lines.keys(), loc="outside upper center", ncols=len(lines)
-    )
-    with writing(path):
-        figure.savefig(path, dpi=120)
+    if kind == "path":
+        picture = plot_path(rollout, link)
+    elif kind == "overview":
+        picture = plot_overview(rollout, chosen, link)
+    else:
+        picture = by_joint[kind](rollout, chosen)
+    say_if_empty(picture, len(rollout.time))
+    if path is not None:
+        with writing(path):
+            picture.savefig(path)
+    return picture

@@ -24,6 +24,7 @@ import argparse
 import json
 import math
 import statistics
+import sys
 import time
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -490,14 +491,20 @@ def main() -> None:
         robots = find_robots(options.robots)
     except KeyError as error:
         parser.error(f"no robot {error}")
-    tables = []
+    tables, problems = [], []
     for name, settings in robots.items():
         robot = ad.load_robot(**settings)
         for time_step in TIME_STEPS:
-            tables.append(measure(name, robot, time_step, options.runs))
+            try:
+                tables.append(measure(name, robot, time_step, options.runs))
+            except RuntimeError as error:  # The others are to be measured all the same.
+                problems.append(f"{name}, {1e3 * time_step:g} ms: {error}")
+                continue
             print(format_table(tables[-1]), end="\n\n", flush=True)
     if options.json is not None:
         options.json.write_text(json.dumps(tables, indent=2) + "\n")
+    if problems:
+        sys.exit("\n".join(problems))
 
 
 if __name__ == "__main__":

@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import (
     Context,
@@ -32,7 +33,11 @@ from pydrake.systems.framework import (
     OutputPort,
     State,
 )
-from pydrake.systems.primitives import ConstantVectorSource, ZeroOrderHold
+from pydrake.systems.primitives import (
+    ConstantValueSource,
+    ConstantVectorSource,
+    ZeroOrderHold,
+)
 
 import arm_drake as ad
 from arm_drake import interfaces
@@ -343,7 +348,11 @@ def make_robot(*types: str) -> Subject:
         friction=None,
         drive=None,
     )
-    systems = RobotSystems(builder, robot, "", period, options)
+    systems = RobotSystems(builder, robot, "", period, options, period)
+    bodies = range(len(robot.description.links))
+    poses = AbstractValue.Make([RigidTransform() for _ in bodies])
+    source = builder.AddSystem(ConstantValueSource(poses))
+    systems.add_frames(source.get_output_port(), bodies)
     systems.add(hardware, there, controllers, report, commands)
     ports = []
     for controller in controllers if not types else ():

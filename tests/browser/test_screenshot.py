@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
@@ -320,7 +321,6 @@ def test_a_page_that_does_not_exist_is_said(
 def test_the_browser_is_gone_afterwards(
     photographer: Photographer, start_meshcat: StartMeshcat, tmp_path: Path
 ) -> None:
-    psutil = pytest.importorskip("psutil")
     meshcat = start_meshcat()
     show_robot(meshcat, load(tmp_path, red_arm(1.0)))
     own = psutil.Process(os.getpid())

@@ -329,8 +329,9 @@ def test_names_stand_beside_the_frames(
     # Names without frames would be names of nothing.
     screen.click("show:frames")
 
+    names = screen.widget("show:names").locator("input")
+    screen.until(lambda: not names.is_checked(), "names are off")
     screen.until(lambda: labels.count() == 0, "no names")
-    assert not screen.widget("show:names").locator("input").is_checked()
     assert not difference(bare, screen.picture(program.mark())).any()
 
 

@@ -162,9 +162,14 @@ def _active_controllers(robot: ad.Robot) -> set[str]:
     }
 
 
-def test_it_simulates_and_holds_what_its_controllers_hold(case: Case) -> None:
-    robot = case.robot
-    simulation = ad.Simulation(ad.build_diagram(robot))
+@pytest.mark.parametrize("preset", ["accurate", "fast"])
+def test_it_simulates_and_holds_what_its_controllers_hold(
+    case: Case, preset: str
+) -> None:
+    robot, options = case.robot, ad.SimulationOptions(preset=preset)
+    simulation = ad.Simulation(ad.build_diagram(robot, options=options))
+    if any(entry.what.startswith("fast: ") for entry in simulation.report):
+        return  # It is simulated with "accurate", and is a case of that.
 
     simulation.advance_to(DURATION)
 

@@ -1,5 +1,6 @@
 """What the servo is told of the values that command interfaces hold."""
 
+import dataclasses as dc
 from typing import Any
 
 import numpy as np
@@ -43,6 +44,25 @@ def moving(drive: np.ndarray, *rates: float) -> np.ndarray:
 
 def test_at_first_positions_are_held():
     assert parts(make_drive().initial([0.3, -0.4])) == [[0.3, -0.4]] + [[0.0, 0.0]] * 6
+
+
+def test_plain_numbers_and_numpy_give_the_same_bits():
+    stops = np.array([-0.5, -np.inf]), np.array([0.5, 0.25])
+    drive = make_drive(has_modes=False, stops=stops)
+    mode = mode_of("a/position", "b/position", drive=drive)
+    in_numpy = dc.replace(mode, is_plain=False)
+    numbers = [0.0, -0.0, 0.1, -0.2, 0.5, 7.0, -7.0, np.inf, -np.inf, np.nan]
+    choose = np.random.default_rng(1).choice
+
+    for _ in range(500):
+        values, last = choose(numbers, len(ORDER)), choose(numbers, 3 * len(JOINTS))
+        with np.errstate(all="ignore"):
+            expected = drive.write(in_numpy, values, last)
+        told = drive.write(mode, values, last)
+        np.testing.assert_array_equal(told, expected)
+        is_number = ~np.isnan(expected)
+        signs = np.signbit(told), np.signbit(expected)
+        assert (signs[0] == signs[1])[is_number].all()
 
 
 def test_without_modes_there_are_positions_and_velocities_alone():

@@ -15,6 +15,7 @@ from arm_drake.manager.claims import Claimants
 from arm_drake.manager.lifecycle import Lifecycle, Refusal
 from arm_drake.manager.loop import Readings, StoredStates, initial_values
 from arm_drake.manager.state import ControllerFailure, ManagerState
+from arm_drake.manager.ticks import News
 from arm_drake.messages import SwitchController, SwitchControllerResult
 from arm_drake.messages.news import NUM_KEPT, add_news
 from arm_drake.surroundings import Surroundings
@@ -334,7 +335,7 @@ def readings(state: ManagerState, requests: tuple[SwitchController, ...]) -> Rea
     def measure() -> np.ndarray:
         raise AssertionError("not needed")
 
-    return Readings(state, requests, measure)
+    return Readings(state, News(requests, ()), measure)
 
 
 def test_a_request_counts_once_and_an_equal_one_again():
@@ -357,31 +358,15 @@ def test_what_starts_with_the_first_cycle_is_a_switch():
     assert not readings(after_a_cycle(state), ()).is_switching
 
 
-class Port:
-    """Stands for an input port with a tick on it."""
-
-    def __init__(self) -> None:
-        self.tick: Tick[Any] | None = None
-
-    def Eval(self, context: object) -> Tick[Any]:
-        assert self.tick is not None, "not to be read"
-        return self.tick
-
-
 class Claims:
-    """Claimants of some controllers, with ports on which ticks can be put."""
+    """Claimants of some controllers."""
 
     def __init__(self, **claims: tuple[str, ...]) -> None:
-        self.ports: dict[str, Port] = {}
-
-        def declare(name: str) -> Any:
-            return self.ports.setdefault(name, Port())
-
         systems: Any = {
             name: SimpleNamespace(command_interfaces=names)
             for name, names in claims.items()
         }
-        self.claimants = Claimants(systems, ORDER, JOINTS, declare)
+        self.claimants = Claimants(systems, ORDER, JOINTS)
 
     def write(
         self,
@@ -393,32 +378,23 @@ class Claims:
         **ticks: Sequence[float],
     ) -> tuple[list[float], dict[str, str]]:
         """Return values that were all 9, and who failed, after a cycle."""
-        for name, port in self.ports.items():
-            port.tick = (
-                Tick(1, 0, None, np.array(ticks[name]), name not in failed)
-                if name in ticks
-                else None
-            )
+        # What isn't there isn't to be read.
+        there = {
+            name: Tick(1, 0, None, np.array(command), name not in failed)
+            for name, command in ticks.items()
+        }
         values = np.full(len(ORDER), 9.0)
         cycle = make_cycle(active)
         if commands:
             cycle = cycle._replace(commands=np.zeros(len(ORDER)))
         before = make_cycle(active if last is None else last)
-        faults = self.claimants.write(Any, cycle, before, values)
+        faults = self.claimants.write(there, cycle, before, values)
         return values.tolist(), faults
 
 
 def make_cycle(active: Collection[str], **periods: int) -> Cycle:
     numbers = {name: number for number, name in enumerate(active)}
     return Cycle(1, 0, 10_000_000, numbers, periods=periods)
-
-
-def test_only_those_that_claim_something_have_a_port():
-    claims = Claims(arm=("a/position",), broadcaster=())
-
-    assert set(claims.ports) == {"arm"}
-    assert claims.claimants.port("arm") is claims.ports["arm"]
-    assert claims.claimants.port("broadcaster") is None
 
 
 def test_active_controllers_write_their_claims():

@@ -65,6 +65,7 @@ def simulate(
     start: dict[str, float] | None = None,
     speed: Sequence[float] | None = None,
     log_rate: float | None = None,
+    preset: str = "accurate",
 ) -> ad.Simulation:
     """Return a simulation that logs at every step of the plant.
 
@@ -77,10 +78,11 @@ def simulate(
         speed: Initial velocities [rad/s] or [m/s], as the plant orders them; None is
             rest. The first row of the log doesn't show them.
         log_rate: Rate of the log [Hz]; None logs every step.
+        preset: Preset of the simulation.
     """
     robot = models.load(folder, urdf, yaml, initial_positions=start)
     rate = 1.0 / step if log_rate is None else log_rate
-    options = ad.SimulationOptions(time_step=step, log_rate=rate)
+    options = ad.SimulationOptions(preset, time_step=step, log_rate=rate)
     diagram = ad.build_diagram(robot, world="void", options=options)
     simulation = ad.Simulation(diagram)
     if speed is not None:

@@ -159,25 +159,29 @@ def follow_ideally(w0: float) -> np.ndarray:
     return np.array(rows)
 
 
-def test_an_arm_that_follows_a_trajectory_converges_to_the_ideal_servo(
-    tmp_path: Path,
-) -> None:
-    expected = follow_ideally(40.0)
+def follow(folder: Path, step: float, preset: str, log_rate: float) -> np.ndarray:
+    """Return positions of an arm that is sent to the goal, at a log's rate."""
     yaml = models.trajectory_controllers({"arm": list(JOINTS)}, update_rate=RATE)
     end = ad.JointTrajectoryPoint(
         positions=tuple(GOAL), velocities=(0.0, 0.0), time_from_start=DURATION
     )
-    positions = []
-    for h in STEPS:
-        simulation = simulate(
-            tmp_path, models.TWO_LINKS, yaml, step=h, log_rate=LOG_RATE
-        )
-        simulation.advance_to(TOLD / RATE)
-        simulation.controller("arm").send_goal(
-            ad.JointTrajectory(joint_names=JOINTS, points=(end,))
-        )
-        simulation.advance_to(TICKS / RATE - h / 2.0)
-        positions.append(simulation.rollout().position)
+    simulation = simulate(
+        folder, models.TWO_LINKS, yaml, step=step, log_rate=log_rate, preset=preset
+    )
+    simulation.advance_to(TOLD / RATE)
+    simulation.controller("arm").send_goal(
+        ad.JointTrajectory(joint_names=JOINTS, points=(end,))
+    )
+    simulation.advance_to(TICKS / RATE - step / 2.0)
+    return simulation.rollout().position
+
+
+def test_an_arm_that_follows_a_trajectory_converges_to_the_ideal_servo(
+    tmp_path: Path,
+) -> None:
+    expected = follow_ideally(40.0)
+
+    positions = [follow(tmp_path, h, "accurate", LOG_RATE) for h in STEPS]
 
     assert_halves(positions, expected)
     # The step runs half a step ahead of the continuous motion, at its speed of 2.1
@@ -185,3 +189,17 @@ def test_an_arm_that_follows_a_trajectory_converges_to_the_ideal_servo(
     speed = 1.5 * np.abs(GOAL).max() / DURATION
     errors = [np.abs(position - expected).max() for position in positions]
     assert (np.array(errors) <= 0.2 * speed * np.array(STEPS) / 2.0).all()
+
+
+@pytest.mark.parametrize("h", [2e-2, 4e-3, 1e-3])
+def test_a_fast_arm_is_where_the_ideal_servo_is_at_any_step(
+    tmp_path: Path, h: float
+) -> None:
+    # A row at each tick, for between them a large step has none.
+    expected = follow_ideally(40.0)[:: LOG_RATE // RATE]
+
+    position = follow(tmp_path, h, "fast", RATE)
+
+    assert np.ptp(position, axis=0).min() > 0.9
+    # Positions of 1 rad, each of up to 1400 steps adds a rounding error.
+    np.testing.assert_allclose(position, expected, rtol=0.0, atol=1e-12)

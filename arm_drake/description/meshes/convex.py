@@ -9,8 +9,6 @@ import sys
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from arm_drake.description.meshes.surfaces import Array, Surface
 from arm_drake.errors import MissingExtraError
@@ -67,6 +65,10 @@ def split(surfaces: list[Surface]) -> list[Array]:
     Pieces share no corner with each other, as the walls of a house or the legs of a
     table often don't. A mesh of very many pieces is one.
     """
+    # Not at the top: most robots are loaded without it, and it takes longest of all.
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     points, faces = _joined(surfaces)
     ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
     edges = coo_array(

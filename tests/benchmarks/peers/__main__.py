@@ -4,7 +4,7 @@ The same robots, motion, held commands, gains and records in every engine, in tu
 one process, and a converged reference that none of them computed. Engines that aren't
 installed are left out; the table says so.
 
-    python -m tests.benchmarks.peers [--quick] [--output DIR]
+    python -m tests.benchmarks.peers [--quick] [--output DIR] [--page]
 """
 
 import argparse
@@ -13,6 +13,7 @@ import importlib
 import json
 import operator
 import platform
+import shutil
 import statistics
 import time
 from importlib.metadata import PackageNotFoundError, version
@@ -20,6 +21,16 @@ from pathlib import Path
 from typing import Any
 
 from tests.benchmarks.peers import plots, report, run, startup
+
+ROOT = Path(__file__).resolve().parents[3]
+
+# The page of the docs, and the line below which it is made anew.
+PAGE = ROOT / "docs/performance.md"
+MARK = "<!-- What is below is written by `python -m tests.benchmarks.peers --page`. -->"
+PICTURES = {
+    "work_precision.png": "Errors against costs, a line for each engine and servo",
+    "scaling.png": "Costs against the number of arms, and of joints",
+}
 
 PARTS = ("arms", "sizes", "recording", "startup", "ticks")
 
@@ -39,11 +50,19 @@ def main() -> None:
         default="wall",
         help="what the tables count; benchmarks.json has both",
     )
+    parser.add_argument(
+        "--page",
+        action="store_true",
+        help=f"renew the tables and pictures of {PAGE.relative_to(ROOT)}, too",
+    )
     options = parser.parse_args()
     runs = options.runs or (3 if options.quick else 7)
     found = measure(options.only, runs, is_quick=options.quick)
     options.output.mkdir(parents=True, exist_ok=True)
-    write(found, options.clock, options.output)
+    text = write(found, options.clock, options.output)
+    print(text)
+    if options.page:
+        renew_page(text, options.output)
 
 
 def measure(parts: list[str], runs: int, *, is_quick: bool) -> dict[str, Any]:
@@ -89,8 +108,24 @@ def measure_ticks(turns: int) -> dict[str, Any]:
     return {"ticks": rows}
 
 
-def write(found: dict[str, Any], clock: str, folder: Path) -> None:
-    """Write what was found, as numbers, tables and pictures.
+def renew_page(text: str, folder: Path) -> None:
+    """Put tables and pictures into the page of the docs.
+
+    Args:
+        text: The tables.
+        folder: Where the pictures are.
+    """
+    head, mark, _ = PAGE.read_text(encoding="utf-8").partition(MARK)
+    pictures = ""
+    for name in PICTURES:
+        if (folder / name).exists():
+            shutil.copyfile(folder / name, PAGE.parent / name)
+            pictures += f"![{PICTURES[name]}]({name})\n\n"
+    PAGE.write_text(f"{head}{mark}\n{pictures}{text}", encoding="utf-8")
+
+
+def write(found: dict[str, Any], clock: str, folder: Path) -> str:
+    """Write what was found, as numbers, tables and pictures; return the tables.
 
     Args:
         found: What `measure` returned.
@@ -115,13 +150,13 @@ def write(found: dict[str, Any], clock: str, folder: Path) -> None:
         exactness=found["exactness"],
     )
     (folder / "benchmarks.md").write_text(text)
-    print(text)
     if found["exactness"]:
         robots = list(found["exactness"])
         file = folder / "work_precision.png"
         plots.plot_work_precision(results, robots, times, file)
     if any(result.group.endswith("joints") for result in results):
         plots.plot_scaling(results, times, folder / "scaling.png")
+    return text
 
 
 _PACKAGES = ("drake", "mujoco", "dartpy", "pybullet", "pin", "numpy")

@@ -5,37 +5,18 @@ from typing import Any
 
 import numpy as np
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Diagram, DiagramBuilder
-from pydrake.systems.primitives import (
-    TrajectorySource,
-    VectorLogSink,
-    ZeroOrderHold,
-)
-from pydrake.trajectories import PiecewisePolynomial
+from pydrake.systems.framework import Diagram
+from pydrake.systems.primitives import VectorLogSink
 
 import arm_drake as ad
-from arm_drake.drives import (
-    RobotDrive,
-    commanded_joints,
-    effort_limits,
-    make_robot_drive,
-)
-from arm_drake.gripper_ranges import find_gripper_joints
-from arm_drake.hardware import add_hardware, connect_forces
+from arm_drake.drives import commanded_joints
 from arm_drake.options import PRESETS
-from arm_drake.plant import (
-    add_actuators,
-    add_plant,
-    add_robot_model,
-    filter_self_collision,
-    set_initial_positions,
-)
+from tests.benchmarks.cpp_only import SAMPLE, STATE_LOG, build_cpp_only
 from tests.benchmarks.peers import robots
 from tests.benchmarks.peers.commands import commands_of, make_goal
 from tests.benchmarks.peers.task import (
     PERIOD,
     STEPS,
-    Array,
     Contestant,
     Recording,
     Runner,
@@ -55,6 +36,8 @@ def make_contestants(task: Task, *, num_arms: int = 1) -> list[Contestant]:
     found = []
     for step in STEPS:
         for preset in PRESETS:
+            if preset == "fast" and task.mimics:
+                continue  # It would be "accurate" in fact.
             options = ad.SimulationOptions(time_step=step, preset=preset)
             make = partial(make_ours, task, options, num_arms)
             law = "own" if preset == "kinematic" else "servo"
@@ -110,7 +93,7 @@ def make_cpp_only(task: Task, step: float) -> Runner:
     told = np.hstack([part[:, order] for part in commands_of(task)])
     diagram, drive = build_cpp_only(robot, ad.SimulationOptions(time_step=step), told)
     simulator = Simulator(diagram)
-    log = diagram.GetSubsystemByName("log0")
+    log = diagram.GetSubsystemByName(STATE_LOG)
     joints = [j.name for j in robot.description.movable_joints]
     columns = [joints.index(name) for name in task.joints]
     # The drive's plant must outlive the servo.
@@ -137,60 +120,8 @@ def _read(
 ) -> Recording:
     """Return what a log of held joint states holds: it shows each tick at the next."""
     context = simulator.get_context()
-    sample = diagram.GetSubsystemByName("sample")
+    sample = diagram.GetSubsystemByName(SAMPLE)
     last = sample.get_output_port().Eval(sample.GetMyContextFromRoot(context))
     rows = np.vstack([log.FindLog(context).data().T[1:], last])[:num_ticks]
     q, v, _ = np.split(rows, 3, axis=1)
     return Recording(q[:, columns], v[:, columns])
-
-
-def build_cpp_only(
-    robot: ad.Robot, options: ad.SimulationOptions, commands: Array
-) -> tuple[Diagram, RobotDrive]:
-    """Return the diagram without Python, and the drive that must outlive it."""
-    step = options.time_step
-    description, initial = robot.description, robot.initial_positions
-    builder = DiagramBuilder()
-    plant, scene_graph = add_plant(builder, step, options)
-    model = add_robot_model(plant, description, robot.name, robot.pose)
-    joints = commanded_joints(description)
-    add_actuators(plant, model, [joint.name for joint in joints], effort_limits(joints))
-    set_initial_positions(plant, model, dict(initial))
-    plant.Finalize()
-    filter_self_collision(plant, scene_graph, model)
-    drive = make_robot_drive(
-        description,
-        robot.pose,
-        options,
-        step,
-        grippers={joint.name for joint in find_gripper_joints(robot)},
-        period=PERIOD,
-    )
-    hardware = add_hardware(
-        builder,
-        plant,
-        model,
-        description,
-        prefix="",
-        drive=drive,
-        initial=initial,
-        options=options,
-    )
-    assert hardware.command is not None
-    # Each command holds from its tick to the next one, without a delay.
-    ticks = PERIOD * np.arange(len(commands) + 1)
-    held = PiecewisePolynomial.ZeroOrderHold(
-        ticks, np.vstack([commands, commands[-1:]]).T
-    )
-    source = builder.AddSystem(TrajectorySource(held))
-    builder.Connect(source.get_output_port(), hardware.command)
-    if hardware.friction is not None:
-        connect_forces(builder, plant, {model: hardware.friction})
-    # What our broadcaster holds and our rollout records.
-    states = hardware.joint_states
-    sample = builder.AddNamedSystem("sample", ZeroOrderHold(PERIOD, states.size()))
-    builder.Connect(states, sample.get_input_port())
-    for i, port in enumerate((sample.get_output_port(), source.get_output_port())):
-        log = builder.AddNamedSystem(f"log{i}", VectorLogSink(port.size(), PERIOD))
-        builder.Connect(port, log.get_input_port())
-    return builder.Build(), drive

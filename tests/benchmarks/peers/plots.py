@@ -12,6 +12,7 @@ from tests.benchmarks.peers.run import Result
 matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
+from matplotlib.figure import Figure
 
 
 def plot_work_precision(
@@ -26,18 +27,22 @@ def plot_work_precision(
         file: Picture to write.
     """
     figure, axes = plt.subplots(
-        1, len(robots), figsize=(6 * len(robots), 5), sharey=True, squeeze=False
+        1,
+        len(robots),
+        figsize=(5 * len(robots), 6),
+        sharey=True,
+        squeeze=False,
+        layout="constrained",
     )
+    shown = [r for r in results if not r.problem and r.error and r.law != "own"]
+    names = list(dict.fromkeys((r.engine, r.setting) for r in shown))
     for axis, robot in zip(axes[0], robots, strict=True):
-        rows = [
-            r
-            for r in results
-            if r.group == robot and not r.problem and r.error and r.law != "own"
-        ]
-        for number, name in enumerate(
-            dict.fromkeys((r.engine, r.setting) for r in rows)
-        ):
-            line = [r for r in rows if (r.engine, r.setting) == name]
+        for number, name in enumerate(names):
+            line = [
+                r for r in shown if (r.group, r.engine, r.setting) == (robot, *name)
+            ]
+            if not line:
+                continue
             cost = [statistics.median(times(r)) for r in line]
             color = f"C{number}"
             # A servo that is exact would squeeze all others into a corner.
@@ -48,11 +53,8 @@ def plot_work_precision(
         axis.set_title(f"{robot}; dotted: half a step corrected")
         axis.set_xlabel("ms per simulated second")
         axis.grid(visible=True, which="both", alpha=0.3)
-        axis.legend(fontsize=7)
     axes[0][0].set_ylabel("largest error [rad] (1e-6: or less)")
-    figure.tight_layout()
-    figure.savefig(file)
-    plt.close(figure)
+    _finish(figure, file)
 
 
 def plot_scaling(results: Sequence[Result], times: Times, file: Path) -> None:
@@ -63,7 +65,7 @@ def plot_scaling(results: Sequence[Result], times: Times, file: Path) -> None:
         times: What counts as the times of a result [ms per simulated second].
         file: Picture to write.
     """
-    figure, axes = plt.subplots(1, 2, figsize=(12, 5))
+    figure, axes = plt.subplots(1, 2, figsize=(12, 6), layout="constrained")
     for axis, what in zip(axes, ("arm", "joints"), strict=True):
         rows = [r for r in results if _size(r, what) is not None and not r.problem]
         for name in dict.fromkeys(r.name for r in rows):
@@ -74,10 +76,20 @@ def plot_scaling(results: Sequence[Result], times: Times, file: Path) -> None:
             axis.loglog(sizes, cost, style, label=name)
         axis.set_xlabel(f"number of {what.rstrip('s')}s")
         axis.set_ylabel("ms per simulated second")
+        axis.set_xticks(ticks := sorted({_size(r, what) for r in rows}), ticks)
+        axis.minorticks_off()
         axis.grid(visible=True, which="both", alpha=0.3)
-        axis.legend(fontsize=7)
-    figure.tight_layout()
-    figure.savefig(file)
+    _finish(figure, file)
+
+
+def _finish(figure: Figure, file: Path) -> None:
+    """Add one legend for all, and write the picture."""
+    lines = {}
+    for axis in figure.axes:
+        handles, labels = axis.get_legend_handles_labels()
+        lines |= dict(zip(labels, handles, strict=True))
+    figure.legend(lines.values(), lines, loc="outside lower center", ncols=3)
+    figure.savefig(file, dpi=80)
     plt.close(figure)
 
 

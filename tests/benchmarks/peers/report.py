@@ -38,6 +38,8 @@ NOTES = """\
   peers have none of them. PD servos have no effort limits.
 * Mimic joints are constraints in ours, MuJoCo and PyBullet (a gear, which its solver
   meets roughly), and no joints of their own in DART. There is no contact.
+* `fast` has no contact and no observer; it isn't there for robots with mimic joints,
+  which it leaves to `accurate`.
 * MuJoCo and Pinocchio with our servo have its law in Python, at every step.
 """
 

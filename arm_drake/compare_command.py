@@ -1,0 +1,101 @@
+"""The command `arm-drake compare`: where two logs differ."""
+
+import argparse
+import dataclasses as dc
+import json
+from pathlib import Path
+from typing import Any
+
+from arm_drake.comparison import TIME, Comparison, compare
+from arm_drake.output_files import check_writable
+from arm_drake.rollout import Rollout
+from arm_drake.visualization.comparison_plot import plot_comparison
+from arm_drake.visualization.plot import check_plot_path
+
+# Exit codes.
+_EQUAL, _DIFFERENT = 0, 1
+
+# So many quantities are in a picture, and listed.
+_MAX_PANELS, _MAX_ROWS = 12, 40
+
+
+def run_compare(options: argparse.Namespace) -> int:
+    """Compare two logs as the command line says; return the exit code.
+
+    Args:
+        options: Arguments of `arm-drake compare`.
+
+    Raises:
+        InputError: If a file can't be used.
+    """
+    if options.plot is not None:
+        check_plot_path(options.plot)
+        check_writable(options.plot)
+    a, b = (Rollout.load(file, options.name) for file in (options.a, options.b))
+    found = compare(a, b, options.tolerance)
+    if options.plot is not None:
+        _plot(options.plot, a, b, found)
+    if options.json:
+        print(json.dumps(to_json(found)))
+    else:
+        print(to_text(found))
+        if options.plot is not None:
+            print(f"plot: {options.plot}")
+    return _EQUAL if found.is_equal else _DIFFERENT
+
+
+def to_json(found: Comparison) -> dict[str, Any]:
+    """Return a comparison as plain data for JSON.
+
+    Args:
+        found: The comparison.
+    """
+    return {
+        "equal": found.is_equal,
+        "tolerance": found.tolerance,
+        "rows": found.num_rows,
+        "interpolated": found.is_interpolated,
+        "differences": list(found.differences),
+        "inputs": list(found.inputs),
+        "columns": [dc.asdict(column) for column in found.columns],
+    }
+
+
+def to_text(found: Comparison) -> str:
+    """Return a comparison for people.
+
+    Args:
+        found: The comparison.
+    """
+    lines = list(found.differences)
+    between = ", B interpolated" if found.is_interpolated else ""
+    compared = f"{len(found.columns)} quantities in {found.num_rows} rows{between}"
+    if found.different:
+        listed = found.different[:_MAX_ROWS]
+        width = max(len(column.name) for column in listed)
+        head = ("largest", "at [s]", "rms", "final", "missing rows")
+        lines += ["", f"{'':{width}}  " + "  ".join(f"{h:>12}" for h in head)]
+        for column in listed:
+            cells = (column.largest, column.at, column.rms, column.final)
+            texts = ["-" if cell is None else f"{cell:.6g}" for cell in cells]
+            texts.append(str(column.num_missing))
+            row = "  ".join(f"{text:>12}" for text in texts)
+            lines.append(f"{column.name:{width}}  {row}")
+        if len(found.different) > len(listed):
+            lines.append(f"and {len(found.different) - len(listed)} more")
+        lines.append("")
+    if found.inputs:
+        lines += ["made of different things:", *(f"  {text}" for text in found.inputs)]
+    within = f" within {found.tolerance:g}" if found.tolerance else ""
+    verdict = f"equal{within}" if found.is_equal else "different"
+    return "\n".join([*lines, f"{verdict}: {compared}"])
+
+
+def _plot(path: Path, a: Rollout, b: Rollout, found: Comparison) -> None:
+    """Draw the quantities that differ most."""
+    names = [column.name for column in found.different[:_MAX_PANELS]]
+    parts = []
+    for rollout in (a, b):
+        columns = rollout.columns()
+        parts.append((columns[TIME], [columns[name] for name in names]))
+    plot_comparison(path, names, *parts)

@@ -1,0 +1,229 @@
+"""An MCAP file that is complete after every flush, whenever its writer ends.
+
+Source of the format: mcap.dev, "MCAP Format Specification", version 0. Each flush puts
+one more chunk where the summary was and the summary behind it, in a single write.
+"""
+
+import errno
+import os
+import struct
+import zlib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+_MAGIC = b"\x89MCAP0\r\n"
+
+# Opcodes of records.
+_HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = range(1, 7)
+_MESSAGE_INDEX, _CHUNK_INDEX = 7, 8
+_STATISTICS, _SUMMARY_OFFSET, _DATA_END = 0x0B, 0x0E, 0x0F
+
+_PROFILE, _LIBRARY = "ros2", "arm_drake"
+
+# Size at which a chunk is written in any case [bytes].
+_CHUNK_SIZE = 1 << 20
+
+_MESSAGE_HEAD = struct.Struct("<BQHIQQ")
+
+
+class McapFile:
+    """Writes messages of ROS 2, in chunks."""
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        compress: Callable[[bytes], bytes] = lambda data: data,
+        compression: str = "",
+    ) -> None:
+        """Create the file, in place of one that is there.
+
+        Args:
+            path: File to write.
+            compress: Compresses the records of a chunk.
+            compression: What MCAP calls that.
+        """
+        self._compress, self._compression = compress, compression
+        self._schemas: dict[str, tuple[int, bytes]] = {}
+        # Records of the channels, and how many messages each one has.
+        self._channels: list[bytes] = []
+        self._counts: list[int] = []
+        # Records of the next chunk, and where in them the messages of channels are.
+        self._records = bytearray()
+        self._index: dict[int, list[tuple[int, int]]] = {}
+        self._chunk_indexes: list[bytes] = []
+        self._first, self._last = 2**64 - 1, 0
+        self._file = path.open("wb", buffering=0)
+        head = _MAGIC + _record(_HEADER, _text(_PROFILE) + _text(_LIBRARY))
+        self._end = len(head)
+        self._put(0, head + self._summary(self._end))
+
+    def add_channel(
+        self,
+        topic: str,
+        type_: str,
+        schema: str,
+        metadata: Mapping[str, str],
+    ) -> int:
+        """Return the number of a new channel.
+
+        Args:
+            topic: Name of the topic.
+            type_: Type of its messages, such as "std_msgs/msg/String".
+            schema: Definition of the type and of those that it contains.
+            metadata: What else is to be known of it.
+        """
+        if type_ not in self._schemas:
+            number = len(self._schemas) + 1
+            content = _text(type_) + _text("ros2msg") + _text(schema)
+            schema_record = _record(_SCHEMA, struct.pack("<H", number) + content)
+            self._schemas[type_] = (number, schema_record)
+            self._records += schema_record
+        number, channel = self._schemas[type_][0], len(self._channels)
+        pairs = b"".join(_text(key) + _text(value) for key, value in metadata.items())
+        content = struct.pack("<HH", channel, number) + _text(topic) + _text("cdr")
+        record = _record(_CHANNEL, content + _sized(pairs))
+        self._channels.append(record)
+        self._counts.append(0)
+        self._records += record
+        return channel
+
+    def write(self, channel: int, time_ns: int, data: bytes) -> None:
+        """Write a message, at the next flush or when there are enough of them.
+
+        Args:
+            channel: Number of its channel.
+            time_ns: When it was logged, and published [ns].
+            data: The message.
+        """
+        sequence = self._counts[channel]
+        self._counts[channel] += 1
+        place = (time_ns, len(self._records))
+        self._index.setdefault(channel, []).append(place)
+        self._records += _MESSAGE_HEAD.pack(
+            _MESSAGE, len(data) + 22, channel, sequence, time_ns, time_ns
+        )
+        self._records += data
+        if len(self._records) >= _CHUNK_SIZE:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write what there is; the file is complete then."""
+        if not self._records:
+            return
+        chunk = self._take_chunk()
+        start = self._end
+        self._end += len(chunk)
+        self._put(start, chunk + self._summary(self._end))
+
+    def close(self) -> None:
+        """Write what there is, and close the file."""
+        if not self._file.closed:
+            self.flush()
+            self._file.close()
+
+    def _put(self, start: int, data: bytes) -> None:
+        """Write the end of the file."""
+        self._reserve(start, len(data))
+        self._file.seek(start)
+        rest = memoryview(data)
+        while rest:
+            rest = rest[self._file.write(rest) :]
+        self._file.truncate()
+
+    def _reserve(self, start: int, size: int) -> None:
+        """Make sure that the disk has room, before the old end is written over."""
+        before = self._file.seek(0, os.SEEK_END)
+        try:
+            os.posix_fallocate(self._file.fileno(), start, size)
+        except AttributeError:  # Not on this system.
+            return
+        except OSError as error:
+            if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+                self._file.truncate(before)
+                raise
+
+    def _take_chunk(self) -> bytes:
+        """Return the next chunk with its indexes, and take note of it."""
+        records, self._records = bytes(self._records), bytearray()
+        index, self._index = self._index, {}
+        times = [time for places in index.values() for time, _ in places]
+        first, last = (min(times), max(times)) if times else (0, 0)
+        if times:
+            self._first, self._last = min(first, self._first), max(last, self._last)
+        packed = self._compress(records)
+        chunk = _record(
+            _CHUNK,
+            struct.pack("<QQQI", first, last, len(records), zlib.crc32(records)),
+            _text(self._compression),
+            struct.pack("<Q", len(packed)),
+            packed,
+        )
+        indexes, offsets = bytearray(), bytearray()
+        for channel, places in index.items():
+            offset = self._end + len(chunk) + len(indexes)
+            offsets += struct.pack("<HQ", channel, offset)
+            places.sort()
+            numbers = [number for place in places for number in place]
+            array = _sized(struct.pack(f"<{len(numbers)}Q", *numbers))
+            indexes += _record(_MESSAGE_INDEX, struct.pack("<H", channel), array)
+        self._chunk_indexes.append(
+            _record(
+                _CHUNK_INDEX,
+                struct.pack("<QQQQ", first, last, self._end, len(chunk)),
+                _sized(bytes(offsets)),
+                struct.pack("<Q", len(indexes)),
+                _text(self._compression),
+                struct.pack("<QQ", len(packed), len(records)),
+            )
+        )
+        return chunk + bytes(indexes)
+
+    def _summary(self, start: int) -> bytes:
+        """Return the end of the file: what is in it, and where.
+
+        Args:
+            start: Where it will stand in the file.
+        """
+        end = _record(_DATA_END, struct.pack("<I", 0))
+        pairs = enumerate(self._counts)
+        statistics = struct.pack(
+            "<QHIIIIQQ",
+            sum(self._counts),
+            len(self._schemas),
+            len(self._channels),
+            0,
+            0,
+            len(self._chunk_indexes),
+            min(self._first, self._last),
+            self._last,
+        ) + _sized(b"".join(struct.pack("<HQ", *pair) for pair in pairs))
+        groups = {
+            _SCHEMA: b"".join(record for _, record in self._schemas.values()),
+            _CHANNEL: b"".join(self._channels),
+            _CHUNK_INDEX: b"".join(self._chunk_indexes),
+            _STATISTICS: _record(_STATISTICS, statistics),
+        }
+        summary = start + len(end)
+        body, offsets = bytearray(), bytearray()
+        for opcode, group in groups.items():
+            if group:
+                place = struct.pack("<BQQ", opcode, summary + len(body), len(group))
+                offsets += _record(_SUMMARY_OFFSET, place)
+                body += group
+        # A checksum of 0 is none.
+        foot = struct.pack("<QQI", summary, summary + len(body), 0)
+        return bytes(end + body + offsets) + _record(_FOOTER, foot) + _MAGIC
+
+
+def _record(opcode: int, *parts: bytes) -> bytes:
+    content = b"".join(parts)
+    return struct.pack("<BQ", opcode, len(content)) + content
+
+
+def _sized(data: bytes) -> bytes:
+    return struct.pack("<I", len(data)) + data
+
+
+def _text(text: str) -> bytes:
+    return _sized(text.encode())

@@ -1,0 +1,57 @@
+"""Two rollouts in one picture, with matplotlib."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_drake.output_files import writing
+from arm_drake.visualization.plot import check_plot_path
+
+Array = NDArray[np.float64]
+
+_PANEL = (7.0, 1.6)  # inches
+
+
+def plot_comparison(
+    path: Path,
+    names: Sequence[str],
+    a: tuple[Array, Sequence[Array]],
+    b: tuple[Array, Sequence[Array]],
+) -> None:
+    """Draw quantities of two rollouts, a panel for each.
+
+    Args:
+        path: Picture to write.
+        names: What is drawn, with units.
+        a: Times [s], shape (N,), and values of each quantity, of the same shape.
+        b: Those of the other rollout.
+
+    Raises:
+        OutputError: If the picture can't be written.
+    """
+    check_plot_path(path)
+    # Not at the top: a comparison without a picture must not wait for matplotlib.
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    rows = max(1, len(names))
+    size = (_PANEL[0], _PANEL[1] * rows + 0.8)
+    figure = Figure(figsize=size, layout="constrained")
+    FigureCanvasAgg(figure)
+    panels = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
+    for index, name in enumerate(names):
+        panel = panels[index]
+        panel.plot(a[0], a[1][index], color="C0", lw=3, label="A")
+        panel.plot(b[0], b[1][index], "k--", lw=1, label="B")
+        panel.set_title(name, loc="left", fontsize="small")
+        panel.grid(alpha=0.3)
+    if names:
+        handles, labels = panels[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper center", ncols=2)
+    else:
+        panels[0].text(0.5, 0.5, "no difference", ha="center", va="center")
+    panels[-1].set_xlabel("time [s]")
+    with writing(path):
+        figure.savefig(path, dpi=120)

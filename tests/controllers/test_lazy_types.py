@@ -1,0 +1,76 @@
+"""Controller types are imported when a robot has one, and all can be."""
+
+import subprocess
+import sys
+
+import pytest
+
+from arm_drake.controllers.controller_type import ControllerType, check_controller_type
+from arm_drake.controllers.joint_state_broadcaster import (
+    JointStateBroadcaster,
+    JointStateBroadcasterParameters,
+)
+from arm_drake.controllers.lazy_types import ControllerTypes, LazyType
+from arm_drake.controllers.standard_types import STANDARD_TYPES
+
+BROADCASTER = LazyType(
+    "JointStateBroadcasterParameters",
+    "joint_state_broadcaster",
+    "JointStateBroadcaster",
+)
+
+
+@pytest.mark.parametrize("name", STANDARD_TYPES)
+def test_all_of_ours_can_be_imported(name: str) -> None:
+    row = STANDARD_TYPES[name].load()
+
+    assert check_controller_type(row, "") == row
+    assert row.system is not None
+
+
+def test_a_type_is_the_same_whenever_it_is_asked_for() -> None:
+    types = ControllerTypes({"broadcaster": BROADCASTER})
+
+    first = types["broadcaster"]
+
+    assert first == (JointStateBroadcasterParameters, JointStateBroadcaster, "", "", ())
+    assert types["broadcaster"] is first
+
+
+def test_a_type_without_a_system_has_its_parameters() -> None:
+    row = BROADCASTER._replace(system="").load()
+
+    assert row == ControllerType(JointStateBroadcasterParameters)
+
+
+def test_types_are_added_and_removed_as_in_a_dictionary() -> None:
+    types = ControllerTypes({"broadcaster": BROADCASTER})
+    own = ControllerType(JointStateBroadcasterParameters)
+
+    types["own"] = own
+    del types["broadcaster"]
+
+    assert dict(types) == {"own": own}
+    assert "broadcaster" not in types
+    assert len(types) == 1
+
+
+def test_the_tables_are_read_without_importing_what_is_in_them() -> None:
+    program = """
+import sys
+from arm_drake.controllers import CONTROLLER_TYPES
+assert "pid_controller/PidController" in CONTROLLER_TYPES and len(CONTROLLER_TYPES) > 30
+print(*(name for name in sys.modules if name.endswith("_controller")), sep=", ")
+CONTROLLER_TYPES["pid_controller/PidController"]
+print(*(name for name in sys.modules if name.endswith("pid_controller")), sep=", ")
+"""
+
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
+
+    assert done.stdout == "\narm_drake.controllers.pid_controller\n"

@@ -1,0 +1,226 @@
+"""Where two rollouts differ."""
+
+import dataclasses as dc
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm_drake.cli import main
+from arm_drake.comparison import Comparison, compare
+from arm_drake.logs.records import GoalRecord
+from tests.test_rollout import make_rollout
+
+INFO = {"versions": {"drake": "1"}, "robot": {"files": [{"file": "a", "sha256": "x"}]}}
+GOAL = GoalRecord("arm", "G", 0.0, 0.2, "SUCCEEDED", 0)
+
+
+def changed(name: str, row: int, column: int, by: float):
+    """Return the rollout with one number changed."""
+    values = getattr(make_rollout(), name).copy()
+    values[row, column] += by
+    return make_rollout(**{name: values})
+
+
+def test_a_rollout_equals_itself() -> None:
+    found = compare(make_rollout(), make_rollout())
+
+    assert found.is_equal
+    assert (found.num_rows, found.is_interpolated) == (4, False)
+    assert [column.name for column in found.columns] == [
+        "shoulder position [rad]",
+        "slide position [m]",
+        "shoulder velocity [rad/s]",
+        "slide velocity [m/s]",
+        "shoulder effort [N·m]",
+        "slide effort [N]",
+        "arm slide reference [m]",
+    ]
+
+
+def test_one_number_is_found_with_its_size_and_time() -> None:
+    found = compare(make_rollout(), changed("position", 2, 1, -0.5))
+
+    (column,) = found.different
+    assert column.name == "slide position [m]"
+    assert column.largest == pytest.approx(0.5)
+    assert column.at == 0.2
+    # One of four rows.
+    assert column.rms == pytest.approx(0.5 / math.sqrt(4.0))
+    assert (column.final, column.num_missing) == (0.0, 0)
+
+
+def test_the_last_difference_has_its_sign() -> None:
+    found = compare(make_rollout(), changed("velocity", 3, 0, -0.25))
+
+    assert found.different[0].final == -0.25
+
+
+@pytest.mark.parametrize(("tolerance", "is_equal"), [(0.4, False), (0.5, True)])
+def test_what_is_within_the_tolerance_is_equal(tolerance, is_equal) -> None:
+    found = compare(make_rollout(), changed("effort", 1, 0, 0.5), tolerance)
+
+    assert found.is_equal == is_equal
+
+
+def test_a_value_that_only_one_has_is_a_difference() -> None:
+    found = compare(make_rollout(), changed("position", 1, 0, math.nan), 1e9)
+
+    (column,) = found.different
+    assert (column.largest, column.num_missing) == (0.0, 1)
+
+
+def cut(rows: slice):
+    whole = make_rollout()
+    arrays = ("time", "position", "velocity", "effort", "active", "command")
+    changes = {name: getattr(whole, name)[rows] for name in arrays}
+    reference = whole.references["arm"]
+    part = dc.replace(reference, position=reference.position[rows])
+    return dc.replace(whole, **changes, references={"arm": part})
+
+
+def test_a_shorter_run_is_another_one_and_its_rows_are_compared() -> None:
+    found = compare(make_rollout(), cut(slice(0, 3)))
+
+    assert found.differences == (
+        "rows end at 0.3 s in A, at 0.2 s in B",
+        "4 rows in A, 3 rows in B",
+    )
+    assert (found.num_rows, found.different) == (3, ())
+
+
+def test_rows_at_other_times_are_interpolated() -> None:
+    moved = make_rollout(time=np.array([0.05, 0.15, 0.25, 0.35]))
+
+    found = compare(make_rollout(), moved)
+
+    assert found.is_interpolated
+    # At 0.1, 0.2 and 0.3 s; positions grow by 1 each second, B is 0.05 s late.
+    assert found.num_rows == 3
+    position = found.columns[0]
+    assert position.largest == pytest.approx(0.05)
+    assert position.rms == pytest.approx(0.05)
+
+
+def test_without_a_common_time_nothing_is_equal() -> None:
+    late = make_rollout(time=np.array([1.0, 1.1, 1.2, 1.3]))
+
+    found = compare(make_rollout(), late, tolerance=1e9)
+
+    assert "they have no time in common" in found.differences
+    assert not found.is_equal
+
+
+def test_other_joints_are_told() -> None:
+    other = make_rollout(joint_names=("shoulder", "lift"), references={})
+
+    found = compare(make_rollout(), other)
+
+    assert found.differences == (
+        "only in A: slide position [m], slide velocity [m/s], slide effort [N], "
+        "arm slide reference [m]",
+        "only in B: lift position [m], lift velocity [m/s], lift effort [N]",
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "difference"),
+    [
+        ({"status": "ABORTED"}, "another status: SUCCEEDED in A, ABORTED in B"),
+        ({"error_code": -4}, "another error_code: 0 in A, -4 in B"),
+        ({"goal": {"x": 1}}, "another goal"),
+        ({"sent_at": 1.0}, "sent at 0 s in A, at 1 s in B"),
+    ],
+)
+def test_other_goals_are_told(changes, difference) -> None:
+    a = make_rollout(goals=(GOAL,), info=INFO)
+    b = make_rollout(goals=(dc.replace(GOAL, **changes),), info=INFO)
+
+    assert compare(a, b).differences == (f"goal 1: {difference}",)
+
+
+def test_goals_are_not_missed_where_a_table_cannot_have_them() -> None:
+    a = make_rollout(goals=(GOAL,), info=INFO)
+
+    assert compare(a, make_rollout()).is_equal
+
+
+def test_other_inputs_are_told_and_make_no_difference() -> None:
+    other = {
+        "versions": {"drake": "2"},
+        "robot": {"files": [{"file": "a", "sha256": "y"}]},
+        "world": "house",
+    }
+
+    found = compare(make_rollout(info=INFO), make_rollout(info=other))
+
+    assert found.is_equal
+    assert found.inputs == (
+        "versions.drake: 1 in A, 2 in B",
+        "robot.files[a].sha256: x in A, y in B",
+        "world: nothing in A, house in B",
+    )
+
+
+def run(capsys, *words: object) -> tuple[int, str]:
+    code = main(["compare", *map(str, words)])
+    return code, capsys.readouterr().out
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> tuple[Path, Path]:
+    paths = (tmp_path / "a.npz", tmp_path / "b.mcap")
+    make_rollout().save(paths[0])
+    changed("position", 2, 1, -0.5).save(paths[1])
+    return paths
+
+
+def test_the_command_prints_what_differs(capsys, files) -> None:
+    code, out = run(capsys, *files)
+
+    assert code == 1
+    table = [line.split() for line in out.splitlines() if "slide position" in line]
+    assert table == [["slide", "position", "[m]", "0.5", "0.2", "0.25", "0", "0"]]
+    assert out.endswith("different: 7 quantities in 4 rows\n")
+
+
+def test_equal_files_of_any_type_exit_with_0(capsys, files) -> None:
+    make_rollout().save(files[0].with_suffix(".csv"))
+
+    code, out = run(capsys, files[0], files[0].with_suffix(".csv"))
+
+    assert (code, out.splitlines()[-1]) == (0, "equal: 7 quantities in 4 rows")
+    code, out = run(capsys, *files, "--tolerance", "0.5")
+    assert (code, out.splitlines()[-1]) == (
+        0,
+        "equal within 0.5: 7 quantities in 4 rows",
+    )
+
+
+def test_json_is_one_object_with_every_column(capsys, files) -> None:
+    code, out = run(capsys, *files, "--json")
+
+    content = json.loads(out)
+    assert (code, content["equal"], content["rows"]) == (1, False, 4)
+    assert len(content["columns"]) == 7
+    assert {f.name for f in dc.fields(Comparison)} >= {"columns", "inputs"}
+
+
+def test_the_plot_is_a_picture(capsys, files, tmp_path) -> None:
+    code, _ = run(capsys, *files, "--plot", tmp_path / "a.png")
+    equal, _ = run(capsys, files[0], files[0], "--plot", tmp_path / "b.svg")
+
+    assert (code, equal) == (1, 0)
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+    assert "no difference" in (tmp_path / "b.svg").read_text(encoding="utf-8")
+
+
+def test_what_cannot_be_used_exits_with_2(capsys, files, tmp_path) -> None:
+    code = main(["compare", str(files[0]), str(tmp_path / "no.npz")])
+
+    assert code == 2
+    assert capsys.readouterr().err == (
+        f"arm-drake: {tmp_path / 'no.npz'}: can't be read: No such file or directory\n"
+    )

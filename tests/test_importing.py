@@ -1,0 +1,70 @@
+"""Imports change how often Python looks for garbage, not what is garbage."""
+
+import gc
+import weakref
+from collections.abc import Iterator
+
+import pytest
+
+from arm_drake.importing import without_collection
+
+
+class Circle:
+    """Refers to itself."""
+
+    def __init__(self) -> None:
+        self.itself = self
+
+
+@pytest.fixture(autouse=True)
+def collection() -> Iterator[None]:
+    yield
+    gc.unfreeze()
+    gc.enable()
+
+
+def test_no_garbage_is_looked_for_meanwhile() -> None:
+    with without_collection():
+        circles = [weakref.ref(Circle()) for _ in range(10 * gc.get_threshold()[0])]
+
+        assert all(circle() is not None for circle in circles)
+
+
+def test_afterwards_it_is_found_like_any_other() -> None:
+    before = weakref.ref(Circle())
+
+    with without_collection():
+        meanwhile = weakref.ref(Circle())
+
+    assert gc.isenabled()
+    gc.collect()
+    assert before() is None
+    assert meanwhile() is None
+
+
+def test_it_is_looked_for_again_after_a_failure() -> None:
+    with pytest.raises(ImportError), without_collection():
+        raise ImportError
+
+    assert gc.isenabled()
+
+
+def test_who_has_turned_it_off_keeps_it_off() -> None:
+    gc.disable()
+
+    with without_collection():
+        pass
+
+    assert not gc.isenabled()
+
+
+def test_what_is_frozen_stays_frozen() -> None:
+    gc.freeze()
+    count = gc.get_freeze_count()
+
+    with without_collection():
+        pass
+
+    assert count > 0
+    # Some of it may have ended since, without a search.
+    assert gc.get_freeze_count() == pytest.approx(count, rel=0.01)
