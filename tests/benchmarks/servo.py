@@ -13,6 +13,10 @@ is the processor's. There is no Python in any of them:
   weight;
 * the servo, and what its options add or save.
 
+A servo that isn't within 0.1 rad of its commands ends a table, and so does a free robot
+that gains energy. The PD controllers only say how far they were away: their gains are
+what is stable, and a robot whose joints are coupled by masses follows those loosely.
+
 Dry friction acts in the rows that say so. Gravity doesn't act where nothing holds the
 robot; Drake computes it all the same. Joints stay away from their limits, for Drake's
 solver works there.
@@ -82,8 +86,11 @@ TICK, PERIOD = 0.01, 5.0
 # position, if their limits allow it [rad] or [m].
 REACH = 0.2
 
-# A joint that is further from its command isn't driven [rad].
+# Our servo's joints are never further from their commands [rad].
 LARGEST_ERROR = 0.1
+
+# What no force acts on keeps its energy, but for what the steps make of it.
+LARGEST_GAIN = 1.001
 
 # The row that others are compared with.
 PEER = "explicit PD"
@@ -133,8 +140,9 @@ class Subject(NamedTuple):
     plant: MultibodyPlant
     case: Case
 
-    # Whether the joints are to be where their commands are.
+    # Whether anything drives the joints, and whether that is our servo.
     is_driven: bool
+    has_servo: bool
 
 
 # Adds what drives a robot.
@@ -218,7 +226,7 @@ def make_subject(
         builder.Connect(nothing.get_output_port(), plant.get_actuation_input_port())
     else:
         add_controller(Parts(builder, plant, model, case))
-    return Subject(builder.Build(), plant, case, add_controller is not None)
+    return Subject(builder.Build(), plant, case, add_controller is not None, has_servo)
 
 
 def positions_at_start(case: Case) -> dict[str, float]:
@@ -380,18 +388,42 @@ def start(subject: Subject) -> Simulator:
     return simulator
 
 
-def time_steps(subject: Subject, simulator: Simulator) -> float:
-    """Return what a step takes [us]."""
+class Turn(NamedTuple):
+    """What was measured in one turn."""
+
+    # What a step takes [us].
+    cost: float
+
+    # How far the driven joints are from their commands at its end [rad].
+    error: float
+
+
+def time_steps(subject: Subject, simulator: Simulator) -> Turn:
+    """Return what a step takes.
+
+    Raises:
+        RuntimeError: If what was simulated isn't what is to be measured.
+    """
     duration = STEPS * subject.case.options.time_step
     if not subject.is_driven:
         set_moving(subject, simulator, duration)
+    before = kinetic_energy(subject, simulator)
     end = simulator.get_context().get_time() + duration
     # Of the processor: what else runs on the machine doesn't count.
     begin = time.process_time()
     simulator.AdvanceTo(end)
-    took = time.process_time() - begin
-    check_positions(subject, simulator)
-    return 1e6 * took / STEPS
+    cost = 1e6 * (time.process_time() - begin) / STEPS
+    if not subject.is_driven:
+        gain = kinetic_energy(subject, simulator) / before
+        if not gain <= LARGEST_GAIN:
+            raise RuntimeError(f"a free robot has {gain:.4f} times its energy")
+        return Turn(cost, 0.0)
+    errors = position_errors(subject, simulator)
+    if not np.isfinite(errors).all():
+        raise RuntimeError("joints are nowhere")
+    if subject.has_servo and not (errors <= LARGEST_ERROR).all():
+        raise RuntimeError(f"joints are {errors} away from where they should be")
+    return Turn(cost, errors.max())
 
 
 def set_moving(subject: Subject, simulator: Simulator, duration: float) -> None:
@@ -402,19 +434,22 @@ def set_moving(subject: Subject, simulator: Simulator, duration: float) -> None:
     plant.SetVelocities(context, drive.N @ (0.5 * subject.case.reach / duration))
 
 
-def check_positions(subject: Subject, simulator: Simulator) -> None:
-    """Raise RuntimeError if joints aren't where they should be."""
+def kinetic_energy(subject: Subject, simulator: Simulator) -> float:
+    """Return the robot's kinetic energy [J]."""
+    plant, root = subject.plant, simulator.get_context()
+    energy: float = plant.CalcKineticEnergy(plant.GetMyContextFromRoot(root))
+    return energy
+
+
+def position_errors(subject: Subject, simulator: Simulator) -> np.ndarray:
+    """Return how far the n joints are from their commands [rad], shape (n,)."""
     plant, case, root = subject.plant, subject.case, simulator.get_context()
     q = plant.GetPositions(plant.GetMyContextFromRoot(root))
     names = case.drive.names
     at = [plant.GetJointByName(name).position_start() for name in names]
-    goal, largest = case.start, REACH
-    if subject.is_driven:
-        now = np.array([root.get_time()])
-        goal, largest = case.command(now)[: len(names), 0], LARGEST_ERROR
-    errors = np.abs(q[at] - goal)
-    if not (errors <= largest).all():
-        raise RuntimeError(f"joints are {errors} away from where they should be")
+    now = np.array([root.get_time()])
+    errors: np.ndarray = np.abs(q[at] - case.command(now)[: len(names), 0])
+    return errors
 
 
 def measure(name: str, robot: ad.Robot, time_step: float, runs: int) -> dict[str, Any]:
@@ -429,8 +464,8 @@ def measure(name: str, robot: ad.Robot, time_step: float, runs: int) -> dict[str
     ][1:]
     rows = []
     for key in subjects:
-        times = [turn[key] for turn in turns]
-        ratios = [turn[key] / turn[PEER] for turn in turns]
+        times = [turn[key].cost for turn in turns]
+        ratios = [turn[key].cost / turn[PEER].cost for turn in turns]
         median = statistics.median(times)
         rows.append(
             {
@@ -442,6 +477,7 @@ def measure(name: str, robot: ad.Robot, time_step: float, runs: int) -> dict[str
                 "ratio": statistics.median(ratios),
                 "ratio_min": min(ratios),
                 "ratio_max": max(ratios),
+                "error": max(turn[key].error for turn in turns),
             }
         )
     case = subjects[PEER].case
@@ -456,14 +492,15 @@ def format_table(found: dict[str, Any]) -> str:
     of_joints = f"{driven} of {joints} joints driven"
     lines = [
         f"{title}, {of_joints}",
-        f"{'':24s} us per step (range)    x real time    x {PEER} (range)",
+        f"{'':24s} us per step (range)    x real time    x {PEER} (range)    error",
     ]
     for row in found["rows"]:
         span = f"({row['least']:.1f} to {row['most']:.1f})"
+        ratios = f"({row['ratio_min']:.2f} to {row['ratio_max']:.2f})"
         lines.append(
             f"{row['name']:24s} {row['median']:6.1f} {span:17s}"
             f"{row['real_time_factor']:10.1f}{row['ratio']:12.2f} "
-            f"({row['ratio_min']:.2f} to {row['ratio_max']:.2f})"
+            f"{ratios:22s}{row['error']:.0e}"
         )
     return "\n".join(lines)
 
