@@ -2,7 +2,7 @@
 
 import dataclasses as dc
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,8 +14,9 @@ Array = NDArray[np.float64]
 
 TIME = "time [s]"
 
-# Times nearer to each other are the same [s]: logs have whole nanoseconds.
-_SAME_TIME = 1e-9
+# Times nearer to each other are the same [s]: logs have whole nanoseconds, or numbers
+# that are rounded to these.
+_SAME_TIME = 0.6e-9
 
 
 @dc.dataclass(frozen=True)
@@ -38,6 +39,10 @@ class ColumnDifference:
     # Rows in which only one of them has a value.
     num_missing: int
 
+    # The largest difference as a part of how far all quantities of this unit range; 1
+    # where nothing else moves. What has another unit is compared by it.
+    relative: float
+
 
 @dc.dataclass(frozen=True)
 class Comparison:
@@ -45,7 +50,8 @@ class Comparison:
 
     columns: tuple[ColumnDifference, ...]
 
-    # What differs besides, in words: rows, joints, goals.
+    # What differs besides, in words: rows, joints, effort limits, controllers' types,
+    # goals, messages.
     differences: tuple[str, ...]
 
     # What differs of that which made them, in words: files, options, versions. It
@@ -61,13 +67,16 @@ class Comparison:
 
     @property
     def different(self) -> tuple[ColumnDifference, ...]:
-        """The columns that differ by more than the tolerance, the worst first."""
+        """The columns that differ by more than the tolerance.
+
+        First is what differs most for its unit.
+        """
         columns = (
             column
             for column in self.columns
             if column.largest > self.tolerance or column.num_missing
         )
-        return tuple(sorted(columns, key=lambda column: -column.largest))
+        return tuple(sorted(columns, key=lambda column: -column.relative))
 
     @property
     def is_equal(self) -> bool:
@@ -86,12 +95,20 @@ def compare(a: Rollout, b: Rollout, tolerance: float = 0.0) -> Comparison:
         b: Another one.
         tolerance: What counts as equal, in the unit of each quantity.
     """
-    differences = [*_compare_shape(a, b), *_compare_goals(a, b, tolerance)]
-    rows, values, is_interpolated = _common_rows(a, b)
-    columns = []
-    for name, column in a.columns().items():
-        if name in values and name != TIME:
-            columns.append(_compare_column(name, a.time[rows], column[rows], values))
+    differences = [*_compare_shape(a, b)]
+    if a.info and b.info:  # A table knows nothing besides its rows.
+        differences += [*_compare_parts(a, b), *_compare_sent(a, b, tolerance)]
+    rows, others, is_interpolated = _common_rows(a, b)
+    pairs = {
+        name: (column[rows], others[name])
+        for name, column in a.columns().items()
+        if name in others and name != TIME
+    }
+    ranges = _find_ranges(pairs)
+    columns = [
+        _compare_column(name, a.time[rows], *pair, ranges[_unit(name)])
+        for name, pair in pairs.items()
+    ]
     if not len(rows):
         differences.append("they have no time in common")
     return Comparison(
@@ -120,10 +137,25 @@ def _common_rows(
     return rows, between, True
 
 
+def _unit(name: str) -> str:
+    """Return the unit of a column: what its name has in brackets."""
+    return name.rpartition(" [")[2]
+
+
+def _find_ranges(pairs: Mapping[str, tuple[Array, Array]]) -> dict[str, float]:
+    """Return how far the columns of each unit range, whatever each is about."""
+    ranges: dict[str, float] = {}
+    for name, pair in pairs.items():
+        values = np.concatenate(pair)
+        values = values[np.isfinite(values)]
+        extent = float(np.ptp(values)) if len(values) else 0.0
+        ranges[_unit(name)] = max(ranges.get(_unit(name), 0.0), extent)
+    return ranges
+
+
 def _compare_column(
-    name: str, time: Array, a: Array, others: Mapping[str, Array]
+    name: str, time: Array, a: Array, b: Array, extent: float
 ) -> ColumnDifference:
-    b = others[name]
     known = np.isfinite(a) & np.isfinite(b)
     same = (a == b) | (np.isnan(a) & np.isnan(b))
     error = np.where(known, b - a, np.where(same, 0.0, np.nan))
@@ -134,7 +166,8 @@ def _compare_column(
     count = max(len(size) - missing, 1)
     rms = math.sqrt(float(np.sum(size**2)) / count)
     final = float(error[-1]) if len(error) and math.isfinite(error[-1]) else None
-    return ColumnDifference(name, largest, at, rms, final, missing)
+    relative = largest / extent if extent > 0.0 else 0.0
+    return ColumnDifference(name, largest, at, rms, final, missing, relative)
 
 
 def _compare_shape(a: Rollout, b: Rollout) -> Iterator[str]:
@@ -143,8 +176,8 @@ def _compare_shape(a: Rollout, b: Rollout) -> Iterator[str]:
         ("start", a.time[:1], b.time[:1]),
         ("end", a.time[-1:], b.time[-1:]),
     ):
-        if not np.array_equal(first, second):
-            texts = [f"{t[0]:g} s" if len(t) else "nowhere" for t in (first, second)]
+        if len(first) != len(second) or (np.abs(first - second) > _SAME_TIME).any():
+            texts = [f"{t[0]:.12g} s" if len(t) else "nowhere" for t in (first, second)]
             yield f"rows {end} at {texts[0]} in A, at {texts[1]} in B"
     if len(a.time) != len(b.time):
         yield f"{len(a.time)} rows in A, {len(b.time)} rows in B"
@@ -155,24 +188,48 @@ def _compare_shape(a: Rollout, b: Rollout) -> Iterator[str]:
             yield f"only in {name}: {', '.join(only)}"
 
 
-def _compare_goals(a: Rollout, b: Rollout, tolerance: float) -> Iterator[str]:
-    """Yield what differs of goals, if both files tell of goals."""
-    if not (a.info and b.info):
-        return
-    if len(a.goals) != len(b.goals):
-        yield f"{len(a.goals)} goals in A, {len(b.goals)} goals in B"
-    pairs = zip(a.goals, b.goals, strict=False)
-    for number, (first, second) in enumerate(pairs, start=1):
-        for field in ("controller", "status", "error_code", "goal"):
-            values = (getattr(first, field), getattr(second, field))
-            if values[0] != values[1]:
-                texts = (
-                    "" if field == "goal" else f": {values[0]} in A, {values[1]} in B"
-                )
-                yield f"goal {number}: another {field}{texts}"
-        times = (first.sent_at, second.sent_at)
-        if abs(times[0] - times[1]) > tolerance:
-            yield f"goal {number}: sent at {times[0]:g} s in A, at {times[1]:g} s in B"
+def _compare_parts(a: Rollout, b: Rollout) -> Iterator[str]:
+    """Yield what differs of effort limits and controllers' types."""
+    theirs = dict(zip(b.joint_names, b.effort_limit.tolist(), strict=True))
+    for name, limit in zip(a.joint_names, a.effort_limit.tolist(), strict=True):
+        if theirs.get(name, limit) != limit:
+            yield f"{name}: effort limit {limit:g} in A, {theirs[name]:g} in B"
+    for name, kind in a.controllers.items():
+        if b.controllers.get(name, kind) != kind:
+            yield f"controller {name}: {kind} in A, {b.controllers[name]} in B"
+
+
+def _compare_sent(a: Rollout, b: Rollout, tolerance: float) -> Iterator[str]:
+    """Yield what differs of goals and messages."""
+    told = ("controller", "status", "error_code", "goal")
+    yield from _compare_records("goal", a.goals, b.goals, told, "sent_at", tolerance)
+    told = ("topic", "type", "data")
+    yield from _compare_records(
+        "message", a.messages, b.messages, told, "time", tolerance
+    )
+
+
+def _compare_records(
+    what: str,
+    a: Sequence[Any],
+    b: Sequence[Any],
+    fields: Sequence[str],
+    time: str,
+    tolerance: float,
+) -> Iterator[str]:
+    """Yield what differs of goals or of messages; of fields of data only that."""
+    if len(a) != len(b):
+        yield f"{len(a)} {what}s in A, {len(b)} {what}s in B"
+    for number, (first, second) in enumerate(zip(a, b, strict=False), start=1):
+        for field in fields:
+            mine, theirs = getattr(first, field), getattr(second, field)
+            if mine != theirs:
+                is_data = isinstance(mine, Mapping)
+                texts = "" if is_data else f": {mine} in A, {theirs} in B"
+                yield f"{what} {number}: another {field}{texts}"
+        mine, theirs = getattr(first, time), getattr(second, time)
+        if abs(mine - theirs) > max(tolerance, _SAME_TIME):
+            yield f"{what} {number}: sent at {mine:g} s in A, at {theirs:g} s in B"
 
 
 def _compare_inputs(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[str]:

@@ -10,7 +10,7 @@ import pytest
 
 from arm_drake.cli import main
 from arm_drake.comparison import Comparison, compare
-from arm_drake.logs.records import GoalRecord
+from arm_drake.logs.records import GoalRecord, SentMessage
 from tests.test_rollout import make_rollout
 
 INFO = {"versions": {"drake": "1"}, "robot": {"files": [{"file": "a", "sha256": "x"}]}}
@@ -145,6 +145,69 @@ def test_goals_are_not_missed_where_a_table_cannot_have_them() -> None:
     a = make_rollout(goals=(GOAL,), info=INFO)
 
     assert compare(a, make_rollout()).is_equal
+
+
+MESSAGE = SentMessage(0.1, "/arm/commands", "Float64MultiArray", {"data": [1.0]})
+
+
+@pytest.mark.parametrize(
+    ("changes", "difference"),
+    [
+        ({"data": {"data": [2.0]}}, "another data"),
+        ({"topic": "/b"}, "another topic: /arm/commands in A, /b in B"),
+        ({"time": 0.2}, "sent at 0.1 s in A, at 0.2 s in B"),
+    ],
+)
+def test_other_messages_are_told(changes, difference) -> None:
+    a = make_rollout(messages=(MESSAGE,), info=INFO)
+    b = make_rollout(messages=(dc.replace(MESSAGE, **changes),), info=INFO)
+
+    assert compare(a, b).differences == (f"message 1: {difference}",)
+    assert compare(a, make_rollout(info=INFO)).differences == (
+        "1 messages in A, 0 messages in B",
+    )
+
+
+def test_other_limits_and_types_of_controllers_are_told() -> None:
+    active = np.ones((4, 1))
+    a = make_rollout(info=INFO, controllers={"arm": "old/Type"}, active=active)
+    b = make_rollout(
+        info=INFO,
+        controllers={"arm": "new/Type"},
+        active=active,
+        effort_limit=np.array([1.0, 2.0]),
+    )
+
+    assert compare(a, b).differences == (
+        "shoulder: effort limit 5 in A, 1 in B",
+        "slide: effort limit inf in A, 2 in B",
+        "controller arm: old/Type in A, new/Type in B",
+    )
+
+
+def test_what_differs_most_for_its_unit_is_first() -> None:
+    # Positions range over 1 m, efforts over far more: 0.25 m are more than 0.5 N.
+    base = changed("position", 2, 1, -0.25)
+    effort = base.effort.copy()
+    effort[:, 1] = [0.0, 100.0, 0.0, 100.0]
+    moved = effort.copy()
+    moved[2, 1] += 0.5
+
+    found = compare(make_rollout(effort=effort), dc.replace(base, effort=moved))
+
+    assert [c.name for c in found.different] == [
+        "slide position [m]",
+        "slide effort [N]",
+    ]
+    assert found.different[1].relative == pytest.approx(0.5 / 100.0)
+
+
+def test_rows_a_nanosecond_apart_are_two() -> None:
+    first = make_rollout(time=np.array([0.0, 1e-9, 2e-9, 3e-9]))
+    second = make_rollout(time=np.array([1e-9, 2e-9, 3e-9, 4e-9]))
+
+    assert compare(first, second).num_rows == 3
+    assert compare(first, make_rollout(time=first.time + 1e-10)).is_equal is True
 
 
 def test_other_inputs_are_told_and_make_no_difference() -> None:
