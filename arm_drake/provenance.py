@@ -58,7 +58,7 @@ def _describe_robot(robot: Robot) -> dict[str, Any]:
         "distro": robot.distro,
         "description": {
             "file": robot.description.file.name,
-            "sha256": _hash(robot.description.source.encode()),
+            "sha256": _hash(robot.portable_source.encode()),
         },
         "pose": to_plain(robot.pose),
         "initial_positions": to_plain(robot.initial_positions),

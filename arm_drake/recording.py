@@ -82,7 +82,7 @@ def read_rollout(
             period=period,
         ),
         contact_forces=_read_contacts(diagram, context, manager, ticks[first:], since),
-        description=manager.robot.description.source,
+        description=manager.robot.portable_source,
     )
 
 

@@ -68,12 +68,15 @@ def _find_robot(
         )
     else:
         robot = load()
-        if rollout.description and rollout.description != robot.description.source:
+        if rollout.description and rollout.description != robot.portable_source:
             text = "the robot's description is another one than that in the log"
             print(f"warning: {text}", file=sys.stderr)
     for entry in robot.report.grouped():
         if entry.severity == "error":
-            print(entry, file=sys.stderr)
+            text = str(entry)
+            if options.robot is None:  # Its file was made for a moment.
+                text = text.replace(str(robot.description.file), "the log's robot")
+            print(text, file=sys.stderr)
     return robot
 
 

@@ -101,7 +101,8 @@ class Rollout:
     # What made it: versions, files with hashes, options, world, motions; plain data.
     info: Mapping[str, Any] = dc.field(default_factory=dict)
 
-    # The robot's expanded description, as it was written.
+    # The robot's expanded description as it was written, but with package URIs in place
+    # of this machine's paths.
     description: str = ""
 
     def __post_init__(self) -> None:

@@ -119,7 +119,7 @@ def test_what_made_a_rollout_is_in_it() -> None:
 
     assert info["versions"].keys() == {"arm_drake", "drake", "numpy", "python"}
     assert (info["world"], info["options"]["gravity"]) == ("void", False)
-    digest = hashlib.sha256(robot.description.source.encode()).hexdigest()
+    digest = hashlib.sha256(robot.portable_source.encode()).hexdigest()
     assert info["robot"]["description"]["sha256"] == digest
     hashes = {row["file"]: row["sha256"] for row in info["robot"]["files"]}
     yaml = robot.controllers.files[0]

@@ -130,7 +130,7 @@ class PackageFinder:
         # Unlike that of Path, it takes names that no file can have.
         if os.path.isfile(path) or self._own is None:
             return path, False
-        names = {self._own.name, _package_name(self._own / "package.xml")}
+        names = {self._own.name, package_name(self._own / "package.xml")}
         parts = path.parts
         tails = [parts[i + 1 :] for i, part in enumerate(parts) if part in names]
         if path.is_relative_to(self._entry.parent):
@@ -219,7 +219,7 @@ class PackageFinder:
         for root in self._package_paths:
             yield self._scan(root)
         if self._own in self._ancestors:
-            yield {_package_name(self._own / "package.xml"): self._own}
+            yield {package_name(self._own / "package.xml"): self._own}
         for variable in ("AMENT_PREFIX_PATH", "COLCON_PREFIX_PATH"):
             for prefix in filter(None, os.environ.get(variable, "").split(os.pathsep)):
                 yield self._scan(Path(prefix) / "share")
@@ -255,7 +255,7 @@ def _packages_below(root: Path) -> Iterable[tuple[str, Path]]:
             manifest = folder / "package.xml"
             # Unlike that of Path, it takes folders that can't be read.
             if os.path.isfile(manifest):
-                found.append((_package_name(manifest), folder))
+                found.append((package_name(manifest), folder))
             below += _subfolders(folder)
         level = below
     return reversed(found)
@@ -275,7 +275,12 @@ def _subfolders(folder: Path) -> list[Path]:
     ]
 
 
-def _package_name(manifest: Path) -> str:
+def package_name(manifest: Path) -> str:
+    """Return the name in a `package.xml`, or that of its folder.
+
+    Args:
+        manifest: The file.
+    """
     try:
         match = _NAME.search(manifest.read_text(encoding="utf-8", errors="replace"))
     except OSError:

@@ -1,6 +1,7 @@
 """A robot as loaded from its files."""
 
 import dataclasses as dc
+import functools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -8,6 +9,7 @@ from typing import TYPE_CHECKING
 from arm_drake.description.bridge import TopicAlias
 from arm_drake.description.controllers import ControllerManagerConfig
 from arm_drake.description.joints import FREE_TYPES
+from arm_drake.description.portable import make_portable
 from arm_drake.description.report import LoadReport
 from arm_drake.description.sensors import SensorInfo
 from arm_drake.description.tree import links_on
@@ -61,6 +63,11 @@ class Robot:
 
     # Controller types of this robot alone, by their ros2_control names.
     controller_types: Mapping[str, "ControllerType"] = dc.field(default_factory=dict)
+
+    @functools.cached_property
+    def portable_source(self) -> str:
+        """The expanded description without folders of this machine, as logs have it."""
+        return make_portable(self.description.source, self.description.file)
 
     @property
     def free_links(self) -> set[str]:
