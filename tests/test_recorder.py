@@ -17,6 +17,7 @@ import arm_drake as ad
 from arm_drake.bundled import bundled_motions
 from arm_drake.errors import InputError
 from arm_drake.logs.bag import BagWriter
+from arm_drake.logs.mcap_file import McapFile
 from arm_drake.recorder import PERIOD
 from tests import models
 from tests.models import load, pendulum
@@ -242,11 +243,39 @@ def test_a_killed_run_leaves_a_readable_file(tmp_path: Path, suffix: str) -> Non
     assert found[0] == 0.0
     assert found[-1] >= simulated - PERIOD - (CHUNK + 1) * period
     if suffix == ".mcap":
-        with file.open("rb") as stream:
-            counts = make_reader(stream).get_summary().statistics
         states = list(read_ros2_messages(file, topics=["/joint_states"]))
         assert len(states) == len(found)
-        assert counts.message_count > len(found)
+
+
+def test_a_bag_that_grows_can_be_read_at_any_time_and_costs_little(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written = []
+    put = McapFile._put
+
+    def count(file: McapFile, start: int, data: bytes) -> None:
+        written.append(len(data))
+        put(file, start, data)
+
+    monkeypatch.setattr(McapFile, "_put", count)
+    path = tmp_path / "a.mcap"
+    file = McapFile(path)
+    channel = file.add_channel("/a", "std_msgs/msg/String", "string data" * 500, {})
+    has_index = []
+    for number in range(300):
+        file.write(channel, number, b"x" * 50)
+        file.flush()
+        if number % 10 == 0:
+            with path.open("rb") as stream:
+                reader = make_reader(stream)
+                assert len(list(reader.iter_messages())) == number + 1
+                has_index.append(reader.get_summary() is not None)
+    file.close()
+
+    assert set(has_index) == {True, False}
+    assert sum(written) < 3 * path.stat().st_size
+    with path.open("rb") as stream:
+        assert make_reader(stream).get_summary().statistics.message_count == 300
 
 
 def test_the_program_of_the_docs_runs(

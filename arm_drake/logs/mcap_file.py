@@ -1,7 +1,10 @@
 """An MCAP file that is complete after every flush, whenever its writer ends.
 
 Source of the format: mcap.dev, "MCAP Format Specification", version 0. Each flush puts
-one more chunk where the summary was and the summary behind it, in a single write.
+one more chunk where the end was and an end behind it, in a single write. The end has a
+summary, which readers find things by, if as much came since the last one as that took:
+it grows with the file, and in every flush it would be most of what is written. Without
+one, which the format permits, readers go through the chunks.
 """
 
 import errno
@@ -56,7 +59,9 @@ class McapFile:
         self._file = path.open("wb", buffering=0)
         head = _MAGIC + _record(_HEADER, _text(_PROFILE) + _text(_LIBRARY))
         self._end = len(head)
-        self._put(0, head + self._summary(self._end))
+        # Size of the last summary, and where it stood.
+        self._summary_size, self._summary_place = 0, 0
+        self._put(0, head + self._make_end())
 
     def add_channel(
         self,
@@ -109,18 +114,27 @@ class McapFile:
 
     def flush(self) -> None:
         """Write what there is; the file is complete then."""
-        if not self._records:
-            return
-        chunk = self._take_chunk()
-        start = self._end
-        self._end += len(chunk)
-        self._put(start, chunk + self._summary(self._end))
+        if self._records:
+            chunk, start = self._take_chunk(), self._end
+            self._end += len(chunk)
+            self._put(start, chunk + self._make_end())
 
     def close(self) -> None:
-        """Write what there is, and close the file."""
+        """Write what there is with its summary, and close the file."""
         if not self._file.closed:
             self.flush()
+            if self._summary_place < self._end:
+                self._put(self._end, self._summary(self._end))
             self._file.close()
+
+    def _make_end(self) -> bytes:
+        """Return the end of the file, with a summary if it is time for one."""
+        if self._end - self._summary_place < self._summary_size:
+            foot = struct.pack("<QQI", 0, 0, 0)
+            return _data_end() + _record(_FOOTER, foot) + _MAGIC
+        end = self._summary(self._end)
+        self._summary_size, self._summary_place = len(end), self._end
+        return end
 
     def _put(self, start: int, data: bytes) -> None:
         """Write the end of the file."""
@@ -180,12 +194,12 @@ class McapFile:
         return chunk + bytes(indexes)
 
     def _summary(self, start: int) -> bytes:
-        """Return the end of the file: what is in it, and where.
+        """Return an end of the file that says what is in it, and where.
 
         Args:
             start: Where it will stand in the file.
         """
-        end = _record(_DATA_END, struct.pack("<I", 0))
+        end = _data_end()
         pairs = enumerate(self._counts)
         statistics = struct.pack(
             "<QHIIIIQQ",
@@ -211,9 +225,13 @@ class McapFile:
                 place = struct.pack("<BQQ", opcode, summary + len(body), len(group))
                 offsets += _record(_SUMMARY_OFFSET, place)
                 body += group
-        # A checksum of 0 is none.
         foot = struct.pack("<QQI", summary, summary + len(body), 0)
         return bytes(end + body + offsets) + _record(_FOOTER, foot) + _MAGIC
+
+
+def _data_end() -> bytes:
+    # A checksum of 0 is none.
+    return _record(_DATA_END, struct.pack("<I", 0))
 
 
 def _record(opcode: int, *parts: bytes) -> bytes:
