@@ -26,11 +26,13 @@ def check_suffix(path: Path, kind: str, suffixes: Sequence[str]) -> None:
 
 def check_writable(path: Path) -> None:
     """Raise OutputError if a file can't be written; an existing one stays as it is."""
+    if path.is_fifo():  # To open one is to wait for its reader.
+        raise OutputError("can't be written: it is a pipe; name a file", file=path)
     existed = path.exists()
     with writing(path), path.open("ab"):
         pass
     if not existed:
-        path.unlink()
+        path.resolve().unlink()  # A link to it was there before.
 
 
 @contextlib.contextmanager

@@ -18,6 +18,9 @@ from arm_drake.visualization.meshcat import start_recording
 from arm_drake.visualization.page import Scene
 from arm_drake.visualization.video import FRAME_RATE
 
+# A recording is of so much at most [s]: it is one animation, all in memory.
+_LONGEST = 3600.0
+
 
 def run_replay(options: argparse.Namespace, load: Callable[[], Robot]) -> int:
     """Show a log as the command line says; return the exit code.
@@ -82,8 +85,15 @@ def _find_robot(
 
 def _record(scene: Scene, replay: Replay) -> None:
     """Record the replay from its start to its end."""
+    duration = replay.end - replay.start
+    if duration > _LONGEST:
+        text = (
+            f"a recording is of one hour at most, got a log of {duration:g} s; without "
+            "--record and --video the page shows all of it"
+        )
+        raise InputError(text)
     start_recording(scene.meshcat, FRAME_RATE)
-    count = math.floor((replay.end - replay.start) * FRAME_RATE + 1e-9)
+    count = math.floor(duration * FRAME_RATE + 1e-9)
     for picture in range(count + 1):
         replay.show(replay.start + picture / FRAME_RATE)
         if picture == 0:

@@ -1,6 +1,7 @@
 """Bags of ROS 2 messages, as readers that aren't ours see them."""
 
 import json
+import re
 import subprocess
 import sys
 from collections import Counter, defaultdict
@@ -16,6 +17,7 @@ from rosbags.rosbag2 import Reader
 
 import arm_drake as ad
 from arm_drake.bundled import bundled_motions, bundled_robots
+from arm_drake.logs.bag_messages import CONTACTS, contact_topic
 from arm_drake.logs.link_transforms import multiply, read_transforms, rotate
 from tests.carts import cart, diff_drive
 from tests.carts import load as load_cart
@@ -252,6 +254,14 @@ def test_a_free_base_is_in_the_frames(tmp_path: Path) -> None:
         position, _ = compose(topics, link, 500_000_000)
         np.testing.assert_allclose(position, X_WL.translation(), atol=1e-13)
     assert poses["base_link"].translation()[0] > 0.1
+
+
+def test_links_with_names_alike_have_topics_of_their_own() -> None:
+    topics = {contact_topic("/a", name) for name in ("l_1", "l.1", "l-1")}
+
+    assert len(topics) == 3
+    assert "/a" + CONTACTS + "l_1" in topics
+    assert all(re.fullmatch(r"[A-Za-z0-9_/]+", topic) for topic in topics)
 
 
 def test_several_robots_have_namespaces(tmp_path: Path) -> None:

@@ -1,5 +1,7 @@
 """What can't be written is found out first, and what is there stays."""
 
+import os
+
 import pytest
 
 from arm_drake.errors import OutputError
@@ -33,6 +35,26 @@ def test_a_check_leaves_nothing_behind_and_changes_nothing(tmp_path):
 
     assert list(tmp_path.iterdir()) == [old]
     assert old.read_text() == "precious"
+
+
+def test_a_link_to_a_file_that_is_not_there_yet_stays(tmp_path):
+    link = tmp_path / "link"
+    link.symlink_to("target")
+
+    check_writable(link)
+
+    assert link.is_symlink()
+    assert not link.exists()
+
+
+def test_a_pipe_is_refused_without_waiting_for_its_reader(tmp_path):
+    file = tmp_path / "pipe"
+    os.mkfifo(file)
+
+    with pytest.raises(OutputError) as caught:
+        check_writable(file)
+
+    assert str(caught.value) == (f"{file}: can't be written: it is a pipe; name a file")
 
 
 def test_a_file_in_a_missing_folder_is_refused(tmp_path):

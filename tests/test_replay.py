@@ -133,6 +133,20 @@ def test_another_robot_is_refused(scene, recorded) -> None:
     assert str(error.value).startswith("the robot has no joint 'joint1' of the log; ")
 
 
+def test_what_lasts_too_long_is_not_recorded(tmp_path: Path, capsys, recorded) -> None:
+    rollout, _ = recorded
+    time = rollout.time.copy()
+    time[-1] = 1e9
+    dc.replace(rollout, time=time).save(tmp_path / "a.npz")
+
+    code = main(
+        ["replay", str(tmp_path / "a.npz"), "--record", str(tmp_path / "a.html")]
+    )
+
+    assert code == 2
+    assert "of one hour at most, got a log of 1e+09 s" in capsys.readouterr().err
+
+
 def test_a_log_without_rows_is_refused(scene, recorded) -> None:
     rollout = recorded[0]
     empty = dc.replace(rollout, time=rollout.time[:0])

@@ -138,7 +138,12 @@ def test_a_row_that_was_cut_off_is_left_out(tmp_path: Path) -> None:
         ("a.npz", b"text", "no rollout; expected a file of Rollout.save ("),
         ("a.mcap", b"text", "no rollout; expected a bag of Rollout.save ("),
         ("a.csv", b"x,y\n1,2\n", "no rollout; expected a table of Rollout.save ("),
-        ("a.csv", b"", "no rollout; expected a table of Rollout.save ("),
+        ("a.csv", b"", "no rollout; expected a table of Rollout.save (the file has no"),
+        (
+            "a.csv",
+            b"\n",
+            "no rollout; expected a table of Rollout.save (the file has no",
+        ),
         ("a.csv", b"time [s],a\n1,2\n", "no rollout; expected a table of Rollout.sa"),
         ("a.txt", b"", "unknown type '.txt' of a log; expected one of "),
         ("no/a.npz", None, "can't be read: No such file or directory"),

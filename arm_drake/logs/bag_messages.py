@@ -2,6 +2,7 @@
 
 import json
 import re
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -71,12 +72,18 @@ def stamp(time_ns: int) -> dict[str, int]:
 
 def pose_topic(namespace: str, link: str) -> str:
     """Return the topic with the poses of a free link."""
-    return f"{namespace}{POSES}{_NOT_IN_NAMES.sub('_', link)}"
+    return f"{namespace}{POSES}{_topic_part(link)}"
 
 
 def contact_topic(namespace: str, link: str) -> str:
     """Return the topic with the contact forces on a link."""
-    return f"{namespace}{CONTACTS}{_NOT_IN_NAMES.sub('_', link)}"
+    return f"{namespace}{CONTACTS}{_topic_part(link)}"
+
+
+def _topic_part(link: str) -> str:
+    """Return the name of a link as topics may have it, another one for each link."""
+    name = _NOT_IN_NAMES.sub("_", link)
+    return name if name == link else f"{name}_{zlib.crc32(link.encode()):08x}"
 
 
 def group_commands(names: Sequence[str]) -> dict[str, list[tuple[str, int]]]:

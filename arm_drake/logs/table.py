@@ -149,7 +149,10 @@ def read_csv(path: Path) -> dict[str, Any]:
     """
     try:
         with path.open(encoding="utf-8", newline="") as file:
-            head, *rows = csv.reader(file)
+            rows = list(csv.reader(file))
+        head = rows.pop(0) if rows else []
+        if not head:
+            raise ValueError("the file has no head")
         if head[0] != _TIME:
             raise ValueError(f"the first column is {head[0]!r}, not {_TIME!r}")
         if rows and not _ends_with_newline(path):

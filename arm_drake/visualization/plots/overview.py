@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from arm_drake import interfaces
 from arm_drake.errors import InputError
 from arm_drake.visualization.plots.panels import (
     LIMIT,
@@ -16,10 +17,11 @@ from arm_drake.visualization.plots.panels import (
     make_picture,
     peak_of,
     say_below,
+    see_least,
     shorten,
 )
 from arm_drake.visualization.plots.path import draw_way, find_way
-from arm_drake.visualization.plots.quantities import Tracked, track
+from arm_drake.visualization.plots.quantities import Tracked, track, unit_of
 
 if TYPE_CHECKING:
     from arm_drake.rollout import Rollout
@@ -76,6 +78,8 @@ def plot_overview(
     pen = _Pen(rollout.time)
     pen.draw(panels[0], measured, ranges)
     panels[0].set_title(f"measured [{_units(followers)}]")
+    for each in followers:
+        see_least(panels[0], each.unit)
     errors = {
         each.joint: _largest([w - each.measured for w in each.wanted.values()])
         for each in followers
@@ -86,18 +90,9 @@ def plot_overview(
     pen.draw(panels[1], errors)
     name = f"reference − measured [{_units(followers, unit.name)}]"
     panels[1].set_title(name if errors else "no references")
-    with np.errstate(divide="ignore", invalid="ignore"):
-        shares = 100.0 * rollout.effort / rollout.effort_limit
-    limited = {
-        joint: shares[:, column]
-        for joint, column in ((j, rollout.joint_names.index(j)) for j in joints)
-        if 0.0 < rollout.effort_limit[column] < np.inf
-    }
-    pen.draw(panels[2], limited)
-    if peak_of(limited.values()) > 50.0:
-        for bound in (-100.0, 100.0):
-            panels[2].axhline(bound, color=LIMIT, ls="--", lw=1.0)
-    panels[2].set_title("effort [% of its limit]" if limited else "no effort limits")
+    for each in followers:  # Errors of some 1e-6 tell something.
+        see_least(panels[1], each.unit, 1e-4 * unit.factor)
+    _draw_efforts(panels[2], pen, rollout, joints)
     try:
         tip = rollout.find_tip() if link is None else link
         draw_way(picture, grid[1, 1], *find_way(rollout, tip), tip)
@@ -106,6 +101,32 @@ def plot_overview(
             raise
         say_below(picture, f"no way of the end effector: {error}")
     return picture
+
+
+def _draw_efforts(
+    panel: Axes, pen: "_Pen", rollout: "Rollout", joints: Sequence[str]
+) -> None:
+    """Draw efforts as parts of their limits; where no joint has one, as they are."""
+    columns = {joint: rollout.joint_names.index(joint) for joint in joints}
+    limits = {joint: rollout.effort_limit[column] for joint, column in columns.items()}
+    shares = {
+        joint: 100.0 * rollout.effort[:, columns[joint]] / limit
+        for joint, limit in limits.items()
+        if 0.0 < limit < np.inf
+    }
+    if shares:
+        pen.draw(panel, shares)
+        panel.set_title("effort [% of its limit]")
+        see_least(panel, "%")
+        if peak_of(shares.values()) > 50.0:
+            for bound in (-100.0, 100.0):
+                panel.axhline(bound, color=LIMIT, ls="--", lw=1.0)
+        return
+    pen.draw(panel, {joint: rollout.effort[:, c] for joint, c in columns.items()})
+    units = {joint: unit_of(rollout, joint, interfaces.EFFORT) for joint in joints}
+    panel.set_title(f"effort [{', '.join(sorted(set(units.values())))}], no limits")
+    for unit in set(units.values()):
+        see_least(panel, unit)
 
 
 class _Pen:
@@ -143,7 +164,8 @@ class _Pen:
             look = {"lw": 1.4, "label": shorten(name, 2.5), **self._look(name)}
             draw_line(panel, self._time, lines[name], **look)
         if others:
-            text = f"{len(others)} other{'s' if len(others) > 1 else ''}"
+            what = "other" if named else "joint"
+            text = f"{len(others)} {what}{'s' if len(others) > 1 else ''}"
             panel.plot([], [], color=_GREY, label=text)
         if lines:
             panel.legend(fontsize="x-small", loc="best")

@@ -38,7 +38,15 @@ _LARGEST = (4, 3.6, 1.3)
 _CHARACTERS = 12.0
 
 # At least so much of a quantity is seen, so that noise isn't all that is.
-_LEAST = {"rad": 0.02, "m": 0.002, "rad/s": 0.02, "m/s": 0.002, "N·m": 0.02, "N": 0.02}
+_LEAST = {
+    "rad": 0.02,
+    "m": 0.002,
+    "rad/s": 0.02,
+    "m/s": 0.002,
+    "N·m": 0.02,
+    "N": 0.02,
+    "%": 1.0,
+}
 
 _RESOLUTION = 120  # dots to an inch
 
