@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from arm_drake.diagram import build_diagram as build_diagram
     from arm_drake.errors import ArmDrakeError as ArmDrakeError
     from arm_drake.errors import ParameterError as ParameterError
-    from arm_drake.live_simulation import LiveSimulation as LiveSimulation
     from arm_drake.loading import load_robot as load_robot
     from arm_drake.many import Outcome as Outcome
     from arm_drake.many import Run as Run
@@ -56,7 +55,8 @@ if TYPE_CHECKING:
     from arm_drake.notebook import view as view
     from arm_drake.notebook_cells import Recording as Recording
     from arm_drake.options import SimulationOptions as SimulationOptions
-    from arm_drake.robot_viewer import RobotViewer as RobotViewer
+    from arm_drake.pages.live_simulation import LiveSimulation as LiveSimulation
+    from arm_drake.pages.robot_viewer import RobotViewer as RobotViewer
     from arm_drake.rollout import Rollout as Rollout
     from arm_drake.simulation import Simulation as Simulation
     from arm_drake.visualization.meshcat import start_meshcat as start_meshcat
@@ -78,7 +78,7 @@ _MODULES = {
     "JointTolerance": "messages",
     "JointTrajectory": "messages",
     "JointTrajectoryPoint": "messages",
-    "LiveSimulation": "live_simulation",
+    "LiveSimulation": "pages.live_simulation",
     "LoadReport": "description.report",
     "Motion": "motion",
     "MultiDOFCommand": "messages",
@@ -89,7 +89,7 @@ _MODULES = {
     "ParameterError": "errors",
     "Recording": "notebook_cells",
     "Robot": "description.robot",
-    "RobotViewer": "robot_viewer",
+    "RobotViewer": "pages.robot_viewer",
     "Rollout": "rollout",
     "Run": "many",
     "RunError": "many",

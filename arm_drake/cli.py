@@ -11,7 +11,7 @@ import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from arm_drake.arguments import parse_arguments
+from arm_drake.commands.arguments import parse_arguments
 from arm_drake.errors import ArmDrakeError, InputError
 from arm_drake.importing import without_collection
 from arm_drake.interrupts import unbroken
@@ -99,7 +99,7 @@ def _list(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace) -> int:
-    from arm_drake.check_command import check
+    from arm_drake.commands.check import check
 
     robot = load_robot_of(options)
     return check(robot, strict=options.strict, as_json=options.json)
@@ -107,33 +107,33 @@ def _check(options: argparse.Namespace) -> int:
 
 def _sim(options: argparse.Namespace) -> int:
     with unbroken(), without_collection():
-        from arm_drake.sim_command import simulate
+        from arm_drake.commands.sim import simulate
 
     return simulate(options, load_robot_of(options))
 
 
 def _view(options: argparse.Namespace) -> int:
     with unbroken(), without_collection():
-        from arm_drake.view_command import view
+        from arm_drake.commands.view import view
 
     return view(options, functools.partial(load_robot_of, options))
 
 
 def _graph(options: argparse.Namespace) -> int:
-    from arm_drake.graph_command import run_graph
+    from arm_drake.commands.graph import run_graph
 
     return run_graph(options, functools.partial(load_robot_of, options))
 
 
 def _replay(options: argparse.Namespace) -> int:
     with unbroken(), without_collection():
-        from arm_drake.replay_command import run_replay
+        from arm_drake.commands.replay import run_replay
 
     return run_replay(options, functools.partial(load_robot_of, options))
 
 
 def _compare(options: argparse.Namespace) -> int:
-    from arm_drake.compare_command import run_compare
+    from arm_drake.commands.compare import run_compare
 
     return run_compare(options)
 

@@ -203,9 +203,9 @@ def _compare_sent(a: Rollout, b: Rollout, tolerance: float) -> Iterator[str]:
     """Yield what differs of goals and messages."""
     told = ("controller", "status", "error_code", "goal")
     yield from _compare_records("goal", a.goals, b.goals, told, "sent_at", tolerance)
-    told = ("topic", "type", "data")
+    sent = ("topic", "type", "data")
     yield from _compare_records(
-        "message", a.messages, b.messages, told, "time", tolerance
+        "message", a.messages, b.messages, sent, "time", tolerance
     )
 
 

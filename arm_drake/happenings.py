@@ -10,7 +10,11 @@ from arm_drake.clients import GoalHandle
 from arm_drake.logs.records import GoalRecord, SentMessage, to_plain
 from arm_drake.mailbox import Sent
 from arm_drake.manager import MANAGER, ControllerManager
-from arm_drake.messages import ActionRequest, FollowJointTrajectoryResult
+from arm_drake.messages import (
+    ActionRequest,
+    FollowJointTrajectoryResult,
+    GoalStatus,
+)
 from arm_drake.provenance import describe_provenance
 from arm_drake.recording import read_rollout
 from arm_drake.rollout import Rollout
@@ -18,8 +22,25 @@ from arm_drake.rollout import Rollout
 if TYPE_CHECKING:
     from arm_drake.simulation import Simulation
 
+_FAILED = (GoalStatus.REJECTED, GoalStatus.ABORTED)
+
 # Goals that are done, which stay as they are.
 _done: "weakref.WeakKeyDictionary[GoalHandle, GoalRecord]" = weakref.WeakKeyDictionary()
+
+
+def list_failures(simulation: "Simulation") -> list[str]:
+    """Return a line for all that failed: goals, messages, switches, controllers.
+
+    Args:
+        simulation: A simulation that has run.
+    """
+    lines = []
+    for goal in simulation.goals:
+        if goal.status in _FAILED:
+            place = f"{goal.where}: " if goal.where else ""
+            lines.append(f"{place}{goal.controller}: goal {goal.describe()}")
+    events = (*simulation.rejected, *simulation.failures)
+    return lines + [simulation.mailbox.describe(event) for event in events]
 
 
 def collect_rollout(

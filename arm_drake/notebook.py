@@ -12,9 +12,7 @@ from typing import Any, TypeVar
 from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot, list_robots
 from arm_drake.diagram import build_diagram
-from arm_drake.drawing import ROOM_TO_MOVE, draw, frame_robots, run_drawing
 from arm_drake.errors import InputError
-from arm_drake.live_simulation import LiveSimulation
 from arm_drake.loading import load_robot
 from arm_drake.motion import Motion
 from arm_drake.notebook_cells import (
@@ -24,9 +22,11 @@ from arm_drake.notebook_cells import (
     page_in_a_cell,
 )
 from arm_drake.options import SimulationOptions
-from arm_drake.page_threads import PageThread
+from arm_drake.pages.drawing import ROOM_TO_MOVE, draw, frame_robots, run_drawing
+from arm_drake.pages.live_simulation import LiveSimulation
+from arm_drake.pages.page_threads import PageThread
+from arm_drake.pages.robot_viewer import RobotViewer
 from arm_drake.robot_motions import find_motion
-from arm_drake.robot_viewer import RobotViewer
 from arm_drake.simulation import Simulation
 from arm_drake.visualization.meshcat import start_recording
 from arm_drake.visualization.page import Page, Scene

@@ -3,7 +3,7 @@
 from pydrake.geometry import Meshcat
 
 from arm_drake.description.robot import Robot
-from arm_drake.robot_scene import RobotScene
+from arm_drake.pages.robot_scene import RobotScene
 from arm_drake.visualization.meshcat import frame_shapes
 
 

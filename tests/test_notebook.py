@@ -176,7 +176,8 @@ def test_an_interrupt_while_a_page_is_made_leaves_none(monkeypatch) -> None:
             raise KeyboardInterrupt
 
     listening = num_listening()
-    monkeypatch.setattr("arm_drake.page_threads.concurrent.futures.Future", Interrupted)
+    future = "arm_drake.pages.page_threads.concurrent.futures.Future"
+    monkeypatch.setattr(future, Interrupted)
     with pytest.raises(KeyboardInterrupt):
         ad.view(ARM)
     monkeypatch.undo()

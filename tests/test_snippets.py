@@ -87,7 +87,7 @@ def test_a_command_runs(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     for viewer in ("robot_viewer.RobotViewer", "replay_page.ReplayPage"):
-        monkeypatch.setattr(f"arm_drake.{viewer}.run", lambda *_, **__: None)
+        monkeypatch.setattr(f"arm_drake.pages.{viewer}.run", lambda *_, **__: None)
     for name, text in FILES.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)

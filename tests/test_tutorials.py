@@ -46,7 +46,8 @@ def test_a_command_runs(
     if words[0] == "view":
         # Without a browser: what it shows can be loaded, and the pose is one.
         words = ["view", *words[1:], "--json"]
-        monkeypatch.setattr("arm_drake.robot_viewer.RobotViewer.run", _end_at_once)
+        run = "arm_drake.pages.robot_viewer.RobotViewer.run"
+        monkeypatch.setattr(run, _end_at_once)
     monkeypatch.chdir(tmp_path)
 
     code = main(words)

@@ -14,6 +14,7 @@ from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.diagram import build_diagram
 from arm_drake.errors import InputError
+from arm_drake.happenings import list_failures
 from arm_drake.loading import load_robot
 from arm_drake.many.stopping import check_stop
 from arm_drake.messages import GoalStatus, Result
@@ -21,7 +22,6 @@ from arm_drake.motion import Motion
 from arm_drake.options import SimulationOptions
 from arm_drake.robot_motions import find_motion
 from arm_drake.rollout import Rollout
-from arm_drake.sim_output import list_failures
 from arm_drake.simulation import Simulation
 from arm_drake.world import World
 

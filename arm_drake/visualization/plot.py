@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from arm_drake.command_arguments import PLOT_KINDS
 from arm_drake.errors import InputError, suggest
 from arm_drake.output_files import check_suffix, writing
 
@@ -12,6 +11,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from arm_drake.rollout import Rollout
+
+# What a plot of a rollout can show; the first is the default.
+PLOT_KINDS = ("tracking", "error", "effort", "phase", "path", "overview")
 
 PLOT_SUFFIXES = (".png", ".svg", ".pdf")
 

@@ -97,7 +97,7 @@ def measure_drawing(robot: str) -> dict[str, float]:
     They are headless, not drawn, drawn on a page, and that with a browser; the first
     in %, the last in ms.
     """
-    from arm_drake.live_simulation import LiveSimulation
+    from arm_drake.pages.live_simulation import LiveSimulation
     from arm_drake.visualization.page import Page
 
     motion = motion_of(robot)
@@ -146,8 +146,7 @@ def time_headless(is_imported: bool) -> float:
     """Return the processor time of a headless run per simulated second [ms]."""
     sim = simulate("doosan_a0912")
     if is_imported:
-        import arm_drake.live_simulation
-        import arm_drake.page_command  # noqa: F401
+        pass
     start = time.process_time()
     sim.run(DURATION, motion_of("doosan_a0912"))
     return 1e3 * (time.process_time() - start) / DURATION
@@ -186,7 +185,7 @@ def measure_memory(robot: str, *, keeps_log: bool) -> dict[str, float]:
         robot: The robot.
         keeps_log: Whether the logs grow, as in a user's run.
     """
-    from arm_drake.live_simulation import LiveSimulation
+    from arm_drake.pages.live_simulation import LiveSimulation
     from arm_drake.visualization.page import Page
 
     with Page() as page:
@@ -209,7 +208,7 @@ def measure_memory(robot: str, *, keeps_log: bool) -> dict[str, float]:
 
 def measure_live(robot: str) -> dict[str, float]:
     """Return how memory grows in real time with a browser [MB per 10 min]."""
-    from arm_drake.live_simulation import LiveSimulation
+    from arm_drake.pages.live_simulation import LiveSimulation
     from arm_drake.visualization.page import Page
 
     motion = motion_of(robot)
@@ -243,7 +242,7 @@ def slopes(rows: list[tuple[float, int, int]]) -> dict[str, float]:
 
 def measure_stopped(robot: str) -> dict[str, float]:
     """Return simulated seconds per second while a browser runs, and stands still."""
-    from arm_drake.live_simulation import LiveSimulation
+    from arm_drake.pages.live_simulation import LiveSimulation
     from arm_drake.visualization.page import Page
 
     factors = {}

@@ -7,8 +7,8 @@ import pydot
 import pytest
 from PIL import Image
 
+from arm_drake.commands.graph import save_graph
 from arm_drake.errors import OutputError
-from arm_drake.graph_command import save_graph
 from arm_drake.visualization.control_graph import (
     ControlGraph,
     ControllerNode,

@@ -1,0 +1,260 @@
+"""The command `arm-drake sim`: Gazebo's place."""
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from pydrake.geometry import Meshcat
+
+from arm_drake.build_info import find_build_info
+from arm_drake.commands.sim_files import (
+    check_outputs,
+    find_saturation,
+    history_of,
+    needs_recording,
+    start_log,
+    warn_of_pictures,
+    write_outputs,
+)
+from arm_drake.commands.sim_options import (
+    choose_duration,
+    choose_motion,
+    simulation_options,
+)
+from arm_drake.commands.sim_output import (
+    Speaker,
+    print_summary,
+    summarize,
+)
+from arm_drake.description.joints import WORLD
+from arm_drake.description.robot import Robot
+from arm_drake.diagram import build_diagram
+from arm_drake.drake_log import use_native_logging
+from arm_drake.errors import InputError, SimulationError
+from arm_drake.happenings import list_failures
+from arm_drake.motion import Motion
+from arm_drake.pages.drawing import run_drawing
+from arm_drake.playback import check_motion
+from arm_drake.simulation import Simulation
+from arm_drake.visualization.meshcat import start_recording
+from arm_drake.visualization.video import FRAME_RATE
+from arm_drake.world import load_world
+from arm_drake.worlds.loaded_world import LoadedWorld
+
+if TYPE_CHECKING:
+    from arm_drake.pages.live_views import LiveViews
+
+
+def simulate(options: argparse.Namespace, robot: Robot) -> int:
+    """Simulate a robot as the command line says; return the exit code.
+
+    Args:
+        options: Arguments of `arm-drake sim`.
+        robot: The robot.
+    """
+    # What Drake says of its file is kept, which native logging wouldn't.
+    world = load_world(options.world, robot.package_paths)
+    use_native_logging()
+    for word in ("hold", "paused"):
+        if options.headless and getattr(options, word):
+            text = f"--{word} is for the page, and with --headless there is none"
+            raise InputError(text)
+    check_outputs(options)
+    if options.headless or needs_recording(options):
+        warn_of_pictures(options)
+    motion = choose_motion(options.motion, options.set, robot)
+    say = Speaker(is_quiet=options.json)
+    if not options.headless:
+        return _simulate_live(options, robot, world, motion, say)
+    return _simulate_headless(options, robot, world, motion, say)
+
+
+def _simulate_headless(
+    options: argparse.Namespace,
+    robot: Robot,
+    world: LoadedWorld,
+    motion: Motion | None,
+    say: Speaker,
+) -> int:
+    """Simulate without a page; return the exit code."""
+    chosen, rate = choose_duration(options, motion), options.rate or 0.0
+    assert chosen is not None  # Only a page goes on without an end.
+    duration = chosen
+    if not (needs_recording(options) or options.screenshot):
+        _check_nothing_shown(options)
+        simulation = _prepare(options, robot, world, motion, None, say)
+        wall_time = _measure(
+            lambda: simulation.run(duration, motion, rate, say.progress),
+            simulation,
+            say,
+        )
+        return _finish(options, simulation, wall_time, None, say)
+    # Not at the top: a simulation without pictures needs no Meshcat.
+    from arm_drake.pages.live_views import LiveViews
+    from arm_drake.visualization.page import Scene
+
+    with Scene() as scene:
+        meshcat = scene.meshcat
+        simulation = _prepare(options, robot, world, motion, meshcat, say)
+        is_recorded = needs_recording(options)
+        shown = options.show or ("visual",)
+        views = LiveViews(scene, simulation, shown, is_recorded=is_recorded)
+        if is_recorded:
+            start_recording(meshcat, FRAME_RATE)
+        _show(options, views)
+        wall_time = _measure(
+            lambda: run_drawing(
+                simulation,
+                duration,
+                motion,
+                draw=views.draw,
+                frame_rate=FRAME_RATE,
+                realtime_rate=rate,
+                progress=say.progress,
+            ),
+            simulation,
+            say,
+        )
+        views.end_recording()
+        return _finish(options, simulation, wall_time, meshcat, say)
+
+
+def _check_nothing_shown(options: argparse.Namespace) -> None:
+    """Raise InputError if something is to be shown where nothing is to be seen."""
+    for name in ("show", "fixed_frame", "ghost", "trail", "contacts", "max_faces"):
+        if getattr(options, name):
+            word = f"--{name.replace('_', '-')}"
+            raise InputError(
+                f"{word} is for a page or a recording, and with --headless there is "
+                "none; give --record, --video or --screenshot, too"
+            )
+
+
+def _show(options: argparse.Namespace, views: "LiveViews") -> None:
+    """Show what the command line asks for."""
+    views.set_fixed_frame(options.fixed_frame or WORLD)
+    views.set_trail(options.trail)
+    if options.contacts and needs_recording(options):
+        print("warning: contact forces are not in recordings", file=sys.stderr)
+    for what in ("ghost", "contacts"):
+        if getattr(options, what):
+            views.show(what)
+
+
+def _measure(run: Callable[[], None], simulation: Simulation, say: Speaker) -> float:
+    """Run a simulation up to its end or Ctrl-C; return the wall time it took [s]."""
+    start = time.perf_counter()
+    try:
+        run()
+    except KeyboardInterrupt:  # What was simulated is kept.
+        say.line(f"stopped at {simulation.time:.2f} s")
+    except SimulationError as error:  # So it is.
+        say.failures.append(str(error))
+    return time.perf_counter() - start
+
+
+def _simulate_live(
+    options: argparse.Namespace,
+    robot: Robot,
+    world: LoadedWorld,
+    motion: Motion | None,
+    say: Speaker,
+) -> int:
+    """Simulate on a page; return the exit code."""
+    # Not at the top: a headless simulation must not wait for a web server.
+    from arm_drake.commands.page import from_elsewhere, interrupting, start_page
+    from arm_drake.pages.live_simulation import LiveSimulation
+
+    with start_page(options) as page:
+        simulation = _prepare(options, robot, world, motion, page.meshcat, say)
+        live = LiveSimulation(
+            page,
+            simulation,
+            motion=motion,
+            realtime_rate=1.0 if options.rate is None else options.rate,
+            is_paused=options.paused,
+            shown=options.show or ("visual",),
+            frame_rate=FRAME_RATE if needs_recording(options) else None,
+            history=history_of(options),
+        )
+        _show(options, live.views)
+        say.page(f"page: {page.url}")
+        say.line(from_elsewhere(page))
+        duration = choose_duration(options, motion)
+        if duration is None:
+            say.line("simulating until Ctrl-C")
+        with interrupting(live.stop) as is_interrupted:
+            _measure(lambda: live.run(duration, say.progress), simulation, say)
+        live.views.end_recording()
+        if is_interrupted():
+            say.line(f"stopped at {simulation.time:.2f} s")
+        code = _finish(options, simulation, live.wall_time, page.meshcat, say)
+        if options.hold and not (is_interrupted() or say.failures):
+            say.page(f"the page stays at {page.url} until Ctrl-C")
+            live.pause()
+            with interrupting(live.stop):
+                live.run()
+        return code
+
+
+def _prepare(
+    options: argparse.Namespace,
+    robot: Robot,
+    world: LoadedWorld,
+    motion: Motion | None,
+    meshcat: Meshcat | None,
+    say: Speaker,
+) -> Simulation:
+    """Return the simulation, and say what was not taken as written."""
+    simulation = Simulation(
+        build_diagram(
+            robot,
+            world=world,
+            options=simulation_options(options),
+            meshcat=meshcat,
+        )
+    )
+    report = simulation.report
+    if options.strict and len(report):
+        raise InputError(f"not everything was taken as written:\n{report}")
+    for entry in report:
+        if entry.severity != "info":
+            print(entry, file=sys.stderr)
+    if motion is not None:
+        check_motion(simulation, motion)
+    build = find_build_info(simulation.diagram)
+    if build is not None and build.options.leaves_out:
+        say.line(f"preset {build.options.preset}: {build.options.leaves_out}")
+    say.controllers(simulation)
+    simulation.on_event(say.event)
+    start_log(options, simulation)
+    return simulation
+
+
+def _finish(
+    options: argparse.Namespace,
+    simulation: Simulation,
+    wall_time: float,
+    meshcat: Meshcat | None,
+    say: Speaker,
+) -> int:
+    """Write and say what came of it; return the exit code."""
+    rollout = simulation.rollout()
+    (robot,) = simulation.robots.values()
+    saturation = find_saturation(simulation, rollout)
+    write_outputs(rollout, options, meshcat, say, robot)
+    failures = [*list_failures(simulation), *say.failures]
+    if options.json:
+        print(
+            json.dumps(summarize(simulation, robot, saturation, wall_time, failures)),
+            flush=True,
+        )
+    else:
+        print_summary(simulation, saturation, wall_time, say)
+        say.controllers(simulation)
+    for failure in failures:
+        print(f"arm-drake: {failure}", file=sys.stderr)
+    return 1 if failures else 0

@@ -1,0 +1,162 @@
+"""The command `arm-drake view`: RViz's place. A robot in a pose, without physics."""
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from arm_drake.commands.page import from_elsewhere, interrupting, start_page
+from arm_drake.description.joints import WORLD
+from arm_drake.description.robot import Robot
+from arm_drake.description.srdf import find_group_states
+from arm_drake.description.urdf import RobotDescription
+from arm_drake.drake_log import use_native_logging
+from arm_drake.errors import InputError, suggest
+from arm_drake.output_files import check_suffix, check_writable
+from arm_drake.pages.robot_viewer import RobotViewer
+from arm_drake.pages.viewer_panel import find_pose
+from arm_drake.source_files import files_of_failed
+from arm_drake.visualization.page import Page, Scene
+from arm_drake.visualization.screenshot import SCREENSHOT_SUFFIXES, save_screenshot
+
+LoadRobot = Callable[[Mapping[str, float]], Robot]
+
+
+def view(options: argparse.Namespace, load: LoadRobot) -> int:
+    """Show a robot as the command line says; return the exit code.
+
+    Args:
+        options: Arguments of `arm-drake view`.
+        load: Loads the robot with initial positions by joint [rad] or [m].
+    """
+    if options.screenshot is not None:
+        if "names" in options.show:
+            print("warning: names of frames are on the page only", file=sys.stderr)
+        check_suffix(options.screenshot, "a screenshot", SCREENSHOT_SUFFIXES)
+        check_writable(options.screenshot)
+    robot = load({})
+    positions = _find_positions(options, robot)
+    if positions:
+        robot = load(positions)
+    ghost = read_positions(options.ghost, robot.description, "--ghost")
+    if options.strict and len(robot.report):
+        raise InputError(f"not everything was taken as written:\n{robot.report}")
+    for entry in robot.report.grouped():
+        if entry.severity != "info":
+            print(entry, file=sys.stderr)
+    use_native_logging()
+    # What was loaded is shown; only when files change it is loaded again.
+    loaded = [robot]
+    scene = Scene() if options.screenshot is not None else start_page(options)
+    with scene:
+        viewer = RobotViewer(
+            scene,
+            # The viewer knows where joints are.
+            lambda: loaded.pop() if loaded else load({}),
+            shown=options.show or ("visual",),
+            fixed_frame=options.fixed_frame or WORLD,
+            is_watching=not (options.no_watch or options.screenshot),
+            find_files=lambda error: files_of_failed(
+                options.robot,
+                error,
+                controllers=options.controllers,
+                xacro_args=dict(options.xacro_args),
+                package_paths=options.package_path,
+            ),
+            tell=lambda text: print(text, file=sys.stderr, flush=True),
+        )
+        if ghost:
+            viewer.show_ghost(ghost)
+        if options.screenshot is not None:
+            save_screenshot(scene.meshcat, options.screenshot, paths=["drake"])
+        _say(options, viewer, scene)
+        if isinstance(scene, Page):
+            with interrupting(viewer.stop):
+                viewer.run()
+            if not options.json:
+                print(f"\n{viewer.pose_yaml()}", end="")
+    return 0
+
+
+def read_positions(
+    words: Sequence[str], description: RobotDescription, option: str = "--position"
+) -> dict[str, float]:
+    """Return positions [rad] or [m] by joint, as a command line gives them.
+
+    Args:
+        words: JOINT=VALUE, or a value for each movable joint that follows no other, in
+            the order of the description; none for no position at all.
+        description: The robot.
+        option: The words' option, for messages.
+
+    Raises:
+        InputError: If they are something else.
+    """
+    if not words:
+        return {}
+    followed = {
+        joint.name: joint.mimic.joint if joint.mimic else None
+        for joint in description.movable_joints
+    }
+    own = [name for name, other in followed.items() if other is None]
+    if all("=" not in word for word in words):
+        if len(words) != len(own):
+            raise InputError(
+                f"{option}: expected JOINT=VALUE, or {len(own)} values, of "
+                f"{', '.join(own)}; got {len(words)} values"
+            )
+        words = [f"{name}={word}" for name, word in zip(own, words, strict=True)]
+    positions = {}
+    for word in words:
+        name, found, value = word.partition("=")
+        if not found:
+            raise InputError(
+                f"{option} {word}: expected JOINT=VALUE, as for the other joints"
+            )
+        if name not in followed:
+            raise InputError(
+                f"{option} {word}: no joint {name!r}; {suggest(name, own)}"
+            )
+        if followed[name] is not None:
+            raise InputError(
+                f"{option} {word}: {name!r} follows {followed[name]!r}; give that one"
+            )
+        if name in positions:
+            raise InputError(f"{option} {word}: {name!r} has a value already")
+        try:
+            positions[name] = float(value)
+        except ValueError:
+            raise InputError(f"{option} {word}: expected a number [rad or m]") from None
+    return positions
+
+
+def _find_positions(options: argparse.Namespace, robot: Robot) -> dict[str, float]:
+    """Return the positions that the command line asks for."""
+    positions: dict[str, float] = {}
+    if options.named_pose is not None:
+        state = find_pose(find_group_states(robot), options.named_pose)
+        positions.update(state.positions)
+    return positions | read_positions(options.position, robot.description)
+
+
+def _say(options: argparse.Namespace, viewer: RobotViewer, scene: Scene) -> None:
+    """Say where to look."""
+    robot = viewer.robot
+    if options.json:
+        place = {"screenshot": str(options.screenshot)}
+        if isinstance(scene, Page):
+            place = {"page": scene.url}
+        summary: dict[str, Any] = {
+            "robot": robot.name,
+            "positions": viewer.positions,
+            **place,
+            "report": robot.report.to_json(),
+        }
+        print(json.dumps(summary), flush=True)
+    elif not isinstance(scene, Page):
+        print(f"screenshot: {options.screenshot}")
+    else:
+        print(f"page: {scene.url}, until Ctrl-C", flush=True)
+        if hint := from_elsewhere(scene):
+            print(hint, flush=True)

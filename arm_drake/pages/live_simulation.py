@@ -1,0 +1,290 @@
+"""LiveSimulation: a simulation on a page, with all that Gazebo's window has."""
+
+import math
+import time
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from arm_drake.history import History
+from arm_drake.motion import Motion
+from arm_drake.pages.live_panel import (
+    LogLines,
+    do_latest,
+    make_changes,
+    make_sections,
+    read_rate,
+)
+from arm_drake.pages.live_views import LiveViews
+from arm_drake.pages.pace import Pace
+from arm_drake.playback import Player
+from arm_drake.simulation import TICK_TOLERANCE, Simulation
+from arm_drake.teleop import Remote, find_remotes
+from arm_drake.visualization.meshcat import start_recording
+from arm_drake.visualization.page import Event, Page
+
+# Pictures, and updates of the panel, per second of wall time [s].
+_FRAME_PERIOD = 1.0 / 30.0
+_PANEL_PERIOD = 0.1
+
+# Velocities of bases are sent anew after so much simulated time [s].
+_REPEAT_PERIOD = 0.1
+
+
+Progress = Callable[[float], None]
+
+
+class LiveSimulation:
+    """Runs a simulation on a page: play, pause, step, reset, goals, controllers.
+
+    All that can be clicked on its page is a method, too. It is used in the thread that
+    made its page. What it does between two clicks is bit for bit what `Simulation.run`
+    does.
+    """
+
+    def __init__(
+        self,
+        page: Page,
+        simulation: Simulation,
+        *,
+        motion: Motion | None = None,
+        realtime_rate: float = 1.0,
+        is_paused: bool = False,
+        shown: Iterable[str] = ("visual",),
+        frame_rate: float | None = None,
+        history: float = math.inf,
+    ) -> None:
+        """Show a simulation; `run` lets it go.
+
+        Args:
+            page: Where to show it.
+            simulation: What to run. Its diagram draws on the page's Meshcat, with the
+                option `frame_rate=0`: this one says when.
+            motion: What to send to the controllers, its times counted from now.
+            realtime_rate: Simulated seconds per second; 0 is as fast as it goes.
+            is_paused: Whether it waits for `play`.
+            shown: What is shown at first, as `show` calls it.
+            frame_rate: Pictures per simulated second for a recording [Hz]; None if
+                nothing is recorded.
+            history: How much of the past the rollout has at least [s]; from twice as
+                much on, the rest is forgotten.
+
+        Raises:
+            InputError: If there is nothing called as in ``shown``.
+            MotionError: As `Simulation.run`.
+        """
+        self.simulation = simulation
+        self.views = LiveViews(
+            page, simulation, tuple(shown), is_recorded=frame_rate is not None
+        )
+        self.remotes: list[Remote] = find_remotes(simulation)
+        self.page = page
+        self._motion = motion
+        self._pace = Pace(realtime_rate)
+        self._is_playing = not is_paused
+        self._is_stopped = False
+        self._duration = math.inf
+        self._frame_rate = frame_rate
+        self._history = History(simulation, history)
+        if frame_rate is not None:
+            start_recording(page.meshcat, frame_rate)
+        self._log = LogLines()
+        simulation.on_event(lambda news: self._log.add(simulation, news))
+        self._start()
+        page.set_panel(", ".join(simulation.robots), make_sections(self))
+
+    @property
+    def is_playing(self) -> bool:
+        """Whether simulated time passes."""
+        return self._is_playing
+
+    @property
+    def realtime_rate(self) -> float:
+        """Simulated seconds per second that are wanted; 0 is as fast as it goes."""
+        return self._pace.rate
+
+    @property
+    def realtime_factor(self) -> float:
+        """Simulated seconds per second in the last second."""
+        return self._pace.factor
+
+    @property
+    def wall_time(self) -> float:
+        """How long it has been playing since the start or the last reset [s]."""
+        return self._pace.wall_time
+
+    @property
+    def log(self) -> str:
+        """The last news of goals, switches and controllers."""
+        return str(self._log)
+
+    def play(self) -> None:
+        """Let time pass."""
+        if not self._is_playing:
+            self._is_playing = True
+            self._pace.start(self.simulation.time)
+
+    def pause(self) -> None:
+        """Let time stand."""
+        if self._is_playing:
+            self._is_playing = False
+            self._pace.stop()
+
+    def step(self, cycles: int = 1) -> None:
+        """Pause, and simulate up to the next cycle of the controller manager.
+
+        Args:
+            cycles: How many cycles to go.
+        """
+        self.pause()
+        period = self.simulation.period
+        cycle = math.floor(self.simulation.time / period + TICK_TOLERANCE) + cycles
+        self._advance_to(cycle * period)
+
+    def reset(self) -> None:
+        """Go back to the start: time 0, initial positions, the motion from its start.
+
+        It goes on playing if it was.
+        """
+        self.simulation.reset()
+        for remote in self.remotes:
+            remote.reset()
+        if self._frame_rate is not None:
+            start_recording(self.page.meshcat, self._frame_rate)
+        self._log.clear()
+        self._end = self.simulation.time + self._duration
+        self._start()
+        self.views.draw()
+
+    def set_realtime_rate(self, rate: float) -> None:
+        """Set how fast time passes.
+
+        Args:
+            rate: Simulated seconds per second; 0 is as fast as it goes.
+
+        Raises:
+            InputError: If it is negative, or no number.
+        """
+        pace = Pace(rate)
+        pace.go_on_from(self._pace)
+        self._pace = pace
+        if self._is_playing:
+            pace.start(self.simulation.time)
+
+    def run(
+        self, duration: float | None = None, progress: Progress | None = None
+    ) -> None:
+        """Do what is clicked, and simulate while it is playing.
+
+        Args:
+            duration: Simulated time after which it returns [s], counted anew from a
+                reset; None is until `stop`.
+            progress: Called with the simulated time [s], ten times a second.
+        """
+        self._duration = math.inf if duration is None else duration
+        self._end = self.simulation.time + self._duration
+        if self._is_playing:
+            self._pace.start(self.simulation.time)
+        next_picture = next_panel = time.perf_counter()
+        drawn_at = math.nan
+        while not self._is_stopped and self.simulation.time < self._end:
+            wait = min(next_picture, next_panel) - time.perf_counter()
+            # As fast as it goes: no waiting, but for what is clicked.
+            is_busy = self._is_playing and self.realtime_rate == 0.0
+            self.handle(self.page.events(0.0 if is_busy else max(wait, 0.0)))
+            if self._is_playing:
+                self._advance()
+            now = time.perf_counter()
+            if now >= next_picture:
+                # A recording has the pictures that its own times ask for, no others.
+                is_due = self._frame_rate is None or not self._is_playing
+                if is_due and drawn_at != self.simulation.time:
+                    self.views.draw()
+                    drawn_at = self.simulation.time
+                next_picture = max(next_picture + _FRAME_PERIOD, now)
+            if now >= next_panel:
+                self._history.trim()
+                self._tell(progress)
+                next_panel = now + _PANEL_PERIOD
+        if self._is_playing:
+            self._pace.stop()
+        self._is_stopped = False
+        self.views.draw()
+        self._tell(progress)
+
+    def stop(self) -> None:
+        """End `run`, or the next one, within a twentieth of a second."""
+        self._is_stopped = True
+        self.page.call(lambda: None)  # It may wait for a click.
+
+    def handle(self, events: Iterable[Event]) -> None:
+        """Do what was clicked.
+
+        Args:
+            events: What happened on the page, in order.
+        """
+        do_latest(self.page, events, lambda event: self._do(event.id, event.value))
+
+    def _do(self, name: str, value: Any) -> None:
+        kind, _, what = name.partition(":")
+        if kind == "play":
+            self.pause() if self._is_playing else self.play()
+        elif kind in ("step", "reset", "frame"):
+            getattr(self.views if kind == "frame" else self, kind)()
+        elif kind == "rate":
+            self.set_realtime_rate(read_rate(value))
+        elif kind == "activate":
+            self.simulation.switch_controllers(activate=[what])
+        elif kind == "deactivate":
+            self.simulation.switch_controllers(deactivate=[what])
+        elif kind == "remote":
+            owners = (
+                remote
+                for remote in self.remotes
+                if name.startswith(f"remote:{remote.controller}:")
+            )
+            # A controller may be called as the start of another.
+            owner = max(owners, key=lambda one: len(one.controller), default=None)
+            if owner is not None:
+                owner.handle(name, value)
+        else:
+            self.views.handle(name, value)
+
+    def _start(self) -> None:
+        """Begin at the present time of the simulation."""
+        tolerance = TICK_TOLERANCE * self.simulation.period
+        self._player = Player(self.simulation, self._motion, tolerance)
+        self._repeat_at = self._picture_at = self.simulation.time
+        self._pace = Pace(self._pace.rate)
+        if self._is_playing:
+            self._pace.start(self.simulation.time)
+
+    def _advance(self) -> None:
+        """Simulate as far as real time has come."""
+        start, before = time.perf_counter(), self.simulation.time
+        target = min(self._pace.target(before), self._end)
+        if target > before:
+            self._advance_to(target)
+        took = time.perf_counter() - start
+        self._pace.note(self.simulation.time, target - before, took)
+
+    def _advance_to(self, target: float) -> None:
+        """Simulate up to a time, and do what is due on the way."""
+        while self.simulation.time < target:
+            due = [target]
+            if self._frame_rate is not None:
+                due.append(self._picture_at)
+            due.append(self._repeat_at)
+            self._player.play(max(min(due) - self.simulation.time, 0.0))
+            now = self.simulation.time
+            if now >= self._repeat_at:
+                for remote in self.remotes:
+                    remote.tick(now)
+                self._repeat_at = now + _REPEAT_PERIOD
+            if self._frame_rate is not None and now >= self._picture_at:
+                self.views.draw()
+                self._picture_at = now + 1.0 / self._frame_rate
+
+    def _tell(self, progress: Progress | None) -> None:
+        self.page.patch(make_changes(self))
+        if progress is not None:
+            progress(self.simulation.time)

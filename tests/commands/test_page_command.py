@@ -1,0 +1,155 @@
+"""What the commands with a page say of it, and how Ctrl-C ends them."""
+
+import argparse
+import signal
+import socket
+import sys
+
+import pytest
+
+from arm_drake.commands.page import (
+    from_elsewhere,
+    interrupting,
+    ssh_command,
+    start_page,
+)
+from arm_drake.errors import InputError
+
+
+@pytest.fixture
+def options() -> argparse.Namespace:
+    return argparse.Namespace(host="localhost", port=None)
+
+
+@pytest.fixture(autouse=True)
+def at_this_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Somebody sits at this machine, whose name is known."""
+    monkeypatch.delenv("SSH_CONNECTION", raising=False)
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setenv("USER", "ada")
+    monkeypatch.setenv("LOGNAME", "ada")
+    monkeypatch.setattr(socket, "gethostname", lambda: "robot-pc")
+
+
+def test_a_page_of_this_machine_needs_no_words(
+    options: argparse.Namespace, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with start_page(options) as page:
+        assert not page.is_public
+
+    captured = capsys.readouterr()
+    assert (captured.out, captured.err) == ("", "")
+
+
+def test_a_taken_port_is_said(
+    options: argparse.Namespace, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        options.port = server.getsockname()[1]
+        with start_page(options) as page:
+            assert page.port > options.port
+            text = f"port {options.port} is taken; the page is on port {page.port}"
+
+    captured = capsys.readouterr()
+    assert (captured.out, captured.err) == ("", f"warning: {text}\n")
+
+
+def test_a_public_page_is_warned_of(
+    options: argparse.Namespace, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options.host = "*"
+
+    with start_page(options) as page:
+        assert page.url == f"http://robot-pc:{page.port}/"
+
+    assert capsys.readouterr().err == (
+        "warning: whoever reaches this machine can open the page, and move the robot\n"
+    )
+
+
+def test_at_a_screen_nobody_needs_the_way_from_elsewhere(
+    options: argparse.Namespace,
+) -> None:
+    with start_page(options) as page:
+        assert from_elsewhere(page) == ""
+
+
+def test_who_comes_through_ssh_is_told_the_way(
+    options: argparse.Namespace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Even with a screen of its own, which ssh can bring along.
+    monkeypatch.setenv("SSH_CONNECTION", "192.0.2.7 50000 192.0.2.1 22")
+
+    with start_page(options) as page:
+        assert from_elsewhere(page) == (
+            f"from another machine: ssh -L {page.port}:localhost:{page.port} "
+            "ada@192.0.2.1"
+        )
+        options.host = "*"
+        with start_page(options) as public:
+            assert from_elsewhere(public) == ""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems have a screen")
+def test_without_a_screen_the_way_is_told_too(
+    options: argparse.Namespace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("DISPLAY")
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+
+    with start_page(options) as page:
+        assert from_elsewhere(page).endswith(" ada@robot-pc")
+        monkeypatch.setenv("WAYLAND_DISPLAY", "wayland-0")
+        assert from_elsewhere(page) == ""
+
+
+@pytest.mark.parametrize("connection", ["", "192.0.2.7", "a b c d e"])
+def test_without_an_address_the_name_of_the_machine_must_do(
+    monkeypatch: pytest.MonkeyPatch, connection: str
+) -> None:
+    monkeypatch.setenv("SSH_CONNECTION", connection)
+
+    assert ssh_command(7000) == "ssh -L 7000:localhost:7000 ada@robot-pc"
+
+
+def test_a_page_that_cannot_be_is_an_input_error(options: argparse.Namespace) -> None:
+    options.port = 1
+
+    with pytest.raises(InputError) as caught:
+        start_page(options)
+
+    assert str(caught.value) == "port 1: expected 1024 to 65535"
+
+
+def test_the_first_ctrl_c_stops_and_the_second_ends() -> None:
+    before, stops = signal.getsignal(signal.SIGINT), []
+
+    with interrupting(lambda: stops.append(True)) as is_interrupted:
+        assert not is_interrupted()
+        signal.raise_signal(signal.SIGINT)
+        assert (is_interrupted(), stops) == (True, [True])
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+
+    assert stops == [True]
+    assert is_interrupted()
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_without_ctrl_c_nothing_is_interrupted() -> None:
+    before = signal.getsignal(signal.SIGINT)
+
+    with interrupting(lambda: None) as is_interrupted:
+        assert signal.getsignal(signal.SIGINT) is not before
+
+    assert not is_interrupted()
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_an_error_gives_ctrl_c_back() -> None:
+    before = signal.getsignal(signal.SIGINT)
+
+    with pytest.raises(ZeroDivisionError), interrupting(lambda: None):
+        raise ZeroDivisionError
+
+    assert signal.getsignal(signal.SIGINT) is before

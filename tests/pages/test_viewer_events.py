@@ -1,0 +1,136 @@
+"""What a click on the page of `arm-drake view` does."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+import arm_drake as ad
+from arm_drake.pages.robot_viewer import RobotViewer
+from arm_drake.pages.viewer_events import handle_events
+from arm_drake.visualization.page import Event, Page
+from tests.models import GRIPPER, load
+
+
+@pytest.fixture(scope="module")
+def viewer(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RobotViewer]:
+    robot: ad.Robot = load(tmp_path_factory.mktemp("robot"), GRIPPER)
+    with Page() as page:
+        yield RobotViewer(page, lambda: robot, is_watching=False)
+
+
+@pytest.fixture
+def calls(viewer: RobotViewer, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """The methods that are called, with their arguments."""
+    found: list[Any] = []
+
+    def spy(name: str) -> Any:
+        return lambda *given: found.append((name, *given))
+
+    for name in (
+        *("set_positions", "show", "set_fixed_frame", "take_named_pose"),
+        *("randomize", "center", "frame", "show_ghost", "hide_ghost"),
+    ):
+        monkeypatch.setattr(viewer, name, spy(name))
+    return found
+
+
+@pytest.mark.parametrize(
+    ("event", "call"),
+    [
+        (Event("joint:finger", 0.5), ("set_positions", {"finger": 0.5})),
+        (Event("joint:finger", 1), ("set_positions", {"finger": 1})),
+        (Event("show:frames", True), ("show", "frames", True)),
+        (Event("show:frames", False), ("show", "frames", False)),
+        (Event("fixed_frame", "left"), ("set_fixed_frame", "left")),
+        (Event("pose:arm: up"), ("take_named_pose", "arm: up")),
+        (Event("randomize"), ("randomize",)),
+        (Event("center"), ("center",)),
+        (Event("frame"), ("frame",)),
+        (Event("show_ghost"), ("show_ghost",)),
+        (Event("hide_ghost"), ("hide_ghost",)),
+    ],
+)
+def test_a_click_is_a_method(
+    viewer: RobotViewer, calls: list[Any], event: Event, call: Any
+) -> None:
+    assert list(handle_events(viewer, [event])) == []
+
+    assert calls == [call]
+
+
+def test_of_a_sliders_way_the_end_counts_up_to_the_next_click(
+    viewer: RobotViewer, calls: list[Any]
+) -> None:
+    events = [
+        *(Event("joint:finger", value) for value in (0.1, 0.2, 0.3)),
+        Event("show_ghost"),
+        *(Event("joint:finger", value) for value in (0.4, 0.5)),
+    ]
+
+    list(handle_events(viewer, events))
+
+    assert calls == [
+        ("set_positions", {"finger": 0.3}),
+        ("show_ghost",),
+        ("set_positions", {"finger": 0.5}),
+    ]
+
+
+@pytest.mark.parametrize(
+    "value",
+    [None, "1", "x", [], {}, float("nan"), float("inf"), 10**400],
+)
+def test_a_joint_takes_numbers_only(
+    viewer: RobotViewer, calls: list[Any], value: Any
+) -> None:
+    events = [Event("joint:finger", value), Event("joint:finger2", 1.0)]
+
+    assert list(handle_events(viewer, events)) == []
+
+    assert calls == []
+
+
+def test_a_joint_that_follows_or_is_gone_is_left_out(
+    viewer: RobotViewer, calls: list[Any]
+) -> None:
+    events = [Event("joint:follower", 0.1), Event("joint:gone", 0.1)]
+
+    assert list(handle_events(viewer, events)) == []
+
+    assert calls == []
+
+
+def test_what_cannot_be_done_is_told_and_the_rest_is_done(viewer: RobotViewer) -> None:
+    events = [
+        Event("fixed_frame", "nowhere"),
+        Event("pose:up"),
+        Event("show:all", True),
+        Event("joint:finger", 0.25),
+    ]
+
+    problems = list(handle_events(viewer, events))
+
+    assert problems == [
+        "fixed frame: no link 'nowhere'; known: base, left, right, world",
+        "no pose 'up'; the robot has no SRDF with poses",
+        "nothing called 'all' can be shown; known: collision, frames, inertia, "
+        "joint_axes, names, visual",
+    ]
+    assert viewer.positions["finger"] == 0.25
+
+
+@pytest.mark.parametrize("value", [None, True, -1, 1e308, 10**400, [], {}, "x" * 999])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("joint:finger", "joint:", "show:visual", "show:", "fixed_frame", "pose:"),
+        *("randomize", "center", "frame", "show_ghost", "hide_ghost"),
+        *("run", "stop", "reload", "__init__", "", ":", "nothing:"),
+    ],
+)
+def test_no_event_harms_it(viewer: RobotViewer, name: str, value: Any) -> None:
+    list(handle_events(viewer, [Event(name, value)]))
+
+    assert set(viewer.positions) == {"finger", "follower"}
+    assert all(-3.0 <= q <= 3.0 for q in viewer.positions.values())
