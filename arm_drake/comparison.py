@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -39,8 +40,9 @@ class ColumnDifference:
     # Rows in which only one of them has a value.
     num_missing: int
 
-    # The largest difference as a part of how far all quantities of this unit range; 1
-    # where nothing else moves. What has another unit is compared by it.
+    # The largest difference as a part of how far all quantities of this unit range, or
+    # the part of the rows that only one has, if that is more. What has another unit is
+    # compared by it.
     relative: float
 
 
@@ -109,7 +111,7 @@ def compare(a: Rollout, b: Rollout, tolerance: float = 0.0) -> Comparison:
         _compare_column(name, a.time[rows], *pair, ranges[_unit(name)])
         for name, pair in pairs.items()
     ]
-    if not len(rows):
+    if not len(rows) and (len(a.time) or len(b.time)):
         differences.append("they have no time in common")
     return Comparison(
         tuple(columns),
@@ -139,12 +141,13 @@ def _common_rows(
 
 def _unit(name: str) -> str:
     """Return the unit of a column: what its name has in brackets."""
-    return name.rpartition(" [")[2]
+    return name.rpartition(" [")[2] if name.endswith("]") else ""
 
 
 def _find_ranges(pairs: Mapping[str, tuple[Array, Array]]) -> dict[str, float]:
     """Return how far the columns of each unit range, whatever each is about."""
-    ranges: dict[str, float] = {}
+    # What has no unit, as parts of quaternions, ranges over about 1.
+    ranges: dict[str, float] = {"": 1.0}
     for name, pair in pairs.items():
         values = np.concatenate(pair)
         values = values[np.isfinite(values)]
@@ -167,6 +170,7 @@ def _compare_column(
     rms = math.sqrt(float(np.sum(size**2)) / count)
     final = float(error[-1]) if len(error) and math.isfinite(error[-1]) else None
     relative = largest / extent if extent > 0.0 else 0.0
+    relative = max(relative, missing / max(1, len(a)))
     return ColumnDifference(name, largest, at, rms, final, missing, relative)
 
 
@@ -256,8 +260,12 @@ def _flatten(value: Any, place: str = "") -> Iterator[tuple[str, Any]]:
         for key, each in value.items():
             yield from _flatten(each, f"{place}.{key}" if place else str(key))
     elif isinstance(value, list) and value and isinstance(value[0], Mapping):
+        names: Counter[str] = Counter()
         for number, each in enumerate(value):
-            name = each.get("file") or number
+            name = str(each.get("file") or number)
+            names[name] += 1
+            if names[name] > 1:
+                name = f"{name} ({names[name]})"
             yield from _flatten(each, f"{place}[{name}]")
     else:
         yield place, value

@@ -12,6 +12,7 @@ import numpy as np
 from pydrake.systems.framework import Diagram
 
 from arm_drake.build_info import find_build_info
+from arm_drake.description.portable import name_portably
 from arm_drake.description.robot import Robot
 from arm_drake.logs.records import to_plain
 from arm_drake.motion import Motion
@@ -63,7 +64,7 @@ def _describe_robot(robot: Robot) -> dict[str, Any]:
         "pose": to_plain(robot.pose),
         "initial_positions": to_plain(robot.initial_positions),
         "files": [
-            {"file": file.name, "sha256": _hash_file(file)}
+            {"file": _name(file), "sha256": _hash_file(file)}
             for file in robot.source_files
         ],
     }
@@ -76,6 +77,12 @@ def _describe_motion(motion: Motion) -> dict[str, Any]:
         "sha256": _hash_file(file) if file else None,
         "parameters": to_plain(motion.parameters),
     }
+
+
+def _name(file: Path) -> str:
+    """Return the package URI of a file, or its name if it is in no package."""
+    name = name_portably(str(file))
+    return file.name if name == str(file) else name
 
 
 def _hash_file(file: Path) -> str | None:

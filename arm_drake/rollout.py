@@ -201,6 +201,10 @@ class Rollout:
         try:
             fields = read(path, robot)
             check_fields(fields)
+            known = fields.get("robot_name")
+            if robot and known and robot != known:
+                problem = f"no robot {robot!r}; {suggest(robot, [known])}"
+                raise InputError(problem, file=path)
         except (ArmDrakeError, KeyboardInterrupt):
             raise
         except OSError as error:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import arm_drake as ad
 from arm_drake.cli import main
 from arm_drake.comparison import Comparison, compare
 from arm_drake.logs.records import GoalRecord, SentMessage
@@ -202,6 +203,46 @@ def test_what_differs_most_for_its_unit_is_first() -> None:
     assert found.different[1].relative == pytest.approx(0.5 / 100.0)
 
 
+def test_unit_quaternions_are_ranked_together() -> None:
+    pose = np.tile([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], (4, 1))
+    noisy = pose.copy()
+    noisy[1, 4] += 1e-13
+    a = make_rollout(free_poses={"base": pose})
+    b = changed("position", 2, 1, -0.01)
+    b = dc.replace(b, free_poses={"base": noisy})
+
+    assert [c.name for c in compare(a, b).different] == [
+        "slide position [m]",
+        "pose base qx",
+    ]
+
+
+def test_what_one_lacks_in_all_rows_comes_first() -> None:
+    b = changed("position", 2, 1, -0.01)
+    b = dc.replace(b, velocity=np.full((4, 2), np.nan))
+
+    names = [c.name for c in compare(make_rollout(), b).different]
+
+    assert names[:2] == ["shoulder velocity [rad/s]", "slide velocity [m/s]"]
+
+
+def test_logs_without_rows_are_equal() -> None:
+    empty = cut(slice(0, 0))
+
+    assert compare(empty, empty).is_equal
+    assert not compare(empty, make_rollout()).is_equal
+
+
+def test_files_of_one_name_are_told_apart() -> None:
+    def made_of(second: str) -> ad.Rollout:
+        files = [{"file": "a", "sha256": "x"}, {"file": "a", "sha256": second}]
+        return make_rollout(info={"robot": {"files": files}})
+
+    assert compare(made_of("1"), made_of("2")).inputs == (
+        "robot.files[a (2)].sha256: 1 in A, 2 in B",
+    )
+
+
 def test_rows_a_nanosecond_apart_are_two() -> None:
     first = make_rollout(time=np.array([0.0, 1e-9, 2e-9, 3e-9]))
     second = make_rollout(time=np.array([1e-9, 2e-9, 3e-9, 4e-9]))
@@ -278,6 +319,18 @@ def test_the_plot_is_a_picture(capsys, files, tmp_path) -> None:
     assert (code, equal) == (1, 0)
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
     assert "no difference" in (tmp_path / "b.svg").read_text(encoding="utf-8")
+
+
+def test_a_plot_without_quantities_tells_what_differs(capsys, tmp_path) -> None:
+    make_rollout(goals=(GOAL,), info=INFO).save(tmp_path / "a.npz")
+    make_rollout(info=INFO).save(tmp_path / "b.npz")
+    names = [tmp_path / name for name in ("a.npz", "b.npz")]
+
+    code, _ = run(capsys, *names, "--plot", tmp_path / "a.svg")
+
+    assert code == 1
+    picture = (tmp_path / "a.svg").read_text(encoding="utf-8")
+    assert "1 goals in A, 0 goals in B" in picture
 
 
 def test_what_cannot_be_used_exits_with_2(capsys, files, tmp_path) -> None:

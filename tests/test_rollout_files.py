@@ -135,7 +135,7 @@ def test_a_row_that_was_cut_off_is_left_out(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("a.npz", b"text", "no rollout; expected a file of Rollout.save ("),
+        ("a.npz", b"text", "can't be read: it is no .npz file, or only a part of one"),
         ("a.mcap", b"text", "no rollout; expected a bag of Rollout.save ("),
         ("a.csv", b"x,y\n1,2\n", "no rollout; expected a table of Rollout.save ("),
         ("a.csv", b"", "no rollout; expected a table of Rollout.save (the file has no"),
@@ -159,6 +159,25 @@ def test_what_cannot_be_read_is_said(
         ad.Rollout.load(tmp_path / name)
 
     assert str(error.value).startswith(f"{tmp_path / name}: {message}")
+
+
+def test_a_bag_that_was_cut_can_be_mended(tmp_path: Path) -> None:
+    file = tmp_path / "a.mcap"
+    FULL.save(file)
+    file.write_bytes(file.read_bytes()[:-100])
+
+    with pytest.raises(InputError, match="`mcap recover` mends a bag that was cut"):
+        ad.Rollout.load(file)
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".mcap"])
+def test_another_name_than_the_robots_is_refused(tmp_path: Path, suffix: str) -> None:
+    file = tmp_path / f"a{suffix}"
+    dc.replace(FULL, robot_name="arm").save(file)
+
+    assert ad.Rollout.load(file, "arm").robot_name == "arm"
+    with pytest.raises(InputError, match="no robot 'leg'; known: arm"):
+        ad.Rollout.load(file, "leg")
 
 
 def test_other_arrays_are_no_rollout(tmp_path: Path) -> None:

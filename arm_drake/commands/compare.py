@@ -3,6 +3,7 @@
 import argparse
 import dataclasses as dc
 import json
+import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,9 @@ _EQUAL, _DIFFERENT = 0, 1
 
 # So many quantities are in a picture, and listed.
 _MAX_PANELS, _MAX_ROWS = 12, 40
+
+# So many other differences are told in a picture without any.
+_MAX_LINES = 6
 
 
 def run_compare(options: argparse.Namespace) -> int:
@@ -98,4 +102,8 @@ def _plot(path: Path, a: Rollout, b: Rollout, found: Comparison) -> None:
     for rollout in (a, b):
         columns = rollout.columns()
         parts.append((columns[TIME], [columns[name] for name in names]))
-    plot_comparison(path, names, *parts)
+    remark = "no difference"
+    if found.differences:
+        shown = [textwrap.shorten(each, 90) for each in found.differences[:_MAX_LINES]]
+        remark = "\n".join(["no quantity that both have differs, but:", *shown])
+    plot_comparison(path, names, *parts, remark=remark)

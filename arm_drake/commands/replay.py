@@ -2,8 +2,11 @@
 
 import argparse
 import math
+import os
 import sys
+import tempfile
 from collections.abc import Callable
+from pathlib import Path
 
 from arm_drake.commands.page import from_elsewhere, interrupting, start_page
 from arm_drake.commands.sim_files import check_outputs, needs_recording, write_outputs
@@ -66,21 +69,35 @@ def _find_robot(
             name, value = options.xacro_args[0]
             text = f"{name}:={value} is for a robot's description; give --robot, too"
             raise InputError(text)
+        folders = [*options.package_path, *_around(options.file)]
         robot = load_recorded_robot(
-            rollout, package_paths=options.package_path, max_faces=options.max_faces
+            rollout, package_paths=folders, max_faces=options.max_faces
         )
     else:
         robot = load()
         if rollout.description and rollout.description != robot.portable_source:
             text = "the robot's description is another one than that in the log"
             print(f"warning: {text}", file=sys.stderr)
-    for entry in robot.report.grouped():
-        if entry.severity == "error":
-            text = str(entry)
-            if options.robot is None:  # Its file was made for a moment.
-                text = text.replace(str(robot.description.file), "the log's robot")
-            print(text, file=sys.stderr)
+    errors = [e for e in robot.report.grouped() if e.severity == "error"]
+    for entry in errors:
+        text = str(entry)
+        if options.robot is None:  # Its file was made for a moment.
+            file = robot.description.file
+            text = text.replace(str(file), "the log's robot")
+            text = text.replace(f"{file.parent}{os.sep}", "")
+        print(text, file=sys.stderr)
+    if errors and options.robot is None:
+        text = "--package-path FOLDER or --robot FILE says where they are"
+        print(text, file=sys.stderr)
     return robot
+
+
+def _around(file: Path) -> list[Path]:
+    """Return where else packages are looked for: beside the log."""
+    folder = file.absolute().parent
+    # A walk through all of these would take long.
+    is_large = folder in (Path.home(), Path(folder.anchor), Path(tempfile.gettempdir()))
+    return [] if is_large else [folder]
 
 
 def _record(scene: Scene, replay: Replay) -> None:

@@ -61,7 +61,7 @@ class PackageFinder:
                 lambda folder: folder not in (folder.parent, home), parents
             )
         )
-        self._package_paths = tuple(package_paths)
+        self._package_paths = tuple(path.absolute() for path in package_paths)
         self._report = LoadReport() if report is None else report
         self._scanned: dict[Path, dict[str, Path]] = {}
         self._found: dict[str, Path] = {}

@@ -10,40 +10,58 @@ from arm_drake.description.packages import package_name
 # What may be an absolute path, as xacro writes it: of meshes as URIs, of other files
 # bare, and of the entry file in a comment. One that ends a value may have spaces.
 _PATH = re.compile(
-    r"(?P<scheme>file:/{1,2}(?=/))?"
-    r"(?P<path>/(?:[^\n\"'<>|]+(?=[\"'<]| \|)|[^\s\"'<>|]+))"
+    r"(?P<scheme>file:/{0,2}(?=/))?"
+    r"(?P<path>/(?:[^\n\"'<>|,;:]+(?=[\"'<,;:]| \|)|[^\s\"'<>|,;:]+))"
 )
 
 
 def make_portable(text: str, file: Path) -> str:
     """Return a description with package URIs in place of paths into packages.
 
-    What lies below the entry file's folder, but in no package, is named from there;
-    paths to anywhere else stay as they are.
+    Paths to anywhere else stay as they are.
 
     Args:
         text: The expanded description.
-        file: Its entry file.
+        file: Its entry file, which is called by its name where it is in no package.
     """
-    folder = f"{file.absolute().parent}{os.sep}"
-
-    @functools.cache
-    def find_package(parent: str) -> str | None:
-        manifest = Path(parent, "package.xml")
-        return package_name(manifest) if os.path.isfile(manifest) else None
 
     def rename(match: re.Match[str]) -> str:
         before = text[match.start() - 1 : match.start()]
-        path = re.sub("^/+", "/", match["path"])
-        if match["scheme"] is None and (before.isalnum() or before in ("", ":", "/")):
-            return match[0]  # Part of something else, such as a URI or a relative path.
-        # As it is written: what climbs out of a package is named from that package.
-        end = path.rfind("/")
-        while end > 0:
-            name = find_package(path[:end])
-            if name is not None:
-                return f"package://{name}{path[end:]}"
-            end = path.rfind("/", 0, end)
-        return path.removeprefix(folder) if path.startswith(folder) else match[0]
+        # Part of a relative path, or of another URI; lists have colons, too.
+        is_part = before.isalnum() or before in ("/", ".")
+        is_part |= before == ":" and match["path"].startswith("//")
+        if is_part and match["scheme"] is None:
+            return match[0]
+        if " /" in match["path"]:  # Several of them.
+            first, *others = match["path"].split(" /")
+            paths = [(match["scheme"] or "") + first, *(f"/{each}" for each in others)]
+        else:
+            paths = [match[0]]
+        names = [name_portably(path) for path in paths]
+        return " ".join(file.name if name == str(file) else name for name in names)
 
     return _PATH.sub(rename, text)
+
+
+def name_portably(path: str) -> str:
+    """Return a package URI in place of a path into a package; others as they are.
+
+    Args:
+        path: An absolute path, or a URI of one.
+    """
+    place = re.sub("^(file:)?/+", "/", path)
+    # As it is written: what climbs out of a package is named from that package.
+    end = len(place.rstrip("/"))
+    while end > 0:
+        name = _package_at(place[:end])
+        if name is not None:
+            return f"package://{name}{place[end:]}"
+        end = place.rfind("/", 0, end)
+    return path
+
+
+@functools.lru_cache(maxsize=10_000)
+def _package_at(folder: str) -> str | None:
+    """Return the name of the package that a folder is, if it is one."""
+    manifest = Path(folder, "package.xml")
+    return package_name(manifest) if os.path.isfile(manifest) else None

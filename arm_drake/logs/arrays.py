@@ -58,6 +58,10 @@ def read_npz(path: Path) -> dict[str, Any]:
     Raises:
         InputError: If it is something else.
     """
+    with path.open("rb") as content:
+        if not zipfile.is_zipfile(content):
+            problem = "it is no .npz file, or only a part of one"
+            raise InputError(f"can't be read: {problem}", file=path)
     try:
         # NumPy doesn't close what it has opened itself, if it can't be read.
         with path.open("rb") as content, np.load(content) as file:

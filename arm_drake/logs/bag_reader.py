@@ -25,6 +25,7 @@ from arm_drake.logs.bag_messages import (
     group_commands,
     pose_topic,
 )
+from arm_drake.logs.mcap_file import MAGIC
 from arm_drake.logs.records import GoalRecord, SentMessage
 from arm_drake.logs.ros_types import load_types
 from arm_drake.logs.static import read_static
@@ -64,6 +65,9 @@ def read_mcap(path: Path, robot: str | None = None) -> dict[str, Any]:
         if isinstance(error, InputError):
             raise InputError(error.problem, file=path) from None
         problem = f"no rollout; expected a bag of Rollout.save ({error})"
+        with path.open("rb") as file:
+            if isinstance(error, ReaderError) and file.read(len(MAGIC)) == MAGIC:
+                problem += "; `mcap recover` mends a bag that was cut"
         raise InputError(problem, file=path) from None
 
 

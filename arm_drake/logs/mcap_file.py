@@ -14,7 +14,8 @@ import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-_MAGIC = b"\x89MCAP0\r\n"
+# How a file begins, and ends.
+MAGIC = b"\x89MCAP0\r\n"
 
 # Opcodes of records.
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = range(1, 7)
@@ -57,7 +58,7 @@ class McapFile:
         self._chunk_indexes: list[bytes] = []
         self._first, self._last = 2**64 - 1, 0
         self._file = path.open("wb", buffering=0)
-        head = _MAGIC + _record(_HEADER, _text(_PROFILE) + _text(_LIBRARY))
+        head = MAGIC + _record(_HEADER, _text(_PROFILE) + _text(_LIBRARY))
         self._end = len(head)
         # Size of the last summary, and where it stood.
         self._summary_size, self._summary_place = 0, 0
@@ -131,7 +132,7 @@ class McapFile:
         """Return the end of the file, with a summary if it is time for one."""
         if self._end - self._summary_place < self._summary_size:
             foot = struct.pack("<QQI", 0, 0, 0)
-            return _data_end() + _record(_FOOTER, foot) + _MAGIC
+            return _data_end() + _record(_FOOTER, foot) + MAGIC
         end = self._summary(self._end)
         self._summary_size, self._summary_place = len(end), self._end
         return end
@@ -226,7 +227,7 @@ class McapFile:
                 offsets += _record(_SUMMARY_OFFSET, place)
                 body += group
         foot = struct.pack("<QQI", summary, summary + len(body), 0)
-        return bytes(end + body + offsets) + _record(_FOOTER, foot) + _MAGIC
+        return bytes(end + body + offsets) + _record(_FOOTER, foot) + MAGIC
 
 
 def _data_end() -> bytes:

@@ -58,7 +58,9 @@ def load_recorded_robot(
     if about.get("bundled") in bundled_robots():
         folders.append(models_folder() / about["bundled"])
     with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "robot.urdf"
+        # So deep that nothing around the temporary folder is searched for packages.
+        file = Path(folder, "a", "log", "is", "replayed", "now", "robot.urdf")
+        file.parent.mkdir(parents=True)
         file.write_text(ET.tostring(root, encoding="unicode"), encoding="utf-8")
         robot = load_robot(
             file,

@@ -19,6 +19,8 @@ def plot_comparison(
     names: Sequence[str],
     a: tuple[Array, Sequence[Array]],
     b: tuple[Array, Sequence[Array]],
+    *,
+    remark: str = "no difference",
 ) -> None:
     """Draw quantities of two rollouts, a panel for each.
 
@@ -27,6 +29,7 @@ def plot_comparison(
         names: What is drawn, with units.
         a: Times [s], shape (N,), and values of each quantity, of the same shape.
         b: Those of the other rollout.
+        remark: What stands there if nothing is drawn.
 
     Raises:
         OutputError: If the picture can't be written.
@@ -51,7 +54,8 @@ def plot_comparison(
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=2)
     else:
-        panels[0].text(0.5, 0.5, "no difference", ha="center", va="center")
+        panels[0].set_axis_off()
+        panels[0].text(0.5, 0.5, remark, ha="center", va="center", wrap=True)
     panels[-1].set_xlabel("time [s]")
     with writing(path):
         figure.savefig(path, dpi=120)

@@ -29,6 +29,10 @@ def file(tmp_path: Path, request: pytest.FixtureRequest) -> Path:
         ('<mesh filename="file:///{}/a.stl"/>', '"package://pkg/a.stl"'),
         ("<p>{}/config/c.yaml</p>", "<p>package://pkg/config/c.yaml</p>"),
         ("<p>{}/../../c.yaml</p>", "<p>package://pkg/../../c.yaml</p>"),
+        ("<p>{}</p>", "<p>package://pkg</p>"),
+        ('<p v="{0}/a b.c,{0}/d"/>', 'v="package://pkg/a b.c,package://pkg/d"'),
+        ("<p>{0}/a:{0}/b {0}</p>", "package://pkg/a:package://pkg/b package://pkg<"),
+        ('<mesh filename="file:{}/a.stl"/>', '"package://pkg/a.stl"'),
     ],
 )
 def test_paths_into_packages_become_uris(file: Path, before: str, after: str) -> None:
@@ -47,10 +51,13 @@ def test_the_comment_that_xacro_writes_names_the_package(tmp_path: Path) -> None
     assert text == "<!-- |  made from package://pkg/a.xacro | -->"
 
 
-def test_without_a_package_files_are_named_from_the_entry_file(tmp_path: Path) -> None:
-    text = make_portable(f'<mesh filename="{tmp_path}/a/b.stl"/>', tmp_path / "c.urdf")
+def test_without_a_package_the_entry_file_has_its_name(tmp_path: Path) -> None:
+    file = tmp_path / "c.urdf"
+    mesh = f'<mesh filename="{tmp_path}/a/b.stl"/>'
 
-    assert text == '<mesh filename="a/b.stl"/>'
+    assert make_portable(f"<!-- from {file} | -->{mesh}", file) == (
+        f"<!-- from c.urdf | -->{mesh}"
+    )
 
 
 @pytest.mark.parametrize(
