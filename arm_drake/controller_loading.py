@@ -6,7 +6,7 @@ active controller.
 """
 
 import dataclasses as dc
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from arm_drake import interfaces
 from arm_drake.controller_loader import ControllerLoader
@@ -150,22 +150,31 @@ def load_controllers_of(
 
 
 def report_motionless(
-    controllers: Iterable[LoadedController], report: LoadReport
+    controllers: Iterable[LoadedController],
+    moving: Mapping[str, Collection[str]],
+    report: LoadReport,
 ) -> None:
-    """Record the controllers whose efforts move nothing where there is no physics.
+    """Record the controllers whose commands move nothing where there is no physics.
 
     Args:
         controllers: The controllers of a robot without physics.
+        moving: The interfaces that each joint moves by, by its name.
         report: Where they are recorded.
     """
     for controller in controllers:
         system = controller.system
         claims = () if system is None else system.command_interfaces
         names = [n for n in claims if system and n not in system.limit_interfaces]
-        kinds = {name.rpartition("/")[2] for name in names}
-        if kinds == {interfaces.EFFORT}:
-            what = f"{len(names)} joints follow efforts"
+        parts = [name.rpartition("/") for name in names]
+        parts = [part for part in parts if part[0] in moving]
+        kinds = sorted({kind for _, _, kind in parts})
+        if kinds and not any(kind in moving[joint] for joint, _, kind in parts):
+            joints = len({joint for joint, _, _ in parts})
+            what = f"{joints} joint{'s follow' if joints > 1 else ' follows'} "
+            what += ", ".join(f"commands of {kind}" for kind in kinds)
             done = "without physics these move nothing"
+            if kinds != [interfaces.EFFORT]:
+                done += "; with calculate_dynamics in <hardware> they do"
             report.add("warning", "unsupported", what, done, where=controller.name)
 
 

@@ -48,7 +48,12 @@ def add_mirrored_robots(
             done, where = "as mock_components has it", f"ros2_control {info.name!r}"
             for text in block.warnings:
                 report.add("warning", "ignored", text, done, where=where)
-        report_motionless(controllers, report)
+        moving = {
+            joint.name: block.calculated
+            for info, block in zip(robot.description.hardware, blocks, strict=True)
+            for joint in info.joints
+        }
+        report_motionless(controllers, moving, report)
         report_blind(robot, report)
         order = command_order(there, controllers)
         hardware = add_mock_hardware(

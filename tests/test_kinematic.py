@@ -298,3 +298,39 @@ def test_commands_are_held_to_limits_anew_after_a_switch(tmp_path):
     # 10 rad/s at most, in the two cycles that are read by then.
     moved = sim.joint_states().position[0] - start
     assert 0.0 < moved <= 10.0 * 2 * PERIOD + 1e-9
+
+
+@pytest.mark.parametrize(
+    ("kind", "dynamics", "told"),
+    [
+        ("velocity", "false", True),
+        ("velocity", "true", False),
+        ("effort", "true", True),
+        ("position", "false", False),
+    ],
+)
+def test_commands_that_move_nothing_are_told(tmp_path, kind, dynamics, told):
+    text = models.pendulum(control=models.ros2_control("swing", command=kind))
+    parameter = f'<param name="calculate_dynamics">{dynamics}</param></hardware>'
+    robot = load(
+        tmp_path,
+        text.replace("</hardware>", parameter),
+        f"""
+controller_manager:
+  ros__parameters:
+    forward: {{type: forward_command_controller/ForwardCommandController}}
+forward:
+  ros__parameters: {{joints: [swing], interface_name: {kind}}}
+""",
+    )
+
+    sim = ad.Simulation(ad.build_diagram(robot, options=KINEMATIC))
+    sim.controller("forward").command([0.5])
+    sim.run(1.0)
+
+    said = [str(e) for e in sim.report if "move nothing" in str(e)]
+    assert bool(said) == told
+    assert (sim.joint_states().position[0] == 0.0) == told
+    if told:
+        assert f"1 joint follows commands of {kind}" in said[0]
+        assert ("calculate_dynamics" in said[0]) == (kind == "velocity")

@@ -106,6 +106,11 @@ class GenericSystem:
             _num_hidden=num_hidden,
         )
 
+    @property
+    def calculated(self) -> tuple[str, ...]:
+        """Names of the command interfaces that joints move by."""
+        return self._parameters.calculated
+
     def initial_states(self) -> Array:
         """Return the states before the first read, shape (k,); NaN where unknown.
 

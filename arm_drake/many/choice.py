@@ -13,6 +13,7 @@ from arm_drake.many.forking import is_warm
 from arm_drake.many.local import run_serially
 from arm_drake.many.processes import Pool
 from arm_drake.many.results import Done
+from arm_drake.many.sending import SendError
 
 # What the first workers of a program take to start, and what later ones do [s];
 # tests/benchmarks/many.py measures them.
@@ -84,9 +85,18 @@ def run_by_choice(work: Work, choice: Choice) -> Iterator[Done]:
             yield done
         if starter.pool is not None:
             workers = starter.start_all()
+            unsent: list[int] = []
             for done in starter.pool.run():
+                if isinstance(done.error, SendError):
+                    # So will be those that are left; here they need no sending.
+                    unsent += [done.index, *waiting]
+                    waiting.clear()
+                    continue
                 choice.backend, choice.workers = "processes", workers
                 yield done
+            if unsent:
+                choice.why += f"; {len(unsent)} ran here, for they can't be sent"
+                yield from run_serially(work.function, work.items, sorted(unsent))
             if waiting:
                 choice.why += f"; {len(waiting)} ran here, for {starter.pool.trouble}"
             yield from run_serially(work.function, work.items, waiting)

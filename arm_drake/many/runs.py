@@ -42,6 +42,8 @@ _FIELDS: dict[str, tuple[tuple[type, ...], str]] = {
     "motion": ((str, Path, Motion, _NONE), "a name, a file, or a loaded motion"),
     "parameters": ((Mapping,), "values by name"),
     "duration": ((Real, _NONE), "a number of seconds"),
+    "controllers": ((str, Path, Sequence, _NONE), "a YAML file, or several"),
+    "package_paths": ((Sequence,), "a list of folders"),
     "xacro_args": ((Mapping, _NONE), "values by name"),
     "initial_positions": ((Mapping, _NONE), "positions by joint"),
     "options": ((SimulationOptions,), "SimulationOptions"),

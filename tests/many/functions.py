@@ -6,6 +6,7 @@ import struct
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,12 @@ def wait_and_square(x: float) -> float:
     # The first ones take longest.
     time.sleep(0.05 / (1.0 + x))
     return x * x
+
+
+def wait_for_a_generator(x: int) -> Iterator[int]:
+    """Return what can't be pickled, so late that processes pay."""
+    time.sleep(1.5)
+    return (y for y in (x,))
 
 
 def fail_at_three(x: int) -> int:

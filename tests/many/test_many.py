@@ -482,3 +482,23 @@ def test_progress_stays_on_one_line_of_a_terminal(monkeypatch) -> None:
     first, *_, last = said.getvalue().split("\r")[1:]
     assert first == "[....................] 0/5 runs, 0:00"
     assert last == "[####################] 5/5 runs, 0:00, 1 failed\n"
+
+
+def test_auto_runs_here_what_cannot_be_sent() -> None:
+    results = ad.run_many(range(6), functions.wait_for_a_generator, workers=2)
+
+    assert not results.failed
+    assert [next(result.value) for result in results] == list(range(6))
+    assert "ran here, for they can't be sent" in results.why
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "expected"),
+    [
+        ("controllers", 4, "a YAML file, or several"),
+        ("package_paths", 3, "a list of folders"),
+    ],
+)
+def test_what_a_run_loads_must_be_files(name, value, expected) -> None:
+    with pytest.raises(InputError, match=f"{name}: expected {expected}, got {value}"):
+        ad.Run(robot="lab5_arm", **{name: value})
