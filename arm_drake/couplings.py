@@ -31,6 +31,25 @@ def find_followers(plant: MultibodyPlant, description: RobotDescription) -> Foll
     return followers
 
 
+def sum_friction(
+    plant: MultibodyPlant, description: RobotDescription, joints: Sequence[JointInfo]
+) -> np.ndarray:
+    """Return the dry friction of joints with that of their mimic joints, shape (n,).
+
+    A follower's friction brakes its master, by virtual work.
+
+    Args:
+        plant: A finalized plant of the robot alone.
+        description: The robot.
+        joints: The n joints.
+    """
+    own = np.zeros(plant.num_velocities())
+    for joint in description.movable_joints:
+        own[plant.GetJointByName(joint.name).velocity_start()] = joint.friction
+    total: np.ndarray = np.abs(velocity_map(plant, description, joints).T) @ own
+    return total
+
+
 def velocity_map(
     plant: MultibodyPlant, description: RobotDescription, joints: Sequence[JointInfo]
 ) -> np.ndarray:

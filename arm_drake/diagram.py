@@ -15,7 +15,7 @@ from arm_drake.description.finger_surfaces import with_surfaces
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot, list_robots
 from arm_drake.description.srdf import find_disabled_collisions
-from arm_drake.drive_report import report_drive, report_times
+from arm_drake.drive_report import report_drive, report_friction, report_times
 from arm_drake.drives import commanded_joints, effort_limits, make_robot_drive
 from arm_drake.errors import InputError
 from arm_drake.free_poses import log_free_poses
@@ -201,6 +201,7 @@ def _add_robots(
         commands = make_drive_commands(robot, there, controllers, drive, holds=holds)
         report_times(plant.time_step(), system.period, options, report)
         report_drive(robot, drive, controllers, report, holds=holds)
+        report_friction(robot, drive, controllers, options, report)
         hardware = add_hardware(
             builder,
             plant,

@@ -9,6 +9,7 @@ from arm_drake import interfaces
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.drives import RobotDrive
+from arm_drake.joint_friction import find_friction
 from arm_drake.loaded_controllers import LoadedController
 from arm_drake.options import SimulationOptions
 from arm_drake.robot_commands import claimed_interfaces
@@ -21,6 +22,10 @@ _MUCH_LESS = 0.9
 
 # Derivative gain times step over inertia beyond which a joint is unstable.
 _UNSTABLE = 2.0
+
+# Dry friction may give way by so much before it holds, in which unit; that of a
+# revolute joint is first.
+_SOFT = ((0.05, "rad"), (0.005, "m"))
 
 # By which part a period may miss a whole number of steps.
 _TOLERANCE = 1e-6
@@ -140,6 +145,53 @@ def _report_stiff(drive: RobotDrive, report: LoadReport) -> None:
                     "the joint swings from step to step",
                     where=f"joint {name!r}",
                 )
+
+
+def report_friction(
+    robot: Robot,
+    drive: RobotDrive,
+    controllers: Sequence[LoadedController],
+    options: SimulationOptions,
+    report: LoadReport,
+) -> None:
+    """Report dry friction that gives way at this step, where nothing makes up for it.
+
+    Args:
+        robot: The robot.
+        drive: What drives its joints.
+        controllers: Its controllers.
+        options: How to simulate.
+        report: Where the lines are added.
+    """
+    joints = {joint.name: joint for joint in robot.description.movable_joints}
+    if not (options.friction and any(joint.friction for joint in joints.values())):
+        return
+    claimed = claimed_interfaces(robot, controllers)
+    efforts = {f"{name}/{interfaces.EFFORT}": name for name in joints}
+    follows = {name for key, name in efforts.items() if key in claimed}
+    found = find_friction(drive.plant, robot.description)
+    step = drive.plant.time_step()
+    limits = dict(zip(drive.names, drive.gains.effort_limit, strict=True))
+    for name, friction, deflection in zip(
+        found.names, found.friction.tolist(), found.deflection.tolist(), strict=True
+    ):
+        largest, unit = _SOFT[joints[name].type == "prismatic"]
+        is_made_up = (
+            options.friction_compensation
+            and name not in follows
+            and friction < limits.get(name, 0.0)
+        )
+        if is_made_up or deflection <= largest:
+            continue
+        enough = 1e3 * step * (largest / deflection) ** 0.5
+        report.add(
+            "warning",
+            "unsupported",
+            f"steps of {1e3 * step:.3g} ms are large for its friction: it gives way "
+            f"by {deflection:.2g} {unit} before it holds",
+            f"it may creep; steps of {enough:.2g} ms are small enough",
+            where=f"joint {name!r}",
+        )
 
 
 def report_times(

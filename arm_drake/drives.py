@@ -18,7 +18,7 @@ from arm_drake.control.servo import (
     compute_servo_gains,
 )
 from arm_drake.control.wheel_drive import compute_carried_inertia
-from arm_drake.couplings import find_followers, velocity_map
+from arm_drake.couplings import find_followers, sum_friction, velocity_map
 from arm_drake.description.drive_gains import DriveGains
 from arm_drake.description.joints import JointInfo
 from arm_drake.description.report import LoadReport
@@ -174,6 +174,7 @@ def make_robot_drive(
         command_period=period,
         carried=load,
         observer_gain=observer_gain,
+        friction=sum_friction(plant, description, joints) * options.friction,
         position_rate=np.array([row.position_rate or math.nan for row in rows]),
         is_exact=is_fast,
         is_coordinated=not is_fast,

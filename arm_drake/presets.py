@@ -12,7 +12,7 @@ from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.drives import commanded_joints
 from arm_drake.loaded_controllers import LoadedController
-from arm_drake.model_check import bears_weight
+from arm_drake.model_check import can_move
 from arm_drake.options import SimulationOptions
 from arm_drake.robot_commands import claimed_interfaces
 from arm_drake.worlds.ground import GROUND
@@ -82,7 +82,9 @@ def find_obstacles(
         f"controllers command {', '.join(others)}": bool(others),
         "a gripper has limits at run time": any(s.limit_interfaces for s in systems),
         "joints that nobody commands are not held": not holds_joints(robot, unheard),
-        "effort limits don't bear its weight": not bears_weight(robot, options),
+        "effort limits don't bear its weight and friction": not can_move(
+            robot, options
+        ),
         f"gains of the description drive {_listed(stated)}": bool(stated),
         "weight that the drives don't know needs their observer": (
             not options.gravity_compensation

@@ -276,7 +276,7 @@ wheels: {ros__parameters: {joints: [swing]}}
             models.pendulum(limit='lower="-3" upper="3" effort="4" velocity="10"'),
             "",
             {},
-            "effort limits don't bear its weight",
+            "effort limits don't bear its weight and friction",
         ),
         (models.pendulum(), "", {"self_collision": True}, "self_collision is contact"),
         (
@@ -401,7 +401,9 @@ def test_whether_a_robot_bears_its_weight_is_asked_of_the_gravity_there(
     limit = f'lower="-3" upper="3" effort="{effort}" velocity="10"'
     sim = simulate(models.load(tmp_path, models.pendulum(limit=limit)), gravity=gravity)
 
-    told = [] if is_strong else ["fast: effort limits don't bear its weight"]
+    told = (
+        [] if is_strong else ["fast: effort limits don't bear its weight and friction"]
+    )
     assert obstacles_of(sim) == told
 
 

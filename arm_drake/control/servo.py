@@ -45,6 +45,10 @@ _UNLIMITED_ACCELERATION = 100.0  # rad/s^2
 _BRAKING = 0.7
 _CRUISING = 0.8
 
+# A joint that can't carry its weight and so many times its friction is too weak for the
+# others to wait for it.
+_MUCH_FRICTION = 1.2
+
 
 @dc.dataclass(frozen=True)
 class DynamicsSamples:
@@ -206,6 +210,7 @@ def compute_servo_gains(
     position_rate: Array | None = None,
     command_period: float = 0.0,
     carried: Array | float = 0.0,
+    friction: Array | float = 0.0,
     is_exact: bool = False,
     is_coordinated: bool = True,
 ) -> ServoGains:
@@ -223,6 +228,8 @@ def compute_servo_gains(
             [1/s], NaN where they aren't, shape (n,).
         command_period: Period T at whose end a command is to be met [s]; 0: it is now.
         carried: Inertia of what wheels move on the ground [kg·m^2], shape (n,).
+        friction: Dry friction [N·m], shape (n,). Whose effort can't overcome it has no
+            observer, for that would learn of it without end, and asks for little.
         is_exact: Whether joints are to be where the ideal drive would be in continuous
             time; else they are up to half a step ahead.
         is_coordinated: Whether joints wait for each other at their effort limits; else
@@ -235,7 +242,9 @@ def compute_servo_gains(
     unlimited = 2.0 * (max_gravity + _UNLIMITED_ACCELERATION * moved)
     effort = np.where(np.isfinite(limits.effort), limits.effort, unlimited)
     spare = np.maximum(limits.effort - max_gravity, 0.1 * limits.effort)
-    is_strong = limits.effort > max_gravity
+    is_strong = limits.effort > max_gravity + _MUCH_FRICTION * friction
+    is_stuck = limits.effort <= friction
+    spare = np.where(is_stuck, 0.1 * limits.effort, spare)
     liveliest = 2.0 * bandwidth * limits.approach_speed
     with np.errstate(divide="ignore"):
         speed = np.minimum(limits.approach_speed, _CRUISING * spare / samples.damping)
@@ -269,7 +278,7 @@ def compute_servo_gains(
         braking_error=_BRAKING * together * (kd / kp) ** 2,
         max_acceleration=most,
         observer_gain=observer_gain,
-        max_disturbance=2.0 * effort / min_inertia,
+        max_disturbance=np.where(is_stuck, 0.0, 2.0 * effort / min_inertia),
         effort_limit=limits.effort,
         is_strong=is_strong & np.isfinite(limits.effort),
         group=find_groups(samples.mass_matrix),
