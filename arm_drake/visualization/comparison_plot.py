@@ -11,7 +11,7 @@ from arm_drake.visualization.plot import check_plot_path
 
 Array = NDArray[np.float64]
 
-_PANEL = (7.0, 1.6)  # inches
+_PANEL = (5.5, 1.6)  # inches
 
 
 def plot_comparison(
@@ -22,7 +22,7 @@ def plot_comparison(
     *,
     remark: str = "no difference",
 ) -> None:
-    """Draw quantities of two rollouts, a panel for each.
+    """Draw quantities of two rollouts: each with both, and what B has more than A.
 
     Args:
         path: Picture to write.
@@ -40,22 +40,29 @@ def plot_comparison(
     from matplotlib.figure import Figure
 
     rows = max(1, len(names))
-    size = (_PANEL[0], _PANEL[1] * rows + 0.8)
+    size = (2.0 * _PANEL[0], _PANEL[1] * rows + 0.8)
     figure = Figure(figsize=size, layout="constrained")
     FigureCanvasAgg(figure)
-    panels = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
-    for index, name in enumerate(names):
-        panel = panels[index]
-        panel.plot(a[0], a[1][index], color="C0", lw=3, label="A")
-        panel.plot(b[0], b[1][index], "k--", lw=1, label="B")
-        panel.set_title(name, loc="left", fontsize="small")
-        panel.grid(alpha=0.3)
-    if names:
-        handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper center", ncols=2)
+    if not names:
+        figure.text(0.5, 0.5, remark, ha="center", va="center", wrap=True)
     else:
-        panels[0].set_axis_off()
-        panels[0].text(0.5, 0.5, remark, ha="center", va="center", wrap=True)
-    panels[-1].set_xlabel("time [s]")
+        panels = figure.subplots(rows, 2, sharex=True, squeeze=False)
+        time = a[0][(a[0] >= b[0][0]) & (a[0] <= b[0][-1])]
+        for index, name in enumerate(names):
+            both, apart = panels[index]
+            both.plot(a[0], a[1][index], color="C0", lw=3, label="A")
+            both.plot(b[0], b[1][index], "k--", lw=1, label="B")
+            both.set_title(name, loc="left", fontsize="small")
+            first, second = (np.interp(time, t, v[index]) for t, v in (a, b))
+            apart.plot(time, second - first, color="C3", lw=1.2, label="B − A")
+            both.grid(alpha=0.3)
+            apart.grid(alpha=0.3)
+        handles, labels = panels[0, 0].get_legend_handles_labels()
+        more = panels[0, 1].get_legend_handles_labels()
+        figure.legend(
+            handles + more[0], labels + more[1], loc="outside upper center", ncols=3
+        )
+        for panel in panels[-1]:
+            panel.set_xlabel("time [s]")
     with writing(path):
         figure.savefig(path, dpi=120)
