@@ -14,11 +14,15 @@ _PATH = re.compile(
     r"(?P<path>/(?:[^\n\"'<>|,;:]+(?=[\"'<,;:]| \|)|[^\s\"'<>|,;:]+))"
 )
 
+# A file that is named from the entry file's folder.
+_RELATIVE = re.compile(r"(?<=filename=\")(?![\w+.-]+:|/)[^\"<>]+")
+
 
 def make_portable(text: str, file: Path) -> str:
     """Return a description with package URIs in place of paths into packages.
 
-    Paths to anywhere else stay as they are.
+    So are files named that stand relative to the entry file. Paths to anywhere else
+    stay as they are.
 
     Args:
         text: The expanded description.
@@ -40,7 +44,12 @@ def make_portable(text: str, file: Path) -> str:
         names = [name_portably(path) for path in paths]
         return " ".join(file.name if name == str(file) else name for name in names)
 
-    return _PATH.sub(rename, text)
+    def resolve(match: re.Match[str]) -> str:
+        path = str(file.parent / match[0])
+        name = name_portably(path)
+        return match[0] if name == path or not os.path.isfile(path) else name
+
+    return _RELATIVE.sub(resolve, _PATH.sub(rename, text))
 
 
 def name_portably(path: str) -> str:

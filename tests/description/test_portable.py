@@ -51,6 +51,15 @@ def test_the_comment_that_xacro_writes_names_the_package(tmp_path: Path) -> None
     assert text == "<!-- |  made from package://pkg/a.xacro | -->"
 
 
+def test_files_beside_the_entry_file_are_named_from_the_package(file: Path) -> None:
+    (file.parent / "a b.stl").write_text("")
+    text = '<mesh filename="a b.stl"/><plugin filename="libx.so"/>'
+
+    assert make_portable(text, file) == (
+        '<mesh filename="package://pkg/urdf/a b.stl"/><plugin filename="libx.so"/>'
+    )
+
+
 def test_without_a_package_the_entry_file_has_its_name(tmp_path: Path) -> None:
     file = tmp_path / "c.urdf"
     mesh = f'<mesh filename="{tmp_path}/a/b.stl"/>'
