@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_drake.logs.table import TIME
 from arm_drake.rollout import Rollout
 
 Array = NDArray[np.float64]
-
-TIME = "time [s]"
 
 # Times nearer to each other are the same [s]: logs have whole nanoseconds, or numbers
 # that are rounded to these.
@@ -97,13 +96,17 @@ def compare(a: Rollout, b: Rollout, tolerance: float = 0.0) -> Comparison:
         b: Another one.
         tolerance: What counts as equal, in the unit of each quantity.
     """
-    differences = [*_compare_shape(a, b)]
+    mine, theirs = a.columns(), b.columns()
+    differences = [*_compare_times(a.time, b.time)]
+    for name, own, other in (("A", mine, theirs), ("B", theirs, mine)):
+        if only := [head for head in own if head not in other]:
+            differences.append(f"only in {name}: {', '.join(only)}")
     if a.info and b.info:  # A table knows nothing besides its rows.
         differences += [*_compare_parts(a, b), *_compare_sent(a, b, tolerance)]
-    rows, others, is_interpolated = _common_rows(a, b)
+    rows, others, is_interpolated = _common_rows(a.time, b.time, theirs)
     pairs = {
         name: (column[rows], others[name])
-        for name, column in a.columns().items()
+        for name, column in mine.items()
         if name in others and name != TIME
     }
     ranges = _find_ranges(pairs)
@@ -124,18 +127,23 @@ def compare(a: Rollout, b: Rollout, tolerance: float = 0.0) -> Comparison:
 
 
 def _common_rows(
-    a: Rollout, b: Rollout
+    a: Array, b: Array, columns: Mapping[str, Array]
 ) -> tuple[NDArray[np.intp], dict[str, Array], bool]:
-    """Return rows of A, the columns of B at their times, and whether in between."""
-    columns = b.columns()
-    if not len(a.time) or not len(b.time):
+    """Return rows of A, the columns of B at their times, and whether in between.
+
+    Args:
+        a: Times of A [s].
+        b: Times of B [s].
+        columns: Columns of B.
+    """
+    if not len(a) or not len(b):
         return np.zeros(0, dtype=np.intp), dict.fromkeys(columns, np.zeros(0)), False
-    after = np.minimum(np.searchsorted(b.time, a.time - _SAME_TIME), len(b.time) - 1)
-    rows = np.flatnonzero(np.abs(b.time[after] - a.time) <= _SAME_TIME)
+    after = np.minimum(np.searchsorted(b, a - _SAME_TIME), len(b) - 1)
+    rows = np.flatnonzero(np.abs(b[after] - a) <= _SAME_TIME)
     if len(rows):
         return rows, {k: v[after[rows]] for k, v in columns.items()}, False
-    rows = np.flatnonzero((a.time >= b.time[0]) & (a.time <= b.time[-1]))
-    between = {k: np.interp(a.time[rows], b.time, v) for k, v in columns.items()}
+    rows = np.flatnonzero((a >= b[0]) & (a <= b[-1]))
+    between = {k: np.interp(a[rows], b, v) for k, v in columns.items()}
     return rows, between, True
 
 
@@ -174,22 +182,14 @@ def _compare_column(
     return ColumnDifference(name, largest, at, rms, final, missing, relative)
 
 
-def _compare_shape(a: Rollout, b: Rollout) -> Iterator[str]:
-    """Yield what differs of rows and columns."""
-    for end, first, second in (
-        ("start", a.time[:1], b.time[:1]),
-        ("end", a.time[-1:], b.time[-1:]),
-    ):
+def _compare_times(a: Array, b: Array) -> Iterator[str]:
+    """Yield what differs of the times of the rows."""
+    for end, first, second in (("start", a[:1], b[:1]), ("end", a[-1:], b[-1:])):
         if len(first) != len(second) or (np.abs(first - second) > _SAME_TIME).any():
             texts = [f"{t[0]:.12g} s" if len(t) else "nowhere" for t in (first, second)]
             yield f"rows {end} at {texts[0]} in A, at {texts[1]} in B"
-    if len(a.time) != len(b.time):
-        yield f"{len(a.time)} rows in A, {len(b.time)} rows in B"
-    mine, theirs = a.columns(), b.columns()
-    for name, own, other in (("A", mine, theirs), ("B", theirs, mine)):
-        only = [head for head in own if head not in other]
-        if only:
-            yield f"only in {name}: {', '.join(only)}"
+    if len(a) != len(b):
+        yield f"{len(a)} rows in A, {len(b)} rows in B"
 
 
 def _compare_parts(a: Rollout, b: Rollout) -> Iterator[str]:

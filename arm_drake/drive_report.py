@@ -6,6 +6,7 @@ from typing import Final
 import numpy as np
 
 from arm_drake import interfaces
+from arm_drake.couplings import sum_friction
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.drives import RobotDrive
@@ -163,25 +164,29 @@ def report_friction(
         options: How to simulate.
         report: Where the lines are added.
     """
-    joints = {joint.name: joint for joint in robot.description.movable_joints}
-    if not (options.friction and any(joint.friction for joint in joints.values())):
+    joints = {j.name: j for j in robot.description.movable_joints if j.mimic is None}
+    if not options.friction:
         return
     claimed = claimed_interfaces(robot, controllers)
-    efforts = {f"{name}/{interfaces.EFFORT}": name for name in joints}
-    follows = {name for key, name in efforts.items() if key in claimed}
+    total = sum_friction(drive.plant, robot.description, list(joints.values()))
+    limits = dict(zip(drive.names, drive.gains.effort_limit, strict=True))
+    unopposed = {
+        name
+        for name, friction in zip(joints, total.tolist(), strict=True)
+        if friction > 0.0
+        and (
+            not options.friction_compensation
+            or f"{name}/{interfaces.EFFORT}" in claimed
+            or friction >= limits.get(name, 0.0)
+        )
+    }
+    if not unopposed:  # As with most robots, and what follows takes time.
+        return
     found = find_friction(drive.plant, robot.description)
     step = drive.plant.time_step()
-    limits = dict(zip(drive.names, drive.gains.effort_limit, strict=True))
-    for name, friction, deflection in zip(
-        found.names, found.friction.tolist(), found.deflection.tolist(), strict=True
-    ):
+    for name, deflection in zip(found.names, found.deflection.tolist(), strict=True):
         largest, unit = _SOFT[joints[name].type == "prismatic"]
-        is_made_up = (
-            options.friction_compensation
-            and name not in follows
-            and friction < limits.get(name, 0.0)
-        )
-        if is_made_up or deflection <= largest:
+        if name not in unopposed or deflection <= largest:
             continue
         enough = 1e3 * step * (largest / deflection) ** 0.5
         report.add(

@@ -44,15 +44,12 @@ def add_mirrored_robots(
     kinematic = builder.AddNamedSystem("plant", KinematicPlant(plant, joints))
     for system, part, model in zip(systems, parts, models, strict=True):
         robot, (there, controllers, report, blocks) = system.robot, part
+        moving: dict[str, tuple[str, ...]] = {}
         for info, block in zip(robot.description.hardware, blocks, strict=True):
             done, where = "as mock_components has it", f"ros2_control {info.name!r}"
             for text in block.warnings:
                 report.add("warning", "ignored", text, done, where=where)
-        moving = {
-            joint.name: block.calculated
-            for info, block in zip(robot.description.hardware, blocks, strict=True)
-            for joint in info.joints
-        }
+            moving |= dict.fromkeys((j.name for j in info.joints), block.calculated)
         report_motionless(controllers, moving, report)
         report_blind(robot, report)
         order = command_order(there, controllers)

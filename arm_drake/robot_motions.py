@@ -9,6 +9,19 @@ from arm_drake.description.robot import Robot
 from arm_drake.errors import MotionError, suggest
 from arm_drake.motion import Motion, load_motion
 
+# How long to simulate without a motion, and what follows one [s].
+_WITHOUT_MOTION = 10.0
+_AFTER_MOTION = 1.0
+
+
+def default_duration(motion: Motion | None) -> float:
+    """Return how long to simulate where nobody says it [s].
+
+    Args:
+        motion: What is played, if anything; of one that repeats it is one round.
+    """
+    return _WITHOUT_MOTION if motion is None else motion.duration + _AFTER_MOTION
+
 
 def find_motion(
     name: str | Path, robot: Robot, parameters: Mapping[str, Any] | None = None

@@ -18,6 +18,7 @@ from arm_drake.logs.checks import check_fields
 from arm_drake.logs.formats import reader_for, writer_for
 from arm_drake.logs.link_poses import find_tip, read_link_poses
 from arm_drake.logs.records import GoalRecord, SentMessage
+from arm_drake.logs.table import TIME, make_columns
 from arm_drake.output_files import writing
 from arm_drake.visualization.plot import draw_rollout
 
@@ -223,8 +224,6 @@ class Rollout:
 
         They are the columns of a `.csv` file.
         """
-        from arm_drake.logs.table import make_columns
-
         return make_columns(self)
 
     def to_pandas(self) -> "pd.DataFrame":
@@ -240,7 +239,7 @@ class Rollout:
         except ImportError:
             raise MissingExtraError("Rollout.to_pandas", "pandas") from None
         columns = self.columns()
-        index = pd.Index(columns.pop("time [s]"), name="time [s]")
+        index = pd.Index(columns.pop(TIME), name=TIME)
         return pd.DataFrame(columns, index=index)
 
     def link_poses(self, link: str) -> Array:

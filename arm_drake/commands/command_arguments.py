@@ -56,13 +56,19 @@ def add_page_arguments(parser: argparse.ArgumentParser) -> None:
         type=words_of(SHOWN),
         help=f"what to draw, with commas between: {', '.join(SHOWN)} (visual)",
     )
+    add_server_arguments(parser)
+    add("--fixed-frame", metavar="LINK", help="link that stays where it is (the world)")
+
+
+def add_server_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add where a page is, and how much of meshes is sent to it."""
+    add = parser.add_argument
     add(
         "--max-faces",
         metavar="N",
         type=int,
         help="draw meshes with at most so many triangles, for smaller recordings",
     )
-    add("--fixed-frame", metavar="LINK", help="link that stays where it is (the world)")
     add("--host", default="localhost", help="address of the page (localhost)")
     add("--port", type=int, help="port of the page (first free from 7000)")
 

@@ -7,7 +7,8 @@ import textwrap
 from pathlib import Path
 from typing import Any
 
-from arm_drake.comparison import TIME, Comparison, compare
+from arm_drake.comparison import Comparison, compare
+from arm_drake.logs.table import TIME
 from arm_drake.output_files import check_writable
 from arm_drake.rollout import Rollout
 from arm_drake.visualization.comparison_plot import plot_comparison
@@ -74,8 +75,8 @@ def to_text(found: Comparison) -> str:
     lines = list(found.differences)
     between = ", B interpolated" if found.is_interpolated else ""
     compared = f"{len(found.columns)} quantities in {found.num_rows} rows{between}"
-    if found.different:
-        listed = found.different[:_MAX_ROWS]
+    if different := found.different:
+        listed = different[:_MAX_ROWS]
         width = max(len(column.name) for column in listed)
         head = ("largest", "at [s]", "rms", "final", "missing rows")
         lines += ["", f"{'':{width}}  " + "  ".join(f"{h:>12}" for h in head)]
@@ -85,8 +86,8 @@ def to_text(found: Comparison) -> str:
             texts.append(str(column.num_missing))
             row = "  ".join(f"{text:>12}" for text in texts)
             lines.append(f"{column.name:{width}}  {row}")
-        if len(found.different) > len(listed):
-            lines.append(f"and {len(found.different) - len(listed)} more")
+        if len(different) > len(listed):
+            lines.append(f"and {len(different) - len(listed)} more")
         lines.append("")
     if found.inputs:
         lines += ["made of different things:", *(f"  {text}" for text in found.inputs)]

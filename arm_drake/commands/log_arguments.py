@@ -5,7 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from arm_drake.commands.argument_types import not_negative, pair, positive
-from arm_drake.commands.command_arguments import add_plot_arguments
+from arm_drake.commands.command_arguments import (
+    add_plot_arguments,
+    add_server_arguments,
+)
 
 _LOG = "a log: .npz, .csv or .mcap"
 
@@ -75,14 +78,7 @@ def add_replay(commands: Any) -> None:
     add_plot_arguments(parser)
     add("--screenshot", metavar="FILE.png", type=Path, help="take a picture of the end")
     add("--video", metavar="FILE.mp4", type=Path, help="film it")
-    add(
-        "--max-faces",
-        metavar="N",
-        type=int,
-        help="draw meshes with at most so many triangles, for smaller recordings",
-    )
-    add("--host", default="localhost", help="address of the page (localhost)")
-    add("--port", type=int, help="port of the page (first free from 7000)")
+    add_server_arguments(parser)
     # What a robot is loaded with besides, and files that this command doesn't write.
     parser.set_defaults(
         controllers=None, var=[], distro="jazzy", decompose=False, log=None, json=False

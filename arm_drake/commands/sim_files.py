@@ -161,10 +161,11 @@ def find_saturation(simulation: Simulation, rollout: Rollout) -> dict[str, float
         simulation: The simulation.
         rollout: What of it is in memory.
     """
-    for recorder in list(simulation.recorders):
-        recorder.close()
-        return recorder.effort_saturation(rollout.robot_name)
-    return rollout.effort_saturation()
+    if not simulation.recorders:
+        return rollout.effort_saturation()
+    recorder = simulation.recorders[0]  # That of the log.
+    recorder.close()
+    return recorder.effort_saturation(rollout.robot_name)
 
 
 def warn_of_pictures(options: argparse.Namespace) -> None:

@@ -9,13 +9,7 @@ from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError
 from arm_drake.motion import Motion
 from arm_drake.options import SimulationOptions
-from arm_drake.robot_motions import find_motion
-
-# How long a simulation without a motion lasts, headless [s].
-_HEADLESS_DURATION = 10.0
-
-# What follows a motion [s].
-_AFTER_MOTION = 1.0
+from arm_drake.robot_motions import default_duration, find_motion
 
 
 def simulation_options(options: argparse.Namespace) -> SimulationOptions:
@@ -76,8 +70,5 @@ def choose_duration(options: argparse.Namespace, motion: Motion | None) -> float
     """
     if options.duration is not None:
         return float(options.duration)
-    if motion is not None:
-        if motion.repeats and not options.headless:
-            return None
-        return motion.duration + _AFTER_MOTION
-    return _HEADLESS_DURATION if options.headless else None
+    has_end = motion is not None and not motion.repeats
+    return default_duration(motion) if options.headless or has_end else None

@@ -7,6 +7,7 @@ from arm_drake.logs.bag_messages import LATCHED, BagMessage, stamp
 from arm_drake.logs.bag_topics import RobotTopics
 from arm_drake.logs.mcap_file import McapFile
 from arm_drake.logs.ros_types import load_types
+from arm_drake.messages import NANOSECONDS
 
 if TYPE_CHECKING:
     from arm_drake.rollout import Rollout
@@ -60,7 +61,7 @@ class BagWriter:
             topics = self._robots.setdefault(rollout.namespace, RobotTopics())
             messages += topics.tell(rollout)
             for time in rollout.time:
-                time_ns = round(float(time) * 1e9)
+                time_ns = round(float(time) * NANOSECONDS)
                 if time_ns > self._clock_ns:
                     self._clock_ns = time_ns
                     fields = {"clock": stamp(time_ns)}

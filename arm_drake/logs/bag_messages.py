@@ -1,5 +1,6 @@
 """Messages of ROS 2, and what of a rollout makes them."""
 
+import functools
 import json
 import re
 import zlib
@@ -18,13 +19,12 @@ from arm_drake.logs.link_transforms import (
 )
 from arm_drake.logs.records import GoalRecord, SentMessage, to_plain
 from arm_drake.logs.ros_types import type_of
+from arm_drake.messages import NANOSECONDS
 
 if TYPE_CHECKING:
     from arm_drake.rollout import Rollout
 
 Array = NDArray[np.float64]
-
-NANOSECONDS = 1_000_000_000
 
 # Names of topics that are ours; in front of them stands the robot's namespace.
 STATIC, GOALS = "/arm_drake/rollout", "/arm_drake/goals"
@@ -86,7 +86,8 @@ def _topic_part(link: str) -> str:
     return name if name == link else f"{name}_{zlib.crc32(link.encode()):08x}"
 
 
-def group_commands(names: Sequence[str]) -> dict[str, list[tuple[str, int]]]:
+@functools.lru_cache(maxsize=16)  # Every row asks.
+def group_commands(names: tuple[str, ...]) -> Mapping[str, list[tuple[str, int]]]:
     """Return the command interfaces of each joint or other component.
 
     Args:

@@ -28,7 +28,7 @@ from arm_drake.logs.bag_messages import (
 from arm_drake.logs.mcap_file import MAGIC
 from arm_drake.logs.records import GoalRecord, SentMessage
 from arm_drake.logs.ros_types import load_types
-from arm_drake.logs.static import read_static
+from arm_drake.logs.static import AS_THEY_ARE, read_static
 
 Array = NDArray[np.float64]
 
@@ -143,22 +143,12 @@ def _read_robot(
     }
     description = messages(DESCRIPTION)
     return {
+        # Goals, messages and description are in topics of their own.
+        **{name: static[name] for name in AS_THEY_ARE if name in static},
         "time": np.array([time_ns for time_ns, _ in states], dtype=float) / 1e9,
         **{
             name: fill(JOINT_STATES, num_joints, lambda m, n=name: getattr(m, n))
             for name in ("position", "velocity", "effort")
-        },
-        **{
-            name: static[name]
-            for name in (
-                "robot_name",
-                "namespace",
-                "joint_names",
-                "joint_types",
-                "command_names",
-                "controllers",
-                "info",
-            )
         },
         "effort_limit": np.array(static["effort_limit"], dtype=float),
         "command": command,

@@ -12,7 +12,6 @@ from arm_drake.description.joints import WORLD
 from arm_drake.logs.bag_messages import (
     ACTIVE,
     DESCRIPTION,
-    NANOSECONDS,
     NUMBERS_TYPE,
     STATIC,
     BagMessage,
@@ -29,6 +28,7 @@ from arm_drake.logs.link_transforms import (
     read_transforms,
 )
 from arm_drake.logs.static import make_static
+from arm_drake.messages import NANOSECONDS
 
 if TYPE_CHECKING:
     from arm_drake.rollout import Rollout
@@ -47,7 +47,8 @@ class RobotTopics:
         self._static = self._active = ""
         self._description = ""
         self._transforms: tuple[LinkTransform, ...] = ()
-        self._goals: dict[int, tuple[str, str]] = {}
+        # Status of each goal as it was told last.
+        self._goals: dict[int, str] = {}
         # Time of the last messages that were sent, and how many of that time are told.
         self._sent_at, self._num_sent = -math.inf, 0
 
@@ -101,10 +102,10 @@ class RobotTopics:
 
     def _tell_goals(self, rollout: "Rollout") -> Iterator[BagMessage]:
         for number, goal in enumerate(rollout.goals):
-            known, _ = self._goals.get(number, ("", ""))
+            known = self._goals.get(number, "")
             if known == goal.status:
                 continue
-            self._goals[number] = (goal.status, goal.controller)
+            self._goals[number] = goal.status
             yield from tell_goal(goal, number, is_new=not known, rollout=rollout)
 
     def _tell_active(

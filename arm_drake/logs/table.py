@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_TIME = "time [s]"
+# Name of the column of times.
+TIME = "time [s]"
 _POSE = ("x [m]", "y [m]", "z [m]", "qw", "qx", "qy", "qz")
 
 # Units of command interfaces of joints that turn, and of those that slide.
@@ -45,7 +46,7 @@ def make_columns(rollout: "Rollout") -> dict[str, Array]:
     Args:
         rollout: A rollout.
     """
-    columns = {_TIME: rollout.time}
+    columns = {TIME: rollout.time}
     types = dict(zip(rollout.joint_names, rollout.joint_types, strict=True))
     for quantity in interfaces.STATE_INTERFACES:
         values = getattr(rollout, quantity)
@@ -153,8 +154,8 @@ def read_csv(path: Path) -> dict[str, Any]:
         head = rows.pop(0) if rows else []
         if not head:
             raise ValueError("the file has no head")
-        if head[0] != _TIME:
-            raise ValueError(f"the first column is {head[0]!r}, not {_TIME!r}")
+        if head[0] != TIME:
+            raise ValueError(f"the first column is {head[0]!r}, not {TIME!r}")
         if rows and not _ends_with_newline(path):
             rows.pop()
         numbers = [[float(cell) if cell else math.nan for cell in row] for row in rows]
@@ -172,7 +173,7 @@ def _ends_with_newline(path: Path) -> bool:
 
 
 def _make_fields(columns: dict[str, Array]) -> dict[str, Any]:
-    time = columns.pop(_TIME)
+    time = columns.pop(TIME)
     found: dict[str, dict[str, Any]] = {kind: {} for kind in _HEADS}
     types: dict[str, str] = {}
     for head, values in columns.items():

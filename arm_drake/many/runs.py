@@ -20,15 +20,10 @@ from arm_drake.many.stopping import check_stop
 from arm_drake.messages import GoalStatus, Result
 from arm_drake.motion import Motion
 from arm_drake.options import SimulationOptions
-from arm_drake.robot_motions import find_motion
+from arm_drake.robot_motions import default_duration, find_motion
 from arm_drake.rollout import Rollout
 from arm_drake.simulation import Simulation
 from arm_drake.world import World
-
-# How long a run without a motion lasts, and what follows a motion [s]; as those of
-# `arm-drake sim --headless`.
-DEFAULT_DURATION = 10.0
-AFTER_MOTION = 1.0
 
 # What a run says of the loading, none of which a loaded robot can be told.
 _LOADING = ("controllers", "xacro_args", "package_paths", "initial_positions")
@@ -211,9 +206,8 @@ class Runner:
                 simulation = _prepare(run)
             robot = next(iter(simulation.robots.values()))
             motion = _find_motion(run, robot)
-        simulation.run(
-            _choose_duration(run, motion), motion, progress=lambda _: check_stop()
-        )
+        duration = default_duration(motion) if run.duration is None else run.duration
+        simulation.run(duration, motion, progress=lambda _: check_stop())
         if self._keep is not None:
             return self._keep(simulation)
         if key is not None:
@@ -250,10 +244,3 @@ def _find_motion(run: Run, robot: Robot) -> Motion | None:
     if run.motion is None or isinstance(run.motion, Motion):
         return run.motion
     return find_motion(run.motion, robot, run.parameters)
-
-
-def _choose_duration(run: Run, motion: Motion | None) -> float:
-    """Return how long to simulate [s]."""
-    if run.duration is not None:
-        return run.duration
-    return DEFAULT_DURATION if motion is None else motion.duration + AFTER_MOTION

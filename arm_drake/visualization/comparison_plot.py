@@ -36,33 +36,34 @@ def plot_comparison(
     """
     check_plot_path(path)
     # Not at the top: a comparison without a picture must not wait for matplotlib.
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    from arm_drake.visualization.plots.panels import (
+        LIMIT,
+        MEASURED,
+        add_legend,
+        draw_line,
+        make_picture,
+        shorten,
+    )
 
     rows = max(1, len(names))
-    size = (2.0 * _PANEL[0], _PANEL[1] * rows + 0.8)
-    figure = Figure(figsize=size, layout="constrained")
-    FigureCanvasAgg(figure)
+    picture = make_picture(2.0 * _PANEL[0], _PANEL[1] * rows + 0.8)
     if not names:
-        figure.text(0.5, 0.5, remark, ha="center", va="center", wrap=True)
+        picture.text(0.5, 0.5, remark, ha="center", va="center", wrap=True)
     else:
-        panels = figure.subplots(rows, 2, sharex=True, squeeze=False)
+        panels = picture.subplots(rows, 2, sharex=True, squeeze=False)
         time = a[0][(a[0] >= b[0][0]) & (a[0] <= b[0][-1])]
         for index, name in enumerate(names):
             both, apart = panels[index]
-            both.plot(a[0], a[1][index], color="C0", lw=3, label="A")
-            both.plot(b[0], b[1][index], "k--", lw=1, label="B")
-            both.set_title(name, loc="left", fontsize="small")
+            draw_line(both, a[0], a[1][index], color=MEASURED, lw=3, label="A")
+            draw_line(both, b[0], b[1][index], color="k", ls="--", lw=1, label="B")
+            title = shorten(name, _PANEL[0])
+            both.set_title(title, loc="left", fontsize="small")
             first, second = (np.interp(time, t, v[index]) for t, v in (a, b))
-            apart.plot(time, second - first, color="C3", lw=1.2, label="B − A")
+            draw_line(apart, time, second - first, color=LIMIT, lw=1.2, label="B − A")
             both.grid(alpha=0.3)
             apart.grid(alpha=0.3)
-        handles, labels = panels[0, 0].get_legend_handles_labels()
-        more = panels[0, 1].get_legend_handles_labels()
-        figure.legend(
-            handles + more[0], labels + more[1], loc="outside upper center", ncols=3
-        )
+        add_legend(picture, panels[0])
         for panel in panels[-1]:
             panel.set_xlabel("time [s]")
     with writing(path):
-        figure.savefig(path, dpi=120)
+        picture.savefig(path)

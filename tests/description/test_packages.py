@@ -78,6 +78,17 @@ def test_a_manifest_without_a_name_means_the_folders_name(tmp_path):
     assert PackageFinder(entry_of(package)).find("arm") == package
 
 
+def test_a_relative_package_path_is_of_the_present_folder(tmp_path, monkeypatch):
+    package = add_package(tmp_path / "others" / "arm")
+    entry = entry_of(add_package(tmp_path / "ws" / "robot"))
+    monkeypatch.chdir(tmp_path)
+
+    found = PackageFinder(entry, [Path("others")]).find("arm")
+
+    assert found == package
+    assert found.is_absolute()
+
+
 def test_package_paths_come_first(tmp_path):
     package = add_package(tmp_path / "ws" / "arm")
     other = add_package(tmp_path / "elsewhere" / "src" / "arm")

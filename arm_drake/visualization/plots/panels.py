@@ -82,8 +82,7 @@ def make_time_panels(titles: Sequence[str]) -> tuple[Picture, list[Axes]]:
     Args:
         titles: What stands above the panels, such as "joint1 [rad]".
     """
-    found = [grid[1:] for grid in _GRIDS if len(titles) <= grid[0]]
-    num_columns, width, height = found[0] if found else _LARGEST
+    num_columns, width, height = choose_grid(_GRIDS, _LARGEST, len(titles))
     picture, panels = make_panels(titles, num_columns, (width, height), sharex=True)
     num_rows = -(-len(panels) // num_columns)
     for index, panel in enumerate(panels):
@@ -94,6 +93,21 @@ def make_time_panels(titles: Sequence[str]) -> tuple[Picture, list[Axes]]:
         if index == len(panels) - 1:
             panel.tick_params(labelbottom=True)
     return picture, panels
+
+
+def choose_grid(
+    grids: Iterable[tuple[int, int, float, float]],
+    largest: tuple[int, float, float],
+    number: int,
+) -> tuple[int, float, float]:
+    """Return columns of panels, and width and height of a panel [inch].
+
+    Args:
+        grids: The same, each behind the number of panels up to which it is for.
+        largest: That for more panels.
+        number: How many panels there are.
+    """
+    return next((grid[1:] for grid in grids if number <= grid[0]), largest)
 
 
 def make_panels(

@@ -14,6 +14,7 @@ from arm_drake.visualization.plots.panels import (
     WANTED,
     Picture,
     add_legend,
+    choose_grid,
     draw_line,
     make_panels,
     see_least,
@@ -47,8 +48,7 @@ def plot_phase(rollout: "Rollout", joints: Sequence[str]) -> Picture:
         rollout: The rollout; limits of position and velocity are of its description.
         joints: Which joints.
     """
-    found = [grid[1:] for grid in _GRIDS if len(joints) <= grid[0]]
-    num_columns, width, height = found[0] if found else _LARGEST
+    num_columns, width, height = choose_grid(_GRIDS, _LARGEST, len(joints))
     limits = read_limits(rollout.description)
     units = [
         [
