@@ -255,7 +255,7 @@ KNOWN_TO_CONTROLLERS = re.compile(
     r"|base_topics|diff_drive_inbox|admittance_(inbox|setup|status)|validation)|description\.(parameters|given|gazebo_(joints|drives|bumpers))"
 )
 
-MAX_LINES = 300
+MAX_LINES = 800
 
 # Longer than they should be, each to be split or trimmed; they stay below these.
 LONG_FILES: dict[str, int] = {}
