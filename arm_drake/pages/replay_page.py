@@ -4,7 +4,7 @@ import time
 from collections.abc import Iterable
 
 from arm_drake.errors import InputError
-from arm_drake.pages.live_panel import do_latest, read_rate
+from arm_drake.pages.live_simulation import do_latest, read_rate
 from arm_drake.pages.replay import Replay
 from arm_drake.visualization.page import (
     Button,

@@ -1,8 +1,10 @@
 """RobotViewer: a robot on a page, with sliders for its joints."""
 
+import math
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -20,7 +22,6 @@ from arm_drake.joint_ranges import (
 )
 from arm_drake.pages.pose_text import pose_yaml
 from arm_drake.pages.robot_scene import RobotScene
-from arm_drake.pages.viewer_events import handle_events
 from arm_drake.pages.viewer_panel import (
     find_pose,
     list_news,
@@ -298,3 +299,59 @@ class RobotViewer:
 
     def _independent(self, positions: Mapping[str, float]) -> dict[str, float]:
         return {r.name: positions[r.name] for r in self._ranges if r.follows is None}
+
+
+def handle_events(viewer: RobotViewer, events: Iterable[Event]) -> Iterator[str]:
+    """Do what was clicked.
+
+    Args:
+        viewer: The viewer.
+        events: What happened on its page, in order.
+
+    Yields:
+        What can't be done, in words.
+    """
+    moved: dict[str, Any] = {}
+    for event in events:
+        kind, _, name = event.id.partition(":")
+        if kind == "joint":
+            # Of a slider's way the end counts.
+            moved[name] = event.value
+            continue
+        _move(viewer, moved)
+        moved = {}
+        try:
+            _do(viewer, kind, name, event.value)
+        except InputError as error:
+            yield str(error)
+    _move(viewer, moved)
+
+
+def _move(viewer: RobotViewer, moved: Mapping[str, Any]) -> None:
+    own = {r.name for r in viewer.ranges if r.follows is None}
+    there = {
+        name: value
+        for name, value in moved.items()
+        if name in own and _is_finite(value)
+    }
+    if there:
+        viewer.set_positions(there)
+
+
+def _is_finite(value: Any) -> bool:
+    """Return whether it is a number that a joint can take."""
+    try:
+        return isinstance(value, int | float) and math.isfinite(value)
+    except OverflowError:  # An integer that no float is as large as.
+        return False
+
+
+def _do(viewer: RobotViewer, kind: str, name: str, value: Any) -> None:
+    if kind == "show":
+        viewer.show(name, bool(value))
+    elif kind == "fixed_frame":
+        viewer.set_fixed_frame(str(value))
+    elif kind == "pose":
+        viewer.take_named_pose(name)
+    elif kind in ("randomize", "center", "frame", "show_ghost", "hide_ghost"):
+        getattr(viewer, kind)()

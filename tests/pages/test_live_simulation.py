@@ -13,8 +13,7 @@ import arm_drake as ad
 from arm_drake.errors import InputError, MotionError
 from arm_drake.motion import parse_motion
 from arm_drake.pages import live_simulation as mut
-from arm_drake.pages.live_panel import latest
-from arm_drake.pages.live_simulation import LiveSimulation
+from arm_drake.pages.live_simulation import LiveSimulation, latest
 from arm_drake.visualization.page import Event, Page
 from tests.models import TWO_LINKS, load
 from tests.teleop.panel import same_bits

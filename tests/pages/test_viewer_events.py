@@ -6,8 +6,7 @@ from typing import Any
 import pytest
 
 import arm_drake as ad
-from arm_drake.pages.robot_viewer import RobotViewer
-from arm_drake.pages.viewer_events import handle_events
+from arm_drake.pages.robot_viewer import RobotViewer, handle_events
 from arm_drake.visualization.page import Event, Page
 from tests.models import GRIPPER, load
 
