@@ -7,7 +7,6 @@ from arm_drake.importing import without_collection
 
 if TYPE_CHECKING:
     from arm_drake.clients import ControllerHandle as ControllerHandle
-    from arm_drake.clients import GoalHandle as GoalHandle
     from arm_drake.controllers import ControllerType as ControllerType
     from arm_drake.controllers import register_controller as register_controller
     from arm_drake.controllers.controller_interface import (
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
     from arm_drake.errors import ArmDrakeError as ArmDrakeError
     from arm_drake.errors import ParameterError as ParameterError
     from arm_drake.loading import load_robot as load_robot
+    from arm_drake.mailbox import GoalHandle as GoalHandle
     from arm_drake.many import Outcome as Outcome
     from arm_drake.many import Run as Run
     from arm_drake.many import RunError as RunError
@@ -71,7 +71,7 @@ _MODULES = {
     "ControllerType": "controllers",
     "Float64MultiArray": "messages",
     "FollowJointTrajectoryGoal": "messages",
-    "GoalHandle": "clients",
+    "GoalHandle": "mailbox",
     "GoalStatus": "messages",
     "Header": "messages",
     "JointState": "messages",

@@ -1,33 +1,27 @@
-"""What a program holds of a controller and of a goal that it sent."""
+"""What a program holds of a controller."""
 
 import dataclasses as dc
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from arm_drake import interfaces
 from arm_drake.controller_topics import (
     SPEED_SCALING,
     TOPIC,
     ControllerTopics,
-    describe_grip,
 )
 from arm_drake.controllers.controller_interface import ControllerInterface
+from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError
+from arm_drake.mailbox import GoalHandle, Mailbox
 from arm_drake.messages import (
     CancelGoal,
     Float64MultiArray,
-    FollowJointTrajectoryFeedback,
-    FollowJointTrajectoryResult,
     Goal,
-    GoalEvent,
-    GoalStatus,
     GripperCommand,
-    GripperCommandResult,
     JointTrajectory,
     Message,
-    ParallelGripperCommandResult,
     QueryTrajectoryState,
-    Result,
     SendGoal,
     SpeedScalingFactor,
     SwitchController,
@@ -37,77 +31,14 @@ from arm_drake.messages import (
 )
 from arm_drake.motion import StepMessage
 
-if TYPE_CHECKING:
-    from arm_drake.simulation import Simulation
-
-
-class GoalHandle:
-    """A goal that was sent to a controller: what an action client sees of it."""
-
-    def __init__(self, controller: str, request: SendGoal, where: str) -> None:
-        """Create the handle; `ControllerHandle.send_goal` does that.
-
-        Args:
-            controller: Name of the controller.
-            request: What was sent.
-            where: Where the goal comes from, for messages; empty if from a program.
-        """
-        self.controller, self.request, self.where = controller, request, where
-        self.status = GoalStatus.PENDING
-        self.result: Result | None = None
-
-        # When it was sent, and when its end was noticed, at most 50 cycles late [s].
-        self.sent_at = 0.0
-        self.ended_at: float | None = None
-
-        # What of the goal was not taken as written.
-        self.note = ""
-
-        self._feedback: list[FollowJointTrajectoryFeedback] = []
-        self._sources: list[Callable[[], FollowJointTrajectoryFeedback]] = []
-
-    def update(self, event: GoalEvent) -> None:
-        """Take the controller's news of this goal."""
-        self.status = event.status
-        self.result = event.result or self.result
-        self.note = event.note or self.note
-        if event.feedback_source is not None:
-            self._sources.append(event.feedback_source)
-
-    @property
-    def feedback(self) -> list[FollowJointTrajectoryFeedback]:
-        """All feedback so far, the newest last."""
-        self._feedback += [make() for make in self._sources]
-        self._sources.clear()
-        return self._feedback
-
-    def forget_feedback(self) -> None:
-        """Forget all feedback so far."""
-        self._feedback, self._sources = [], []
-
-    def describe(self) -> str:
-        """Return status and result in words."""
-        text, result, why = self.status.value, self.result, self.note
-        if isinstance(result, FollowJointTrajectoryResult):
-            text += f", error code {int(result.error_code)}"
-            why = result.error_string
-        elif isinstance(result, GripperCommandResult):
-            text += describe_grip(result, (result.position,))
-        elif isinstance(result, ParallelGripperCommandResult):
-            text += describe_grip(result, result.state.position)
-        return f"{text}: {why}" if why else text
-
-    def __repr__(self) -> str:
-        """Return controller, status and result."""
-        return f"GoalHandle({self.controller!r}, {self.status.value}, {self.result})"
-
 
 class ControllerHandle:
     """Sends to one controller, and reads it, whether it is active or not."""
 
     def __init__(
         self,
-        simulation: "Simulation",
+        mailbox: Mailbox,
+        robot: Robot,
         name: str,
         system: ControllerInterface,
         type_: str,
@@ -115,13 +46,15 @@ class ControllerHandle:
         """Create the handle; `Simulation.controller` does that.
 
         Args:
-            simulation: Where the controller runs.
+            mailbox: Of the simulation where the controller runs.
+            robot: Whose controller it is.
             name: Name of the controller with its prefix.
             system: The controller.
             type_: Its ros2_control type.
         """
         self.name = name
-        self._simulation, self._system, self._type = simulation, system, type_
+        self._mailbox, self._robot = mailbox, robot
+        self._system, self._type = system, type_
         self._topics = ControllerTopics(name, type_, system)
 
     def check(self, message: StepMessage) -> None:
@@ -182,7 +115,7 @@ class ControllerHandle:
         port, made = self._topics.make_goal(goal)
         request = SendGoal(made)
         handle = GoalHandle(self.name, request, where)
-        self._simulation.mailbox.add_goal(handle)
+        self._mailbox.add_goal(handle)
         self._send(port, request)
         return handle
 
@@ -215,7 +148,7 @@ class ControllerHandle:
 
     def cancel(self) -> None:
         """Cancel the last goal that was sent to the controller, if there is one."""
-        goals = [g for g in self._simulation.goals if g.controller == self.name]
+        goals = [g for g in self._mailbox.goals if g.controller == self.name]
         if goals and not goals[-1].status.is_terminal:
             request = CancelGoal(goals[-1].request)
             self._send(self._topics.find_action(), request)
@@ -251,11 +184,9 @@ class ControllerHandle:
             )
         from arm_drake.parameter_changes import publish_parameters  # Rarely needed.
 
-        simulation, system = self._simulation, self._system
-        manager, _, _ = simulation.directory.find(self.name)
-        root = simulation.simulator.get_mutable_context()
-        context = system.GetMyMutableContextFromRoot(root)
-        publish_parameters(manager.robot, system, context, changes)
+        root = self._mailbox.simulator.get_mutable_context()
+        context = self._system.GetMyMutableContextFromRoot(root)
+        publish_parameters(self._robot, self._system, context, changes)
 
     def query_state(self, time: TimeLike) -> QueryTrajectoryState:
         """Return what the controller plans for a time: the service `query_state`.
@@ -275,7 +206,7 @@ class ControllerHandle:
             moment = Time.of(time)
         except (ValueError, OverflowError) as error:
             raise InputError(f"controller {self.name!r}: time: {error}") from None
-        root = self._simulation.simulator.get_context()
+        root = self._mailbox.simulator.get_context()
         response: QueryTrajectoryState = query(
             self._system.GetMyContextFromRoot(root), moment
         )
@@ -290,10 +221,10 @@ class ControllerHandle:
         if not self._system.HasOutputPort("controller_state"):
             what = f"controller {self.name!r} of type {self._type!r}"
             raise InputError(f"{what} publishes no controller_state")
-        return self._simulation.eval_output(f"{self.name}.controller_state")
+        return self._mailbox.eval_output(f"{self.name}.controller_state")
 
     def _send(self, port: str, message: Message, where: str = "") -> None:
         if where:
-            self._simulation.mailbox.add_message(message, where)
+            self._mailbox.add_message(message, where)
         period = 1.0 / self._system.params.update_rate
-        self._simulation.publish(self._topics.exported_as(port), message, period)
+        self._mailbox.publish(self._topics.exported_as(port), message, period)

@@ -3,24 +3,20 @@
 import dataclasses as dc
 import math
 import weakref
-from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Sequence
 
-from arm_drake.clients import GoalHandle
 from arm_drake.logs.records import GoalRecord, SentMessage, to_plain
-from arm_drake.mailbox import Sent
+from arm_drake.mailbox import GoalHandle, Mailbox, Sent
 from arm_drake.manager import MANAGER, ControllerManager
 from arm_drake.messages import (
     ActionRequest,
     FollowJointTrajectoryResult,
     GoalStatus,
 )
+from arm_drake.motion import Motion
 from arm_drake.provenance import describe_provenance
 from arm_drake.recording import read_rollout
 from arm_drake.rollout import Rollout
-
-if TYPE_CHECKING:
-    from arm_drake.simulation import Simulation
 
 _FAILED = (GoalStatus.REJECTED, GoalStatus.ABORTED)
 
@@ -28,40 +24,42 @@ _FAILED = (GoalStatus.REJECTED, GoalStatus.ABORTED)
 _done: "weakref.WeakKeyDictionary[GoalHandle, GoalRecord]" = weakref.WeakKeyDictionary()
 
 
-def list_failures(simulation: "Simulation") -> list[str]:
+def list_failures(mailbox: Mailbox) -> list[str]:
     """Return a line for all that failed: goals, messages, switches, controllers.
 
     Args:
-        simulation: A simulation that has run.
+        mailbox: Of a simulation that has run.
     """
     lines = []
-    for goal in simulation.goals:
+    for goal in mailbox.goals:
         if goal.status in _FAILED:
             place = f"{goal.where}: " if goal.where else ""
             lines.append(f"{place}{goal.controller}: goal {goal.describe()}")
-    events = (*simulation.rejected, *simulation.failures)
-    return lines + [simulation.mailbox.describe(event) for event in events]
+    events = (*mailbox.rejected, *mailbox.failures)
+    return lines + [mailbox.describe(event) for event in events]
 
 
 def collect_rollout(
-    simulation: "Simulation", since: float = -math.inf, robot: str | None = None
+    mailbox: Mailbox,
+    manager: ControllerManager,
+    motions: Sequence[Motion],
+    since: float = -math.inf,
 ) -> Rollout:
     """Return what was recorded of a robot so far.
 
     Args:
-        simulation: The simulation.
+        mailbox: Of the simulation.
+        manager: The robot's controller manager.
+        motions: What was played, in order.
         since: From when on rows and messages are wanted [s], as `read_rollout`.
-        robot: Name of the robot; by default the first one.
     """
-    diagram, mailbox = simulation.diagram, simulation.mailbox
-    context = simulation.simulator.get_context()
-    manager = simulation.directory.manager(robot)
+    diagram, context = mailbox.diagram, mailbox.simulator.get_context()
     sent = (each for each in mailbox.sent if each.time >= since)
     return dc.replace(
         read_rollout(diagram, context, manager, since),
         goals=record_goals(mailbox.goals, manager),
         messages=record_messages(sent, manager),
-        info=describe_provenance(manager.robot, diagram, simulation.motions),
+        info=describe_provenance(manager.robot, diagram, motions),
     )
 
 

@@ -1,13 +1,13 @@
 """What goes into a running diagram as messages, and what comes out as news."""
 
-from collections.abc import Iterable, Iterator
-from typing import NamedTuple, TypeAlias
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, NamedTuple, TypeAlias
 
 from pydrake.common.value import AbstractValue
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, OutputPort
 
-from arm_drake.clients import GoalHandle
+from arm_drake.controller_topics import describe_grip
 from arm_drake.manager import MANAGER, ControllerManager
 from arm_drake.manager.state import CommandLimited, ControllerFailure
 from arm_drake.messages import (
@@ -15,15 +15,84 @@ from arm_drake.messages import (
     Float32,
     Float64,
     Float64MultiArray,
+    FollowJointTrajectoryFeedback,
+    FollowJointTrajectoryResult,
     GoalEvent,
+    GoalStatus,
+    GripperCommandResult,
     JointTrajectory,
     Message,
     MultiDOFCommand,
+    ParallelGripperCommandResult,
     ParametersRejected,
+    Result,
+    SendGoal,
     SpeedScalingFactor,
     SwitchControllerResult,
     TopicRejected,
 )
+
+
+class GoalHandle:
+    """A goal that was sent to a controller: what an action client sees of it."""
+
+    def __init__(self, controller: str, request: SendGoal, where: str) -> None:
+        """Create the handle; `ControllerHandle.send_goal` does that.
+
+        Args:
+            controller: Name of the controller.
+            request: What was sent.
+            where: Where the goal comes from, for messages; empty if from a program.
+        """
+        self.controller, self.request, self.where = controller, request, where
+        self.status = GoalStatus.PENDING
+        self.result: Result | None = None
+
+        # When it was sent, and when its end was noticed, at most 50 cycles late [s].
+        self.sent_at = 0.0
+        self.ended_at: float | None = None
+
+        # What of the goal was not taken as written.
+        self.note = ""
+
+        self._feedback: list[FollowJointTrajectoryFeedback] = []
+        self._sources: list[Callable[[], FollowJointTrajectoryFeedback]] = []
+
+    def update(self, event: GoalEvent) -> None:
+        """Take the controller's news of this goal."""
+        self.status = event.status
+        self.result = event.result or self.result
+        self.note = event.note or self.note
+        if event.feedback_source is not None:
+            self._sources.append(event.feedback_source)
+
+    @property
+    def feedback(self) -> list[FollowJointTrajectoryFeedback]:
+        """All feedback so far, the newest last."""
+        self._feedback += [make() for make in self._sources]
+        self._sources.clear()
+        return self._feedback
+
+    def forget_feedback(self) -> None:
+        """Forget all feedback so far."""
+        self._feedback, self._sources = [], []
+
+    def describe(self) -> str:
+        """Return status and result in words."""
+        text, result, why = self.status.value, self.result, self.note
+        if isinstance(result, FollowJointTrajectoryResult):
+            text += f", error code {int(result.error_code)}"
+            why = result.error_string
+        elif isinstance(result, GripperCommandResult):
+            text += describe_grip(result, (result.position,))
+        elif isinstance(result, ParallelGripperCommandResult):
+            text += describe_grip(result, result.state.position)
+        return f"{text}: {why}" if why else text
+
+    def __repr__(self) -> str:
+        """Return controller, status and result."""
+        return f"GoalHandle({self.controller!r}, {self.status.value}, {self.result})"
+
 
 Rejection: TypeAlias = TopicRejected | ParametersRejected
 Failure: TypeAlias = ControllerFailure | SwitchControllerResult
@@ -72,8 +141,8 @@ class Mailbox:
             simulator: What runs it.
             managers: Its controller managers.
         """
-        self._diagram = diagram
-        self._simulator = simulator
+        self.diagram = diagram
+        self.simulator = simulator
         self._sources = []
         for manager in managers:
             self._sources += [
@@ -88,6 +157,15 @@ class Mailbox:
             self._sources.append(
                 _Source(manager.GetOutputPort("events"), manager.prefix)
             )
+        self.reset()
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return float(self.simulator.get_context().get_time())
+
+    def reset(self) -> None:
+        """Forget all, as the simulation begins anew."""
         self._next_event = [0] * len(self._sources)
 
         # What lies on the ports, and since when [s].
@@ -110,7 +188,7 @@ class Mailbox:
 
     def add_goal(self, goal: GoalHandle) -> None:
         """Take note of a goal that is being sent."""
-        goal.sent_at = self._simulator.get_context().get_time()
+        goal.sent_at = self.time
         self._handles[id(goal.request)] = goal
         self.goals.append(goal)
 
@@ -143,8 +221,8 @@ class Mailbox:
             message: What to put there.
             period: Period of who reads it [s].
         """
-        context = self._simulator.get_mutable_context()
-        time, there = context.get_time(), self._diagram.GetInputPort(port)
+        context = self.simulator.get_mutable_context()
+        time, there = context.get_time(), self.diagram.GetInputPort(port)
         self.sent.append(Sent(time, port, message))
         # What the context doesn't know was sent after it: it is one of before.
         lying = there.Eval(context) if there.HasValue(context) else ()
@@ -158,6 +236,10 @@ class Mailbox:
         messages = tuple(message for _, message in self._published[port])
         value = AbstractValue.Make(messages)
         there.FixValue(context, value)
+
+    def eval_output(self, port: str) -> Any:
+        """Return the present value of an output port of the diagram."""
+        return self.diagram.GetOutputPort(port).Eval(self.simulator.get_context())
 
     def forget_before(self, time: float) -> None:
         """Forget what was sent before a time, and the feedback of goals that ended.
@@ -175,7 +257,7 @@ class Mailbox:
 
         A goal's handle knows no more than what was told so far.
         """
-        root = self._simulator.get_context()
+        root = self.simulator.get_context()
         for index, (port, name) in enumerate(self._sources):
             events = port.Eval(port.get_system().GetMyContextFromRoot(root))
             first = self._next_event[index]
@@ -198,7 +280,7 @@ class Mailbox:
                 return []
             handle.update(event)
             if handle.status.is_terminal and handle.ended_at is None:
-                handle.ended_at = self._simulator.get_context().get_time()
+                handle.ended_at = self.time
             return [handle]
         if isinstance(event, TopicRejected | ParametersRejected):
             self._names[id(event)] = name

@@ -1,8 +1,10 @@
 """Sends the steps of a motion to the controllers of a simulation."""
 
 from collections.abc import Callable, Collection, Mapping
-from typing import TYPE_CHECKING
+from typing import Protocol
 
+from arm_drake.clients import ControllerHandle
+from arm_drake.directory import ControllerList, Directory
 from arm_drake.errors import InputError, MotionError
 from arm_drake.messages import (
     Float64MultiArray,
@@ -14,16 +16,45 @@ from arm_drake.messages import (
     Twist,
 )
 from arm_drake.motion import Motion, MotionStep, TopicMessage
+from arm_drake.topic_clients import TopicHandle
 
-if TYPE_CHECKING:
-    from arm_drake.simulation import Simulation
+
+class Runner(Protocol):
+    """What runs motions: a Simulation."""
+
+    directory: Directory
+
+    # Of the quickest controller manager [s].
+    period: float
+
+    # What was played, in order.
+    motions: list[Motion]
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+
+    def advance_to(self, time: float) -> None:
+        """Simulate up to a time [s]."""
+
+    def list_controllers(self) -> ControllerList:
+        """Return the controllers and their states."""
+
+    def controller(self, name: str) -> ControllerHandle:
+        """Return what sends to a controller."""
+
+    def topic(self, name: str) -> TopicHandle:
+        """Return what publishes on a topic."""
+
+    def request_switch(self, request: SwitchController, *, where: str) -> None:
+        """Send a request to a controller manager."""
 
 
 class Player:
     """Sends each step of a motion when it is due."""
 
     def __init__(
-        self, simulation: "Simulation", motion: Motion | None, tolerance: float
+        self, simulation: Runner, motion: Motion | None, tolerance: float
     ) -> None:
         """Create it, with nothing sent; times count from now.
 
@@ -79,7 +110,7 @@ class Player:
             self._next = next(self._steps, None)
 
 
-def check_motion(simulation: "Simulation", motion: Motion) -> None:
+def check_motion(simulation: Runner, motion: Motion) -> None:
     """Raise MotionError if a step is for a controller or topic that can't take it.
 
     A controller that isn't active must have been activated by an earlier step; whether
@@ -109,7 +140,7 @@ def check_motion(simulation: "Simulation", motion: Motion) -> None:
             ) from None
 
 
-def send_step(simulation: "Simulation", motion: Motion, step: MotionStep) -> None:
+def send_step(simulation: Runner, motion: Motion, step: MotionStep) -> None:
     """Send a step's message.
 
     Args:
@@ -139,7 +170,7 @@ def send_step(simulation: "Simulation", motion: Motion, step: MotionStep) -> Non
         handle.set_speed_scaling(message.factor, where=where)
 
 
-def _check_switch(simulation: "Simulation", message: SwitchController) -> set[str]:
+def _check_switch(simulation: Runner, message: SwitchController) -> set[str]:
     """Return what a switch activates; raise InputError if it names no controller."""
     for name in (*message.activate_controllers, *message.deactivate_controllers):
         simulation.directory.check_name(name)
@@ -147,7 +178,7 @@ def _check_switch(simulation: "Simulation", message: SwitchController) -> set[st
 
 
 def _check_message(
-    simulation: "Simulation",
+    simulation: Runner,
     step: MotionStep,
     states: Mapping[str, str],
     activated: Collection[str],

@@ -5,24 +5,36 @@ import math
 from collections import defaultdict
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import Protocol, Self
 
+from arm_drake.directory import Directory
 from arm_drake.errors import InputError, OutputError
 from arm_drake.happenings import collect_rollout
 from arm_drake.history import History
 from arm_drake.interrupts import unbroken
 from arm_drake.logs.formats import stream_writer_for
+from arm_drake.mailbox import Mailbox
+from arm_drake.motion import Motion
 from arm_drake.output_files import writing
 from arm_drake.rollout import Rollout
-
-if TYPE_CHECKING:
-    from arm_drake.simulation import Simulation
 
 # Times of rows are rounded to nanoseconds [s].
 _SAME_TIME = 1e-9
 
 # How often it writes [s] of simulated time.
 PERIOD = 1.0
+
+
+class Recorded(Protocol):
+    """What is recorded: a Simulation."""
+
+    directory: Directory
+    mailbox: Mailbox
+
+    # What was played, in order.
+    motions: list[Motion]
+
+    recorders: "list[Recorder]"
 
 
 class Recorder:
@@ -34,7 +46,7 @@ class Recorder:
 
     def __init__(
         self,
-        simulation: "Simulation",
+        simulation: Recorded,
         path: Path,
         *,
         robot: str | None = None,
@@ -57,7 +69,7 @@ class Recorder:
         self.path = path
         self._simulation = simulation
         self._make = stream_writer_for(path)
-        self._robots = list(simulation.robots)
+        self._robots = list(simulation.directory.managers)
         if robot is not None:
             self._robots = [simulation.directory.manager(robot).robot.name]
         if path.suffix == ".csv" and len(self._robots) > 1:
@@ -68,16 +80,16 @@ class Recorder:
         if any(path.resolve() == r.path.resolve() for r in simulation.recorders):
             raise OutputError("it is being recorded to already", file=path)
         self.history = history
-        self._history = History(simulation, history)
+        self._history = History(simulation.mailbox, history)
         # What was before isn't recorded; the first write would find some of it.
-        self._start: float | None = simulation.time
-        self._written = simulation.time
+        self._start: float | None = simulation.mailbox.time
+        self._written = self._start
         self._open()
         simulation.recorders.append(self)
 
     def update(self) -> None:
         """Write what is new, if it has been a while."""
-        if self._simulation.time >= self._written + PERIOD:
+        if self._simulation.mailbox.time >= self._written + PERIOD:
             self.flush()
 
     def flush(self) -> None:
@@ -87,8 +99,10 @@ class Recorder:
             OutputError: If it can't be written.
         """
         # The last row may have been at the very time of the last write.
+        simulation, since = self._simulation, self._written - PERIOD
+        find = simulation.directory.manager
         parts = [
-            collect_rollout(self._simulation, self._written - PERIOD, robot)
+            collect_rollout(simulation.mailbox, find(robot), simulation.motions, since)
             for robot in self._robots
         ]
         if self._start is not None:
@@ -97,7 +111,7 @@ class Recorder:
         with unbroken():
             with writing(self.path):
                 self._writer.write(*parts)
-            self._written, self._start = self._simulation.time, None
+            self._written, self._start = self._simulation.mailbox.time, None
             self._count(parts)
             # What another one is to keep stays.
             others = self._simulation.recorders
@@ -108,7 +122,7 @@ class Recorder:
         """Begin the file anew, as the simulation begins anew."""
         self._writer.close()
         self._open()
-        self._written, self._start = self._simulation.time, None
+        self._written, self._start = self._simulation.mailbox.time, None
 
     def close(self) -> None:
         """Write what is new, and end the file."""

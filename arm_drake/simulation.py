@@ -9,13 +9,13 @@ from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram
 
-from arm_drake.clients import ControllerHandle, GoalHandle
+from arm_drake.clients import ControllerHandle
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.directory import ControllerList, Directory, TopicList, make_switch
 from arm_drake.errors import InputError
 from arm_drake.happenings import collect_rollout
-from arm_drake.mailbox import Failure, Mailbox, News, Rejection
+from arm_drake.mailbox import Failure, GoalHandle, Mailbox, News, Rejection
 from arm_drake.manager import MANAGER, SWITCH_PORT
 from arm_drake.messages import JointState, Message, Strictness, SwitchController
 from arm_drake.motion import Motion
@@ -55,19 +55,19 @@ class Simulation:
         self.simulator = Simulator(diagram)
         self._on_event: list[Callable[[News], None]] = []
         self.recorders: list[Recorder] = []
+        self.mailbox = Mailbox(diagram, self.simulator, managers)
         self._start()
 
     def _start(self) -> None:
         self.simulator.Initialize()
-        managers = self.directory.managers.values()
-        self.mailbox = Mailbox(self.diagram, self.simulator, managers)
+        self.mailbox.reset()
         # What was played, in order.
         self.motions: list[Motion] = []
 
     @property
     def time(self) -> float:
         """Simulated time [s]."""
-        return float(self.simulator.get_context().get_time())
+        return self.mailbox.time
 
     @property
     def robots(self) -> dict[str, Robot]:
@@ -105,8 +105,9 @@ class Simulation:
         Raises:
             InputError: If there is no such controller, or it could not be loaded.
         """
-        _, controller, system = self.directory.find(name)
-        return ControllerHandle(self, name, system, controller.type)
+        manager, controller, system = self.directory.find(name)
+        robot = manager.robot
+        return ControllerHandle(self.mailbox, robot, name, system, controller.type)
 
     def topic(self, name: str) -> TopicHandle:
         """Return what publishes on a topic, or reads it.
@@ -117,7 +118,7 @@ class Simulation:
         Raises:
             InputError: If there is no such topic.
         """
-        return TopicHandle(self, self._topics.find(name))
+        return TopicHandle(self.mailbox, self._topics.find(name))
 
     def list_topics(self) -> TopicList:
         """Return the topics and the types of their messages; as text, a table."""
@@ -269,7 +270,9 @@ class Simulation:
         Args:
             robot: Name of the robot; by default the first one.
         """
-        return collect_rollout(self, robot=robot)
+        return collect_rollout(
+            self.mailbox, self.directory.manager(robot), self.motions
+        )
 
     def record_to(
         self, path: str | Path, *, robot: str | None = None, history: float = 60.0
@@ -297,4 +300,4 @@ class Simulation:
 
     def eval_output(self, port: str) -> Any:
         """Return the present value of an output port of the diagram."""
-        return self.diagram.GetOutputPort(port).Eval(self.simulator.get_context())
+        return self.mailbox.eval_output(port)

@@ -3,9 +3,8 @@
 import dataclasses as dc
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from arm_drake.clients import GoalHandle
 from arm_drake.controller_topics import (
     COMMANDS,
     REFERENCE,
@@ -15,6 +14,7 @@ from arm_drake.controller_topics import (
 )
 from arm_drake.directory import TopicInfo, TopicList
 from arm_drake.errors import InputError
+from arm_drake.mailbox import GoalHandle, Mailbox
 from arm_drake.messages import (
     Bool,
     Float32,
@@ -31,9 +31,6 @@ from arm_drake.messages import (
 )
 from arm_drake.messages.checks import to_message
 from arm_drake.topic_names import Topic, TopicNames, TopicPort, message_type
-
-if TYPE_CHECKING:
-    from arm_drake.simulation import Simulation
 
 # What is expected on ports of controllers that don't say it.
 _TYPES: dict[str, type[Message]] = {
@@ -58,15 +55,15 @@ _VALUES = (COMMANDS, REFERENCE)
 class TopicHandle:
     """Sends to one topic, or reads it."""
 
-    def __init__(self, simulation: "Simulation", topic: Topic) -> None:
+    def __init__(self, mailbox: Mailbox, topic: Topic) -> None:
         """Create the handle; `Simulation.topic` does that.
 
         Args:
-            simulation: Where the topic is.
+            mailbox: Of the simulation where the topic is.
             topic: Who takes its messages, and who publishes them.
         """
         self.name = topic.name
-        self._simulation = simulation
+        self._mailbox = mailbox
         self._topic = topic
 
     @property
@@ -94,7 +91,6 @@ class TopicHandle:
             InputError: If nobody takes messages of the topic, or others.
         """
         made = self._make(data)
-        mailbox = self._simulation.mailbox
         # Of several readers of one port, none may miss a message.
         periods: dict[str, float] = {}
         messages: dict[str, Message] = {}
@@ -106,11 +102,11 @@ class TopicHandle:
             periods[name] = max(period, periods.get(name, 0.0))
             messages.setdefault(name, message)
             if isinstance(message, SendGoal):
-                mailbox.add_goal(GoalHandle(reader.controller, message, where))
+                self._mailbox.add_goal(GoalHandle(reader.controller, message, where))
         for name, message in messages.items():
             if where:
-                mailbox.add_message(message, where)
-            self._simulation.publish(name, message, periods[name])
+                self._mailbox.add_message(message, where)
+            self._mailbox.publish(name, message, periods[name])
 
     def value(self) -> Any:
         """Return the latest message that was published on the topic.
@@ -128,8 +124,7 @@ class TopicHandle:
                 f"{_list(self.controllers)} takes its messages"
             )
         values = [
-            self._simulation.eval_output(port.exported_as(port.port))
-            for port in outputs
+            self._mailbox.eval_output(port.exported_as(port.port)) for port in outputs
         ]
         if all(isinstance(value, TFMessage) for value in values):
             return _merge(values)

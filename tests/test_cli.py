@@ -640,7 +640,7 @@ def test_a_controller_that_fails_is_a_line_of_its_own():
     sim.publish(f"{FORWARD}.commands", Float64MultiArray((1.0,)), 0.01)
     sim.advance_to(0.1)
 
-    assert list_failures(sim) == [
+    assert list_failures(sim.mailbox) == [
         f"{FORWARD}: commands refused: data must have 2 values (joint1/position, "
         "joint2/position), got 1; the update fails",
         f"{FORWARD}: the update failed (data must have 2 values (joint1/position, "

@@ -14,7 +14,7 @@ def test_the_last_part_is_kept_as_it_was(tmp_path: Path) -> None:
     alone = ad.Simulation(ad.build_diagram(robot))
     alone.run(7.0)
     simulation = ad.Simulation(ad.build_diagram(robot))
-    history = History(simulation, 1.0)
+    history = History(simulation.mailbox, 1.0)
 
     longest = 0.0
     for _ in range(70):
@@ -35,7 +35,7 @@ def test_the_last_part_is_kept_as_it_was(tmp_path: Path) -> None:
 
 def test_after_a_reset_it_counts_anew(tmp_path: Path) -> None:
     simulation = ad.Simulation(ad.build_diagram(load(tmp_path, pendulum())))
-    history = History(simulation, 1.0)
+    history = History(simulation.mailbox, 1.0)
     simulation.run(2.5)
     history.trim()
 
@@ -49,7 +49,7 @@ def test_after_a_reset_it_counts_anew(tmp_path: Path) -> None:
 
 def test_without_an_end_of_its_patience_all_is_kept(tmp_path: Path) -> None:
     simulation = ad.Simulation(ad.build_diagram(load(tmp_path, pendulum())))
-    history = History(simulation, np.inf)
+    history = History(simulation.mailbox, np.inf)
 
     simulation.run(3.0)
     history.trim()

@@ -246,7 +246,7 @@ def _finish(
     (robot,) = simulation.robots.values()
     saturation = find_saturation(simulation, rollout)
     write_outputs(rollout, options, meshcat, say, robot)
-    failures = [*list_failures(simulation), *say.failures]
+    failures = [*list_failures(simulation.mailbox), *say.failures]
     if options.json:
         print(
             json.dumps(summarize(simulation, robot, saturation, wall_time, failures)),

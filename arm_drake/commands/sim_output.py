@@ -4,9 +4,8 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from arm_drake.clients import GoalHandle
 from arm_drake.description.robot import Robot
-from arm_drake.mailbox import News
+from arm_drake.mailbox import GoalHandle, News
 from arm_drake.manager.state import CommandLimited
 from arm_drake.messages import (
     FollowJointTrajectoryResult,

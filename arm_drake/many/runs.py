@@ -9,13 +9,13 @@ from numbers import Real
 from pathlib import Path
 from typing import Any
 
-from arm_drake.clients import GoalHandle
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.diagram import build_diagram
 from arm_drake.errors import InputError
 from arm_drake.happenings import list_failures
 from arm_drake.loading import load_robot
+from arm_drake.mailbox import GoalHandle
 from arm_drake.many.stopping import check_stop
 from arm_drake.messages import GoalStatus, Result
 from arm_drake.motion import Motion
@@ -161,7 +161,7 @@ class Outcome:
         return cls(
             {name: simulation.rollout(name) for name in simulation.robots},
             tuple(GoalOutcome.of(goal) for goal in simulation.goals),
-            tuple(list_failures(simulation)),
+            tuple(list_failures(simulation.mailbox)),
             simulation.report,
         )
 

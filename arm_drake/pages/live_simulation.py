@@ -7,10 +7,9 @@ import time
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from arm_drake.clients import GoalHandle
 from arm_drake.errors import ArmDrakeError, InputError, SimulationError
 from arm_drake.history import History
-from arm_drake.mailbox import News
+from arm_drake.mailbox import GoalHandle, News
 from arm_drake.messages import CancelResponse, GoalStatus, SwitchControllerResult
 from arm_drake.motion import Motion
 from arm_drake.pages.live_views import LiveViews
@@ -99,7 +98,7 @@ class LiveSimulation:
         self._is_stopped = False
         self._duration = math.inf
         self._frame_rate = frame_rate
-        self._history = History(simulation, history)
+        self._history = History(simulation.mailbox, history)
         if frame_rate is not None:
             start_recording(page.meshcat, frame_rate)
         self._log = LogLines()

@@ -9,7 +9,7 @@ from arm_drake.teleop.remote import Remote, shown
 from arm_drake.visualization.page.widgets import Button, Buttons, Slider
 
 if TYPE_CHECKING:
-    from arm_drake.clients import GoalHandle
+    from arm_drake.mailbox import GoalHandle
     from arm_drake.simulation import Simulation
 
 # Effort of a gripper that commands efforts, where its joint has no limit [N·m] or [N].
