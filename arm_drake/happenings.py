@@ -5,7 +5,7 @@ import math
 import weakref
 from collections.abc import Iterable, Sequence
 
-from arm_drake.logs.records import GoalRecord, SentMessage, to_plain
+from arm_drake.logs.records import to_plain
 from arm_drake.mailbox import GoalHandle, Mailbox, Sent
 from arm_drake.manager import MANAGER, ControllerManager
 from arm_drake.messages import (
@@ -16,7 +16,7 @@ from arm_drake.messages import (
 from arm_drake.motion import Motion
 from arm_drake.provenance import describe_provenance
 from arm_drake.recording import read_rollout
-from arm_drake.rollout import Rollout
+from arm_drake.rollout import GoalRecord, Rollout, SentMessage
 
 _FAILED = (GoalStatus.REJECTED, GoalStatus.ABORTED)
 

@@ -1,6 +1,7 @@
 """What a simulation leaves behind: arrays with names, to save and to look at."""
 
 import dataclasses as dc
+import importlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -8,19 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_drake.errors import (
-    ArmDrakeError,
-    InputError,
-    MissingExtraError,
-    suggest,
-)
-from arm_drake.logs.checks import check_fields
-from arm_drake.logs.formats import reader_for, writer_for
-from arm_drake.logs.link_poses import find_tip, read_link_poses
-from arm_drake.logs.records import GoalRecord, SentMessage
-from arm_drake.logs.table import TIME, make_columns
-from arm_drake.output_files import writing
-from arm_drake.visualization.plot import draw_rollout
+from arm_drake.errors import suggest
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -28,8 +17,63 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+# What writes, reads and draws rollouts knows them, so it is imported when it is used.
+_FORMATS = "arm_drake.logs.formats"
+_TABLE = "arm_drake.logs.table"
+_LINK_POSES = "arm_drake.logs.link_poses"
+_PLOT = "arm_drake.visualization.plot"
+
 # An effort within this part of its limit is at the limit.
 _AT_LIMIT = 1e-6
+
+
+@dc.dataclass(frozen=True)
+class GoalRecord:
+    """A goal of an action, and what became of it."""
+
+    # Name of the controller, with that of its robot in front if there are several.
+    controller: str
+
+    # Class of the goal, such as "FollowJointTrajectoryGoal".
+    type: str
+
+    # When it was sent [s].
+    sent_at: float
+
+    # When its end was noticed [s], at most 50 cycles late; None if it is not done.
+    ended_at: float | None
+
+    # A GoalStatus: "SUCCEEDED", "ABORTED", ...
+    status: str
+
+    # Of a FollowJointTrajectory result; None if there is no such result.
+    error_code: int | None = None
+
+    # Why, in words; empty if there is nothing to say.
+    error_string: str = ""
+
+    # The goal's fields.
+    goal: Mapping[str, Any] = dc.field(default_factory=dict)
+
+    # Fields of the result, if there is one.
+    result: Mapping[str, Any] | None = None
+
+
+@dc.dataclass(frozen=True)
+class SentMessage:
+    """A message that was sent to a controller, or a request to the manager."""
+
+    # When [s].
+    time: float
+
+    # Name as in ROS.
+    topic: str
+
+    # Class of the message, such as "JointTrajectory".
+    type: str
+
+    # Its fields.
+    data: Mapping[str, Any]
 
 
 @dc.dataclass(frozen=True, eq=False)
@@ -177,10 +221,7 @@ class Rollout:
             MissingExtraError: If what the file needs isn't installed.
             OutputError: If the file can't be written, or its type is unknown.
         """
-        path = Path(path)
-        write = writer_for(path)
-        with writing(path):
-            write(self, path)
+        _import(_FORMATS).save_rollout(self, Path(path))
 
     @classmethod
     def load(cls, path: str | Path, robot: str | None = None) -> Self:
@@ -197,34 +238,14 @@ class Rollout:
             InputError: If the file can't be read, or is no rollout.
             MissingExtraError: If what the file needs isn't installed.
         """
-        path = Path(path)
-        read = reader_for(path)
-        try:
-            fields = read(path, robot)
-            check_fields(fields)
-            known = fields.get("robot_name")
-            if robot and known and robot != known:
-                problem = f"no robot {robot!r}; {suggest(robot, [known])}"
-                raise InputError(problem, file=path)
-        except (ArmDrakeError, KeyboardInterrupt):
-            raise
-        except OSError as error:
-            reason = error.strerror or str(error)
-            raise InputError(f"can't be read: {reason}", file=path) from None
-        except Exception as error:  # Whatever a damaged file makes of its readers.
-            reason = " ".join(str(error).split()) or type(error).__name__
-            text = f"can't be read: it is damaged or no log ({reason})"
-            raise InputError(text, file=path) from None
-        wanted = fields.pop("references")
-        references = {name: Reference(*parts) for name, parts in wanted.items()}
-        return cls(**fields, references=references)
+        return cls(**_import(_FORMATS).load_fields(Path(path), robot))
 
     def columns(self) -> dict[str, Array]:
         """Return every quantity of the rows, each of shape (N,), with unit in its name.
 
         They are the columns of a `.csv` file.
         """
-        return make_columns(self)
+        return _import(_TABLE).make_columns(self)
 
     def to_pandas(self) -> "pd.DataFrame":
         """Return the rows as a data frame: one column for each quantity, as a `.csv`.
@@ -234,13 +255,7 @@ class Rollout:
         Raises:
             MissingExtraError: If pandas isn't installed.
         """
-        try:
-            import pandas as pd
-        except ImportError:
-            raise MissingExtraError("Rollout.to_pandas", "pandas") from None
-        columns = self.columns()
-        index = pd.Index(columns.pop(TIME), name=TIME)
-        return pd.DataFrame(columns, index=index)
+        return _import(_TABLE).make_frame(self)
 
     def link_poses(self, link: str) -> Array:
         """Return where a link was in the world: x, y, z [m], quaternion w, x, y, z.
@@ -253,7 +268,7 @@ class Rollout:
         Raises:
             InputError: If the rollout has no description, or no such link.
         """
-        return read_link_poses(self, link)
+        return _import(_LINK_POSES).read_link_poses(self, link)
 
     def find_tip(self) -> str:
         """Return the end effector's link, or the base that moves without an arm.
@@ -261,7 +276,7 @@ class Rollout:
         Raises:
             InputError: If the rollout has no description.
         """
-        return find_tip(self)
+        return _import(_LINK_POSES).find_tip(self)
 
     def plot(
         self,
@@ -287,4 +302,9 @@ class Rollout:
             OutputError: If the picture can't be written, or its type is unknown.
         """
         path = None if path is None else Path(path)
-        return draw_rollout(self, path, kind=kind, joints=joints, link=link)
+        draw = _import(_PLOT).draw_rollout
+        return draw(self, path, kind=kind, joints=joints, link=link)
+
+
+def _import(module: str) -> Any:
+    return importlib.import_module(module)

@@ -160,7 +160,7 @@ LAYERS = [
     ["python_system", "importing"],
     ["drake_log", "interrupts", "output_files"],
     ["notebook_cells", "stepping"],
-    ["description", "options"],
+    ["description", "options", "rollout"],
     ["logs", "visualization"],
     [
         "beams",
@@ -177,7 +177,6 @@ LAYERS = [
         "build_info",
         "contact_log",
         "free_poses",
-        "rollout",
         "source_files",
     ],
     [

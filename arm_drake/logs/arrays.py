@@ -2,21 +2,19 @@
 
 import zipfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from arm_drake.errors import InputError
 from arm_drake.logs.static import AS_THEY_ARE, make_static, read_static
-
-if TYPE_CHECKING:
-    from arm_drake.rollout import Rollout
+from arm_drake.rollout import Rollout
 
 # What isn't an array.
 _STATIC = "rollout"
 
 
-def write_npz(rollout: "Rollout", path: Path) -> None:
+def write_npz(rollout: Rollout, path: Path) -> None:
     """Write all of a rollout.
 
     Args:

@@ -1,16 +1,13 @@
 """Rollouts as bags of ROS 2 messages, in an `.mcap` file."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from arm_drake.logs.bag_messages import LATCHED, BagMessage, stamp
 from arm_drake.logs.bag_topics import RobotTopics
 from arm_drake.logs.mcap_file import McapFile
 from arm_drake.logs.ros_types import load_types
 from arm_drake.messages import NANOSECONDS
-
-if TYPE_CHECKING:
-    from arm_drake.rollout import Rollout
+from arm_drake.rollout import Rollout
 
 _CLOCK_TYPE = "rosgraph_msgs/msg/Clock"
 
@@ -49,7 +46,7 @@ class BagWriter:
         self._robots: dict[str, RobotTopics] = {}
         self._clock_ns = -1
 
-    def write(self, *rollouts: "Rollout") -> None:
+    def write(self, *rollouts: Rollout) -> None:
         """Write what is new, so that the file is complete up to here.
 
         Args:
@@ -94,7 +91,7 @@ class BagWriter:
         return self._channels[message.topic]
 
 
-def write_mcap(rollout: "Rollout", path: Path) -> None:
+def write_mcap(rollout: Rollout, path: Path) -> None:
     """Write all of a rollout.
 
     Args:

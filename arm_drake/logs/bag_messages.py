@@ -5,7 +5,7 @@ import json
 import re
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +17,10 @@ from arm_drake.logs.link_transforms import (
     fixed_pose,
     root_links,
 )
-from arm_drake.logs.records import GoalRecord, SentMessage, to_plain
+from arm_drake.logs.records import to_plain
 from arm_drake.logs.ros_types import type_of
 from arm_drake.messages import NANOSECONDS
-
-if TYPE_CHECKING:
-    from arm_drake.rollout import Rollout
+from arm_drake.rollout import GoalRecord, Rollout, SentMessage
 
 Array = NDArray[np.float64]
 
@@ -104,7 +102,7 @@ def group_commands(names: tuple[str, ...]) -> Mapping[str, list[tuple[str, int]]
 
 
 def tell_row(
-    rollout: "Rollout", row: int, time_ns: int, prefix: str
+    rollout: Rollout, row: int, time_ns: int, prefix: str
 ) -> Iterator[BagMessage]:
     """Yield what a row says, but for frames."""
     header = {"stamp": stamp(time_ns)}
@@ -164,7 +162,7 @@ def tell_row(
 
 
 def _output(
-    rollout: "Rollout", row: int, joints: Sequence[str], wanted: Array
+    rollout: Rollout, row: int, joints: Sequence[str], wanted: Array
 ) -> dict[str, Any]:
     """Return what a controller commands, if that is the positions that it wants."""
     names = [f"{joint}/position" for joint in joints]
@@ -185,7 +183,7 @@ def tell_sent(message: SentMessage, prefix: str) -> Iterator[BagMessage]:
 
 
 def tell_goal(
-    goal: GoalRecord, number: int, *, is_new: bool, rollout: "Rollout"
+    goal: GoalRecord, number: int, *, is_new: bool, rollout: Rollout
 ) -> Iterator[BagMessage]:
     """Yield what is new about a goal."""
     prefix, sent_ns = rollout.namespace, round(goal.sent_at * NANOSECONDS)
@@ -215,7 +213,7 @@ def tell_goal(
 
 
 def fixed_frames(
-    rollout: "Rollout", transforms: Sequence[LinkTransform]
+    rollout: Rollout, transforms: Sequence[LinkTransform]
 ) -> list[tuple[str, str, Array]]:
     """Return the frames that never move: parent, child, pose."""
     nothing = np.zeros(1)

@@ -26,9 +26,9 @@ from arm_drake.logs.bag_messages import (
     pose_topic,
 )
 from arm_drake.logs.mcap_file import MAGIC
-from arm_drake.logs.records import GoalRecord, SentMessage
 from arm_drake.logs.ros_types import load_types
 from arm_drake.logs.static import AS_THEY_ARE, read_static
+from arm_drake.rollout import GoalRecord, SentMessage
 
 Array = NDArray[np.float64]
 

@@ -3,7 +3,6 @@
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,9 +28,7 @@ from arm_drake.logs.link_transforms import (
 )
 from arm_drake.logs.static import make_static
 from arm_drake.messages import NANOSECONDS
-
-if TYPE_CHECKING:
-    from arm_drake.rollout import Rollout
+from arm_drake.rollout import Rollout
 
 # Frames are told at most so often [Hz], as robot_state_publisher does.
 _TF_RATE = 50.0
@@ -52,7 +49,7 @@ class RobotTopics:
         # Time of the last messages that were sent, and how many of that time are told.
         self._sent_at, self._num_sent = -math.inf, 0
 
-    def tell(self, rollout: "Rollout") -> Iterator[BagMessage]:
+    def tell(self, rollout: Rollout) -> Iterator[BagMessage]:
         """Yield the messages of what is new, not in the order of their times.
 
         Args:
@@ -73,7 +70,7 @@ class RobotTopics:
         if len(new):
             self._last_ns = int(times[new[-1]])
 
-    def _tell_static(self, rollout: "Rollout", time_ns: int) -> Iterator[BagMessage]:
+    def _tell_static(self, rollout: Rollout, time_ns: int) -> Iterator[BagMessage]:
         prefix = rollout.namespace
         text = make_static(rollout, is_whole=False)
         if text != self._static:
@@ -91,7 +88,7 @@ class RobotTopics:
             if fixed:
                 yield make_tf("/tf_static", fixed, time_ns, rollout.namespace)
 
-    def _tell_messages(self, rollout: "Rollout") -> Iterator[BagMessage]:
+    def _tell_messages(self, rollout: Rollout) -> Iterator[BagMessage]:
         known = [m for m in rollout.messages if m.time == self._sent_at]
         later = [m for m in rollout.messages if m.time > self._sent_at]
         for message in known[self._num_sent :] + later:
@@ -100,7 +97,7 @@ class RobotTopics:
             times = [message.time for message in rollout.messages]
             self._sent_at, self._num_sent = times[-1], times.count(times[-1])
 
-    def _tell_goals(self, rollout: "Rollout") -> Iterator[BagMessage]:
+    def _tell_goals(self, rollout: Rollout) -> Iterator[BagMessage]:
         for number, goal in enumerate(rollout.goals):
             known = self._goals.get(number, "")
             if known == goal.status:
@@ -109,7 +106,7 @@ class RobotTopics:
             yield from tell_goal(goal, number, is_new=not known, rollout=rollout)
 
     def _tell_active(
-        self, rollout: "Rollout", row: int, time_ns: int
+        self, rollout: Rollout, row: int, time_ns: int
     ) -> Iterator[BagMessage]:
         active = rollout.active[row].tolist()
         if active and str(active) != self._active:
@@ -119,7 +116,7 @@ class RobotTopics:
             )
 
     def _tell_tf(
-        self, rollout: "Rollout", times: NDArray[np.int64], new: NDArray[np.int64]
+        self, rollout: Rollout, times: NDArray[np.int64], new: NDArray[np.int64]
     ) -> Iterator[BagMessage]:
         rows = []
         for row in new:

@@ -2,18 +2,18 @@
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
-from arm_drake.errors import InputError, OutputError
+from arm_drake.errors import ArmDrakeError, InputError, OutputError, suggest
 from arm_drake.logs.arrays import read_npz, write_npz
 from arm_drake.logs.bag import BagWriter, write_mcap
 from arm_drake.logs.bag_reader import read_mcap
+from arm_drake.logs.checks import check_fields
 from arm_drake.logs.table import TableWriter, read_csv, write_csv
+from arm_drake.output_files import writing
+from arm_drake.rollout import Reference, Rollout
 
-if TYPE_CHECKING:
-    from arm_drake.rollout import Rollout
-
-Write = Callable[["Rollout", Path], None]
+Write = Callable[[Rollout, Path], None]
 
 # Returns the fields of a Rollout; a Reference is its joints and positions.
 Read = Callable[[Path, str | None], dict[str, Any]]
@@ -25,7 +25,7 @@ class PartWriter(Protocol):
     def __init__(self, path: Path) -> None:
         """Create the file, in place of one that is there."""
 
-    def write(self, *rollouts: "Rollout") -> None:
+    def write(self, *rollouts: Rollout) -> None:
         """Write what is new of each robot."""
 
     def close(self) -> None:
@@ -63,6 +63,55 @@ def reader_for(path: Path) -> Read:
         InputError: If the type is unknown.
     """
     return _find(path, InputError).read
+
+
+def save_rollout(rollout: Rollout, path: Path) -> None:
+    """Write a rollout; `Rollout.save` does that.
+
+    Args:
+        rollout: The rollout.
+        path: File to write.
+
+    Raises:
+        MissingExtraError: If what the file needs isn't installed.
+        OutputError: If the file can't be written, or its type is unknown.
+    """
+    write = writer_for(path)
+    with writing(path):
+        write(rollout, path)
+
+
+def load_fields(path: Path, robot: str | None) -> dict[str, Any]:
+    """Return the fields of the rollout in a file; `Rollout.load` makes it of them.
+
+    Args:
+        path: File to read.
+        robot: Name of the robot, in a bag of several; by default the first one.
+
+    Raises:
+        InputError: If the file can't be read, or is no rollout.
+        MissingExtraError: If what the file needs isn't installed.
+    """
+    read = reader_for(path)
+    try:
+        fields = read(path, robot)
+        check_fields(fields)
+        known = fields.get("robot_name")
+        if robot and known and robot != known:
+            problem = f"no robot {robot!r}; {suggest(robot, [known])}"
+            raise InputError(problem, file=path)
+    except (ArmDrakeError, KeyboardInterrupt):
+        raise
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise InputError(f"can't be read: {reason}", file=path) from None
+    except Exception as error:  # Whatever a damaged file makes of its readers.
+        reason = " ".join(str(error).split()) or type(error).__name__
+        text = f"can't be read: it is damaged or no log ({reason})"
+        raise InputError(text, file=path) from None
+    wanted = fields.pop("references")
+    references = {name: Reference(*parts) for name, parts in wanted.items()}
+    return {**fields, "references": references}
 
 
 def can_stream(path: Path) -> bool:

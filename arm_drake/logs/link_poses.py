@@ -3,7 +3,6 @@
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +16,7 @@ from arm_drake.logs.link_transforms import (
     multiply,
     read_transforms,
 )
-
-if TYPE_CHECKING:
-    from arm_drake.rollout import Rollout
+from arm_drake.rollout import Rollout
 
 Array = NDArray[np.float64]
 
@@ -32,7 +29,7 @@ _TOOL = re.compile(
 _FINGER, _ARM = 4, 3
 
 
-def read_link_poses(rollout: "Rollout", link: str) -> Array:
+def read_link_poses(rollout: Rollout, link: str) -> Array:
     """Return the poses of a link in the world.
 
     Args:
@@ -61,7 +58,7 @@ def read_link_poses(rollout: "Rollout", link: str) -> Array:
     return poses
 
 
-def find_tip(rollout: "Rollout") -> str:
+def find_tip(rollout: Rollout) -> str:
     """Return the link whose way tells most: the end effector, or a moving base.
 
     It is at the end of the chain with the most joints that move by themselves. A hand
@@ -91,7 +88,7 @@ def find_tip(rollout: "Rollout") -> str:
     return max(candidates, key=lambda link: sum(1 for _ in _chain(transforms, link)))
 
 
-def _transforms(rollout: "Rollout") -> dict[str, LinkTransform]:
+def _transforms(rollout: Rollout) -> dict[str, LinkTransform]:
     """Return where links are in their parents, by their names."""
     if not rollout.description:
         raise InputError(
@@ -106,13 +103,13 @@ def _transforms(rollout: "Rollout") -> dict[str, LinkTransform]:
     return {transform.child: transform for transform in transforms}
 
 
-def _links(rollout: "Rollout") -> Iterator[str]:
+def _links(rollout: Rollout) -> Iterator[str]:
     root = ET.fromstring(rollout.description)  # noqa: S314  what was loaded.
     names = (link.get("name", "") for link in root.iterfind("link"))
     return (name for name in names if name != WORLD)
 
 
-def _mimics(rollout: "Rollout") -> set[str]:
+def _mimics(rollout: Rollout) -> set[str]:
     """Return the joints that follow others."""
     root = ET.fromstring(rollout.description)  # noqa: S314
     joints = (j for j in root.iterfind("joint") if j.find("mimic") is not None)
@@ -164,7 +161,7 @@ def _without_fingers(
     return _body(transforms, tip)
 
 
-def _root_poses(rollout: "Rollout", root: str) -> Array:
+def _root_poses(rollout: Rollout, root: str) -> Array:
     """Return the poses of a link without a parent, shape (N, 7)."""
     num = len(rollout.time)
     if root in rollout.free_poses:

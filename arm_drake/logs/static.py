@@ -1,18 +1,16 @@
 """What of a rollout is neither a row nor an array, as one JSON text."""
 
 import json
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from arm_drake.logs.records import GoalRecord, SentMessage, to_plain
-
-if TYPE_CHECKING:
-    from arm_drake.rollout import Rollout
+from arm_drake.logs.records import to_plain
+from arm_drake.rollout import GoalRecord, Rollout, SentMessage
 
 # Grows when a reader of before couldn't understand what is written.
 VERSION = 1
 
 
-def make_static(rollout: "Rollout", *, is_whole: bool = True) -> str:
+def make_static(rollout: Rollout, *, is_whole: bool = True) -> str:
     """Return what isn't in the rows, as JSON.
 
     Args:

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_drake import interfaces
-from arm_drake.errors import InputError
+from arm_drake.errors import InputError, MissingExtraError
+from arm_drake.rollout import Rollout
 
 if TYPE_CHECKING:
-    from arm_drake.rollout import Rollout
+    import pandas as pd
 
 Array = NDArray[np.float64]
 
@@ -40,7 +41,7 @@ _HEADS = {
 }
 
 
-def make_columns(rollout: "Rollout") -> dict[str, Array]:
+def make_columns(rollout: Rollout) -> dict[str, Array]:
     """Return the columns of the rows by their heads, each of shape (N,).
 
     Args:
@@ -71,7 +72,25 @@ def make_columns(rollout: "Rollout") -> dict[str, Array]:
     return columns
 
 
-def write_csv(rollout: "Rollout", path: Path) -> None:
+def make_frame(rollout: Rollout) -> "pd.DataFrame":
+    """Return the columns of the rows but for the time, which is the index.
+
+    Args:
+        rollout: A rollout.
+
+    Raises:
+        MissingExtraError: If pandas isn't installed.
+    """
+    try:
+        import pandas as pd
+    except ImportError:
+        raise MissingExtraError("Rollout.to_pandas", "pandas") from None
+    columns = make_columns(rollout)
+    index = pd.Index(columns.pop(TIME), name=TIME)
+    return pd.DataFrame(columns, index=index)
+
+
+def write_csv(rollout: Rollout, path: Path) -> None:
     """Write the rows of a rollout.
 
     Args:
@@ -97,7 +116,7 @@ class TableWriter:
         self._heads: list[str] = []
         self._last = -math.inf
 
-    def write(self, *rollouts: "Rollout") -> None:
+    def write(self, *rollouts: Rollout) -> None:
         """Write what is new, so that all of it is in the file.
 
         Args:

@@ -13,8 +13,7 @@ from matplotlib.figure import Figure
 
 from arm_drake.commands.arguments import make_parser
 from arm_drake.errors import InputError
-from arm_drake.logs.records import GoalRecord
-from arm_drake.rollout import Reference, Rollout
+from arm_drake.rollout import GoalRecord, Reference, Rollout
 from arm_drake.visualization.plot import PLOT_KINDS
 from tests.made_rollouts import make_described
 

@@ -1,13 +1,13 @@
 """What joints' actuators applied, against what they can."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from arm_drake import interfaces
+from arm_drake.rollout import Rollout
 from arm_drake.visualization.plots.panels import (
     DASHES,
     LIMIT,
@@ -23,16 +23,13 @@ from arm_drake.visualization.plots.panels import (
 )
 from arm_drake.visualization.plots.quantities import commanded, unit_of
 
-if TYPE_CHECKING:
-    from arm_drake.rollout import Rollout
-
 Array = NDArray[np.float64]
 
 # A limit is drawn if an effort reached this part of it; else it is said.
 _NEAR = 0.2
 
 
-def plot_effort(rollout: "Rollout", joints: Sequence[str]) -> Picture:
+def plot_effort(rollout: Rollout, joints: Sequence[str]) -> Picture:
     """Return efforts over time, with their limits and when they were there.
 
     Args:

@@ -1,7 +1,7 @@
 """One page with what tells most of a rollout."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from arm_drake import interfaces
 from arm_drake.errors import InputError
+from arm_drake.rollout import Rollout
 from arm_drake.visualization.plots.panels import (
     LIMIT,
     Picture,
@@ -22,9 +23,6 @@ from arm_drake.visualization.plots.panels import (
 )
 from arm_drake.visualization.plots.path import draw_way, find_way
 from arm_drake.visualization.plots.quantities import Tracked, track, unit_of
-
-if TYPE_CHECKING:
-    from arm_drake.rollout import Rollout
 
 Array = NDArray[np.float64]
 
@@ -47,9 +45,7 @@ _GREY = "0.8"
 _TELLING = 0.01
 
 
-def plot_overview(
-    rollout: "Rollout", joints: Sequence[str], link: str | None
-) -> Picture:
+def plot_overview(rollout: Rollout, joints: Sequence[str], link: str | None) -> Picture:
     """Return positions, errors, efforts and the end effector's way on one page.
 
     In each panel the joints that stand out most are named.
@@ -104,7 +100,7 @@ def plot_overview(
 
 
 def _draw_efforts(
-    panel: Axes, pen: "_Pen", rollout: "Rollout", joints: Sequence[str]
+    panel: Axes, pen: "_Pen", rollout: Rollout, joints: Sequence[str]
 ) -> None:
     """Draw efforts as parts of their limits; where no joint has one, as they are."""
     columns = {joint: rollout.joint_names.index(joint) for joint in joints}

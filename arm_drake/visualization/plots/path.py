@@ -2,13 +2,14 @@
 
 import dataclasses as dc
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.gridspec import SubplotSpec
 from numpy.typing import NDArray
 
+from arm_drake.rollout import Rollout
 from arm_drake.visualization.plots.panels import (
     DASHES,
     LIMIT,
@@ -23,9 +24,6 @@ from arm_drake.visualization.plots.panels import (
     see_least,
     shorten,
 )
-
-if TYPE_CHECKING:
-    from arm_drake.rollout import Rollout
 
 Array = NDArray[np.float64]
 
@@ -47,7 +45,7 @@ _WANTED: dict[str, Any] = {
 }
 
 
-def plot_path(rollout: "Rollout", link: str | None) -> Picture:
+def plot_path(rollout: Rollout, link: str | None) -> Picture:
     """Return the way of a link's origin in the world, in space and over time.
 
     Where joints had references, it shows where these would have had it.
@@ -85,7 +83,7 @@ def plot_path(rollout: "Rollout", link: str | None) -> Picture:
     return picture
 
 
-def find_way(rollout: "Rollout", link: str) -> tuple[Array, Array | None]:
+def find_way(rollout: Rollout, link: str) -> tuple[Array, Array | None]:
     """Return where a link was, and where references would have had it.
 
     Args:
@@ -170,7 +168,7 @@ def _frame(panel: Any, points: Array) -> None:
     panel.locator_params(nbins=4)
 
 
-def _references(rollout: "Rollout") -> Iterator[tuple[str, Array]]:
+def _references(rollout: Rollout) -> Iterator[tuple[str, Array]]:
     """Yield joints and the positions that were wanted of them, each of shape (N,)."""
     for reference in rollout.references.values():
         names: Sequence[str] = reference.joint_names

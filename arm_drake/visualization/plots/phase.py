@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from arm_drake import interfaces
+from arm_drake.rollout import Rollout
 from arm_drake.visualization.plots.panels import (
     LIMIT,
     WANTED,
@@ -21,9 +22,6 @@ from arm_drake.visualization.plots.panels import (
     write_note,
 )
 from arm_drake.visualization.plots.quantities import JointLimits, read_limits, unit_of
-
-if TYPE_CHECKING:
-    from arm_drake.rollout import Rollout
 
 _LINE = "#0072b2"
 
@@ -41,7 +39,7 @@ _LARGEST = (7, 2.6, 2.0)
 _NEAR = 0.5
 
 
-def plot_phase(rollout: "Rollout", joints: Sequence[str]) -> Picture:
+def plot_phase(rollout: Rollout, joints: Sequence[str]) -> Picture:
     """Return velocity over position, a panel for each joint, with its limits.
 
     Args:

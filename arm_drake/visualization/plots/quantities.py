@@ -3,15 +3,13 @@
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from arm_drake import interfaces
-
-if TYPE_CHECKING:
-    from arm_drake.rollout import Rollout
+from arm_drake.rollout import Rollout
 
 Array = NDArray[np.float64]
 
@@ -43,7 +41,7 @@ class JointLimits(NamedTuple):
     velocity: float = math.inf
 
 
-def track(rollout: "Rollout", joints: Sequence[str]) -> list[Tracked]:
+def track(rollout: Rollout, joints: Sequence[str]) -> list[Tracked]:
     """Return what joints were to follow: positions, or velocities if there are none.
 
     A joint that is told velocities alone, such as that of a wheel, shows these.
@@ -55,7 +53,7 @@ def track(rollout: "Rollout", joints: Sequence[str]) -> list[Tracked]:
     return [_track_joint(rollout, joint) for joint in joints]
 
 
-def commanded(rollout: "Rollout", joint: str, interface: str) -> Array | None:
+def commanded(rollout: Rollout, joint: str, interface: str) -> Array | None:
     """Return what a command interface of a joint was told, shape (N,).
 
     It is None if there is no such interface, or it was never told anything.
@@ -67,7 +65,7 @@ def commanded(rollout: "Rollout", joint: str, interface: str) -> Array | None:
     return values if np.isfinite(values).any() else None
 
 
-def unit_of(rollout: "Rollout", joint: str, interface: str) -> str:
+def unit_of(rollout: Rollout, joint: str, interface: str) -> str:
     """Return the unit of a state of a joint."""
     joint_type = rollout.joint_types[rollout.joint_names.index(joint)]
     return interfaces.unit(interface, joint_type)
@@ -87,7 +85,7 @@ def read_limits(description: str) -> dict[str, JointLimits]:
     return {joint.get("name", ""): _read_joint(joint) for joint in joints}
 
 
-def _track_joint(rollout: "Rollout", joint: str) -> Tracked:
+def _track_joint(rollout: Rollout, joint: str) -> Tracked:
     column = rollout.joint_names.index(joint)
     position = {}
     for controller, reference in rollout.references.items():

@@ -1,12 +1,13 @@
 """What joints were to do, and what they did; and how far one was from the other."""
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from arm_drake.rollout import Rollout
 from arm_drake.visualization.plots.panels import (
     DASHES,
     LIMIT,
@@ -25,9 +26,6 @@ from arm_drake.visualization.plots.panels import (
 )
 from arm_drake.visualization.plots.quantities import Tracked, track
 
-if TYPE_CHECKING:
-    from arm_drake.rollout import Rollout
-
 Array = NDArray[np.float64]
 
 # A tolerance farther away than so many of the largest errors is said, not drawn.
@@ -45,7 +43,7 @@ class Tolerance(NamedTuple):
     value: float
 
 
-def plot_tracking(rollout: "Rollout", joints: Sequence[str]) -> Picture:
+def plot_tracking(rollout: Rollout, joints: Sequence[str]) -> Picture:
     """Return reference and measurement over time, a panel for each joint.
 
     Args:
@@ -66,7 +64,7 @@ def plot_tracking(rollout: "Rollout", joints: Sequence[str]) -> Picture:
     return picture
 
 
-def plot_error(rollout: "Rollout", joints: Sequence[str]) -> Picture:
+def plot_error(rollout: Rollout, joints: Sequence[str]) -> Picture:
     """Return reference less measurement over time, with tolerances of goals.
 
     A joint of which nothing was wanted has no panel. All angles are in one unit, and so
@@ -122,7 +120,7 @@ class _Styles:
         return DASHES[self._numbers[label] % len(DASHES)]
 
 
-def _tolerances(rollout: "Rollout", joint: str) -> Iterator[Tolerance]:
+def _tolerances(rollout: Rollout, joint: str) -> Iterator[Tolerance]:
     """Yield how far off goals allowed a joint to be, where they say so themselves."""
     last = float(rollout.time[-1]) if len(rollout.time) else 0.0
     for record in rollout.goals:
