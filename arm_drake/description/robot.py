@@ -4,7 +4,7 @@ import dataclasses as dc
 import functools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 from arm_drake.description.bridge import TopicAlias
 from arm_drake.description.controllers import ControllerManagerConfig
@@ -15,9 +15,6 @@ from arm_drake.description.sensors import SensorInfo
 from arm_drake.description.tree import links_on
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.errors import InputError
-
-if TYPE_CHECKING:
-    from arm_drake.controllers import ControllerType
 
 # Pose of a robot's base in the world: x, y, z [m], roll, pitch, yaw [rad].
 Pose = tuple[float, float, float, float, float, float]
@@ -61,8 +58,8 @@ class Robot:
     # Topics of ROS that a bridge connects with Gazebo's.
     topic_aliases: tuple[TopicAlias, ...] = ()
 
-    # Controller types of this robot alone, by their ros2_control names.
-    controller_types: Mapping[str, "ControllerType"] = dc.field(default_factory=dict)
+    # Each ControllerType of this robot alone, by its ros2_control name.
+    controller_types: Mapping[str, Any] = dc.field(default_factory=dict)
 
     @functools.cached_property
     def portable_source(self) -> str:
