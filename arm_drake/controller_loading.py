@@ -12,17 +12,12 @@ from arm_drake import interfaces
 from arm_drake.controller_loader import ControllerLoader
 from arm_drake.controllers import ControllerType
 from arm_drake.controllers.controller_interface import ControllerInterface
-from arm_drake.description.controllers import (
-    MANAGER,
-    ControllerManagerConfig,
-)
+from arm_drake.description.controllers import ControllerManagerConfig
 from arm_drake.description.report import LoadReport
-from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, suggest
 from arm_drake.loaded_controllers import LoadedController, controller_infos
 from arm_drake.missing_interfaces import find_missing
-from arm_drake.options import SimulationOptions
-from arm_drake.surroundings import Surroundings, find_surroundings
+from arm_drake.surroundings import Surroundings
 from arm_drake.switching import activation_order, plan_switch
 
 
@@ -106,47 +101,6 @@ def load_controllers(
     return tuple(
         dc.replace(c, state="active") if c.name in started else c for c in controllers
     )
-
-
-def load_controllers_of(
-    robot: Robot,
-    period: float | None = None,
-    options: SimulationOptions | None = None,
-    surroundings: Surroundings | None = None,
-) -> tuple[tuple[LoadedController, ...], LoadReport]:
-    """Return the controllers of a robot, and its report with what they lack.
-
-    Args:
-        robot: The robot; its own report stays as it is.
-        period: Period of its controller manager in Drake's time [s].
-        options: Which controllers to start or not.
-        surroundings: What the robot offers them, if not what its description says.
-    """
-    options = SimulationOptions() if options is None else options
-    report = LoadReport(robot.report)
-    controllers = load_controllers(
-        robot.controllers,
-        surroundings
-        or find_surroundings(
-            robot.description, robot.initial_positions, robot_name=robot.name
-        ),
-        report,
-        period=period,
-        active=options.active,
-        inactive=options.inactive,
-        distro=robot.distro,
-        controller_types=robot.controller_types,
-    )
-    if robot.controllers.enforce_command_limits and robot.distro == "humble":
-        report.add(
-            "warning",
-            "ignored",
-            "humble has no enforce_command_limits",
-            "commands aren't limited",
-            where=MANAGER,
-            file=next(iter(robot.controllers.files), None),
-        )
-    return controllers, report
 
 
 def report_motionless(

@@ -32,6 +32,7 @@ from arm_drake.plant import (
     add_actuators,
     add_plant,
     add_robot_model,
+    add_visualizer,
     filter_pairs,
     filter_self_collision,
     link_bodies,
@@ -48,7 +49,7 @@ from arm_drake.robot_sensors import add_sensors
 from arm_drake.robot_systems import RobotSystems
 from arm_drake.timing import choose_time_step, has_rate
 from arm_drake.world import World, load_world
-from arm_drake.worlds.loaded_world import LoadedWorld
+from arm_drake.worlds.loaded_world import LoadedWorld, show_backdrop
 
 
 def build_diagram(
@@ -133,9 +134,6 @@ def build_diagram(
     else:
         _add_robots(systems, parts, plant, scene_graph, models, bases)
     if meshcat is not None:
-        # Not at the top: a run without a browser starts sooner.
-        from arm_drake.visualization.meshcat import add_visualizer, show_backdrop
-
         add_visualizer(builder, scene_graph, meshcat, frame_rate=options.frame_rate)
         show_backdrop(meshcat, has_grid=loaded.has_grid, background=loaded.background)
     diagram = builder.Build()

@@ -42,8 +42,8 @@ from arm_drake.description.xacro_sources import read_sources
 from arm_drake.errors import InputError, suggest
 from arm_drake.mobile_bases import RobotBases
 from arm_drake.model_check import check_model
+from arm_drake.robot_controllers import find_surroundings
 from arm_drake.source_files import find_source_files
-from arm_drake.surroundings import find_surroundings
 
 # What names of distributions without rules of their own are taken as.
 _DISTRO_ALIASES = {

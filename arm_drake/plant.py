@@ -4,7 +4,15 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from pydrake.geometry import CollisionFilterDeclaration, GeometrySet, SceneGraph
+from pydrake.geometry import (
+    CollisionFilterDeclaration,
+    GeometrySet,
+    Meshcat,
+    MeshcatVisualizer,
+    MeshcatVisualizerParams,
+    Role,
+    SceneGraph,
+)
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import (
@@ -23,6 +31,9 @@ from arm_drake.drake_log import drake_messages
 from arm_drake.errors import DescriptionError
 from arm_drake.options import SimulationOptions
 
+# Drake wants a period for what is drawn on demand [s].
+_NEVER = 1e9
+
 
 def add_plant(
     builder: DiagramBuilder, time_step: float, options: SimulationOptions
@@ -39,6 +50,32 @@ def add_plant(
     plant, scene_graph = AddMultibodyPlant(config, builder)
     set_gravity(plant, options)
     return plant, scene_graph
+
+
+def add_visualizer(
+    builder: DiagramBuilder,
+    scene_graph: SceneGraph,
+    meshcat: Meshcat,
+    *,
+    frame_rate: float = 0.0,
+) -> None:
+    """Add what draws the robots' visual shapes.
+
+    Args:
+        builder: Where the scene graph is.
+        scene_graph: What to draw.
+        meshcat: Where to draw it.
+        frame_rate: Pictures per second of simulated time [Hz]; 0 draws at time 0 and
+            when the visualizer is told to.
+    """
+    params = MeshcatVisualizerParams(
+        publish_period=1.0 / frame_rate if frame_rate else _NEVER,
+        role=Role.kIllustration,
+        prefix="visual",
+        # What is drawn on demand stays when a simulation is reset.
+        delete_on_initialization_event=frame_rate > 0.0,
+    )
+    MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, params)
 
 
 def set_gravity(plant: MultibodyPlant, options: SimulationOptions) -> None:

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from arm_drake.control.generic_system import GenericSystem
-from arm_drake.controller_loading import load_controllers_of
 from arm_drake.description.report import LoadReport
 from arm_drake.gripper_ranges import find_gripper_ranges
 from arm_drake.loaded_controllers import LoadedController
+from arm_drake.robot_controllers import load_controllers_of
 from arm_drake.robot_systems import RobotSystems
 from arm_drake.surroundings import Surroundings
 

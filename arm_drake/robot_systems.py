@@ -29,7 +29,8 @@ from arm_drake.manager import (
 from arm_drake.options import SimulationOptions
 from arm_drake.reference_log import log_references
 from arm_drake.robot_commands import make_command_limits
-from arm_drake.surroundings import Surroundings, find_surroundings
+from arm_drake.robot_controllers import find_surroundings
+from arm_drake.surroundings import Surroundings
 from arm_drake.timing import fit_period, has_rate
 
 if TYPE_CHECKING:

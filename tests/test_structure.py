@@ -215,6 +215,7 @@ LAYERS = [
     ["hardware", "controller_loader", "model_check", "robot_commands", "wheel_slip"],
     ["drive_report", "mobile_bases", "presets", "robot_sensors"],
     ["controller_loading", "mock_hardware"],
+    ["robot_controllers"],
     ["manager", "loading"],
     ["directory", "mailbox", "recording", "robot_systems"],
     ["robot_parts", "topic_names"],

@@ -7,7 +7,8 @@ import pytest
 
 from arm_drake import interfaces
 from arm_drake.control.generic_system import GenericSystem
-from arm_drake.surroundings import Surroundings, find_surroundings
+from arm_drake.robot_controllers import find_surroundings
+from arm_drake.surroundings import Surroundings
 from tests import models
 
 HARDWARE = """

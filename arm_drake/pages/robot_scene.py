@@ -10,9 +10,13 @@ from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot
 from arm_drake.options import SimulationOptions
 from arm_drake.placement import place_free_links
-from arm_drake.plant import add_plant, add_robot_model, set_initial_positions
+from arm_drake.plant import (
+    add_plant,
+    add_robot_model,
+    add_visualizer,
+    set_initial_positions,
+)
 from arm_drake.visualization.ghost import Ghost
-from arm_drake.visualization.meshcat import add_visualizer
 
 # Nothing moves, but only discrete plants know joints that follow others.
 _TIME_STEP = 0.001

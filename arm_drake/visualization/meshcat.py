@@ -10,13 +10,9 @@ import numpy as np
 from pydrake.geometry import (
     Meshcat,
     MeshcatParams,
-    MeshcatVisualizer,
-    MeshcatVisualizerParams,
     QueryObject,
     Role,
-    SceneGraph,
 )
-from pydrake.systems.framework import DiagramBuilder
 
 from arm_drake.errors import InputError
 from arm_drake.output_files import writing
@@ -25,9 +21,6 @@ from arm_drake.visualization.framing import THREE_QUARTER, View, round_number
 # Ports that Meshcat takes, and names of addresses.
 _FIRST_PORT, _LAST_PORT = 1024, 65535
 _HOSTS = ("localhost", "*")
-
-# Drake wants a period for what is drawn on demand [s].
-_NEVER = 1e9
 
 # How Meshcat's camera looks at a robot; pages are seldom higher than wide.
 _VIEW = View(field_of_view=np.deg2rad(75.0), aspect=1.0, margin=0.15)
@@ -90,52 +83,6 @@ def start_meshcat(*, host: str = "localhost", port: int | None = None) -> Meshca
         raise InputError(
             f"Meshcat can't listen on {place}: {' '.join(str(error).split())}"
         ) from None
-
-
-def add_visualizer(
-    builder: DiagramBuilder,
-    scene_graph: SceneGraph,
-    meshcat: Meshcat,
-    *,
-    frame_rate: float = 0.0,
-) -> None:
-    """Add what draws the robots' visual shapes.
-
-    Args:
-        builder: Where the scene graph is.
-        scene_graph: What to draw.
-        meshcat: Where to draw it.
-        frame_rate: Pictures per second of simulated time [Hz]; 0 draws at time 0 and
-            when the visualizer is told to.
-    """
-    params = MeshcatVisualizerParams(
-        publish_period=1.0 / frame_rate if frame_rate else _NEVER,
-        role=Role.kIllustration,
-        prefix="visual",
-        # What is drawn on demand stays when a simulation is reset.
-        delete_on_initialization_event=frame_rate > 0.0,
-    )
-    MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, params)
-
-
-def show_backdrop(
-    meshcat: Meshcat,
-    *,
-    has_grid: bool = True,
-    background: tuple[float, float, float] | None = None,
-) -> None:
-    """Show a page as a world wants it.
-
-    Args:
-        meshcat: The page.
-        has_grid: Whether it has its grid.
-        background: Colour behind everything, red, green and blue from 0 to 1; None
-            leaves Meshcat's own.
-    """
-    meshcat.SetProperty("/Grid", "visible", has_grid)
-    if background is not None:
-        for end in ("top_color", "bottom_color"):
-            meshcat.SetProperty("/Background", end, list(background))
 
 
 def frame_points(meshcat: Meshcat, points: Sequence[np.ndarray]) -> None:

@@ -3,6 +3,7 @@
 import dataclasses as dc
 from collections.abc import Callable
 
+from pydrake.geometry import Meshcat
 from pydrake.multibody.plant import MultibodyPlant
 
 from arm_drake.description.report import LoadReport
@@ -38,3 +39,23 @@ class LoadedWorld:
 
     # What was not taken as written.
     report: LoadReport = dc.field(default_factory=LoadReport)
+
+
+def show_backdrop(
+    meshcat: Meshcat,
+    *,
+    has_grid: bool = True,
+    background: tuple[float, float, float] | None = None,
+) -> None:
+    """Show a page as a world wants it.
+
+    Args:
+        meshcat: The page.
+        has_grid: Whether it has its grid.
+        background: Colour behind everything, red, green and blue from 0 to 1; None
+            leaves Meshcat's own.
+    """
+    meshcat.SetProperty("/Grid", "visible", has_grid)
+    if background is not None:
+        for end in ("top_color", "bottom_color"):
+            meshcat.SetProperty("/Background", end, list(background))

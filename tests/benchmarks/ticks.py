@@ -41,7 +41,6 @@ from pydrake.systems.primitives import (
 
 import arm_drake as ad
 from arm_drake import interfaces
-from arm_drake.controller_loading import load_controllers_of
 from arm_drake.controllers import CONTROLLER_TYPES
 from arm_drake.controllers.controller_interface import (
     ControllerInterface,
@@ -60,8 +59,8 @@ from arm_drake.messages import (
     SendGoal,
 )
 from arm_drake.robot_commands import make_drive_commands
+from arm_drake.robot_controllers import find_surroundings, load_controllers_of
 from arm_drake.robot_systems import RobotSystems
-from arm_drake.surroundings import find_surroundings
 from tests.controllers.parameters import FORWARD, JSB, JTC, PID, load
 
 # The port of a trajectory controller's action.

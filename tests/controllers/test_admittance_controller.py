@@ -25,7 +25,7 @@ from arm_drake.messages import (
     Quaternion,
     WrenchStamped,
 )
-from arm_drake.surroundings import find_surroundings
+from arm_drake.robot_controllers import find_surroundings
 from tests import models
 from tests.controllers.driving import NAME, Driven
 from tests.controllers.parameters import ADMITTANCE, MINIMAL, load
