@@ -3,10 +3,9 @@
 from collections.abc import Collection
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.geometry import Mesh, QueryObject
 
-Array = NDArray[np.float64]
+from arm_drake.arrays import Array
 
 # A beam that meets nothing on this way meets nothing at all [m].
 _LONGEST = 100.0

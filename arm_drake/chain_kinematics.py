@@ -3,15 +3,13 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
 
+from arm_drake.arrays import Array
 from arm_drake.description.joints import MOVABLE_TYPES, WORLD, JointInfo
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.plant import add_robot_model, set_initial_positions, state_indices
-
-Array = NDArray[np.float64]
 
 
 class PlantKinematics:

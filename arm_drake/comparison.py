@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_drake.arrays import Array
 from arm_drake.logs.table import TIME
 from arm_drake.rollout import Rollout
-
-Array = NDArray[np.float64]
 
 # Times nearer to each other are the same [s]: logs have whole nanoseconds, or numbers
 # that are rounded to these.

@@ -4,20 +4,18 @@ from collections.abc import Collection, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.geometry import ContactSurface, SceneGraph, SceneGraphInspector
 from pydrake.multibody.plant import ContactResults, MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
 from pydrake.systems.framework import Context, DiagramBuilder
 
+from arm_drake.arrays import Array
 from arm_drake.description.gazebo_bumpers import shape_name
 from arm_drake.messages import Header, Vector3, Wrench
 from arm_drake.messages.contacts import ContactsState, ContactState
 from arm_drake.plant_ports import PlantPorts
 from arm_drake.python_system import PythonSystem
-
-Array = NDArray[np.float64]
 
 _WORLD = "world"
 

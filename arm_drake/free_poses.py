@@ -3,16 +3,14 @@
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import VectorLogSink
 
+from arm_drake.arrays import Array
 from arm_drake.description.joints import FREE_TYPES
 from arm_drake.description.robot import Robot
-
-Array = NDArray[np.float64]
 
 # Name of the log, after the prefix of its robot.
 _LOG = "log:state"

@@ -2,8 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
@@ -16,9 +14,8 @@ from pydrake.systems.framework import (
 )
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
+from arm_drake.arrays import Array
 from arm_drake.python_system import PythonSystem
-
-Array = NDArray[np.float64]
 
 
 class KinematicPlant(PythonSystem):

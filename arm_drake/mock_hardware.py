@@ -18,6 +18,7 @@ from pydrake.systems.framework import (
 )
 
 from arm_drake import interfaces
+from arm_drake.arrays import Array
 from arm_drake.control.generic_system import GenericSystem, GenericSystemState
 from arm_drake.description.joints import JointInfo
 from arm_drake.description.robot import Robot
@@ -27,8 +28,6 @@ from arm_drake.interfaces import CLAIMED_PORT
 from arm_drake.python_system import PythonSystem
 from arm_drake.surroundings import Surroundings
 from arm_drake.timing import cycle_at
-
-Array = NDArray[np.float64]
 
 
 class _Read(NamedTuple):

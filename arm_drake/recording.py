@@ -10,6 +10,7 @@ from pydrake.systems.framework import Context, Diagram, OutputPort
 from pydrake.systems.primitives import VectorLogSink
 
 from arm_drake import interfaces
+from arm_drake.arrays import Array
 from arm_drake.contact_log import CONTACT_LOG
 from arm_drake.description.joints import WORLD
 from arm_drake.free_poses import read_free_poses
@@ -18,7 +19,6 @@ from arm_drake.messages import JointState
 from arm_drake.reference_log import log_name, wanted_joints
 from arm_drake.rollout import Reference, Rollout
 
-Array = NDArray[np.float64]
 Ticks = NDArray[np.int64]
 
 # A tick is at the first time that isn't earlier by more than this part of a period.

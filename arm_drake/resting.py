@@ -9,7 +9,6 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.geometry import (
     Box,
     Capsule,
@@ -23,7 +22,7 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.solvers import MathematicalProgram, Solve
 
-Array = NDArray[np.float64]
+from arm_drake.arrays import Array
 
 # A base that would have to tilt by more than this slope isn't made to stand like this.
 _LARGEST_SLOPE = 0.2

@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_drake.arrays import Array
 from arm_drake.errors import suggest
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
-
-Array = NDArray[np.float64]
 
 # What writes, reads and draws rollouts knows them, so it is imported when it is used.
 _FORMATS = "arm_drake.logs.formats"

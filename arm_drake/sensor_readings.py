@@ -5,7 +5,6 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
@@ -16,6 +15,7 @@ from pydrake.systems.framework import (
     DiagramBuilder,
 )
 
+from arm_drake.arrays import Array
 from arm_drake.beams import find_range
 from arm_drake.description.joints import WORLD
 from arm_drake.description.sensors import SensorInfo
@@ -30,8 +30,6 @@ from arm_drake.interfaces import (
 from arm_drake.plant import transform_of
 from arm_drake.plant_ports import PlantPorts
 from arm_drake.python_system import PythonSystem
-
-Array = NDArray[np.float64]
 
 
 class _Mount(NamedTuple):

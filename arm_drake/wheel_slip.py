@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform, RollPitchYaw
@@ -37,8 +36,6 @@ from arm_drake.messages import (
 )
 from arm_drake.python_system import PythonSystem
 from arm_drake.wheels import Wheel, find_wheels
-
-Array = NDArray[np.float64]
 
 _UP = np.array([0.0, 0.0, 1.0])
 

@@ -4,11 +4,11 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex, RigidBody
 
+from arm_drake.arrays import Array
 from arm_drake.description.axles import Axle
 from arm_drake.description.base_wheels import (
     MobileBase,
@@ -19,8 +19,6 @@ from arm_drake.description.link_tree import LinkTree
 from arm_drake.description.rollers import Rollers
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.resting import PlacedShape, lowest_points, placed_shape
-
-Array = NDArray[np.float64]
 
 # Directions across a wheel's axis in which its radius is looked for.
 _NUM_DIRECTIONS = 64

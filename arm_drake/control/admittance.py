@@ -12,11 +12,9 @@ from collections.abc import Sequence
 from typing import NamedTuple, Protocol, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_drake.arrays import Array
 from arm_drake.messages import Message
-
-Array = NDArray[np.float64]
 
 
 class ChainKinematics(Protocol):

@@ -9,9 +9,7 @@ both give the same, so it is done at the end.
 from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from arm_drake.arrays import Array
 from arm_drake.control.joint_limits import (
     NO_COMMAND,
     JointControlInterfacesData,
@@ -19,8 +17,6 @@ from arm_drake.control.joint_limits import (
     limit,
 )
 from arm_drake.description.joint_limits import JointLimits, SoftJointLimits
-
-Array = NDArray[np.float64]
 
 # What is remembered of a joint's commands, by its name.
 Previous = Mapping[str, JointControlInterfacesData]

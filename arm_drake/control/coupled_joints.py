@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from arm_drake.arrays import Array
 
 # Correlation of inertias above which joints push each other about.
 _COUPLED = 0.02

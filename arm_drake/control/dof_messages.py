@@ -7,8 +7,8 @@ the order in which they come, whatever their names are; here the names count.
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_drake.arrays import Array
 from arm_drake.control.pid_control import PidControlState
 from arm_drake.messages import (
     NANOSECONDS,
@@ -18,8 +18,6 @@ from arm_drake.messages import (
     MultiDOFStateStamped,
 )
 from arm_drake.messages.lazy import make_lazy
-
-Array = NDArray[np.float64]
 
 
 def find_fault(

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_drake import interfaces
+from arm_drake.arrays import Array
 from arm_drake.messages import Message
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 

@@ -10,8 +10,8 @@ from collections.abc import Collection, Mapping
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_drake.arrays import Array
 from arm_drake.control.filters import (
     ExponentialFilter,
     LowPassFilter,
@@ -23,8 +23,6 @@ from arm_drake.control.sample_filters import (
     TransferFunctionFilter,
 )
 from arm_drake.errors import suggest
-
-Array = NDArray[np.float64]
 
 # Filters of numbers; their fields are their parameters.
 FILTERS: Mapping[str, type] = {

@@ -10,11 +10,9 @@ import math
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_drake.arrays import Array
 from arm_drake.control.rate_limiter import RateLimiter
-
-Array = NDArray[np.float64]
 
 
 class FilterState(NamedTuple):

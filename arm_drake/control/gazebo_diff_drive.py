@@ -9,11 +9,9 @@ import math
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_drake.arrays import Array
 from arm_drake.control.odometry import PlanarPose
-
-Array = NDArray[np.float64]
 
 # Wheels whose rims are nearer to what is asked for have reached it [m/s].
 _REACHED = 0.01

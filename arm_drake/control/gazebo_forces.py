@@ -14,9 +14,9 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_drake.arrays import Array
 from arm_drake.messages import Message
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 

@@ -7,12 +7,8 @@ n is the number of the controller's joints.
 from collections.abc import Mapping
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from arm_drake.arrays import Array
 from arm_drake.messages import JointTrajectory, JointTrajectoryPoint
-
-Array = NDArray[np.float64]
 
 
 class Following(NamedTuple):

@@ -10,6 +10,7 @@ from typing import Final, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_drake.arrays import Array
 from arm_drake.control.generic_system_parameters import MODES, Parameters
 from arm_drake.description.elements import parse_bool, parse_number
 from arm_drake.description.hardware_info import (
@@ -21,7 +22,6 @@ from arm_drake.description.joints import JointInfo
 from arm_drake.description.tree import last_master
 from arm_drake.interfaces import EFFORT, POSITION
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 # Place of what isn't there.

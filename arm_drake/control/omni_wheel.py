@@ -11,12 +11,11 @@ from collections.abc import Sequence
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_drake.arrays import Array
 from arm_drake.control.odometry import PlanarPose
 from arm_drake.messages import NANOSECONDS, TwistStamped
 
-Array = NDArray[np.float64]
 Velocity: TypeAlias = tuple[float, float, float]
 
 UNKNOWN: Velocity = (math.nan, math.nan, math.nan)

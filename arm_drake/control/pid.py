@@ -17,10 +17,10 @@ from typing import Any, Final, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_drake.arrays import Array
 from arm_drake.control.pid_rules import STRATEGIES, find_fault, time_constant
 from arm_drake.messages import Message
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _ARRAYS: Final = (

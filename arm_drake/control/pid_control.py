@@ -13,11 +13,11 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_drake.arrays import Array
 from arm_drake.control.pid import EPSILON, Pid, PidState
 from arm_drake.control.trajectory import shortest_angular_distance
 from arm_drake.messages import Message
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 

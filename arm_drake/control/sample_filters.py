@@ -11,9 +11,8 @@ from abc import ABC, abstractmethod
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from arm_drake.arrays import Array
 
 
 class WindowState(NamedTuple):

@@ -11,9 +11,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_drake.arrays import Array
 from arm_drake.control.coupled_joints import common_accelerations, find_groups
-
-Array = NDArray[np.float64]
 
 # Share of a disturbance that the observer takes over at each step. Beside joints that
 # move freely it is careful: they make a held joint several times lighter than the model

@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_drake.arrays import Array
 from arm_drake.errors import suggest
 from arm_drake.messages import FollowJointTrajectoryGoal, JointTolerance, Message
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 # In a goal, this value takes a tolerance away.

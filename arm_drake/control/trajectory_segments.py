@@ -15,9 +15,9 @@ from typing import Final, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_drake.arrays import Array
 from arm_drake.messages import JointTrajectory
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 FIELDS: Final = ("positions", "velocities", "accelerations", "effort")

@@ -8,11 +8,11 @@ from collections.abc import Mapping
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.math import RotationMatrix
 
 from arm_drake import interfaces
+from arm_drake.arrays import Array
 from arm_drake.control.admittance import AdmittanceFrames, AdmittanceState
 from arm_drake.controllers.admittance_inbox import (
     AdmittanceInbox,
@@ -40,8 +40,6 @@ from arm_drake.messages import (
     Message,
     WrenchStamped,
 )
-
-Array = NDArray[np.float64]
 
 # What a joint is commanded, in the order of rows of commands and references.
 _COMMANDS = (interfaces.POSITION, interfaces.VELOCITY, interfaces.ACCELERATION)

@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.systems.framework import InputPort
 
+from arm_drake.arrays import Array
 from arm_drake.controllers.admittance_setup import (
     AdmittanceSetup,
     check_change,
@@ -27,8 +27,6 @@ from arm_drake.messages import (
     TopicRejected,
     WrenchStamped,
 )
-
-Array = NDArray[np.float64]
 
 
 class AdmittancePorts(NamedTuple):

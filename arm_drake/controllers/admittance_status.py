@@ -2,10 +2,9 @@
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
 from pydrake.math import RotationMatrix
 
+from arm_drake.arrays import Array
 from arm_drake.control.admittance import AdmittanceFrames, AdmittanceState
 from arm_drake.controllers.admittance_setup import AdmittanceSetup
 from arm_drake.messages import (
@@ -24,8 +23,6 @@ from arm_drake.messages import (
     Wrench,
     WrenchStamped,
 )
-
-Array = NDArray[np.float64]
 
 
 class AdmittanceTick(NamedTuple):

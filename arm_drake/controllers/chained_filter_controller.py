@@ -9,8 +9,8 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_drake.arrays import Array
 from arm_drake.control.filter_chains import ChainState, find_unused, make_filter_chain
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Now
@@ -19,8 +19,6 @@ from arm_drake.controllers.validation import check_not_empty
 from arm_drake.description.given import Given
 from arm_drake.description.parameters import per_element_of
 from arm_drake.errors import ParameterError
-
-Array = NDArray[np.float64]
 
 # Group of a chain's parameters, and the one that makes it hold for several inputs.
 _CHAIN = "filter_chain"

@@ -3,16 +3,14 @@
 from collections.abc import Mapping
 from typing import Any, Generic, NamedTuple, Self, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
 from pydrake.systems.framework import (
     Context,
     InputPort,
 )
 
+from arm_drake.arrays import Array
 from arm_drake.messages import Message
 
-Array = NDArray[np.float64]
 S = TypeVar("S")
 M = TypeVar("M", bound=Message)
 

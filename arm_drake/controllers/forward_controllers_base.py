@@ -8,16 +8,14 @@ from abc import abstractmethod
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 
+from arm_drake.arrays import Array
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Now
 from arm_drake.controllers.ticking_controller import TickingController
 from arm_drake.controllers.topics import INACTIVE, Events, add_events, new_messages
 from arm_drake.messages import Float64MultiArray, TopicRejected
-
-Array = NDArray[np.float64]
 
 
 class ForwardCommandState(NamedTuple):

@@ -10,9 +10,9 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 
+from arm_drake.arrays import Array
 from arm_drake.control.gazebo_forces import JointForces
 from arm_drake.control.gazebo_pid import GazeboPid, GazeboPidState
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
@@ -20,10 +20,11 @@ from arm_drake.controllers.cycles import Now
 from arm_drake.controllers.gripper_command import GRIPPER_COMMAND, find_part_fault
 from arm_drake.controllers.ticking_controller import TickingController
 from arm_drake.controllers.topics import INACTIVE, Events, add_events, new_messages
-from arm_drake.description.gazebo_joints import JointController, JointPositionController
+from arm_drake.description.gazebo_joints import JointController as JointControllerTag
+from arm_drake.description.gazebo_joints import (
+    JointPositionController as JointPositionControllerTag,
+)
 from arm_drake.messages import NANOSECONDS, Float32, Float64, TopicRejected
-
-Array = NDArray[np.float64]
 
 _GAINS = ("p_gain", "i_gain", "d_gain")
 _LIMITS = ("i_max", "i_min", "cmd_max", "cmd_min", "cmd_offset")
@@ -54,7 +55,7 @@ class GazeboCommandBase(TickingController[JointCommandState]):
     @abstractmethod
     def __init__(
         self,
-        tags: Sequence[JointPositionController | JointController],
+        tags: Sequence[JointPositionControllerTag | JointControllerTag],
         params: ControllerInterfaceParams,
         *,
         topics: Sequence[str],

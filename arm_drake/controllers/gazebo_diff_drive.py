@@ -9,9 +9,9 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 
+from arm_drake.arrays import Array
 from arm_drake.control.diff_drive import DiffDriveKinematics, DiffDriveOdometryState
 from arm_drake.control.gazebo_diff_drive import SpeedLimits
 from arm_drake.control.odometry import RollingMean
@@ -35,8 +35,6 @@ from arm_drake.messages import (
     TopicRejected,
     Twist,
 )
-
-Array = NDArray[np.float64]
 
 _REST = (0.0, 0.0)
 

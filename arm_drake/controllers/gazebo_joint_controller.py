@@ -4,9 +4,9 @@ Source: gz-sim, src/systems/joint_controller/JointController.cc.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from arm_drake import interfaces
+from arm_drake.arrays import Array
 from arm_drake.control.gazebo_pid import GazeboPidState
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.gazebo_command_base import GazeboCommandBase
@@ -14,8 +14,6 @@ from arm_drake.controllers.gazebo_topics import velocity_topic
 from arm_drake.description.gazebo_joints import (
     JointController as JointControllerTag,
 )
-
-Array = NDArray[np.float64]
 
 
 class JointController(GazeboCommandBase):

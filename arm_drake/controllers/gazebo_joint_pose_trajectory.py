@@ -8,10 +8,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 
 from arm_drake import interfaces
+from arm_drake.arrays import Array
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Now
 from arm_drake.controllers.gazebo_topics import ros_topic
@@ -22,8 +22,6 @@ from arm_drake.description.gazebo_joints import (
 )
 from arm_drake.errors import suggest
 from arm_drake.messages import NANOSECONDS, JointTrajectory, TopicRejected
-
-Array = NDArray[np.float64]
 
 # Frames of messages that are no links.
 _FRAMES = ("world", "map")

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 
 from arm_drake import interfaces
+from arm_drake.arrays import Array
 from arm_drake.control.gazebo_forces import JointForces
 from arm_drake.control.gazebo_pid import GazeboPid, GazeboPidState
 from arm_drake.control.gazebo_trajectory import (
@@ -35,8 +35,6 @@ from arm_drake.messages import (
     JointTrajectory,
     TopicRejected,
 )
-
-Array = NDArray[np.float64]
 
 # Fields of the tag for each of the two PIDs, and what holds for joints without a value.
 # These limits are none, for the maximum is below the minimum.

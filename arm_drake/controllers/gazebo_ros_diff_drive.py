@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
 
 from arm_drake import interfaces
+from arm_drake.arrays import Array
 from arm_drake.control.gazebo_diff_drive import EncoderOdometry, accelerate
 from arm_drake.controllers.base_topics import (
     BaseFrames,
@@ -37,8 +37,6 @@ from arm_drake.messages import (
     TransformStamped,
     Twist,
 )
-
-Array = NDArray[np.float64]
 
 # Of what a base on the ground doesn't do.
 _UNKNOWN = 1e12

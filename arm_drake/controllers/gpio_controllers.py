@@ -7,9 +7,9 @@ import dataclasses as dc
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 
+from arm_drake.arrays import Array
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Now
 from arm_drake.controllers.ticking_controller import TickingController
@@ -19,8 +19,6 @@ from arm_drake.description.parameters import per_element_of
 from arm_drake.errors import ParameterError, suggest
 from arm_drake.messages import Header, InterfaceValue, Message, Time, TopicRejected
 from arm_drake.messages.dynamic_interfaces import DynamicInterfaceGroupValues
-
-Array = NDArray[np.float64]
 
 
 @dc.dataclass(frozen=True)

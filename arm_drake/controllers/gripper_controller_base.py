@@ -5,10 +5,10 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 
 from arm_drake import interfaces
+from arm_drake.arrays import Array
 from arm_drake.control import gripper as control
 from arm_drake.control.gripper import (
     Ending,
@@ -37,8 +37,6 @@ from arm_drake.messages import (
     SendGoal,
     TopicRejected,
 )
-
-Array = NDArray[np.float64]
 
 
 class GripperControllerState(NamedTuple):

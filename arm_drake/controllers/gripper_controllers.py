@@ -9,9 +9,9 @@ import math
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from arm_drake import interfaces
+from arm_drake.arrays import Array
 from arm_drake.control.gripper import Ending, GripperRules, GripperState, Target
 from arm_drake.control.pid import Pid
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
@@ -27,8 +27,6 @@ from arm_drake.controllers.validation import (
 )
 from arm_drake.description.parameters import per_element_of
 from arm_drake.messages import GripperCommandGoal, GripperCommandResult, SendGoal
-
-Array = NDArray[np.float64]
 
 
 @dc.dataclass(frozen=True)

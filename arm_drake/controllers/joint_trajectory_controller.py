@@ -8,11 +8,11 @@ import functools
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context, InputPort
 
 from arm_drake import interfaces
+from arm_drake.arrays import Array
 from arm_drake.control import joint_trajectory as control
 from arm_drake.control.joint_trajectory_rules import JointTrajectoryRules
 from arm_drake.control.joint_trajectory_state import (
@@ -39,8 +39,6 @@ from arm_drake.messages import (
     Time,
     TimeLike,
 )
-
-Array = NDArray[np.float64]
 
 
 class Inbox(NamedTuple):

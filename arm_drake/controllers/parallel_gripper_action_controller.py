@@ -9,9 +9,9 @@ import functools
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from arm_drake import interfaces
+from arm_drake.arrays import Array
 from arm_drake.control.gripper import Ending, GripperRules, GripperState, Target
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.gripper_controller_base import (
@@ -25,8 +25,6 @@ from arm_drake.messages import (
     ParallelGripperCommandResult,
     SendGoal,
 )
-
-Array = NDArray[np.float64]
 
 
 @dc.dataclass(frozen=True)

@@ -8,9 +8,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 
+from arm_drake.arrays import Array
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Now
 from arm_drake.controllers.ticking_controller import TickingController
@@ -23,8 +23,6 @@ from arm_drake.controllers.topics import (
 )
 from arm_drake.controllers.validation import check_not_empty, check_unique
 from arm_drake.messages import Float64MultiArray, TopicRejected
-
-Array = NDArray[np.float64]
 
 
 @dc.dataclass(frozen=True)

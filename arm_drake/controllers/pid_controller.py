@@ -7,10 +7,10 @@ Source: ros2_controllers, `pid_controller` (version 6.9.0 and jazzy); the tick i
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 
 from arm_drake import interfaces
+from arm_drake.arrays import Array
 from arm_drake.control.dof_messages import find_fault, make_state, sort_values
 from arm_drake.control.pid_control import PidControl, PidControlState
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
@@ -33,8 +33,6 @@ from arm_drake.messages import (
     ParametersRejected,
     TopicRejected,
 )
-
-Array = NDArray[np.float64]
 
 # Parameters that can't change while the controller runs.
 _READ_ONLY = (

@@ -8,10 +8,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 
 from arm_drake import interfaces
+from arm_drake.arrays import Array
 from arm_drake.control.odometry import PlanarPose, RollingMean
 from arm_drake.control.steering_references import SteeringReferences
 from arm_drake.control.tricycle import (
@@ -47,8 +47,6 @@ from arm_drake.messages import (
     TwistStamped,
 )
 from arm_drake.messages.steering import AckermannDrive, ResetOdometry
-
-Array = NDArray[np.float64]
 
 _MILLISECONDS = NANOSECONDS // 1000
 

@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_drake.arrays import Array
 from arm_drake.description.joints import WORLD
 from arm_drake.logs.link_transforms import (
     LinkTransform,
@@ -21,8 +21,6 @@ from arm_drake.logs.records import to_plain
 from arm_drake.logs.ros_types import type_of
 from arm_drake.messages import NANOSECONDS
 from arm_drake.rollout import GoalRecord, Rollout, SentMessage
-
-Array = NDArray[np.float64]
 
 # Names of topics that are ours; in front of them stands the robot's namespace.
 STATIC, GOALS = "/arm_drake/rollout", "/arm_drake/goals"

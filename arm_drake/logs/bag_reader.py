@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_drake.arrays import Array
 from arm_drake.errors import InputError, suggest
 from arm_drake.logs.bag_messages import (
     ACTIVE,
@@ -29,8 +29,6 @@ from arm_drake.logs.mcap_file import MAGIC
 from arm_drake.logs.ros_types import load_types
 from arm_drake.logs.static import AS_THEY_ARE, read_static
 from arm_drake.rollout import GoalRecord, SentMessage
-
-Array = NDArray[np.float64]
 
 # Messages of a topic with their times [ns].
 _Messages = list[tuple[int, Any]]

@@ -5,8 +5,8 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_drake.arrays import Array
 from arm_drake.description.joints import WORLD
 from arm_drake.errors import InputError, suggest
 from arm_drake.logs.link_transforms import (
@@ -17,8 +17,6 @@ from arm_drake.logs.link_transforms import (
     read_transforms,
 )
 from arm_drake.rollout import Rollout
-
-Array = NDArray[np.float64]
 
 # How frames are called that sit where a tool works.
 _TOOL = re.compile(

@@ -8,11 +8,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_drake.arrays import Array
 from arm_drake.description.joints import FREE_TYPES, WORLD
-
-Array = NDArray[np.float64]
 
 
 class LinkTransform(NamedTuple):

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
 
+from arm_drake.arrays import Array
 from arm_drake.bundled import bundled_robots, models_folder
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, suggest
@@ -19,8 +19,6 @@ from arm_drake.loading import load_robot
 from arm_drake.pages.robot_scene import RobotScene
 from arm_drake.rollout import Rollout
 from arm_drake.visualization.meshcat import frame_shapes
-
-Array = NDArray[np.float64]
 
 # What a description has for its controllers, which don't run here.
 _CONTROL = ("gazebo", "ros2_control", "transmission")

@@ -4,12 +4,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_drake.arrays import Array
 from arm_drake.output_files import writing
 from arm_drake.visualization.plot import check_plot_path
-
-Array = NDArray[np.float64]
 
 _PANEL = (5.5, 1.6)  # inches
 

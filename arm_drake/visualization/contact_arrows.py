@@ -1,13 +1,11 @@
 """Contact forces as rods from the points where they act."""
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.geometry import Cylinder, Meshcat, Rgba, Sphere
 
+from arm_drake.arrays import Array
 from arm_drake.messages.contacts import ContactsState
 from arm_drake.messages.geometry import Vector3
-
-Array = NDArray[np.float64]
 
 _PATH = "/drake/contact_forces"
 

@@ -3,9 +3,8 @@
 import dataclasses as dc
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from arm_drake.arrays import Array
 
 # Where a robot is looked at from: in front of it, to its right, above it.
 THREE_QUARTER = (0.8, -1.0, 0.45)

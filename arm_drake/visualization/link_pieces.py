@@ -4,16 +4,14 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.geometry import Cylinder, Ellipsoid, MeshcatCone, Rgba, Role
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.tree import PrismaticJoint, SpatialInertia
 
+from arm_drake.arrays import Array
 from arm_drake.description.inertia import DENSITY
 from arm_drake.visualization.drawn_robot import DrawnRobot
 from arm_drake.visualization.solids import Solid, collision_solid
-
-Array = NDArray[np.float64]
 
 # Length of a triad, as a part of the robot's size, and of the distance to what is near:
 # between the fingers of a hand they are shorter than at an arm, yet not too short.

@@ -4,10 +4,10 @@ import collections
 import dataclasses as dc
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydrake.geometry import Meshcat, Rgba
 
-Array = NDArray[np.float64]
+from arm_drake.arrays import Array
 
 # Points of the piece that is resent whenever it grows.
 _PIECE = 50

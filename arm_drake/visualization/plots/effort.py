@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from arm_drake import interfaces
+from arm_drake.arrays import Array
 from arm_drake.rollout import Rollout
 from arm_drake.visualization.plots.panels import (
     DASHES,
@@ -22,8 +23,6 @@ from arm_drake.visualization.plots.panels import (
     write_note,
 )
 from arm_drake.visualization.plots.quantities import commanded, unit_of
-
-Array = NDArray[np.float64]
 
 # A limit is drawn if an effort reached this part of it; else it is said.
 _NEAR = 0.2

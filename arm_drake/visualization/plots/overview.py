@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
 from arm_drake import interfaces
+from arm_drake.arrays import Array
 from arm_drake.errors import InputError
 from arm_drake.rollout import Rollout
 from arm_drake.visualization.plots.panels import (
@@ -23,8 +23,6 @@ from arm_drake.visualization.plots.panels import (
 )
 from arm_drake.visualization.plots.path import draw_way, find_way
 from arm_drake.visualization.plots.quantities import Tracked, track, unit_of
-
-Array = NDArray[np.float64]
 
 _SIZE = (12.0, 7.5)  # inches
 

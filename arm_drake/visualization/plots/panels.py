@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from arm_drake.arrays import Array
 
 # Colours that the colour-blind can tell apart, by Okabe and Ito.
 MEASURED = "#56b4e9"

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.gridspec import SubplotSpec
-from numpy.typing import NDArray
 
+from arm_drake.arrays import Array
 from arm_drake.rollout import Rollout
 from arm_drake.visualization.plots.panels import (
     DASHES,
@@ -24,8 +24,6 @@ from arm_drake.visualization.plots.panels import (
     see_least,
     shorten,
 )
-
-Array = NDArray[np.float64]
 
 _SIZE = (10.0, 5.4)  # inches
 

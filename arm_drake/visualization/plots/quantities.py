@@ -6,12 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from arm_drake import interfaces
+from arm_drake.arrays import Array
 from arm_drake.rollout import Rollout
-
-Array = NDArray[np.float64]
 
 
 class Tracked(NamedTuple):

@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
+from arm_drake.arrays import Array
 from arm_drake.rollout import Rollout
 from arm_drake.visualization.plots.panels import (
     DASHES,
@@ -25,8 +25,6 @@ from arm_drake.visualization.plots.panels import (
     write_note,
 )
 from arm_drake.visualization.plots.quantities import Tracked, track
-
-Array = NDArray[np.float64]
 
 # A tolerance farther away than so many of the largest errors is said, not drawn.
 _FAR = 4.0
