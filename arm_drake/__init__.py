@@ -6,34 +6,32 @@ from typing import TYPE_CHECKING, Any
 from arm_drake.importing import without_collection
 
 if TYPE_CHECKING:
-    from arm_drake.clients import ControllerHandle as ControllerHandle
+    from arm_drake.batch import Outcome as Outcome
+    from arm_drake.batch import Run as Run
+    from arm_drake.batch import RunError as RunError
+    from arm_drake.batch import RunResult as RunResult
+    from arm_drake.batch import RunResults as RunResults
+    from arm_drake.batch import RunsInterrupted as RunsInterrupted
+    from arm_drake.batch import iterate_many as iterate_many
+    from arm_drake.batch import run_many as run_many
     from arm_drake.controllers import ControllerType as ControllerType
     from arm_drake.controllers import register_controller as register_controller
     from arm_drake.controllers.controller_interface import (
+        TickingController as TickingController,
+    )
+    from arm_drake.controllers.controller_interface_part import (
         ControllerInterface as ControllerInterface,
     )
-    from arm_drake.controllers.controller_interface import (
+    from arm_drake.controllers.controller_interface_part import (
         ControllerInterfaceParams as ControllerInterfaceParams,
     )
     from arm_drake.controllers.cycles import Now as Now
-    from arm_drake.controllers.ticking_controller import (
-        TickingController as TickingController,
-    )
     from arm_drake.description.report import LoadReport as LoadReport
     from arm_drake.description.robot import Robot as Robot
     from arm_drake.diagram import build_diagram as build_diagram
     from arm_drake.errors import ArmDrakeError as ArmDrakeError
     from arm_drake.errors import ParameterError as ParameterError
     from arm_drake.loading import load_robot as load_robot
-    from arm_drake.mailbox import GoalHandle as GoalHandle
-    from arm_drake.many import Outcome as Outcome
-    from arm_drake.many import Run as Run
-    from arm_drake.many import RunError as RunError
-    from arm_drake.many import RunResult as RunResult
-    from arm_drake.many import RunResults as RunResults
-    from arm_drake.many import RunsInterrupted as RunsInterrupted
-    from arm_drake.many import iterate_many as iterate_many
-    from arm_drake.many import run_many as run_many
     from arm_drake.messages import Float64MultiArray as Float64MultiArray
     from arm_drake.messages import (
         FollowJointTrajectoryGoal as FollowJointTrajectoryGoal,
@@ -47,67 +45,71 @@ if TYPE_CHECKING:
     from arm_drake.messages import MultiDOFCommand as MultiDOFCommand
     from arm_drake.messages import SpeedScalingFactor as SpeedScalingFactor
     from arm_drake.messages import SwitchController as SwitchController
-    from arm_drake.motion import Motion as Motion
-    from arm_drake.motion import load_motion as load_motion
     from arm_drake.notebook import PageHandle as PageHandle
     from arm_drake.notebook import animate as animate
     from arm_drake.notebook import simulate as simulate
     from arm_drake.notebook import view as view
     from arm_drake.notebook_cells import Recording as Recording
     from arm_drake.options import SimulationOptions as SimulationOptions
-    from arm_drake.pages.live_simulation import LiveSimulation as LiveSimulation
-    from arm_drake.pages.robot_viewer import RobotViewer as RobotViewer
-    from arm_drake.rollout import Rollout as Rollout
-    from arm_drake.simulation import Simulation as Simulation
+    from arm_drake.rollout.rollout import Rollout as Rollout
+    from arm_drake.simulation.clients import ControllerHandle as ControllerHandle
+    from arm_drake.simulation.mailbox import GoalHandle as GoalHandle
+    from arm_drake.simulation.motion import Motion as Motion
+    from arm_drake.simulation.motion_files import load_motion as load_motion
+    from arm_drake.simulation.simulation import Simulation as Simulation
     from arm_drake.visualization.meshcat import start_meshcat as start_meshcat
     from arm_drake.visualization.page import Page as Page
+    from arm_drake.visualization.page.live_simulation import (
+        LiveSimulation as LiveSimulation,
+    )
+    from arm_drake.visualization.page.robot_viewer import RobotViewer as RobotViewer
 
 # Where each public name is defined; imported when it is first used.
 _MODULES = {
     "ArmDrakeError": "errors",
-    "ControllerHandle": "clients",
-    "ControllerInterface": "controllers.controller_interface",
-    "ControllerInterfaceParams": "controllers.controller_interface",
+    "ControllerHandle": "simulation.clients",
+    "ControllerInterface": "controllers.controller_interface_part",
+    "ControllerInterfaceParams": "controllers.controller_interface_part",
     "ControllerType": "controllers",
     "Float64MultiArray": "messages",
     "FollowJointTrajectoryGoal": "messages",
-    "GoalHandle": "mailbox",
+    "GoalHandle": "simulation.mailbox",
     "GoalStatus": "messages",
     "Header": "messages",
     "JointState": "messages",
     "JointTolerance": "messages",
     "JointTrajectory": "messages",
     "JointTrajectoryPoint": "messages",
-    "LiveSimulation": "pages.live_simulation",
+    "LiveSimulation": "visualization.page.live_simulation",
     "LoadReport": "description.report",
     "Motion": "motion",
     "MultiDOFCommand": "messages",
     "Now": "controllers.cycles",
-    "Outcome": "many",
+    "Outcome": "batch",
     "Page": "visualization.page",
     "PageHandle": "notebook",
     "ParameterError": "errors",
     "Recording": "notebook_cells",
     "Robot": "description.robot",
-    "RobotViewer": "pages.robot_viewer",
-    "Rollout": "rollout",
-    "Run": "many",
-    "RunError": "many",
-    "RunResult": "many",
-    "RunResults": "many",
-    "RunsInterrupted": "many",
-    "Simulation": "simulation",
+    "RobotViewer": "visualization.page.robot_viewer",
+    "Rollout": "rollout.rollout",
+    "Run": "batch",
+    "RunError": "batch",
+    "RunResult": "batch",
+    "RunResults": "batch",
+    "RunsInterrupted": "batch",
+    "Simulation": "simulation.simulation",
     "SimulationOptions": "options",
     "SpeedScalingFactor": "messages",
     "SwitchController": "messages",
-    "TickingController": "controllers.ticking_controller",
+    "TickingController": "controllers.controller_interface",
     "animate": "notebook",
     "build_diagram": "diagram",
-    "iterate_many": "many",
+    "iterate_many": "batch",
     "load_motion": "motion",
     "load_robot": "loading",
     "register_controller": "controllers",
-    "run_many": "many",
+    "run_many": "batch",
     "simulate": "notebook",
     "start_meshcat": "visualization.meshcat",
     "view": "notebook",

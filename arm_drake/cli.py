@@ -11,7 +11,7 @@ import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from arm_drake.commands.arguments import parse_arguments
+from arm_drake.arguments import parse_arguments
 from arm_drake.errors import ArmDrakeError, InputError
 from arm_drake.importing import without_collection
 from arm_drake.interrupts import unbroken
@@ -82,7 +82,7 @@ def load_robot_of(
 def _list(options: argparse.Namespace) -> int:
     from arm_drake.bundled import bundled_motions, bundled_robots
     from arm_drake.description.examples import EXAMPLE, example_robots
-    from arm_drake.world import WORLDS
+    from arm_drake.worlds.world import WORLDS
 
     robots = {name: list(bundled_motions(name)) for name in bundled_robots()}
     examples = [f"{EXAMPLE}{name}" for name in example_robots()]
@@ -139,7 +139,7 @@ def _compare(options: argparse.Namespace) -> int:
 
 
 def _cache(options: argparse.Namespace) -> int:
-    from arm_drake.description.meshes.conversion import cache_directory, clear_cache
+    from arm_drake.description.meshes.cache import cache_directory, clear_cache
 
     folder = cache_directory()
     if options.clear:

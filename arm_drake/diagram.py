@@ -8,27 +8,35 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from arm_drake.build_info import BuildInfo, add_build_info
-from arm_drake.contact import separate
 from arm_drake.description.drive_gains import find_drive_gains, holds_joints
 from arm_drake.description.finger_surfaces import with_surfaces
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot, list_robots
 from arm_drake.description.srdf import find_disabled_collisions
-from arm_drake.drive_report import report_drive, report_friction, report_times
-from arm_drake.drives import commanded_joints, effort_limits, make_robot_drive
 from arm_drake.errors import InputError
-from arm_drake.free_poses import log_free_poses
-from arm_drake.gripper_ranges import (
-    find_gripper_joints,
-    find_gripper_links,
+from arm_drake.hardware.drive_report import report_drive, report_friction, report_times
+from arm_drake.hardware.drives import commanded_joints, effort_limits, make_robot_drive
+from arm_drake.hardware.hardware import add_hardware, connect_forces
+from arm_drake.hardware.mobile_bases import RobotBases
+from arm_drake.hardware.presets import (
+    find_obstacles,
+    find_world_obstacles,
+    report_fallback,
 )
-from arm_drake.hardware import add_hardware, connect_forces
+from arm_drake.hardware.robot_commands import (
+    find_bare_joints,
+    make_drive_commands,
+    may_let_go,
+)
+from arm_drake.hardware.robot_sensors import add_sensors
+from arm_drake.hardware.robot_systems import RobotSystems
 from arm_drake.manager import ControllerManager
-from arm_drake.mobile_bases import RobotBases
 from arm_drake.options import SimulationOptions
-from arm_drake.placement import place_free_links
-from arm_drake.plant import (
+from arm_drake.plant.contact import separate
+from arm_drake.plant.gripper_ranges import find_gripper_joints, find_gripper_links
+from arm_drake.plant.initial_poses import log_free_poses
+from arm_drake.plant.placement import place_free_links
+from arm_drake.plant.plant import (
     add_actuators,
     add_plant,
     add_robot_model,
@@ -38,18 +46,11 @@ from arm_drake.plant import (
     link_bodies,
     set_initial_positions,
 )
-from arm_drake.presets import (
-    find_obstacles,
-    find_world_obstacles,
-    report_fallback,
-)
-from arm_drake.robot_commands import find_bare_joints, make_drive_commands, may_let_go
 from arm_drake.robot_parts import RobotParts, load_parts
-from arm_drake.robot_sensors import add_sensors
-from arm_drake.robot_systems import RobotSystems
+from arm_drake.simulation.build_info import BuildInfo, add_build_info
 from arm_drake.timing import choose_time_step, has_rate
-from arm_drake.world import World, load_world
 from arm_drake.worlds.loaded_world import LoadedWorld, show_backdrop
+from arm_drake.worlds.world import World, load_world
 
 
 def build_diagram(
@@ -68,7 +69,7 @@ def build_diagram(
         robots: One or several loaded robots.
         world: Name of a built-in world, an SDF file, or a function that adds things to
             the plant before the robots come and before it is finalized, see
-            `arm_drake.world.load_world`.
+            `arm_drake.worlds.world.load_world`.
         options: How to simulate.
         meshcat: Where to draw, if anywhere.
 

@@ -7,17 +7,13 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from arm_drake.controller_loading import load_controllers
 from arm_drake.controllers import ControllerType, check_controller_types
-from arm_drake.description.bridge import (
-    find_bridge_files,
-    load_bridges,
-    split_bridges,
-)
+from arm_drake.description.bridge import find_bridge_files, load_bridges, split_bridges
 from arm_drake.description.claimed_hardware import hardware_from_controllers
 from arm_drake.description.contact_sensors import add_contact_sensors
 from arm_drake.description.control_files import find_control_files
-from arm_drake.description.controllers import MANAGER, ControllerManagerConfig
+from arm_drake.description.controller_manager_parameters import MANAGER
+from arm_drake.description.controllers import ControllerManagerConfig
 from arm_drake.description.controllers import (
     load_controllers as load_controllers_config,
 )
@@ -36,14 +32,15 @@ from arm_drake.description.plugin_joints import plugin_joints
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Pose, Robot
 from arm_drake.description.sensors import find_sensors
+from arm_drake.description.source_files import find_source_files
 from arm_drake.description.urdf import RobotDescription, parse_urdf
 from arm_drake.description.xacro import expand_xacro
 from arm_drake.description.xacro_sources import read_sources
 from arm_drake.errors import InputError, suggest
-from arm_drake.mobile_bases import RobotBases
-from arm_drake.model_check import check_model
-from arm_drake.robot_controllers import find_surroundings
-from arm_drake.source_files import find_source_files
+from arm_drake.hardware.mobile_bases import RobotBases
+from arm_drake.hardware.model_check import check_model
+from arm_drake.manager.loading import load_controllers
+from arm_drake.manager.robot_controllers import find_surroundings
 
 # What names of distributions without rules of their own are taken as.
 _DISTRO_ALIASES = {

@@ -7,14 +7,14 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 
 from arm_drake.control.drive_commands import DriveCommands
-from arm_drake.controller_loading import report_motionless
-from arm_drake.kinematic import KinematicPlant
-from arm_drake.loaded_controllers import command_order
-from arm_drake.mock_hardware import add_mock_hardware
-from arm_drake.plant import link_bodies
+from arm_drake.hardware.mock_hardware import add_mock_hardware
+from arm_drake.hardware.robot_sensors import report_blind
+from arm_drake.hardware.robot_systems import RobotSystems
+from arm_drake.manager.loaded_controllers import command_order
+from arm_drake.manager.loading import report_motionless
+from arm_drake.plant.kinematic import KinematicPlant
+from arm_drake.plant.plant import link_bodies
 from arm_drake.robot_parts import RobotParts
-from arm_drake.robot_sensors import report_blind
-from arm_drake.robot_systems import RobotSystems
 
 
 def add_mirrored_robots(

@@ -14,7 +14,6 @@ from arm_drake.description.robot import Robot, list_robots
 from arm_drake.diagram import build_diagram
 from arm_drake.errors import InputError
 from arm_drake.loading import load_robot
-from arm_drake.motion import Motion
 from arm_drake.notebook_cells import (
     Recording,
     html_in_a_cell,
@@ -22,15 +21,21 @@ from arm_drake.notebook_cells import (
     page_in_a_cell,
 )
 from arm_drake.options import SimulationOptions
-from arm_drake.pages.drawing import ROOM_TO_MOVE, draw, frame_robots, run_drawing
-from arm_drake.pages.live_simulation import LiveSimulation
-from arm_drake.pages.page_threads import PageThread
-from arm_drake.pages.robot_viewer import RobotViewer
-from arm_drake.robot_motions import find_motion
-from arm_drake.simulation import Simulation
+from arm_drake.page_threads import PageThread
+from arm_drake.simulation.motion import Motion
+from arm_drake.simulation.robot_motions import find_motion
+from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.meshcat import start_recording
 from arm_drake.visualization.page import Page, Scene
-from arm_drake.world import World
+from arm_drake.visualization.page.drawing import (
+    ROOM_TO_MOVE,
+    draw,
+    frame_robots,
+    run_drawing,
+)
+from arm_drake.visualization.page.live_simulation import LiveSimulation
+from arm_drake.visualization.page.robot_viewer import RobotViewer
+from arm_drake.worlds.world import World
 
 T = TypeVar("T")
 

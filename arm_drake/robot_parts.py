@@ -5,11 +5,11 @@ from typing import NamedTuple
 
 from arm_drake.control.generic_system import GenericSystem
 from arm_drake.description.report import LoadReport
-from arm_drake.gripper_ranges import find_gripper_ranges
-from arm_drake.loaded_controllers import LoadedController
-from arm_drake.robot_controllers import load_controllers_of
-from arm_drake.robot_systems import RobotSystems
-from arm_drake.surroundings import Surroundings
+from arm_drake.hardware.robot_systems import RobotSystems
+from arm_drake.manager.hardware_interfaces import Surroundings
+from arm_drake.manager.loaded_controllers import LoadedController
+from arm_drake.manager.robot_controllers import load_controllers_of
+from arm_drake.plant.gripper_ranges import find_gripper_ranges
 
 
 class RobotParts(NamedTuple):
@@ -37,7 +37,7 @@ def load_parts(system: RobotSystems) -> RobotParts:
     blocks = None
     if options.preset == "kinematic":
         # Not at the top: most robots have physics.
-        from arm_drake.mock_hardware import make_blocks
+        from arm_drake.hardware.mock_hardware import make_blocks
 
         blocks = make_blocks(robot)
     there = system.find_surroundings(blocks, find_gripper_ranges(robot))

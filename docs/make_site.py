@@ -36,8 +36,8 @@ MODULES = (
     "arm_drake.description.parameters",
     "arm_drake.description.urdf",
     "arm_drake.messages",
-    "arm_drake.topic_clients",
-    "arm_drake.world",
+    "arm_drake.simulation.topic_clients",
+    "arm_drake.worlds.world",
 )
 
 _PICTURES = (".png", ".svg")

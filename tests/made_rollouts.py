@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_drake.rollout import Rollout
+from arm_drake.rollout.rollout import Rollout
 
 
 def make_described(

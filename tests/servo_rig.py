@@ -13,9 +13,9 @@ from pydrake.systems.primitives import LogVectorOutput
 import arm_drake as ad
 from arm_drake.description.tree import last_master
 from arm_drake.description.urdf import RobotDescription
-from arm_drake.drives import commanded_joints, effort_limits, make_robot_drive
-from arm_drake.hardware import add_hardware, connect_forces
-from arm_drake.plant import (
+from arm_drake.hardware.drives import commanded_joints, effort_limits, make_robot_drive
+from arm_drake.hardware.hardware import add_hardware, connect_forces
+from arm_drake.plant.plant import (
     add_actuators,
     add_plant,
     add_robot_model,

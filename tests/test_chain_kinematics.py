@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 
 import arm_drake as ad
-from arm_drake.chain_kinematics import PlantKinematics
+from arm_drake.plant.kinematics import PlantKinematics
 from tests import models
 
 # Of a chain of some rotations, in two libraries.

@@ -6,11 +6,8 @@ from pydrake.common.value import AbstractValue
 
 import arm_drake as ad
 from arm_drake.errors import InputError, ParameterError
-from arm_drake.messages import (
-    MultiDOFCommand,
-    ParametersRejected,
-)
-from arm_drake.motion import parse_motion
+from arm_drake.messages import MultiDOFCommand, ParametersRejected
+from arm_drake.simulation.motion_files import parse_motion
 from tests.models import load, pendulum, ros2_control
 from tests.robots import real_robot
 

@@ -10,8 +10,8 @@ import pytest
 
 import arm_drake as ad
 from arm_drake.cli import main
-from arm_drake.comparison import Comparison, compare
-from arm_drake.rollout import GoalRecord, SentMessage
+from arm_drake.rollout.comparison import Comparison, compare
+from arm_drake.rollout.rollout import GoalRecord, SentMessage
 from tests.test_rollout import make_rollout
 
 INFO = {"versions": {"drake": "1"}, "robot": {"files": [{"file": "a", "sha256": "x"}]}}

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import arm_drake as ad
-from arm_drake.drives import make_robot_drive
+from arm_drake.hardware.drives import make_robot_drive
 from tests import models
 
 H = 1e-3

@@ -17,7 +17,7 @@ from pydrake.multibody.plant import (
 
 import arm_drake as ad
 from arm_drake.cli import main
-from arm_drake.world import World, add_world
+from arm_drake.worlds.world import World, add_world
 from tests import models
 from tests.servo_rig import ServoRig
 

@@ -8,7 +8,7 @@ import pytest
 import arm_drake as ad
 from arm_drake.errors import InputError
 from arm_drake.messages import Bool, Odometry, TFMessage, Twist, TwistStamped, Vector3
-from arm_drake.motion import load_motion, parse_motion
+from arm_drake.simulation.motion_files import load_motion, parse_motion
 from tests.carts import CLASSIC, GZ, cart, classic_drive, diff_drive, load, plugin
 from tests.models import bob, joint, ros2_control
 

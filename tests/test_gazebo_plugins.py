@@ -8,7 +8,7 @@ import pytest
 import arm_drake as ad
 from arm_drake.description.plugin_control import GAZEBO_RATE, PLUGIN_TYPES
 from arm_drake.errors import InputError
-from arm_drake.motion import parse_motion
+from arm_drake.simulation.motion_files import parse_motion
 from tests.models import LENGTH, bob, joint, ros2_control
 from tests.robots import real_robot, robots_folder
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from arm_drake.control.odometry import PlanarPose, RollingMean, integrate_arc
-from arm_drake.controllers.base_topics import (
+from arm_drake.controllers.bases.base import (
     diagonal,
     make_odometry,
     make_transform,

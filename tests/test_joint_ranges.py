@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import arm_drake as ad
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.errors import InputError
-from arm_drake.joint_ranges import (
+from arm_drake.plant.joint_ranges import (
     JointRange,
     center,
     complete,

@@ -7,7 +7,7 @@ import pytest
 
 import arm_drake as ad
 from arm_drake.errors import InputError
-from arm_drake.rollout import Rollout
+from arm_drake.rollout.rollout import Rollout
 from tests.made_rollouts import make_described
 
 # Sums of a few rounded products of numbers near 1.

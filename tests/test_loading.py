@@ -13,9 +13,7 @@ import pytest
 import arm_drake as ad
 from arm_drake.bundled import bundled_robots, configs_folder, models_folder
 from arm_drake.description import entry
-from arm_drake.errors import (
-    ArmDrakeError,
-)
+from arm_drake.errors import ArmDrakeError
 from tests.models import TWO_LINKS, load, trajectory_controllers
 
 KNOWN_ROBOTS = ", ".join(bundled_robots())

@@ -27,13 +27,8 @@ from arm_drake.messages import (
     Twist,
     Vector3,
 )
-from arm_drake.motion import (
-    Motion,
-    MotionStep,
-    TopicMessage,
-    load_motion,
-    parse_motion,
-)
+from arm_drake.simulation.motion import Motion, MotionStep, TopicMessage
+from arm_drake.simulation.motion_files import load_motion, parse_motion
 
 POINT = "{positions: [1, 2.5], time_from_start: 2}"
 TIME = "expected seconds or {sec: int, nanosec: int}"

@@ -11,7 +11,8 @@ import arm_drake as ad
 from arm_drake.cli import main
 from arm_drake.errors import MotionError
 from arm_drake.messages import JointTrajectory, JointTrajectoryPoint
-from arm_drake.motion import TopicMessage, load_motion, parse_motion
+from arm_drake.simulation.motion import TopicMessage
+from arm_drake.simulation.motion_files import load_motion, parse_motion
 
 STEPS = [{"controller": "arm", "commands": "$(angles)"}]
 DECLARED = {"parameters": {"angles": [1.5, 0.5], "start": 2.0}, "steps": STEPS}

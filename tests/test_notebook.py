@@ -176,7 +176,7 @@ def test_an_interrupt_while_a_page_is_made_leaves_none(monkeypatch) -> None:
             raise KeyboardInterrupt
 
     listening = num_listening()
-    future = "arm_drake.pages.page_threads.concurrent.futures.Future"
+    future = "arm_drake.page_threads.concurrent.futures.Future"
     monkeypatch.setattr(future, Interrupted)
     with pytest.raises(KeyboardInterrupt):
         ad.view(ARM)

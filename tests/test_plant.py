@@ -13,7 +13,7 @@ from pydrake.systems.framework import Diagram
 
 import arm_drake as ad
 from arm_drake.errors import DescriptionError
-from arm_drake.plant import state_indices
+from arm_drake.plant.plant import state_indices
 from tests import models
 
 POSE = (0.1, -0.2, 0.3, 0.4, -0.5, 0.6)

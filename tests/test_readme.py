@@ -10,7 +10,7 @@ from arm_drake.controllers import CONTROLLER_TYPES, find_controller_type
 from arm_drake.controllers.type_table import render_others, render_types
 from arm_drake.controllers.vendor_types import EQUIVALENTS
 from arm_drake.description.plugin_control import PLUGIN_TYPES
-from arm_drake.world import WORLDS
+from arm_drake.worlds.world import WORLDS
 from tests.snippets import ROOT, read_blocks
 
 README = ROOT / "README.md"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from arm_drake.errors import OutputError
-from arm_drake.rollout import Reference, Rollout
+from arm_drake.rollout.rollout import Reference, Rollout
 
 
 def make_rollout(**changes) -> Rollout:

@@ -12,7 +12,7 @@ import pytest
 
 import arm_drake as ad
 from arm_drake.errors import InputError
-from arm_drake.rollout import GoalRecord, Reference, SentMessage
+from arm_drake.rollout.rollout import GoalRecord, Reference, SentMessage
 from tests.test_rollout import make_rollout
 
 # All that a rollout can have, with names as descriptions have them.

@@ -17,7 +17,7 @@ from pydrake.multibody.tree import SpatialInertia
 
 import arm_drake as ad
 from arm_drake.messages import Quaternion, Vector3, Wrench
-from arm_drake.world import add_world
+from arm_drake.worlds.world import add_world
 from tests import models
 
 IMU = (

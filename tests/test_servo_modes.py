@@ -17,10 +17,10 @@ from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput
 import arm_drake as ad
 from arm_drake.control.drive_commands import DriveCommands
 from arm_drake.control.servo import velocity_lead
-from arm_drake.drives import commanded_joints, effort_limits, make_robot_drive
-from arm_drake.hardware import add_hardware, connect_forces
+from arm_drake.hardware.drives import commanded_joints, effort_limits, make_robot_drive
+from arm_drake.hardware.hardware import add_hardware, connect_forces
 from arm_drake.messages import Float64MultiArray
-from arm_drake.plant import (
+from arm_drake.plant.plant import (
     add_actuators,
     add_plant,
     add_robot_model,

@@ -10,12 +10,8 @@ import pytest
 import arm_drake as ad
 from arm_drake.errors import InputError, MotionError, SimulationError
 from arm_drake.manager.state import ControllerFailure
-from arm_drake.messages import (
-    Float64MultiArray,
-    SwitchControllerResult,
-    TopicRejected,
-)
-from arm_drake.motion import parse_motion
+from arm_drake.messages import Float64MultiArray, SwitchControllerResult, TopicRejected
+from arm_drake.simulation.motion_files import parse_motion
 from tests.models import load, pendulum
 from tests.robots import real_robot
 

@@ -10,8 +10,12 @@ import pytest
 import xacro
 
 import arm_drake as ad
+from arm_drake.description.source_files import (
+    FileWatcher,
+    files_of_failed,
+    watched_files,
+)
 from arm_drake.errors import ArmDrakeError
-from arm_drake.source_files import FileWatcher, files_of_failed, watched_files
 from tests.models import trajectory_controllers
 from tests.robots import read_index, robot_names, robots_folder
 

@@ -25,10 +25,8 @@ from pydrake.systems.framework import LeafSystem
 import arm_drake
 import arm_drake as ad
 from arm_drake import interfaces
-from arm_drake.contact_log import ContactForces
-from arm_drake.contact_readings import ContactReadings
 from arm_drake.control.drive_commands import DriveCommands
-from arm_drake.controllers import gazebo_plugins as gazebo
+from arm_drake.controllers import gazebo as gazebo
 from arm_drake.controllers.admittance_controller import AdmittanceController
 from arm_drake.controllers.admittance_parameters import (
     Admittance,
@@ -40,6 +38,27 @@ from arm_drake.controllers.admittance_parameters import (
     InFrame,
     Kinematics,
 )
+from arm_drake.controllers.bases.diff_drive_controller import DiffDriveController
+from arm_drake.controllers.bases.diff_drive_parameters import (
+    DiffDriveControllerParameters,
+)
+from arm_drake.controllers.bases.mecanum_drive_controller import MecanumDriveController
+from arm_drake.controllers.bases.mecanum_drive_parameters import (
+    MecanumDriveControllerParameters,
+    MecanumKinematicsParameters,
+)
+from arm_drake.controllers.bases.omni_wheel_drive_controller import (
+    OmniWheelDriveController,
+)
+from arm_drake.controllers.bases.omni_wheel_drive_parameters import (
+    OmniWheelDriveControllerParameters,
+)
+from arm_drake.controllers.bases.steering_controllers import SteeringController
+from arm_drake.controllers.bases.steering_parameters import (
+    BicycleSteeringControllerParameters,
+)
+from arm_drake.controllers.bases.tricycle_controller import TricycleController
+from arm_drake.controllers.bases.tricycle_parameters import TricycleControllerParameters
 from arm_drake.controllers.battery_state_broadcaster import (
     BatteryStateBroadcaster,
     BatteryStateBroadcasterParameters,
@@ -48,9 +67,7 @@ from arm_drake.controllers.chained_filter_controller import (
     ChainedFilter,
     ChainedFilterParameters,
 )
-from arm_drake.controllers.controller_interface import ControllerInterfaceParams
-from arm_drake.controllers.diff_drive_controller import DiffDriveController
-from arm_drake.controllers.diff_drive_parameters import DiffDriveControllerParameters
+from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
 from arm_drake.controllers.force_torque_sensor_broadcaster import (
     ForceTorqueSensorBroadcaster,
     ForceTorqueSensorBroadcasterParameters,
@@ -77,30 +94,17 @@ from arm_drake.controllers.gripper_controllers import (
     GripperActionController,
     GripperActionControllerParameters,
 )
-from arm_drake.controllers.imu_sensor_broadcaster import (
-    IMUSensorBroadcaster,
-    IMUSensorBroadcasterParameters,
-)
 from arm_drake.controllers.joint_state_broadcaster import (
     JointStateBroadcaster,
     JointStateBroadcasterParameters,
 )
-from arm_drake.controllers.joint_trajectory_controller import (
-    JointTrajectoryController,
+from arm_drake.controllers.joint_trajectory.controller import JointTrajectoryController
+from arm_drake.controllers.joint_trajectory.parameters import (
     JointTrajectoryControllerParameters,
 )
 from arm_drake.controllers.magnetometer_broadcaster import (
     MagnetometerBroadcaster,
     MagnetometerBroadcasterParameters,
-)
-from arm_drake.controllers.mecanum_drive_controller import MecanumDriveController
-from arm_drake.controllers.mecanum_drive_parameters import (
-    MecanumDriveControllerParameters,
-    MecanumKinematicsParameters,
-)
-from arm_drake.controllers.omni_wheel_drive_controller import OmniWheelDriveController
-from arm_drake.controllers.omni_wheel_drive_parameters import (
-    OmniWheelDriveControllerParameters,
 )
 from arm_drake.controllers.parallel_gripper_action_controller import (
     ParallelGripperActionController,
@@ -120,17 +124,14 @@ from arm_drake.controllers.range_sensor_broadcaster import (
     RangeSensorBroadcaster,
     RangeSensorBroadcasterParameters,
 )
-from arm_drake.controllers.sampled_states import SampledStates
+from arm_drake.controllers.sensor_broadcasters import (
+    IMUSensorBroadcaster,
+    IMUSensorBroadcasterParameters,
+)
 from arm_drake.controllers.state_interfaces_broadcaster import (
     StateInterfacesBroadcaster,
     StateInterfacesBroadcasterParameters,
 )
-from arm_drake.controllers.steering_controllers import SteeringController
-from arm_drake.controllers.steering_parameters import (
-    BicycleSteeringControllerParameters,
-)
-from arm_drake.controllers.tricycle_controller import TricycleController
-from arm_drake.controllers.tricycle_parameters import TricycleControllerParameters
 from arm_drake.controllers.vda5050_safety_state_broadcaster import (
     SafetyInterfaces,
     Vda5050SafetyStateBroadcaster,
@@ -140,16 +141,19 @@ from arm_drake.description import gazebo_drives as drives
 from arm_drake.description import gazebo_joints as tags
 from arm_drake.description.gazebo_bumpers import ContactSensorTag
 from arm_drake.description.sensors import SensorInfo
-from arm_drake.frames import LinkFrames
-from arm_drake.kinematic import KinematicPlant
+from arm_drake.hardware.mock_hardware import MockHardware
+from arm_drake.hardware.wheel_slip import BaseTruth
+from arm_drake.hardware.wheels import Wheel
 from arm_drake.manager import ControllerManager
-from arm_drake.mock_hardware import MockHardware
+from arm_drake.manager.hardware_interfaces import Surroundings
+from arm_drake.manager.reference_log import WantedPositions
+from arm_drake.manager.sampled_states import SampledStates
+from arm_drake.plant.contact_log import ContactForces
+from arm_drake.plant.contact_readings import ContactReadings
+from arm_drake.plant.frames import LinkFrames
+from arm_drake.plant.kinematic import KinematicPlant
+from arm_drake.plant.sensor_readings import SensorReadings
 from arm_drake.python_system import PythonSystem
-from arm_drake.reference_log import WantedPositions
-from arm_drake.sensor_readings import SensorReadings
-from arm_drake.surroundings import Surroundings
-from arm_drake.wheel_slip import BaseTruth
-from arm_drake.wheels import Wheel
 
 PACKAGE = Path(arm_drake.__file__).parent
 
@@ -391,7 +395,7 @@ def test_a_headless_run_loads_nothing_large_that_it_does_not_need() -> None:
     # import time: self [us] | cumulative | imported package
     loaded = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
     assert "pydrake.multibody.plant" in loaded
-    assert "arm_drake.simulation" in loaded
+    assert "arm_drake.simulation.simulation" in loaded
     large = {"matplotlib", "scipy", "trimesh", "collada", "PIL", "tornado"}
     assert not loaded & {"pydrake.all", *large}
 

@@ -11,11 +11,10 @@ from pydrake.common.value import AbstractValue
 
 import arm_drake as ad
 from arm_drake.controllers import CONTROLLER_TYPES, ControllerType
-from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.controller_interface import TickingController
+from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Now
-from arm_drake.controllers.ticking_controller import TickingController
 from arm_drake.controllers.topics import Events, add_events, new_messages
-from arm_drake.directory import TopicInfo
 from arm_drake.errors import InputError, MotionError
 from arm_drake.messages import (
     ActionRequest,
@@ -32,8 +31,9 @@ from arm_drake.messages import (
     TopicRejected,
 )
 from arm_drake.messages.grippers import GripperCommand
-from arm_drake.motion import load_motion, parse_motion
-from arm_drake.topic_names import VIRTUAL_TOPICS, VirtualTopic
+from arm_drake.simulation.directory import TopicInfo
+from arm_drake.simulation.motion_files import load_motion, parse_motion
+from arm_drake.simulation.topics import VIRTUAL_TOPICS, VirtualTopic
 from tests import models
 
 TYPES: dict[str, type[Message]] = {

@@ -46,7 +46,7 @@ def test_a_command_runs(
     if words[0] == "view":
         # Without a browser: what it shows can be loaded, and the pose is one.
         words = ["view", *words[1:], "--json"]
-        run = "arm_drake.pages.robot_viewer.RobotViewer.run"
+        run = "arm_drake.visualization.page.robot_viewer.RobotViewer.run"
         monkeypatch.setattr(run, _end_at_once)
     monkeypatch.chdir(tmp_path)
 

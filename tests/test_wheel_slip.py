@@ -9,9 +9,9 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.math import SpatialVelocity
 
 import arm_drake as ad
+from arm_drake.hardware.wheel_slip import BaseTruth
+from arm_drake.hardware.wheels import Wheel
 from arm_drake.messages import Odometry, Twist, Vector3
-from arm_drake.wheel_slip import BaseTruth
-from arm_drake.wheels import Wheel
 from tests import models
 from tests.carts import RADIUS, SEPARATION, cart
 

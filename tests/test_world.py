@@ -12,7 +12,7 @@ from pydrake.multibody.tree import SpatialInertia
 
 import arm_drake as ad
 from arm_drake.errors import InputError
-from arm_drake.world import World, add_world
+from arm_drake.worlds.world import World, add_world
 from tests import models
 
 

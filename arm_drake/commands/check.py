@@ -4,13 +4,13 @@ import json
 from pathlib import Path
 from typing import Any
 
-from arm_drake.description.controllers import MANAGER
+from arm_drake.description.controller_manager_parameters import MANAGER
 from arm_drake.description.report import LoadReport, ReportEntry
 from arm_drake.description.robot import Robot
 from arm_drake.description.summary import reach, total_mass
 from arm_drake.diagram import build_diagram
-from arm_drake.drive_report import SERVO
-from arm_drake.simulation import Simulation
+from arm_drake.hardware.drive_report import SERVO
+from arm_drake.simulation.simulation import Simulation
 
 # Exit codes.
 _CLEAN, _BAD = 0, 1

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 from pydrake.geometry import Meshcat
 
-from arm_drake.build_info import find_build_info
-from arm_drake.commands.sim_files import (
+from arm_drake.commands.output import (
     check_outputs,
     find_saturation,
     history_of,
@@ -24,28 +23,25 @@ from arm_drake.commands.sim_options import (
     choose_motion,
     simulation_options,
 )
-from arm_drake.commands.sim_output import (
-    Speaker,
-    print_summary,
-    summarize,
-)
+from arm_drake.commands.sim_output import Speaker, print_summary, summarize
 from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot
 from arm_drake.diagram import build_diagram
-from arm_drake.drake_log import use_native_logging
 from arm_drake.errors import InputError, SimulationError
-from arm_drake.happenings import list_failures
-from arm_drake.motion import Motion
-from arm_drake.pages.drawing import run_drawing
-from arm_drake.playback import check_motion
-from arm_drake.simulation import Simulation
+from arm_drake.plant.drake_log import use_native_logging
+from arm_drake.simulation.build_info import find_build_info
+from arm_drake.simulation.happenings import list_failures
+from arm_drake.simulation.motion import Motion
+from arm_drake.simulation.playback import check_motion
+from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.meshcat import start_recording
+from arm_drake.visualization.page.drawing import run_drawing
 from arm_drake.visualization.video import FRAME_RATE
-from arm_drake.world import load_world
 from arm_drake.worlds.loaded_world import LoadedWorld
+from arm_drake.worlds.world import load_world
 
 if TYPE_CHECKING:
-    from arm_drake.pages.live_views import LiveViews
+    from arm_drake.visualization.page.live_views import LiveViews
 
 
 def simulate(options: argparse.Namespace, robot: Robot) -> int:
@@ -93,8 +89,8 @@ def _simulate_headless(
         )
         return _finish(options, simulation, wall_time, None, say)
     # Not at the top: a simulation without pictures needs no Meshcat.
-    from arm_drake.pages.live_views import LiveViews
     from arm_drake.visualization.page import Scene
+    from arm_drake.visualization.page.live_views import LiveViews
 
     with Scene() as scene:
         meshcat = scene.meshcat
@@ -166,7 +162,7 @@ def _simulate_live(
     """Simulate on a page; return the exit code."""
     # Not at the top: a headless simulation must not wait for a web server.
     from arm_drake.commands.page import from_elsewhere, interrupting, start_page
-    from arm_drake.pages.live_simulation import LiveSimulation
+    from arm_drake.visualization.page.live_simulation import LiveSimulation
 
     with start_page(options) as page:
         simulation = _prepare(options, robot, world, motion, page.meshcat, say)

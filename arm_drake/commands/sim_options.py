@@ -7,9 +7,9 @@ from typing import Any
 from arm_drake import yaml_files
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError
-from arm_drake.motion import Motion
 from arm_drake.options import SimulationOptions
-from arm_drake.robot_motions import default_duration, find_motion
+from arm_drake.simulation.motion import Motion
+from arm_drake.simulation.robot_motions import default_duration, find_motion
 
 
 def simulation_options(options: argparse.Namespace) -> SimulationOptions:

@@ -5,14 +5,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from arm_drake.description.robot import Robot
-from arm_drake.mailbox import GoalHandle, News
 from arm_drake.manager.state import CommandLimited
 from arm_drake.messages import (
     FollowJointTrajectoryResult,
     GoalStatus,
     SwitchControllerResult,
 )
-from arm_drake.simulation import Simulation
+from arm_drake.simulation.mailbox import GoalHandle, News
+from arm_drake.simulation.simulation import Simulation
 
 
 class Speaker:

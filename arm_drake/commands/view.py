@@ -9,15 +9,15 @@ from typing import Any
 from arm_drake.commands.page import from_elsewhere, interrupting, start_page
 from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot
+from arm_drake.description.source_files import files_of_failed
 from arm_drake.description.srdf import find_group_states
 from arm_drake.description.urdf import RobotDescription
-from arm_drake.drake_log import use_native_logging
 from arm_drake.errors import InputError, suggest
 from arm_drake.output_files import check_suffix, check_writable
-from arm_drake.pages.robot_viewer import RobotViewer
-from arm_drake.pages.viewer_panel import find_pose
-from arm_drake.source_files import files_of_failed
+from arm_drake.plant.drake_log import use_native_logging
 from arm_drake.visualization.page import Page, Scene
+from arm_drake.visualization.page.panel import find_pose
+from arm_drake.visualization.page.robot_viewer import RobotViewer
 from arm_drake.visualization.screenshot import SCREENSHOT_SUFFIXES, save_screenshot
 
 LoadRobot = Callable[[Mapping[str, float]], Robot]

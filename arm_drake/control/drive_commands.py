@@ -14,7 +14,8 @@ from typing import Final
 import numpy as np
 
 from arm_drake import interfaces
-from arm_drake.control.drive_mode import Array, DriveMode, Indices, Mask
+from arm_drake.arrays import Array
+from arm_drake.control.drive_mode import DriveMode, Indices, Mask
 
 # Parts of the drive vector, n each: desired position, velocity, acceleration, effort,
 # and whether the joint follows the velocity, the acceleration or the effort alone.

@@ -4,7 +4,8 @@ import dataclasses as dc
 
 import numpy as np
 
-from arm_drake.control.servo import Array, DynamicsSamples
+from arm_drake.arrays import Array
+from arm_drake.control.servo import DynamicsSamples
 
 # Pole of the presliding motion.
 _POLE = 0.2

@@ -16,8 +16,8 @@ from typing import Self
 
 import numpy as np
 
+from arm_drake.arrays import Array
 from arm_drake.control.generic_system_layout import (
-    Array,
     JointLayout,
     MimicLayout,
     MirrorLayout,

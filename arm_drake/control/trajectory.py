@@ -14,8 +14,8 @@ from typing import Literal, Self
 
 import numpy as np
 
+from arm_drake.arrays import Array
 from arm_drake.control.trajectory_segments import (
-    Array,
     Knots,
     Mask,
     Polynomial,

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from arm_drake.control.tolerances import Array
+from arm_drake.arrays import Array
 from arm_drake.control.trajectory import Sample, Trajectory
 from arm_drake.messages import Duration, JointTrajectory, JointTrajectoryPoint
 

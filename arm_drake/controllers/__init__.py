@@ -7,7 +7,7 @@ its row to `STANDARD_TYPES`.
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from arm_drake.controllers.controller_interface import (
+from arm_drake.controllers.controller_interface_part import (
     ControllerInterface,
     ControllerInterfaceParams,
 )
@@ -18,7 +18,7 @@ from arm_drake.controllers.controller_type import (
 )
 from arm_drake.controllers.installed_types import InstalledType, installed_types
 from arm_drake.controllers.lazy_types import ControllerTypes
-from arm_drake.controllers.standard_types import STANDARD_TYPES
+from arm_drake.controllers.registry import STANDARD_TYPES
 from arm_drake.controllers.vendor_types import EQUIVALENTS, parameters_of
 
 __all__ = [

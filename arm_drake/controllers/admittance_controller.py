@@ -20,18 +20,16 @@ from arm_drake.controllers.admittance_inbox import (
     receive,
     take_parameters,
 )
-from arm_drake.controllers.admittance_parameters import (
-    AdmittanceControllerParameters,
-)
+from arm_drake.controllers.admittance_parameters import AdmittanceControllerParameters
 from arm_drake.controllers.admittance_setup import (
     AdmittanceSetup,
     make_kinematics,
     make_setup,
 )
 from arm_drake.controllers.admittance_status import AdmittanceTick, make_status
-from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.controller_interface import TickingController
+from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Now
-from arm_drake.controllers.ticking_controller import TickingController
 from arm_drake.controllers.topics import CHAINED, INACTIVE
 from arm_drake.messages import (
     NANOSECONDS,

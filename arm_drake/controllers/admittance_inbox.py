@@ -11,7 +11,7 @@ from arm_drake.controllers.admittance_setup import (
     check_change,
     make_setup,
 )
-from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Now
 from arm_drake.controllers.topics import (
     INACTIVE,

@@ -7,7 +7,8 @@ import dataclasses as dc
 import sys
 from typing import Annotated, Literal
 
-from arm_drake.controllers.validation import (
+from arm_drake.description.parameters import Rule
+from arm_drake.description.validation import (
     check_at_least,
     check_finite,
     check_length,
@@ -15,7 +16,6 @@ from arm_drake.controllers.validation import (
     check_unique,
     check_within,
 )
-from arm_drake.description.parameters import Rule
 
 # Any finite number is at most this.
 _LARGEST = sys.float_info.max

@@ -7,10 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from arm_drake.control.admittance import AdmittanceRule, ChainKinematics
-from arm_drake.controllers.admittance_parameters import (
-    AdmittanceControllerParameters,
-)
-from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.admittance_parameters import AdmittanceControllerParameters
+from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
 from arm_drake.errors import ParameterError, suggest
 
 # Parameters that can't change while the controller runs. Upstream lets those of the

@@ -7,12 +7,12 @@ import dataclasses as dc
 import math
 from typing import NamedTuple
 
-from arm_drake.control.battery import are_known, combine, measure
-from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.battery import are_known, combine, measure
+from arm_drake.controllers.controller_interface import TickingController
+from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Now
-from arm_drake.controllers.ticking_controller import TickingController
-from arm_drake.controllers.validation import check_unique, check_within
 from arm_drake.description.parameters import per_element_of
+from arm_drake.description.validation import check_unique, check_within
 from arm_drake.errors import ParameterError
 from arm_drake.messages import Header
 from arm_drake.messages.sensors import BatteryState, BatteryStateArray

@@ -12,12 +12,12 @@ import numpy as np
 
 from arm_drake.arrays import Array
 from arm_drake.control.filter_chains import ChainState, find_unused, make_filter_chain
-from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.controller_interface import TickingController
+from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Now
-from arm_drake.controllers.ticking_controller import TickingController
-from arm_drake.controllers.validation import check_not_empty
 from arm_drake.description.given import Given
 from arm_drake.description.parameters import per_element_of
+from arm_drake.description.validation import check_not_empty
 from arm_drake.errors import ParameterError
 
 # Group of a chain's parameters, and the one that makes it hold for several inputs.

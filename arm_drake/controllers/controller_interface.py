@@ -1,101 +1,57 @@
-"""What all controllers share: what they read and claim, and when they run."""
+"""What all controllers share: ticks, a life cycle, all state in the Context.
 
-import dataclasses as dc
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING
+In a cycle a ros2_control manager reads, updates and writes in one instant. Drake's
+events of one instant all see the old state, so what a tick computes is an output port
+of its own, `tick`: a cached function of the old state, the inputs and the time. The
+manager takes the commands there, and a controller further down a chain its references;
+an unrestricted update of the manager then stores it, for every update and every state
+has its price in Drake. Off the cycles `tick` is what was stored. A controller without a
+manager stores it itself.
+"""
+
+from abc import abstractmethod
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
 
 import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import (
     Context,
     InputPort,
+    OutputPort,
+    State,
 )
 
 from arm_drake import interfaces
-from arm_drake.controllers.cycles import Array, Cycle
-from arm_drake.errors import InputError
-from arm_drake.messages import NANOSECONDS
-from arm_drake.python_system import PythonSystem
+from arm_drake.arrays import Array
+from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
+from arm_drake.controllers.cycles import Cycle, Given, Now, Tick
+from arm_drake.controllers.kept_ticks import OwnTicks
+from arm_drake.controllers.tick_reader import TickReader
 
-if TYPE_CHECKING:
-    from arm_drake.control.admittance import ChainKinematics
+S = TypeVar("S")
 
-# Returns what a controller exports.
-_ReadExports = Callable[[Context], Array]
-
-
-@dc.dataclass(frozen=True)
-class ControllerInterfaceParams:
-    """What a controller is given besides its parameters."""
-
-    controller_name: str
-
-    # Rate of its ticks [Hz].
-    update_rate: int
-
-    # Period of its events in Drake's time [s]: the manager's, or 1 / update_rate.
-    period: float
-
-    # URDF type of every movable joint of the robot.
-    joint_types: Mapping[str, str]
-
-    # What the hardware has, such as "joint1/position".
-    command_interfaces: frozenset[str]
-    state_interfaces: frozenset[str]
-
-    # Order of the vector of all measured quantities.
-    measured: tuple[str, ...]
-
-    # State interfaces that hold anything but a double.
-    other_types: frozenset[str] = frozenset()
-
-    # Distribution whose behaviour holds.
-    distro: str = "jazzy"
-
-    # URDF velocity limit of joints [rad/s] or [m/s]; others have none.
-    velocity_limits: Mapping[str, float] = dc.field(default_factory=dict)
-
-    # URDF effort limit of joints [N·m] or [N]; others have none.
-    effort_limits: Mapping[str, float] = dc.field(default_factory=dict)
-
-    # Of each mimic joint: the joint that it follows in the end, and how far it moves
-    # per unit of it.
-    followed: Mapping[str, tuple[str, float]] = dc.field(default_factory=dict)
-
-    # Where grippers' joints are open and where closed [rad] or [m].
-    gripper_ranges: Mapping[str, tuple[float, float]] = dc.field(default_factory=dict)
-
-    # Namespace of the controller's node; empty at the root.
-    namespace: str = ""
-
-    # Links of the robot.
-    links: tuple[str, ...] = ()
-
-    # Names that Gazebo's topics contain.
-    robot_name: str = ""
-    world_name: str = "empty"
-
-    # Returns the kinematics of joints, seen from a link; None if it isn't known.
-    make_kinematics: Callable[[Sequence[str], str], "ChainKinematics"] | None = None
-
-    # Whether a manager keeps its state and says when it ticks; else it does so itself.
-    is_managed: bool = False
+_NO_COMMAND: Array = np.empty(0)
 
 
-class ControllerInterface(PythonSystem):
-    """Base of all controllers: what they read, what they claim.
+class TickingController(TickReader[S]):
+    """Base of controllers with an immutable state of type S, renewed at every tick.
 
-    A controller that reads no efforts is given none: its port ends after the
-    velocities. Efforts take the servo's whole computation. A controller without an
-    update of its own, `is_sampled`, is given everything, held from tick to tick; if it
-    is slower than its manager, with the time of the tick.
+    A subclass implements `_update`, and what else it needs of `_activate`,
+    `_deactivate`, `_idle`, `_command` and `_is_ok`. It declares its further ports;
+    outputs depend on the state alone and show what the last tick left behind.
+    Without a manager on its port a controller is always active.
     """
 
-    is_sampled = False
+    # Whether all that it reads while `Now.is_quiet` goes through `_measured_now` and
+    # `_read_commands`, so that its manager can call it without a Context. It holds for
+    # the class that says so, not for those derived from it.
+    reads_by_now = False
 
     def __init__(
         self,
         params: ControllerInterfaceParams,
+        initial: S,
         *,
         state_interfaces: tuple[str, ...] = (),
         command_interfaces: tuple[str, ...] = (),
@@ -103,119 +59,206 @@ class ControllerInterface(PythonSystem):
         exported_interfaces: tuple[str, ...] = (),
         limit_interfaces: Mapping[str, str] | None = None,
     ) -> None:
-        """Create the system with the input ports that all controllers have.
+        """Create the system with its state, its tick and its interfaces.
 
         Args:
             params: Rate and surroundings of the controller.
-            state_interfaces: What it reads, such as "joint1/position".
-            command_interfaces: What it claims; another controller's references too.
-            reference_interfaces: What other controllers may command of it, with its
-                own name in front: "pid/joint1/position".
-            exported_interfaces: What other controllers may read of it, likewise.
-            limit_interfaces: Command interfaces that don't move a joint, but limit how
-                it is moved: "effort" or "velocity", by name; 0 is no limit.
+            initial: State before the first tick.
+            state_interfaces: As in ControllerInterface.
+            command_interfaces: As in ControllerInterface.
+            reference_interfaces: As in ControllerInterface.
+            exported_interfaces: As in ControllerInterface.
+            limit_interfaces: As in ControllerInterface.
         """
-        super().__init__()
-        self.set_name(params.controller_name)
-        self.params = params
-        self.state_interfaces = state_interfaces
-        self.command_interfaces = command_interfaces
-        self.reference_interfaces = reference_interfaces
-        self.exported_interfaces = exported_interfaces
-        self.limit_interfaces = dict(limit_interfaces or {})
-        order = {name: index for index, name in enumerate(params.measured)}
-        num_measured = 2 * len(params.joint_types)
-        self.reads_all = self.is_sampled or any(
-            order.get(name, 0) >= num_measured for name in state_interfaces
+        # Drake's classes take no notice of what is abstract.
+        own = type(self)
+        if own._update is TickingController._update:
+            raise TypeError(f"{own.__name__} has no _update")
+        if command_interfaces and own._command is TickingController._command:
+            raise TypeError(f"{own.__name__} has command interfaces and no _command")
+        super().__init__(
+            params,
+            initial,
+            state_interfaces=state_interfaces,
+            command_interfaces=command_interfaces,
+            reference_interfaces=reference_interfaces,
+            exported_interfaces=exported_interfaces,
+            limit_interfaces=limit_interfaces,
         )
-        if self.reads_all:
-            num_measured = len(params.measured)
-        self._manager = self.DeclareAbstractInputPort(
-            interfaces.MANAGER_PORT, AbstractValue.Make(())
+        # Whether it says of an update how it went.
+        self.can_fail = own._is_ok is not TickingController._is_ok
+        # Humble's manager goes on with a controller whose update fails.
+        self._ends_on_failure = params.distro != "humble"
+        self._tick_port = self.DeclareAbstractOutputPort(
+            interfaces.COMMAND_PORT, lambda: AbstractValue.Make(()), self._calc_tick
         )
-        self._measured = self.DeclareVectorInputPort(
-            interfaces.STATE_PORT, num_measured
-        )
-        # What controllers export, where it goes and where it stands there; and what
-        # nobody has. The manager never starts a controller that lacks something,
-        # but one that is inactive reads, too.
-        self._exporters: list[tuple[_ReadExports, list[int], list[int]]] = []
-        self._missing = dict.fromkeys(n for n in state_interfaces if n not in order)
-        # Of those that are measured: where they go, and where they stand.
-        self._measured_here = [i for i, n in enumerate(state_interfaces) if n in order]
-        self._measured_there = [order[n] for n in state_interfaces if n in order]
-        # What to index with if all are measured.
-        self._read_at: slice | list[int] | None = None
-        if not self._missing:
-            self._read_at = _as_slice(self._measured_there)
-        # At most one port with the time of the last tick.
-        self._tick_times: list[InputPort] = []
-
-    def add_tick_time(self) -> InputPort:
-        """Declare the port with the time [ns] of what is sampled; NaN is nothing."""
-        port = self.DeclareVectorInputPort(interfaces.TICK_PORT, 1)
-        self._tick_times.append(port)
-        return port
-
-    def add_exporter(self, controller: "ControllerInterface") -> InputPort:
-        """Declare the port of what a controller's last tick has exported.
-
-        Args:
-            controller: One whose exported interfaces are among the state interfaces.
-        """
-        names = controller.exported_interfaces
-        name = f"{interfaces.EXPORT_PORT}:{controller.params.controller_name}"
-        port = self.DeclareVectorInputPort(name, len(names))
-        self._read_exports(names, port.Eval)
-        return port
-
-    def _read_exports(self, names: tuple[str, ...], read: _ReadExports) -> None:
-        """Take state interfaces from another controller.
-
-        Args:
-            names: Names of all that it exports.
-            read: Returns their values, in this order.
-        """
-        here = [i for i, name in enumerate(self.state_interfaces) if name in names]
-        there = [names.index(self.state_interfaces[i]) for i in here]
-        self._exporters.append((read, here, there))
-        for name in names:
-            self._missing.pop(name, None)
-
-    def _read(self, context: Context) -> Array:
-        """Return the measured `state_interfaces`; NaN where there is none.
-
-        Raises:
-            InputError: If there is none and no manager that keeps it inactive.
-        """
-        if self._read_at is not None:
-            return self._measured.Eval(context)[self._read_at]
-        if self._missing and not self._manager.HasValue(context):
-            raise InputError(
-                f"controller {self.params.controller_name!r}: no state interface "
-                f"{', '.join(map(repr, self._missing))}; it has "
-                f"{sorted(self.params.measured)}"
+        if isinstance(self._ticks, OwnTicks):
+            self.DeclarePeriodicUnrestrictedUpdateEvent(
+                params.period, 0.0, self._update_state
             )
-        values = np.full(len(self.state_interfaces), np.nan)
-        values[self._measured_here] = self._measured.Eval(context)[self._measured_there]
-        for read, here, there in self._exporters:
-            values[here] = read(context)[there]
-        return values
+        if exported_interfaces:
+            self.DeclareVectorOutputPort(
+                interfaces.EXPORT_PORT,
+                len(exported_interfaces),
+                lambda context, output: output.SetFromVector(
+                    self._export(self._state(context))
+                ),
+                prerequisites_of_calc={self._ticks.ticket},
+            )
 
-    def _is_active(self, context: Context) -> bool:
-        """Return whether the controller is active, as of the last cycle or this one."""
-        if not self._manager.HasValue(context):
-            return True
-        cycle: Cycle = self._manager.Eval(context)
-        return self.params.controller_name in cycle.active
+    def add_exporter_tick(self, controller: "TickingController[Any]") -> InputPort:
+        """Declare the port of a controller that ticks first and exports state to this.
 
-    def _tick_time(self, number: int) -> int:
-        """Return the time of a tick [ns]."""
-        return number * NANOSECONDS // self.params.update_rate
+        Args:
+            controller: As in `ControllerInterface.add_exporter`; here its tick of this
+                very instant counts.
+        """
+        name = f"{interfaces.EXPORT_PORT}:{controller.params.controller_name}"
+        port = self.DeclareAbstractInputPort(name, AbstractValue.Make(()))
+        self._read_exports(
+            controller.exported_interfaces,
+            lambda context: controller._export(port.Eval(context).state),
+        )
+        return port
 
+    @property
+    def is_direct(self) -> bool:
+        """Whether it needs no Context while nothing comes: see `reads_by_now`."""
+        takes_motions = self._read_at is not None and not self.reads_all
+        takes = self.reference_interfaces or not takes_motions
+        reads_by_now = vars(type(self)).get("reads_by_now", False)
+        return bool(self.params.is_managed and reads_by_now and not takes)
 
-def _as_slice(at: list[int]) -> slice | list[int]:
-    """Return indices as a slice if they are in a row."""
-    if at and at == list(range(at[0], at[0] + len(at))):
-        return slice(at[0], at[0] + len(at))
-    return at
+    def tick(self, cycle: Cycle, given: Given) -> Tick[S]:
+        """Return what a cycle leaves behind in which nothing comes.
+
+        The same as what the port says, without a way through Drake.
+
+        Args:
+            cycle: A cycle with the `news` of the last tick.
+            given: What there is to read.
+        """
+        return self._run(None, cycle.ticks[self.params.controller_name], cycle, given)
+
+    @abstractmethod
+    def _update(self, now: Now, state: S) -> S:
+        """Return the state after a tick.
+
+        Args:
+            now: The time, and where the inputs are read.
+            state: State after the last tick.
+        """
+
+    def _activate(self, now: Now, state: S) -> S:
+        """Return the state at the start of an activation, before its first tick."""
+        del now
+        return state
+
+    def _deactivate(self, now: Now, state: S) -> S:
+        """Return the state at the end of an activation."""
+        del now
+        return state
+
+    def _idle(self, now: Now, state: S) -> S:
+        """Return the state after a cycle in which the controller is inactive."""
+        del now
+        return state
+
+    def rests(self, state: S) -> bool:
+        """Return whether only a message can change the state while inactive.
+
+        A controller with an `_idle` that does no more than take messages says so here,
+        and then costs nothing while it is inactive and nothing comes. It holds for the
+        class whose `_idle` it is, not for those with one of their own.
+        """
+        del state
+        return type(self)._idle is TickingController._idle
+
+    @property
+    def may_rest(self) -> bool:
+        """Whether `rests` speaks of this class's own `_idle`."""
+        for kind in type(self).__mro__:
+            if "rests" in vars(kind):
+                return True
+            if "_idle" in vars(kind):
+                return False
+        return True
+
+    def _command(self, state: S) -> Array:
+        """Return the commands of a state, shape (k,); NaN leaves one as it is."""
+        del state
+        return _NO_COMMAND
+
+    def _export(self, state: S) -> Array:
+        """Return the exported state interfaces of a state."""
+        del state
+        return np.full(len(self.exported_interfaces), np.nan)
+
+    def _fault(self, state: S) -> str:
+        """Return why the last tick went wrong, in words."""
+        del state
+        return ""
+
+    def _is_ok(self, state: S) -> bool:
+        """Return whether the last tick went well."""
+        del state
+        return True
+
+    def _declare_topic(
+        self, name: str, calc: Callable[[S], Any], *, default: Any = ()
+    ) -> OutputPort:
+        """Declare an abstract output port that shows something of the state."""
+        return self.DeclareAbstractOutputPort(
+            name,
+            lambda: AbstractValue.Make(default),
+            lambda context, output: output.set_value(calc(self._state(context))),
+            prerequisites_of_calc={self._ticks.ticket},
+        )
+
+    def _calc_tick(self, context: Context, output: AbstractValue) -> None:
+        has_manager = self.params.is_managed or self._manager.HasValue(context)
+        told = self._manager.Eval(context) if has_manager else None
+        cycle, held = self._ticks.at(context, told)
+        if cycle.number != held.number:
+            held = self._run(context, held, cycle)
+        output.set_value(held)
+
+    def _run(
+        self, context: Context, held: Tick[S], cycle: Cycle, given: Given | None = None
+    ) -> Tick[S]:
+        """Return what a cycle leaves behind."""
+        name = self.params.controller_name
+        period_ns = cycle.period_ns
+        if cycle.periods:
+            period_ns = cycle.periods.get(name, period_ns)
+        news = cycle.news
+        is_quiet = news is not None and news is held.news
+        now = Now(context, cycle.time_ns, period_ns, cycle, is_quiet, given)
+        activation = cycle.active.get(name)
+        state, command, is_ok, fault = held.state, held.command, True, ""
+        ending: Array | None = None
+        if activation != held.activation:
+            if held.activation is not None:
+                state = self._deactivate(now, state)
+                command = ending = self._command(state)
+            if activation is not None:
+                state = self._activate(now, state)
+        if activation is None:
+            state = self._idle(now, state)
+        elif not period_ns:
+            news = held.news
+        else:
+            state = self._update(now, state)
+            command, is_ok = self._command(state), self._is_ok(state)
+            if not is_ok:
+                fault = self._fault(state)
+                if self._ends_on_failure:
+                    state, activation = self._deactivate(now, state), None
+                    command = self._command(state)
+        if ending is not None:  # What a restart leaves unwritten ends.
+            command = np.where(np.isnan(command), ending, command)
+        return Tick(cycle.number, activation, state, command, is_ok, fault, news)
+
+    def _update_state(self, context: Context, state: State) -> None:
+        assert isinstance(self._ticks, OwnTicks)
+        self._ticks.store(state, self._tick_port.Eval(context))

@@ -4,7 +4,7 @@ import dataclasses as dc
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-from arm_drake.controllers.controller_interface import (
+from arm_drake.controllers.controller_interface_part import (
     ControllerInterface,
     ControllerInterfaceParams,
 )

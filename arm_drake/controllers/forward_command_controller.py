@@ -8,9 +8,9 @@ import dataclasses as dc
 from typing import Literal
 
 from arm_drake import interfaces
-from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
 from arm_drake.controllers.forward_controllers_base import ForwardControllersBase
-from arm_drake.controllers.validation import check_not_empty, check_unique
+from arm_drake.description.validation import check_not_empty, check_unique
 
 
 @dc.dataclass(frozen=True)

@@ -11,9 +11,9 @@ import numpy as np
 from pydrake.common.value import AbstractValue
 
 from arm_drake.arrays import Array
-from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.controller_interface import TickingController
+from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Now
-from arm_drake.controllers.ticking_controller import TickingController
 from arm_drake.controllers.topics import INACTIVE, Events, add_events, new_messages
 from arm_drake.messages import Float64MultiArray, TopicRejected
 

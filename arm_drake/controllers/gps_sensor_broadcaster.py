@@ -5,10 +5,10 @@ Source: ros2_controllers, `gps_sensor_broadcaster` (version 6.9.0).
 
 import dataclasses as dc
 
-from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.controller_interface import TickingController
+from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Now
-from arm_drake.controllers.ticking_controller import TickingController
-from arm_drake.controllers.validation import check_length, check_not_empty
+from arm_drake.description.validation import check_length, check_not_empty
 from arm_drake.messages import Header
 from arm_drake.messages.sensors import NavSatFix, NavSatStatus, to_code
 

@@ -18,14 +18,14 @@ from arm_drake.control.gripper import (
     Target,
 )
 from arm_drake.control.pid import Pid
-from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.controller_interface import TickingController
+from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Now
 from arm_drake.controllers.gripper_command import (
     GRIPPER_COMMAND,
     find_part_fault,
     position_of,
 )
-from arm_drake.controllers.ticking_controller import TickingController
 from arm_drake.controllers.topics import new_messages
 from arm_drake.messages import (
     NANOSECONDS,

@@ -14,18 +14,18 @@ from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.control.gripper import Ending, GripperRules, GripperState, Target
 from arm_drake.control.pid import Pid
-from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.control.pid_gains import PidGains
+from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
 from arm_drake.controllers.gripper_controller_base import (
     GripperControllerBase,
     make_rules,
 )
-from arm_drake.controllers.pid_gains import PidGains
-from arm_drake.controllers.validation import (
+from arm_drake.description.parameters import per_element_of
+from arm_drake.description.validation import (
     check_at_least,
     check_finite,
     check_not_empty,
 )
-from arm_drake.description.parameters import per_element_of
 from arm_drake.messages import GripperCommandGoal, GripperCommandResult, SendGoal
 
 

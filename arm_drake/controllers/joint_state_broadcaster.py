@@ -14,7 +14,7 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context
 
 from arm_drake import interfaces
-from arm_drake.controllers.controller_interface import (
+from arm_drake.controllers.controller_interface_part import (
     ControllerInterface,
     ControllerInterfaceParams,
 )

@@ -6,7 +6,7 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context, DependencyTicket, LeafSystem, State
 
 from arm_drake import interfaces
-from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Cycle, Tick
 from arm_drake.messages import NANOSECONDS
 from arm_drake.timing import cycle_at

@@ -1,7 +1,7 @@
 """``pid_controller/PidController``.
 
 Source: ros2_controllers, `pid_controller` (version 6.9.0 and jazzy); the tick itself is
-`arm_drake.control.pid_control`.
+`arm_drake.controllers.pid_control`.
 """
 
 from typing import NamedTuple
@@ -11,12 +11,12 @@ from pydrake.common.value import AbstractValue
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
-from arm_drake.control.dof_messages import find_fault, make_state, sort_values
-from arm_drake.control.pid_control import PidControl, PidControlState
-from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.controller_interface import TickingController
+from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Now
+from arm_drake.controllers.dof_messages import find_fault, make_state, sort_values
+from arm_drake.controllers.pid_control import PidControl, PidControlState
 from arm_drake.controllers.pid_parameters import DofGains, PidControllerParameters
-from arm_drake.controllers.ticking_controller import TickingController
 from arm_drake.controllers.topics import (
     CHAINED,
     INACTIVE,

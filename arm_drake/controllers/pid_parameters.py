@@ -7,10 +7,10 @@ rule those of other distros).
 import dataclasses as dc
 from typing import Annotated
 
-from arm_drake.controllers.pid_gains import PidGains, adapt_saturation
-from arm_drake.controllers.validation import check_not_empty, check_unique
+from arm_drake.control.pid_gains import PidGains, adapt_saturation
 from arm_drake.description.given import Given
 from arm_drake.description.parameters import Rule, per_element_of
+from arm_drake.description.validation import check_not_empty, check_unique
 
 
 @dc.dataclass(frozen=True)

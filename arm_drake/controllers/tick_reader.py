@@ -8,11 +8,12 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context, InputPort
 
 from arm_drake import interfaces
-from arm_drake.controllers.controller_interface import (
+from arm_drake.arrays import Array
+from arm_drake.controllers.controller_interface_part import (
     ControllerInterface,
     ControllerInterfaceParams,
 )
-from arm_drake.controllers.cycles import Array, Now, Tick
+from arm_drake.controllers.cycles import Now, Tick
 from arm_drake.controllers.kept_ticks import KeptTicks, OwnTicks
 
 S = TypeVar("S")

@@ -6,9 +6,9 @@ Source: ros2_controllers, `vda5050_safety_state_broadcaster` (branch ``master``)
 import dataclasses as dc
 import math
 
-from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.controller_interface import TickingController
+from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Now
-from arm_drake.controllers.ticking_controller import TickingController
 from arm_drake.description.given import Given
 from arm_drake.messages.sensors import VDA5050SafetyState
 

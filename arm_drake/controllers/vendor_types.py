@@ -31,7 +31,7 @@ def parameters_of(equivalent: Equivalent) -> type | None:
     if not equivalent.commands:
         return None
     # Not at the top: few robots have one.
-    from arm_drake.controllers.joint_trajectory_parameters import (
+    from arm_drake.controllers.joint_trajectory.parameters import (
         CommandInterface,
         JointTrajectoryControllerParameters,
         StateInterface,

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from arm_drake.description.controllers import ControllerManagerConfig
 from arm_drake.description.gazebo_drives import DiffDrive, GazeboRosDiffDrive
+from arm_drake.description.given import Parameter
 from arm_drake.description.joints import JointInfo
-from arm_drake.description.parameters import Parameter
 from arm_drake.description.summary import total_mass
 from arm_drake.description.tree import last_master
 from arm_drake.description.urdf import RobotDescription

@@ -5,7 +5,8 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from arm_drake import interfaces
-from arm_drake.description.controllers import ControllerConfig, ControllerManagerConfig
+from arm_drake.description.controller_manager import ControllerConfig
+from arm_drake.description.controllers import ControllerManagerConfig
 from arm_drake.description.hardware_info import (
     ComponentInfo,
     HardwareInfo,

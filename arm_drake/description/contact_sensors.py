@@ -8,10 +8,8 @@ import dataclasses as dc
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 
-from arm_drake.description.controllers import (
-    ControllerConfig,
-    ControllerManagerConfig,
-)
+from arm_drake.description.controller_manager import ControllerConfig
+from arm_drake.description.controllers import ControllerManagerConfig
 from arm_drake.description.gazebo_bumpers import ContactSensorTag, shape_name
 from arm_drake.description.gazebo_sensors import CONTACT, GazeboSensor, referred_link
 from arm_drake.description.report import LoadReport

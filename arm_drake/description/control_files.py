@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from arm_drake.bundled import configs_folder
-from arm_drake.description.controllers import MANAGER
+from arm_drake.description.controller_manager_parameters import MANAGER
 from arm_drake.description.entry import Source, text_of
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.plugin_joints import moving_plugins

@@ -15,8 +15,8 @@ from arm_drake.description.controller_manager_parameters import (
     report_foreign,
     texts_of,
 )
+from arm_drake.description.given import Parameter
 from arm_drake.description.packages import PackageFinder
-from arm_drake.description.parameters import Parameter
 from arm_drake.description.report import Kind, LoadReport, Severity
 from arm_drake.description.ros_parameters import ParameterReader, Section
 from arm_drake.errors import PackageError, ParameterError, suggest

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterable, Sequence
 
 from arm_drake.description.controller_manager_parameters import MANAGER
-from arm_drake.description.parameters import Parameter
+from arm_drake.description.given import Parameter
 from arm_drake.description.report import LoadReport
 from arm_drake.description.ros_parameters import Section
 from arm_drake.errors import suggest

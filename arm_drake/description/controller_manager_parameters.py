@@ -4,7 +4,8 @@ import dataclasses as dc
 from collections.abc import Collection
 from pathlib import Path
 
-from arm_drake.description.parameters import Parameter, Parameters, load_parameters
+from arm_drake.description.given import Parameter, Parameters
+from arm_drake.description.parameters import load_parameters
 from arm_drake.description.report import Kind, LoadReport
 from arm_drake.errors import ParameterError, suggest
 

@@ -22,8 +22,8 @@ from arm_drake.description.controller_manager_parameters import (
     ControllerManagerParameters,
     HardwareComponentsInitialState,
 )
+from arm_drake.description.given import Parameters
 from arm_drake.description.packages import PackageFinder
-from arm_drake.description.parameters import Parameters
 from arm_drake.description.report import LoadReport
 from arm_drake.description.ros_parameters import ParameterReader, Section
 

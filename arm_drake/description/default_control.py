@@ -1,10 +1,8 @@
 """Controllers of a robot whose files say nothing about control."""
 
-from arm_drake.description.controllers import (
-    ControllerConfig,
-    ControllerManagerConfig,
-)
-from arm_drake.description.parameters import Parameter
+from arm_drake.description.controller_manager import ControllerConfig
+from arm_drake.description.controllers import ControllerManagerConfig
+from arm_drake.description.given import Parameter
 from arm_drake.description.plugin_joints import plugin_joints
 from arm_drake.description.report import LoadReport
 from arm_drake.description.urdf import RobotDescription

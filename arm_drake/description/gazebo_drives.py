@@ -7,7 +7,7 @@ ros2, gazebo_plugins/src/gazebo_ros_diff_drive.cpp.
 import dataclasses as dc
 import math
 
-from arm_drake.description.gazebo_tags import joint_tags, tags
+from arm_drake.description.gazebo_plugins import joint_tags, tags
 
 
 @dc.dataclass(frozen=True)

@@ -15,7 +15,7 @@ Sources of the fields and of their defaults:
 
 import dataclasses as dc
 
-from arm_drake.description.gazebo_tags import joint_tags, tags
+from arm_drake.description.gazebo_plugins import joint_tags, tags
 
 
 @dc.dataclass(frozen=True)

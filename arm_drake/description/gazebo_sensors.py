@@ -11,12 +11,7 @@ from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Final
 
-from arm_drake.description.elements import (
-    attribute,
-    parse_bool,
-    parse_number,
-    text_of,
-)
+from arm_drake.description.elements import attribute, parse_bool, parse_number, text_of
 from arm_drake.description.gazebo import GazeboPlugin, read_plugins
 from arm_drake.description.joints import JointInfo
 from arm_drake.description.report import LoadReport

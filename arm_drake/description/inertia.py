@@ -16,13 +16,7 @@ from numpy.typing import NDArray
 
 from arm_drake.description.bodies import Body, free_body, moving_bodies
 from arm_drake.description.report import LoadReport
-from arm_drake.description.solids import (
-    Inertial,
-    ball,
-    link_solid,
-    read_origin,
-    union,
-)
+from arm_drake.description.solids import Inertial, ball, link_solid, read_origin, union
 
 Array = NDArray[Any]
 

@@ -11,11 +11,9 @@ from pathlib import Path
 
 from arm_drake import interfaces
 from arm_drake.description.claimed_hardware import claimed_joints
-from arm_drake.description.controllers import (
-    MANAGER,
-    ControllerConfig,
-    ControllerManagerConfig,
-)
+from arm_drake.description.controller_manager import ControllerConfig
+from arm_drake.description.controller_manager_parameters import MANAGER
+from arm_drake.description.controllers import ControllerManagerConfig
 from arm_drake.description.gazebo_drives import DiffDrive, GazeboRosDiffDrive
 from arm_drake.description.gazebo_joints import (
     GazeboRosJointPoseTrajectory,
@@ -25,13 +23,13 @@ from arm_drake.description.gazebo_joints import (
     JointStatePublisher,
     JointTrajectoryController,
 )
+from arm_drake.description.given import Parameter
 from arm_drake.description.hardware_info import (
     ComponentInfo,
     HardwareInfo,
     InterfaceInfo,
 )
 from arm_drake.description.joints import WORLD, JointInfo, JointLimits
-from arm_drake.description.parameters import Parameter
 from arm_drake.description.plugin_joints import (
     GROUPED,
     Driving,

@@ -17,8 +17,8 @@ from typing import Any
 import yaml
 
 from arm_drake import yaml_files
+from arm_drake.description.given import Parameter
 from arm_drake.description.packages import PackageFinder
-from arm_drake.description.parameters import Parameter
 from arm_drake.description.report import LoadReport
 from arm_drake.description.ros_scalars import UNTAGGED, check_tag, scalar
 from arm_drake.description.substitutions import Substitutions

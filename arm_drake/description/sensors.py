@@ -9,10 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 
 from arm_drake import interfaces
-from arm_drake.description.controllers import (
-    ControllerConfig,
-    ControllerManagerConfig,
-)
+from arm_drake.description.controller_manager import ControllerConfig
+from arm_drake.description.controllers import ControllerManagerConfig
 from arm_drake.description.gazebo_sensors import GazeboSensor, referred_link
 from arm_drake.description.hardware_info import ComponentInfo
 from arm_drake.description.report import LoadReport

@@ -1,6 +1,6 @@
 """The controller manager: who runs when, and what the hardware is told."""
 
-from arm_drake.manager.system import (
+from arm_drake.manager.controller_manager import (
     MANAGER,
     STORED_PORT,
     SWITCH_PORT,

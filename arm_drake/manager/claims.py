@@ -7,11 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_drake.arrays import Array
 from arm_drake.control.command_limits import Previous
 from arm_drake.control.drive_mode import Mask
-from arm_drake.controllers.controller_interface import ControllerInterface
-from arm_drake.controllers.cycles import Array, Cycle
-from arm_drake.controllers.ticking_controller import TickingController
+from arm_drake.controllers.controller_interface import TickingController
+from arm_drake.controllers.controller_interface_part import ControllerInterface
+from arm_drake.controllers.cycles import Cycle
 from arm_drake.manager.ticks import Ticks
 
 

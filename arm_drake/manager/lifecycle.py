@@ -9,19 +9,15 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+from arm_drake.arrays import Array
 from arm_drake.control.drive_commands import DriveCommands
 from arm_drake.control.drive_mode import DriveMode
-from arm_drake.control.update_schedule import due_period
-from arm_drake.controllers.cycles import Array, Cycle, Tick
+from arm_drake.controllers.cycles import Cycle, Tick
+from arm_drake.manager.plan import SwitchPlan, plan_switch
 from arm_drake.manager.state import ControllerFailure, Event, ManagerState
+from arm_drake.manager.switching import ControllerInfo, chain_of, chained
+from arm_drake.manager.update_schedule import due_period
 from arm_drake.messages import NANOSECONDS, SwitchController, SwitchControllerResult
-from arm_drake.switching import (
-    ControllerInfo,
-    SwitchPlan,
-    chain_of,
-    chained,
-    plan_switch,
-)
 
 # Why hardware can't start and stop these command interfaces; "" if it can.
 Refusal = Callable[[Collection[str], Collection[str]], str]

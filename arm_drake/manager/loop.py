@@ -7,17 +7,18 @@ from typing import NamedTuple
 import numpy as np
 
 from arm_drake import interfaces
+from arm_drake.arrays import Array
 from arm_drake.control.command_limits import CommandLimits
 from arm_drake.control.drive_commands import DriveCommands
 from arm_drake.control.drive_mode import DriveMode
-from arm_drake.controllers.cycles import Array, Cycle
+from arm_drake.controllers.cycles import Cycle
 from arm_drake.manager.claims import Claimants
+from arm_drake.manager.hardware_interfaces import Surroundings
 from arm_drake.manager.lifecycle import Lifecycle
 from arm_drake.manager.state import CommandLimited, ManagerState
 from arm_drake.manager.ticks import News, Ticks
 from arm_drake.messages import NANOSECONDS, SwitchController
 from arm_drake.messages.news import add_news
-from arm_drake.surroundings import Surroundings
 
 
 class Readings(NamedTuple):

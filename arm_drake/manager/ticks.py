@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 from pydrake.systems.framework import Context, DiagramBuilder, InputPort
 
 from arm_drake import interfaces
-from arm_drake.controllers.controller_interface import ControllerInterface
+from arm_drake.controllers.controller_interface import TickingController
+from arm_drake.controllers.controller_interface_part import ControllerInterface
 from arm_drake.controllers.cycles import Cycle, Given, Tick
-from arm_drake.controllers.ticking_controller import TickingController
 from arm_drake.manager.inbox import add_inbox
 from arm_drake.manager.state import ManagerState
 from arm_drake.messages import SwitchController

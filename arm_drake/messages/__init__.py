@@ -33,18 +33,16 @@ if TYPE_CHECKING:
     from arm_drake.messages.base import Message as Message
     from arm_drake.messages.base import Time as Time
     from arm_drake.messages.base import TimeLike as TimeLike
-    from arm_drake.messages.controllers import DynamicJointState as DynamicJointState
-    from arm_drake.messages.controllers import Float64MultiArray as Float64MultiArray
-    from arm_drake.messages.controllers import InterfaceValue as InterfaceValue
-    from arm_drake.messages.controllers import MultiDOFCommand as MultiDOFCommand
-    from arm_drake.messages.controllers import MultiDOFState as MultiDOFState
-    from arm_drake.messages.controllers import (
-        MultiDOFStateStamped as MultiDOFStateStamped,
-    )
-    from arm_drake.messages.controllers import ParametersRejected as ParametersRejected
-    from arm_drake.messages.controllers import Strictness as Strictness
-    from arm_drake.messages.controllers import SwitchController as SwitchController
-    from arm_drake.messages.controllers import (
+    from arm_drake.messages.control import DynamicJointState as DynamicJointState
+    from arm_drake.messages.control import Float64MultiArray as Float64MultiArray
+    from arm_drake.messages.control import InterfaceValue as InterfaceValue
+    from arm_drake.messages.control import MultiDOFCommand as MultiDOFCommand
+    from arm_drake.messages.control import MultiDOFState as MultiDOFState
+    from arm_drake.messages.control import MultiDOFStateStamped as MultiDOFStateStamped
+    from arm_drake.messages.control import ParametersRejected as ParametersRejected
+    from arm_drake.messages.control import Strictness as Strictness
+    from arm_drake.messages.control import SwitchController as SwitchController
+    from arm_drake.messages.control import (
         SwitchControllerResult as SwitchControllerResult,
     )
     from arm_drake.messages.dynamic_interfaces import (
@@ -133,10 +131,10 @@ _MODULES = {
     "CancelResponse": "actions",
     "Duration": "base",
     "DynamicInterfaceGroupValues": "dynamic_interfaces",
-    "DynamicJointState": "controllers",
+    "DynamicJointState": "control",
     "Float32": "grippers",
     "Float64": "grippers",
-    "Float64MultiArray": "controllers",
+    "Float64MultiArray": "control",
     "Float64Values": "sensors",
     "FollowJointTrajectoryErrorCode": "trajectories",
     "FollowJointTrajectoryFeedback": "trajectories",
@@ -151,7 +149,7 @@ _MODULES = {
     "Header": "base",
     "Imu": "sensors",
     "Int8MultiArray": "admittance",
-    "InterfaceValue": "controllers",
+    "InterfaceValue": "control",
     "JointState": "base",
     "JointTolerance": "trajectories",
     "JointTrajectory": "trajectories",
@@ -161,16 +159,16 @@ _MODULES = {
     "MagneticField": "sensors",
     "MecanumDriveControllerState": "mecanum",
     "Message": "base",
-    "MultiDOFCommand": "controllers",
-    "MultiDOFState": "controllers",
-    "MultiDOFStateStamped": "controllers",
+    "MultiDOFCommand": "control",
+    "MultiDOFState": "control",
+    "MultiDOFStateStamped": "control",
     "NANOSECONDS": "base",
     "NavSatFix": "sensors",
     "NavSatStatus": "sensors",
     "Odometry": "geometry",
     "ParallelGripperCommandGoal": "grippers",
     "ParallelGripperCommandResult": "grippers",
-    "ParametersRejected": "controllers",
+    "ParametersRejected": "control",
     "Point": "geometry",
     "Pose": "geometry",
     "PoseStamped": "geometry",
@@ -184,10 +182,10 @@ _MODULES = {
     "SetOdometry": "geometry",
     "SpeedScalingFactor": "trajectories",
     "SteeringControllerStatus": "steering",
-    "Strictness": "controllers",
+    "Strictness": "control",
     "String": "admittance",
-    "SwitchController": "controllers",
-    "SwitchControllerResult": "controllers",
+    "SwitchController": "control",
+    "SwitchControllerResult": "control",
     "TFMessage": "geometry",
     "Time": "base",
     "TimeLike": "base",

@@ -3,7 +3,7 @@
 import dataclasses as dc
 
 from arm_drake.messages.base import JointState, Message
-from arm_drake.messages.controllers import Float64MultiArray
+from arm_drake.messages.control import Float64MultiArray
 from arm_drake.messages.geometry import (
     Quaternion,
     TransformStamped,

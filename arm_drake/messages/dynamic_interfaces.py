@@ -4,7 +4,7 @@ import dataclasses as dc
 
 from arm_drake.messages.base import Header, Message
 from arm_drake.messages.checks import to_floats, to_message, to_names
-from arm_drake.messages.controllers import InterfaceValue
+from arm_drake.messages.control import InterfaceValue
 
 
 @dc.dataclass(frozen=True, eq=False)

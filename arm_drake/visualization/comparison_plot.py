@@ -34,7 +34,7 @@ def plot_comparison(
     """
     check_plot_path(path)
     # Not at the top: a comparison without a picture must not wait for matplotlib.
-    from arm_drake.visualization.plots.panels import (
+    from arm_drake.visualization.plot_panels import (
         LIMIT,
         MEASURED,
         add_legend,

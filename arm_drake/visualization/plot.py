@@ -10,7 +10,7 @@ from arm_drake.output_files import check_suffix, writing
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from arm_drake.rollout import Rollout
+    from arm_drake.rollout.rollout import Rollout
 
 # What a plot of a rollout can show; the first is the default.
 PLOT_KINDS = ("tracking", "error", "effort", "phase", "path", "overview")
@@ -59,12 +59,12 @@ def draw_rollout(
     if path is not None:
         check_plot_path(path)
     # Not at the top: a simulation without pictures must not wait for matplotlib.
-    from arm_drake.visualization.plots.effort import plot_effort
-    from arm_drake.visualization.plots.overview import plot_overview
-    from arm_drake.visualization.plots.panels import say_if_empty
-    from arm_drake.visualization.plots.path import plot_path
-    from arm_drake.visualization.plots.phase import plot_phase
-    from arm_drake.visualization.plots.tracking import plot_error, plot_tracking
+    from arm_drake.visualization.effort import plot_effort
+    from arm_drake.visualization.overview import plot_overview
+    from arm_drake.visualization.path import plot_path
+    from arm_drake.visualization.phase import plot_phase
+    from arm_drake.visualization.plot_panels import say_if_empty
+    from arm_drake.visualization.tracking import plot_error, plot_tracking
 
     by_joint = {
         "tracking": plot_tracking,

@@ -11,15 +11,10 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 from pydrake.geometry import Meshcat
 
+from arm_drake.arrays import Array
 from arm_drake.output_files import check_suffix, writing
 from arm_drake.visualization.browser import BrowserError, open_browser
-from arm_drake.visualization.framing import (
-    THREE_QUARTER,
-    Array,
-    Camera,
-    View,
-    round_number,
-)
+from arm_drake.visualization.framing import THREE_QUARTER, Camera, View, round_number
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page

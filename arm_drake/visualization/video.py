@@ -13,9 +13,10 @@ from typing import IO, TYPE_CHECKING
 import numpy as np
 from pydrake.geometry import Meshcat
 
+from arm_drake.arrays import Array
 from arm_drake.errors import InputError, MissingExtraError, OutputError
 from arm_drake.output_files import check_suffix, check_writable, writing
-from arm_drake.visualization.framing import Array, View
+from arm_drake.visualization.framing import View
 from arm_drake.visualization.screenshot import (
     FIELD_OF_VIEW,
     Photographer,

@@ -14,10 +14,10 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame
 
+from arm_drake.plant.ground import GROUND_FRICTION, add_ground
 from arm_drake.worlds import furniture, ornaments
 from arm_drake.worlds.furniture import BLACK, IVORY, MUSTARD, NAVY, RUST, SAGE, TEAL
 from arm_drake.worlds.furniture_parts import Parts, drawing
-from arm_drake.worlds.ground import GROUND_FRICTION, add_ground
 from arm_drake.worlds.house_walls import floor, room_wall, walls, window
 from arm_drake.worlds.pictures import desk_picture, picture
 

@@ -1,181 +1,281 @@
-"""Where models and meshes of SDF files are: nothing is downloaded."""
+"""Models of SDF files, cleaned: what Drake can't take is mended or left out."""
 
-import os
-import re
-from collections.abc import Iterator, Sequence
+import dataclasses as dc
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 from pathlib import Path
-from urllib.parse import unquote
 
-from arm_drake.description.packages import PackageFinder
-from arm_drake.errors import InputError, PackageError
-from arm_drake.worlds.sdf_files import read_sdf
+from arm_drake.errors import InputError
+from arm_drake.plant.ground import GROUND
+from arm_drake.worlds.sdf_files import SdfFile, is_true, read_sdf, text_of
+from arm_drake.worlds.sdf_models_part import ModelFinder
+from arm_drake.worlds.sdf_notes import Notes
+from arm_drake.worlds.sdf_shapes import clean_shapes, is_flat, pose_of
 
-# Folders of models, as Gazebo's users name them.
-_VARIABLES = (
-    "GZ_SIM_RESOURCE_PATH",
-    "IGN_GAZEBO_RESOURCE_PATH",
-    "GAZEBO_MODEL_PATH",
-    "SDF_PATH",
+# Stands in an address for the folder of the cleaned files.
+FOLDER = "@arm_drake@"
+
+# What has no effect, of models and of links.
+_OF_MODELS = ("plugin", "gripper", "sensor")
+_OF_LINKS = (
+    "sensor",
+    "light",
+    "plugin",
+    "audio_sink",
+    "audio_source",
+    "battery",
+    "particle_emitter",
+    "projector",
 )
 
-# How far above a world's package or folder its models may lie, and how far below.
-_HEIGHT = 3
-_DEPTH = 5
+# Models of Fuel and of Classic that are built in.
+_SUN, _GROUND_PLANE = "sun", "ground plane"
 
-# A bound on the folders looked at below one place.
-_MAX_FOLDERS = 5_000
+_GROUND_MODEL = """
+<model name="ground_plane"><static>true</static><link name="link">
+<collision name="collision"><geometry><plane/></geometry></collision>
+<visual name="visual"><geometry><plane/></geometry></visual></link></model>"""
 
-_REMOTE = re.compile(r"https?://", re.IGNORECASE)
+
+@dc.dataclass(frozen=True)
+class Cleaned:
+    """A model or an inclusion on its way to Drake."""
+
+    element: ET.Element
+    name: str
+    is_static: bool
 
 
-class ModelFinder:
-    """Finds what an SDF file and the models in it name."""
+class Cleaner:
+    """Cleans models and inclusions of one world."""
 
-    def __init__(self, world: Path, package_paths: Sequence[Path] = ()) -> None:
-        """Create a finder.
-
-        Args:
-            world: The file of the world.
-            package_paths: Folders to search first, with all that lies below them.
-        """
-        self._packages = PackageFinder(world, package_paths)
-        self._package_paths = tuple(package_paths)
-        parents = list(world.resolve().parents)
-        owners = [i for i, p in enumerate(parents) if (p / "package.xml").is_file()]
-        # The last is what is searched below: the package, or the world's own folder.
-        self._near = parents[: (owners[0] if owners else 0) + 1]
-        self._above = [
-            folder
-            for folder in parents[len(self._near) : len(self._near) + _HEIGHT]
-            if folder != folder.parent
-        ]
-        self._below: dict[Path, dict[str, Path]] = {}
-
-    def find_model(self, uri: str, relative_to: Path) -> Path | None:
-        """Return the SDF file of a model, or None.
+    def __init__(
+        self, file: SdfFile, package_paths: Sequence[Path], notes: Notes
+    ) -> None:
+        """Create it.
 
         Args:
-            uri: `model://`, `package://`, `file://`, a path, or an address of Fuel,
-                whose models are taken where they are already.
-            relative_to: Folder that relative paths start from.
+            file: The file of the world.
+            package_paths: Folders to search first for models.
+            notes: Where everything is recorded.
         """
-        if _REMOTE.match(uri):
-            parts = [unquote(part) for part in uri.split("/") if part]
-            # Such as .../models/Ground Plane/2; the version is a number.
-            uri = f"model://{next((p for p in parts[::-1] if not p.isdigit()), '')}"
-        path = self.find_file(uri, relative_to)
-        if path is None or path.is_file():
-            return path
-        return _file_of_model(path)
+        self._world = file
+        self._models = ModelFinder(file.path, package_paths)
+        self._notes = notes
+        self._missing: dict[str, ET.Element] = {}
+        self._names: dict[tuple[Path, bool | None], str] = {}
+        self._files: dict[Path, SdfFile] = {}
+        # Files whose models are being cleaned, each included by the one before.
+        self._open: list[Path] = []
 
-    def find_file(self, uri: str, relative_to: Path) -> Path | None:
-        """Return where a file or folder is, or None.
+        # Texts of the files that inclusions name, by their names in `FOLDER`.
+        self.included: dict[str, str] = {}
+
+    def clean(self, element: ET.Element) -> Cleaned | None:
+        """Return a model or an inclusion of the world as Drake takes it, or None.
 
         Args:
-            uri: As that of `find_model`; remote files are never there.
-            relative_to: Folder that relative paths start from.
+            element: The model or inclusion, changed in place.
+
+        Raises:
+            InputError: If a number in it is malformed.
         """
-        if _REMOTE.match(uri) or "\0" in unquote(uri):
+        return self._clean(element, self._world, None, "", 0)
+
+    def report_missing(self) -> None:
+        """Record the models that aren't there, in one line."""
+        if self._missing:
+            names = sorted(self._missing)
+            count = (
+                "no model" if len(names) == 1 else f"{len(names)} models aren't there:"
+            )
+            self._notes.add(
+                "error",
+                "missing",
+                f"{count} {', '.join(map(repr, names))}",
+                "left out, nothing is downloaded; --package-path or GAZEBO_MODEL_PATH "
+                "can name a folder that holds models",
+                file=self._world,
+                element=next(iter(self._missing.values())),
+            )
+
+    def _clean(
+        self,
+        element: ET.Element,
+        file: SdfFile,
+        is_static: bool | None,
+        where: str,
+        depth: int,
+    ) -> Cleaned | None:
+        """Clean a model or an inclusion.
+
+        Args:
+            element: What to clean, in place.
+            file: File that it is in.
+            is_static: Whether what it is part of stands still; None if it decides.
+            where: Place of what it is part of.
+            depth: How many inclusions it is deep.
+        """
+        place = self._notes.place(where, element)
+        if element.tag == "include":
+            return self._include(element, file, is_static, place, depth)
+        own = text_of(element, "static")
+        if is_static is None and own:
+            is_static = is_true(own)
+        for child in element.findall("static"):
+            element.remove(child)
+        if is_static:
+            ET.SubElement(element, "static").text = "true"
+        self._notes.remove(element, _OF_MODELS, file=file, where=place)
+        is_level = (
+            bool(is_static) and depth == 0 and not where and _is_flat(element, file)
+        )
+        has_content = False
+        for child in list(element):
+            if child.tag == "link":
+                has_content = True
+                self._clean_link(child, file, place, is_level=is_level)
+            elif child.tag == "joint":
+                _clean_joint(element, child, is_static=bool(is_static))
+            elif child.tag in ("model", "include"):
+                at = list(element).index(child)
+                element.remove(child)
+                inside = self._clean(
+                    child, file, True if is_static else None, place, depth
+                )
+                if inside is not None:
+                    has_content = True
+                    element.insert(at, inside.element)
+        if not has_content:
             return None
-        scheme, found, rest = uri.partition("://")
-        if found and scheme == "model":
-            name, _, inside = unquote(rest).lstrip("/").partition("/")
-            folder = self._find_folder(name)
-            return None if folder is None else _existing(folder / inside)
+        return Cleaned(element, element.get("name", ""), bool(is_static))
+
+    def _clean_link(
+        self, link: ET.Element, file: SdfFile, where: str, *, is_level: bool
+    ) -> None:
+        place = self._notes.place(where, link)
+        self._notes.remove(link, _OF_LINKS, file=file, where=place)
+        ground = GROUND if is_level and _is_flat(link, file) else None
+        clean_shapes(link, file, self._models, self._notes, where=place, ground=ground)
+
+    def _include(
+        self,
+        include: ET.Element,
+        file: SdfFile,
+        is_static: bool | None,
+        where: str,
+        depth: int,
+    ) -> Cleaned | None:
+        self._notes.remove(include, ("plugin",), file=file, where=where)
+        uri = text_of(include, "uri")
+        name = uri.rstrip("/").rpartition("/")[2].replace("%20", " ")
+        known = name.lower().replace("_", " ")
+        if known == _SUN:
+            what, done = "the model of the sun", "the page has its own lamps"
+            self._notes.add(
+                "info", "ignored", what, done, file=file, element=include, where=where
+            )
+            return None
+        if known == _GROUND_PLANE:
+            return self._built_in_ground(include, file, depth)
+        path = self._models.find_model(uri, file.path.parent)
+        if path is None:
+            self._missing.setdefault(name or uri, include)
+            return None
+        own = text_of(include, "static")
+        if is_static is None and own:
+            is_static = is_true(own)
         try:
-            return _existing(self._packages.locate(uri, relative_to)[0])
-        except PackageError:
+            included = self._files.setdefault(path, read_sdf(path))
+            model = included.root.find("model")
+            if model is None:
+                raise included.error("<sdf> has no <model> to include", included.root)
+            if is_static is None:
+                is_static = is_true(text_of(model, "static"))
+            target = self._keep(included, model, is_static, where, depth)
+        except InputError as error:
+            done = "left out"
+            self._notes.report.add(
+                "error",
+                "invalid",
+                error.problem,
+                done,
+                where=where,
+                file=error.file,
+                line=error.line,
+            )
             return None
-
-    def _find_folder(self, name: str) -> Path | None:
-        """Return the folder of a model, by its name."""
-        if not name or name in (".", ".."):
+        if target is None:
             return None
-        for folder in self._candidates(name):
-            if os.path.isdir(folder):
-                return folder
-        try:
-            return self._packages.find(name)
-        except PackageError:
-            return None
+        for tag in ("uri", "static"):
+            for child in include.findall(tag):
+                include.remove(child)
+        ET.SubElement(include, "uri").text = f"file://{FOLDER}/{target}"
+        if is_static:
+            ET.SubElement(include, "static").text = "true"
+        called = text_of(include, "name") or (model.get("name") or "")
+        return Cleaned(include, called, bool(is_static))
 
-    def _candidates(self, name: str) -> Iterator[Path]:
-        for root in self._package_paths:
-            yield from self._search_below(root, name)
-        for folder in self._near:
-            yield from (folder / name, folder / "models" / name)
-        yield from self._search_below(self._near[-1], name)
-        for variable in _VARIABLES:
-            for place in filter(None, os.environ.get(variable, "").split(os.pathsep)):
-                yield Path(place) / name
-        for folder in self._above:
-            yield from (folder / name, folder / "models" / name)
-
-    def _search_below(self, root: Path, name: str) -> Iterator[Path]:
-        """Yield the folder below a place that holds a model of this name, if any."""
-        if root not in self._below:
-            self._below[root] = _models_below(root)
-        if name in self._below[root]:
-            yield self._below[root][name]
-
-
-def _existing(path: Path) -> Path | None:
-    return path if os.path.exists(path) else None
-
-
-def _models_below(root: Path) -> dict[str, Path]:
-    """Return the folders that hold models, by name, the topmost of each."""
-    found: dict[str, Path] = {}
-    level, count = [root], 0
-    for _ in range(_DEPTH + 1):
-        below: list[Path] = []
-        for folder in level:
-            count += 1
-            if count > _MAX_FOLDERS:
-                return found
+    def _keep(
+        self,
+        file: SdfFile,
+        model: ET.Element,
+        is_static: bool,
+        where: str,
+        depth: int,
+    ) -> str | None:
+        """Return the name of the cleaned file of a model, None if nothing is left."""
+        key = (file.path, is_static)
+        if key not in self._names:
+            copied = file.copy(model)
+            for child in copied.findall("static"):
+                copied.remove(child)
+            if file.path in self._open:
+                raise file.error("the model includes itself", model)
+            self._open.append(file.path)
             try:
-                entries = sorted(os.scandir(folder), key=lambda entry: entry.name)
-            except OSError:
-                continue
-            names = {entry.name for entry in entries}
-            if names & {"model.config", "model.sdf"}:
-                found.setdefault(folder.name, folder)
-            below += [
-                Path(entry.path)
-                for entry in entries
-                if entry.is_dir(follow_symlinks=False)
-                and not entry.name.startswith(".")
-            ]
-        level = below
-    return found
+                cleaned = self._clean(copied, file, is_static, where, depth + 1)
+            finally:
+                self._open.pop()
+            name = f"{len(self.included)}.sdf" if cleaned is not None else ""
+            self._names[key] = name
+            if cleaned is not None:
+                root = ET.Element("sdf", file.root.attrib)
+                root.append(cleaned.element)
+                self.included[name] = ET.tostring(root, encoding="unicode")
+        return self._names[key] or None
+
+    def _built_in_ground(
+        self, include: ET.Element, file: SdfFile, depth: int
+    ) -> Cleaned | None:
+        model = ET.fromstring(_GROUND_MODEL)  # noqa: S314  our own text.
+        if text_of(include, "name"):
+            model.set("name", text_of(include, "name"))
+        model.extend(include.findall("pose"))
+        return self._clean(model, file, True, "", depth)
 
 
-def _file_of_model(folder: Path) -> Path | None:
-    """Return the SDF file of a model's folder: that of the newest version."""
-    config = folder / "model.config"
-    if config.is_file():
-        named = _named_in(config)
-        if named is not None:
-            return named
-    path = folder / "model.sdf"
-    return path if path.is_file() else None
+def _is_flat(element: ET.Element, file: SdfFile) -> bool:
+    """Return whether the plane z = 0 of an element is that of its parent."""
+    pose = element.find("pose")
+    is_relative = pose is not None and bool(pose.get("relative_to"))
+    return not is_relative and is_flat(pose_of(element, file))
 
 
-def _named_in(config: Path) -> Path | None:
-    try:
-        root = read_sdf(config, root_tag="model").root
-    except InputError:
-        return None
-    versions = {
-        _version(element.get("version", "")): element.text
-        for element in root.iterfind("sdf")
-    }
-    for _, name in sorted(versions.items(), reverse=True):
-        path = config.parent / (name or "").strip()
-        if path.is_file() and path.resolve().is_relative_to(config.parent.resolve()):
-            return path
-    return None
+def _clean_joint(model: ET.Element, joint: ET.Element, *, is_static: bool) -> None:
+    """Remove a joint where nothing moves; else let nothing drive it.
 
-
-def _version(text: str) -> tuple[int, ...]:
-    return tuple(int(part) for part in re.findall("[0-9]+", text))
+    Drake has an actuator for each joint whose effort limit isn't 0.
+    """
+    if joint.get("type") == "fixed":
+        return
+    if is_static:
+        model.remove(joint)
+        return
+    for axis in [child for child in joint if child.tag in ("axis", "axis2")]:
+        limit = axis.find("limit")
+        if limit is None:
+            limit = ET.SubElement(axis, "limit")
+        for effort in limit.findall("effort"):
+            limit.remove(effort)
+        ET.SubElement(limit, "effort").text = "0"

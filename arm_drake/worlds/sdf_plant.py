@@ -12,10 +12,10 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, FixedOffsetFrame, ModelInstanceIndex
 
-from arm_drake.drake_log import drake_messages
+from arm_drake.plant.drake_log import drake_messages
 from arm_drake.worlds.loaded_world import LoadedWorld
-from arm_drake.worlds.sdf_cleaning import FOLDER
 from arm_drake.worlds.sdf_files import name_of
+from arm_drake.worlds.sdf_models import FOLDER
 from arm_drake.worlds.sdf_world import SdfWorld, read_world
 
 

@@ -14,10 +14,10 @@ from arm_drake.description.meshes.conversion import (
     convert_visual,
 )
 from arm_drake.description.values import parse_number
-from arm_drake.worlds.ground import GROUND_FRICTION
+from arm_drake.plant.ground import GROUND_FRICTION
 from arm_drake.worlds.sdf_colors import COLORS
 from arm_drake.worlds.sdf_files import SdfFile, text_of
-from arm_drake.worlds.sdf_models import ModelFinder
+from arm_drake.worlds.sdf_models_part import ModelFinder
 from arm_drake.worlds.sdf_notes import Notes
 
 # Geometries that Drake knows, beside meshes and planes.

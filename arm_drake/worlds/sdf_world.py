@@ -7,8 +7,8 @@ from pathlib import Path
 
 from arm_drake.description.values import parse_number
 from arm_drake.worlds.loaded_world import Vector
-from arm_drake.worlds.sdf_cleaning import Cleaner
 from arm_drake.worlds.sdf_files import SdfFile, name_of, read_sdf, text_of
+from arm_drake.worlds.sdf_models import Cleaner
 from arm_drake.worlds.sdf_notes import Notes
 
 # Plugins of a world that do what arm_drake does without them.

@@ -15,15 +15,15 @@ from pydrake.systems.primitives import (
 from pydrake.trajectories import PiecewisePolynomial
 
 import arm_drake as ad
-from arm_drake.drives import (
+from arm_drake.hardware.drives import (
     RobotDrive,
     commanded_joints,
     effort_limits,
     make_robot_drive,
 )
-from arm_drake.gripper_ranges import find_gripper_joints
-from arm_drake.hardware import add_hardware, connect_forces
-from arm_drake.plant import (
+from arm_drake.hardware.hardware import add_hardware, connect_forces
+from arm_drake.plant.gripper_ranges import find_gripper_joints
+from arm_drake.plant.plant import (
     add_actuators,
     add_plant,
     add_robot_model,
@@ -31,7 +31,7 @@ from arm_drake.plant import (
     set_initial_positions,
 )
 from arm_drake.timing import choose_time_step
-from arm_drake.world import add_world
+from arm_drake.worlds.world import add_world
 
 # Names of the system that holds the joints' states, and of the logs of these and of the
 # commands.

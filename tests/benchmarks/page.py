@@ -97,8 +97,8 @@ def measure_drawing(robot: str) -> dict[str, float]:
     They are headless, not drawn, drawn on a page, and that with a browser; the first
     in %, the last in ms.
     """
-    from arm_drake.pages.live_simulation import LiveSimulation
     from arm_drake.visualization.page import Page
+    from arm_drake.visualization.page.live_simulation import LiveSimulation
 
     motion = motion_of(robot)
     shares: dict[str, list[float]] = {kind: [] for kind in KINDS}
@@ -185,8 +185,8 @@ def measure_memory(robot: str, *, keeps_log: bool) -> dict[str, float]:
         robot: The robot.
         keeps_log: Whether the logs grow, as in a user's run.
     """
-    from arm_drake.pages.live_simulation import LiveSimulation
     from arm_drake.visualization.page import Page
+    from arm_drake.visualization.page.live_simulation import LiveSimulation
 
     with Page() as page:
         sim = simulate(robot, meshcat=page.meshcat)
@@ -208,8 +208,8 @@ def measure_memory(robot: str, *, keeps_log: bool) -> dict[str, float]:
 
 def measure_live(robot: str) -> dict[str, float]:
     """Return how memory grows in real time with a browser [MB per 10 min]."""
-    from arm_drake.pages.live_simulation import LiveSimulation
     from arm_drake.visualization.page import Page
+    from arm_drake.visualization.page.live_simulation import LiveSimulation
 
     motion = motion_of(robot)
     with Page() as page:
@@ -242,8 +242,8 @@ def slopes(rows: list[tuple[float, int, int]]) -> dict[str, float]:
 
 def measure_stopped(robot: str) -> dict[str, float]:
     """Return simulated seconds per second while a browser runs, and stands still."""
-    from arm_drake.pages.live_simulation import LiveSimulation
     from arm_drake.visualization.page import Page
+    from arm_drake.visualization.page.live_simulation import LiveSimulation
 
     factors = {}
     with Page() as page:

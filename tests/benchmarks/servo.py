@@ -52,17 +52,17 @@ from pydrake.trajectories import PiecewisePolynomial
 
 import arm_drake as ad
 from arm_drake.control.drive_commands import NUM_PARTS, NUM_PARTS_OF_POSITIONS
-from arm_drake.couplings import find_followers
 from arm_drake.description.tree import last_master
-from arm_drake.drives import (
+from arm_drake.hardware.drives import (
     RobotDrive,
     add_rotors,
     effort_limits,
     make_robot_drive,
 )
-from arm_drake.dynamics_samples import sample_dynamics
-from arm_drake.hardware import add_hardware, connect_forces
-from arm_drake.plant import (
+from arm_drake.hardware.hardware import add_hardware, connect_forces
+from arm_drake.plant.couplings import find_followers
+from arm_drake.plant.dynamics_samples import sample_dynamics
+from arm_drake.plant.plant import (
     add_actuators,
     add_plant,
     add_robot_model,

@@ -42,14 +42,17 @@ from pydrake.systems.primitives import (
 import arm_drake as ad
 from arm_drake import interfaces
 from arm_drake.controllers import CONTROLLER_TYPES
-from arm_drake.controllers.controller_interface import (
+from arm_drake.controllers.controller_interface import TickingController
+from arm_drake.controllers.controller_interface_part import (
     ControllerInterface,
     ControllerInterfaceParams,
 )
 from arm_drake.controllers.cycles import Cycle
-from arm_drake.controllers.ticking_controller import TickingController
-from arm_drake.drives import make_robot_drive
-from arm_drake.hardware import Hardware
+from arm_drake.hardware.drives import make_robot_drive
+from arm_drake.hardware.hardware import Hardware
+from arm_drake.hardware.robot_commands import make_drive_commands
+from arm_drake.hardware.robot_systems import RobotSystems
+from arm_drake.manager.robot_controllers import find_surroundings, load_controllers_of
 from arm_drake.messages import (
     Float64MultiArray,
     FollowJointTrajectoryGoal,
@@ -58,9 +61,6 @@ from arm_drake.messages import (
     MultiDOFCommand,
     SendGoal,
 )
-from arm_drake.robot_commands import make_drive_commands
-from arm_drake.robot_controllers import find_surroundings, load_controllers_of
-from arm_drake.robot_systems import RobotSystems
 from tests.controllers.parameters import FORWARD, JSB, JTC, PID, load
 
 # The port of a trajectory controller's action.

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from playwright.sync_api import Browser
 
 import arm_drake as ad
-from arm_drake.pages.live_simulation import LiveSimulation
 from arm_drake.visualization.page import Page
+from arm_drake.visualization.page.live_simulation import LiveSimulation
 from tests import carts
 from tests.browser.pages import (
     Program,

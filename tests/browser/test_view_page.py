@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from playwright.sync_api import Browser
 
 import arm_drake as ad
-from arm_drake.pages.robot_viewer import RobotViewer
+from arm_drake.visualization.page.robot_viewer import RobotViewer
 from tests.browser.pages import (
     Program,
     Screen,

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from arm_drake.commands.arguments import make_parser, parse_arguments
-from arm_drake.commands.command_arguments import add_page_arguments
+from arm_drake.arguments import make_parser, parse_arguments
+from arm_drake.command_arguments import add_page_arguments
 
 A_B = [("a", "1"), ("b", "2")]
 

@@ -5,13 +5,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm_drake.control.mecanum import (
+from arm_drake.control.odometry import PlanarPose
+from arm_drake.controllers.bases.mecanum import (
     MecanumKinematics,
     MecanumOdometry,
     MecanumWheels,
 )
-from arm_drake.control.odometry import PlanarPose
-from arm_drake.control.omni_wheel import OmniWheelKinematics, OmniWheelOdometry
+from arm_drake.controllers.bases.omni_wheel import (
+    OmniWheelKinematics,
+    OmniWheelOdometry,
+)
 from tests.conformance.open_loop import assert_close, numbers
 from tests.conformance.oracle_files import read_files
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm_drake.control.gazebo_pid import GazeboPid
+from arm_drake.controllers.gazebo.plugin import GazeboPid
 
 DT = 0.5
 

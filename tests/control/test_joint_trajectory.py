@@ -5,8 +5,11 @@ from math import inf, pi
 import numpy as np
 import pytest
 
-from arm_drake.control.joint_trajectory import tick
-from arm_drake.control.joint_trajectory_state import JointTrajectoryState, TickInputs
+from arm_drake.controllers.joint_trajectory.joint_trajectory import tick
+from arm_drake.controllers.joint_trajectory.state import (
+    JointTrajectoryState,
+    TickInputs,
+)
 from arm_drake.messages import (
     CancelGoal,
     FollowJointTrajectoryResult,

@@ -7,16 +7,23 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm_drake.control.joint_trajectory import (
+from arm_drake.controllers.joint_trajectory.joint_trajectory import (
     activate,
     deactivate,
     idle,
-    make_controller_state,
     query,
     tick,
 )
-from arm_drake.control.joint_trajectory_rules import JointTrajectoryRules
-from arm_drake.control.joint_trajectory_state import JointTrajectoryState, TickInputs
+from arm_drake.controllers.joint_trajectory.joint_trajectory_report import (
+    make_controller_state,
+)
+from arm_drake.controllers.joint_trajectory.joint_trajectory_rules import (
+    JointTrajectoryRules,
+)
+from arm_drake.controllers.joint_trajectory.state import (
+    JointTrajectoryState,
+    TickInputs,
+)
 from arm_drake.messages import (
     CancelGoal,
     CancelResponse,

@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 
-from arm_drake.control.joint_trajectory import tick
-from arm_drake.control.joint_trajectory_rules import Deceleration
-from arm_drake.control.joint_trajectory_state import JointTrajectoryState, TickInputs
-from arm_drake.control.joint_trajectory_stop import min_stop_points
+from arm_drake.controllers.joint_trajectory.joint_trajectory import tick
+from arm_drake.controllers.joint_trajectory.joint_trajectory_rules import Deceleration
+from arm_drake.controllers.joint_trajectory.joint_trajectory_stop import min_stop_points
+from arm_drake.controllers.joint_trajectory.state import (
+    JointTrajectoryState,
+    TickInputs,
+)
 from arm_drake.messages import CancelGoal, GoalStatus
 from tests.control.joint_trajectory_runs import (
     PERIOD_NS,

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from arm_drake.control.pid import Pid, PidState
+from arm_drake.control.pid_gains import PidGains
 from arm_drake.control.pid_rules import find_fault
-from arm_drake.controllers.pid_gains import PidGains
 
 INF, NAN = math.inf, math.nan
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from arm_drake.control.pid_control import PidControl
+from arm_drake.controllers.pid_control import PidControl
 from arm_drake.controllers.pid_parameters import DofGains
 
 NAN = np.nan

@@ -7,12 +7,12 @@ import numpy as np
 from pydrake.systems.analysis import Simulator
 
 from arm_drake import interfaces
-from arm_drake.controllers.controller_interface import (
+from arm_drake.controllers.controller_interface import TickingController
+from arm_drake.controllers.controller_interface_part import (
     ControllerInterface,
     ControllerInterfaceParams,
 )
 from arm_drake.controllers.cycles import Cycle, Tick
-from arm_drake.controllers.ticking_controller import TickingController
 
 NAME = "controller"
 

@@ -13,11 +13,10 @@ from scipy.spatial.transform import Rotation
 
 import arm_drake as ad
 from arm_drake.controllers.admittance_controller import AdmittanceController
-from arm_drake.controllers.admittance_parameters import (
-    AdmittanceControllerParameters,
-)
-from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.admittance_parameters import AdmittanceControllerParameters
+from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
 from arm_drake.errors import ParameterError
+from arm_drake.manager.robot_controllers import find_surroundings
 from arm_drake.messages import (
     Header,
     JointTrajectory,
@@ -25,7 +24,6 @@ from arm_drake.messages import (
     Quaternion,
     WrenchStamped,
 )
-from arm_drake.robot_controllers import find_surroundings
 from tests import models
 from tests.controllers.driving import NAME, Driven
 from tests.controllers.parameters import ADMITTANCE, MINIMAL, load

@@ -5,7 +5,7 @@ import pytest
 from pydrake.common.value import AbstractValue
 from pydrake.systems.analysis import Simulator
 
-from arm_drake.controllers.controller_interface import (
+from arm_drake.controllers.controller_interface_part import (
     ControllerInterface,
     ControllerInterfaceParams,
 )

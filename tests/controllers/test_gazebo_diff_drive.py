@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm_drake.control.gazebo_diff_drive import SpeedLimits
-from arm_drake.controllers.gazebo_diff_drive import DiffDrive
+from arm_drake.controllers.gazebo.diff_drive import DiffDrive
+from arm_drake.controllers.gazebo.gazebo_diff_drive import SpeedLimits
 from arm_drake.description import gazebo_drives
 from arm_drake.messages import Bool, Odometry, Twist, Vector3
 from tests.controllers.driving import Driven

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from arm_drake.controllers.gazebo_joint_controller import JointController
+from arm_drake.controllers.gazebo.gazebo_joint_controller import JointController
 from arm_drake.description import gazebo_joints
 from arm_drake.messages import Float64
 from tests.controllers.driving import Driven

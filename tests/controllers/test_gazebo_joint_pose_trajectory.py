@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
-from arm_drake.controllers.gazebo_joint_pose_trajectory import (
+from arm_drake.controllers.gazebo.gazebo_joint_pose_trajectory import (
     GazeboRosJointPoseTrajectory,
 )
 from arm_drake.description import gazebo_joints

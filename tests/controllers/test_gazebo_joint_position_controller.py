@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from arm_drake.controllers.gazebo_joint_position_controller import (
+from arm_drake.controllers.gazebo.gazebo_joint_position_controller import (
     JointPositionController,
 )
 from arm_drake.description import gazebo_joints

@@ -6,9 +6,9 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, ZeroOrderHold
 
-from arm_drake.controllers.controller_interface import ControllerInterface
+from arm_drake.controllers.controller_interface_part import ControllerInterface
 from arm_drake.controllers.cycles import Cycle
-from arm_drake.controllers.gazebo_joint_state_publisher import (
+from arm_drake.controllers.gazebo.joint_state_publisher import (
     GazeboRosJointStatePublisher,
     JointStatePublisher,
 )

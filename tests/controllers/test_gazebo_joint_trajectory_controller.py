@@ -2,16 +2,9 @@ import math
 
 import pytest
 
-from arm_drake.controllers.gazebo_joint_trajectory_controller import (
-    JointTrajectoryController,
-)
+from arm_drake.controllers.gazebo.joint_trajectory import JointTrajectoryController
 from arm_drake.description import gazebo_joints
-from arm_drake.messages import (
-    Header,
-    JointTrajectory,
-    JointTrajectoryPoint,
-    Time,
-)
+from arm_drake.messages import Header, JointTrajectory, JointTrajectoryPoint, Time
 from tests.controllers.driving import Driven
 from tests.controllers.gazebo_plugins import commands, make_surroundings, push
 

@@ -9,7 +9,7 @@ import pytest
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from arm_drake.controllers.gazebo_ros_diff_drive import GazeboRosDiffDrive
+from arm_drake.controllers.gazebo.gazebo_ros_diff_drive import GazeboRosDiffDrive
 from arm_drake.description import gazebo_drives
 from arm_drake.messages import Odometry, TFMessage, Twist, Vector3
 from tests.controllers.driving import Driven

@@ -2,7 +2,7 @@
 
 import pytest
 
-from arm_drake.controllers.gazebo_topics import (
+from arm_drake.controllers.gazebo.gazebo_topics import (
     GazeboTag,
     drive_topics,
     find_unsupported,

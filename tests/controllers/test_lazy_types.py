@@ -11,7 +11,7 @@ from arm_drake.controllers.joint_state_broadcaster import (
     JointStateBroadcasterParameters,
 )
 from arm_drake.controllers.lazy_types import ControllerTypes, LazyType
-from arm_drake.controllers.standard_types import STANDARD_TYPES
+from arm_drake.controllers.registry import STANDARD_TYPES
 
 BROADCASTER = LazyType(
     "JointStateBroadcasterParameters",

@@ -6,21 +6,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm_drake.control.mecanum import (
+from arm_drake.control.odometry import PlanarPose
+from arm_drake.controllers.bases.mecanum import (
     MecanumKinematics,
     MecanumOdometry,
     MecanumWheels,
 )
-from arm_drake.control.odometry import PlanarPose
-from arm_drake.controllers.mecanum_drive_controller import MecanumDriveController
-from arm_drake.controllers.mecanum_drive_parameters import (
+from arm_drake.controllers.bases.mecanum_drive_controller import MecanumDriveController
+from arm_drake.controllers.bases.mecanum_drive_parameters import (
     MecanumAngular,
     MecanumDriveControllerParameters,
     MecanumKinematicsParameters,
     MecanumLinear,
 )
-from arm_drake.controllers.speed_limits import SpeedLimits
-from arm_drake.description.parameters import Parameter, load_parameters
+from arm_drake.controllers.bases.speed_limits import SpeedLimits
+from arm_drake.description.given import Parameter
+from arm_drake.description.parameters import load_parameters
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import ParameterError
 from arm_drake.messages import (

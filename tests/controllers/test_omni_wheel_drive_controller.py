@@ -6,9 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm_drake.control.omni_wheel import OmniWheelKinematics, OmniWheelOdometry
-from arm_drake.controllers.omni_wheel_drive_controller import OmniWheelDriveController
-from arm_drake.controllers.omni_wheel_drive_parameters import (
+from arm_drake.controllers.bases.omni_wheel import (
+    OmniWheelKinematics,
+    OmniWheelOdometry,
+)
+from arm_drake.controllers.bases.omni_wheel_drive_controller import (
+    OmniWheelDriveController,
+)
+from arm_drake.controllers.bases.omni_wheel_drive_parameters import (
     DiagonalCovariance,
     OmniWheelDriveControllerParameters,
 )

@@ -12,13 +12,13 @@ import pytest
 import arm_drake as ad
 from arm_drake import controllers
 from arm_drake.controllers import ControllerType, find_controller_type
-from arm_drake.controllers.controller_interface import (
+from arm_drake.controllers.controller_interface import TickingController
+from arm_drake.controllers.controller_interface_part import (
     ControllerInterface,
     ControllerInterfaceParams,
 )
 from arm_drake.controllers.cycles import Now
 from arm_drake.controllers.other_types import describe_unknown
-from arm_drake.controllers.ticking_controller import TickingController
 from arm_drake.errors import InputError
 from arm_drake.messages import NANOSECONDS
 from tests import models

@@ -13,7 +13,7 @@ from arm_drake.control.steering import (
     to_base_velocity,
     to_wheel_commands,
 )
-from arm_drake.controllers.steering_controllers import SteeringController
+from arm_drake.controllers.bases.steering_controllers import SteeringController
 from arm_drake.errors import ParameterError
 from arm_drake.messages import (
     Header,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from arm_drake.control.odometry import RollingMean
-from arm_drake.control.tricycle import (
+from arm_drake.controllers.bases.tricycle import (
     Range,
     SteeringLimiter,
     TractionLimiter,
@@ -17,8 +17,11 @@ from arm_drake.control.tricycle import (
     speed_scale,
     to_wheel_command,
 )
-from arm_drake.controllers.tricycle_controller import TricycleController
-from arm_drake.controllers.tricycle_parameters import SteeringLimits, TractionLimits
+from arm_drake.controllers.bases.tricycle_controller import TricycleController
+from arm_drake.controllers.bases.tricycle_parameters import (
+    SteeringLimits,
+    TractionLimits,
+)
 from arm_drake.errors import ParameterError
 from arm_drake.messages import Header, Odometry, Time, Twist, TwistStamped, Vector3
 from arm_drake.messages.steering import AckermannDrive, ResetOdometry

@@ -7,11 +7,10 @@ from typing import Any
 
 import pytest
 
-from arm_drake.description.controllers import (
-    ControllerManagerConfig,
+from arm_drake.description.controller_manager_parameters import (
     HardwareComponentsInitialState,
-    load_controllers,
 )
+from arm_drake.description.controllers import ControllerManagerConfig, load_controllers
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import ParameterError

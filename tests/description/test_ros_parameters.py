@@ -13,11 +13,7 @@ from typing import Any
 import pytest
 
 from arm_drake.description.report import LoadReport
-from arm_drake.description.ros_parameters import (
-    MAX_SIZE,
-    ParameterReader,
-    Section,
-)
+from arm_drake.description.ros_parameters import MAX_SIZE, ParameterReader, Section
 from arm_drake.errors import ParameterError
 
 TRUE = ["Y", "y", "yes", "Yes", "YES", "true", "True", "TRUE", "on", "On", "ON"]

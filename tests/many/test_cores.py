@@ -5,7 +5,7 @@ import os
 import pytest
 
 import arm_drake as ad
-from arm_drake.many import api, cores
+from arm_drake.batch import api, cores
 from tests.many.functions import square
 
 

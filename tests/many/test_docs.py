@@ -11,7 +11,7 @@ from typing import get_args
 import pytest
 
 import arm_drake as ad
-from arm_drake.many.api import Backend
+from arm_drake.batch.api import Backend
 
 DOCS = (Path(__file__).parents[2] / "docs/many.md").read_text(encoding="utf-8")
 

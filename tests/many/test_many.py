@@ -17,11 +17,11 @@ import psutil
 import pytest
 
 import arm_drake as ad
+from arm_drake.batch import choice
+from arm_drake.batch.forking import close_server
+from arm_drake.batch.processes import Pool
 from arm_drake.controllers import CONTROLLER_TYPES
 from arm_drake.errors import InputError
-from arm_drake.many import choice
-from arm_drake.many.forking import close_server
-from arm_drake.many.processes import Pool
 from tests.many import functions
 
 BACKENDS = ("serial", "threads", "processes", "auto")

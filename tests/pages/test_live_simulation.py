@@ -11,10 +11,10 @@ import pytest
 
 import arm_drake as ad
 from arm_drake.errors import InputError, MotionError
-from arm_drake.motion import parse_motion
-from arm_drake.pages import live_simulation as mut
-from arm_drake.pages.live_simulation import LiveSimulation, latest
+from arm_drake.simulation.motion_files import parse_motion
 from arm_drake.visualization.page import Event, Page
+from arm_drake.visualization.page import live_simulation as mut
+from arm_drake.visualization.page.live_simulation import LiveSimulation, latest
 from tests.models import TWO_LINKS, load
 from tests.teleop.panel import same_bits
 from tests.visualization.page.clients import Panel, WebSocket, wait_until
@@ -300,7 +300,7 @@ def with_clock(
 ) -> Clock:
     clock = Clock(page, live, cost)
     patch.setattr(mut, "time", clock)
-    patch.setattr("arm_drake.pages.pace.time", clock)
+    patch.setattr("arm_drake.visualization.page.pace.time", clock)
     patch.setattr(page, "events", clock.events)
     patch.setattr(live, "_advance_to", clock.advance_to)
     return clock

@@ -9,8 +9,8 @@ import pytest
 
 import arm_drake as ad
 from arm_drake.errors import InputError
-from arm_drake.pages.live_views import LiveViews, commanded_positions
 from arm_drake.visualization.page import Choice, Page, Toggle
+from arm_drake.visualization.page.live_views import LiveViews, commanded_positions
 from tests.models import (
     FALLING_BALL,
     GRAVITY,

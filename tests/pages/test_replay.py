@@ -11,9 +11,9 @@ import pytest
 import arm_drake as ad
 from arm_drake.cli import main
 from arm_drake.errors import InputError
-from arm_drake.pages.replay import Replay, load_recorded_robot
-from arm_drake.pages.replay_page import ReplayPage
 from arm_drake.visualization.page import Event, Page, Scene
+from arm_drake.visualization.page.replay import Replay, load_recorded_robot
+from arm_drake.visualization.page.replay_page import ReplayPage
 from tests.carts import cart, diff_drive
 from tests.carts import load as load_cart
 

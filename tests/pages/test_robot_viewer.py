@@ -10,11 +10,11 @@ import pytest
 from pydrake.geometry import Meshcat
 
 import arm_drake as ad
+from arm_drake.description.source_files import file_of, files_of_failed
 from arm_drake.errors import ArmDrakeError, InputError
-from arm_drake.joint_ranges import joint_ranges
-from arm_drake.pages.robot_viewer import RobotViewer
-from arm_drake.source_files import file_of, files_of_failed
+from arm_drake.plant.joint_ranges import joint_ranges
 from arm_drake.visualization.page import Event, Page
+from arm_drake.visualization.page.robot_viewer import RobotViewer
 from tests.models import GRIPPER, TWO_LINKS, bob, joint
 from tests.visualization.page.clients import Panel, wait_until
 from tests.visualization.scene import about_y, is_visible, pose, transform
@@ -396,7 +396,7 @@ def run_while(viewer: RobotViewer, page: Page, do: Any) -> None:
 def test_it_reloads_by_itself_when_a_file_changes(
     page: Page, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("arm_drake.pages.robot_viewer._WATCH_PERIOD", 0.01)
+    monkeypatch.setattr("arm_drake.visualization.page.robot_viewer._WATCH_PERIOD", 0.01)
     viewer = view(page, tmp_path)
     names: list[list[str]] = []
 
@@ -414,7 +414,7 @@ def test_it_reloads_by_itself_when_a_file_changes(
 def test_it_reloads_when_a_file_that_was_missing_comes(
     page: Page, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("arm_drake.pages.robot_viewer._WATCH_PERIOD", 0.01)
+    monkeypatch.setattr("arm_drake.visualization.page.robot_viewer._WATCH_PERIOD", 0.01)
     file, part = tmp_path / "robot.urdf.xacro", tmp_path / "part.xacro"
     write(tmp_path, TWO_LINKS)
     xmlns = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
@@ -454,7 +454,7 @@ def test_by_default_the_file_of_the_error_is_watched() -> None:
 def test_without_watching_files_may_change(
     page: Page, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("arm_drake.pages.robot_viewer._WATCH_PERIOD", 0.01)
+    monkeypatch.setattr("arm_drake.visualization.page.robot_viewer._WATCH_PERIOD", 0.01)
     viewer = view(page, tmp_path, is_watching=False)
     looks: list[float] = []
     take = page.events

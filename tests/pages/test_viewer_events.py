@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 
 import arm_drake as ad
-from arm_drake.pages.robot_viewer import RobotViewer, handle_events
 from arm_drake.visualization.page import Event, Page
+from arm_drake.visualization.page.robot_viewer import RobotViewer, handle_events
 from tests.models import GRIPPER, load
 
 

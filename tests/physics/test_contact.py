@@ -23,7 +23,7 @@ from pydrake.multibody.tree import SpatialInertia
 
 import arm_drake as ad
 from arm_drake.messages import Duration, FollowJointTrajectoryResult
-from arm_drake.world import World, add_world
+from arm_drake.worlds.world import World, add_world
 from tests import models
 from tests.robots import read_index, robots_folder
 

@@ -13,7 +13,12 @@ from pydrake.systems.framework import DiagramBuilder
 import arm_drake as ad
 from arm_drake.description.joints import JointInfo
 from arm_drake.description.urdf import RobotDescription
-from arm_drake.plant import add_actuators, add_plant, add_robot_model, state_indices
+from arm_drake.plant.plant import (
+    add_actuators,
+    add_plant,
+    add_robot_model,
+    state_indices,
+)
 from tests.robots import read_index, robot_names, robots_folder
 
 STEP = 1e-3

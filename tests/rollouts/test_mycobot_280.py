@@ -7,7 +7,7 @@ import pytest
 
 import arm_drake as ad
 from arm_drake.bundled import bundled_motions, models_folder
-from arm_drake.motion import Motion
+from arm_drake.simulation.motion import Motion
 
 ROBOT = "mycobot_280"
 ARM = (

@@ -11,7 +11,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 import arm_drake as ad
 from arm_drake.errors import InputError
 from arm_drake.messages import Duration, Twist, Vector3
-from arm_drake.motion import load_motion
+from arm_drake.simulation.motion_files import load_motion
 from tests import models
 from tests.robots import read_index, robots_folder
 

@@ -15,7 +15,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from arm_drake.description.robot import Pose
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.options import SimulationOptions
-from arm_drake.plant import add_plant, add_robot_model
+from arm_drake.plant.plant import add_plant, add_robot_model
 from tests import models
 
 # Extension types of msgpack-lite, which Meshcat uses for arrays.

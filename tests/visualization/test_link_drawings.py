@@ -19,7 +19,7 @@ from pydrake.multibody.plant import CoulombFriction
 from pydrake.multibody.tree import SpatialInertia, UnitInertia
 
 from arm_drake.errors import InputError
-from arm_drake.plant import add_robot_model
+from arm_drake.plant.plant import add_robot_model
 from arm_drake.visualization.drawn_robot import DrawnRobot
 from arm_drake.visualization.link_drawings import KINDS, LinkDrawings, show_visual
 from arm_drake.visualization.link_pieces import collision_pieces, equivalent_ellipsoid

@@ -9,7 +9,7 @@ from unittest.mock import Mock
 
 import pytest
 
-from arm_drake.commands.sim_files import needs_recording, write_outputs
+from arm_drake.commands.output import needs_recording, write_outputs
 from arm_drake.commands.sim_output import Speaker
 from arm_drake.errors import InputError, MissingExtraError, OutputError
 from arm_drake.visualization.video import check_video_installed, save_video
@@ -85,7 +85,7 @@ def test_an_interrupted_film_says_where_it_is(
             progress(taken, 200)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("arm_drake.commands.sim_files.save_video", interrupted)
+    monkeypatch.setattr("arm_drake.visualization.video.save_video", interrupted)
     words = ["log", "plot", "record", "screenshot"]
     file = tmp_path / "film.mp4"
     options = Namespace(**dict.fromkeys(words), video=file, json=False)

@@ -7,7 +7,7 @@ from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 
-from arm_drake.world import add_world
+from arm_drake.worlds.world import add_world
 
 # A table, its top at a height [m].
 TABLE_HEIGHT = 0.3

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from arm_drake.errors import InputError
-from arm_drake.world import load_world
 from arm_drake.worlds import sdf_files
+from arm_drake.worlds.world import load_world
 from tests.worlds.sdf import TABLE, box, model, write, write_model
 
 _PLANE = '<collision name="c">{}<geometry><plane>{}</plane></geometry></collision>'

@@ -12,8 +12,8 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FrameIndex
 
 import arm_drake as ad
-from arm_drake.world import add_world
 from arm_drake.worlds.house import list_pieces
+from arm_drake.worlds.world import add_world
 from tests import models
 from tests.robots import real_robot
 

@@ -11,7 +11,7 @@ from pydrake.multibody.tree import FrameIndex
 
 import arm_drake as ad
 from arm_drake.errors import InputError
-from arm_drake.world import load_world
+from arm_drake.worlds.world import load_world
 from tests import carts, models
 from tests.worlds.sdf import (
     BALL,

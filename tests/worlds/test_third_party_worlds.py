@@ -6,7 +6,7 @@ import pytest
 
 import arm_drake as ad
 from arm_drake.cli import main
-from arm_drake.world import load_world
+from arm_drake.worlds.world import load_world
 from tests.robots import real_robot
 from tests.worlds.sdf import make_plant, shapes
 

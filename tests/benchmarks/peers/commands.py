@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 
 import arm_drake as ad
-from arm_drake.drives import commanded_joints
+from arm_drake.hardware.drives import commanded_joints
 from tests.benchmarks.peers import robots
 from tests.benchmarks.peers.task import PERIOD, Commands, Task
 

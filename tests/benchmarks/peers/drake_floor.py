@@ -20,8 +20,8 @@ from pydrake.systems.primitives import (
 from pydrake.trajectories import PiecewisePolynomial
 
 import arm_drake as ad
-from arm_drake.drives import make_servo_plant
-from arm_drake.plant import add_actuators, add_robot_model, state_indices
+from arm_drake.hardware.drives import make_servo_plant
+from arm_drake.plant.plant import add_actuators, add_robot_model, state_indices
 from tests.benchmarks.peers import robots
 from tests.benchmarks.peers.commands import commands_of
 from tests.benchmarks.peers.ours import CPP_ONLY

@@ -9,7 +9,7 @@ from pydrake.systems.framework import Diagram
 from pydrake.systems.primitives import VectorLogSink
 
 import arm_drake as ad
-from arm_drake.drives import commanded_joints
+from arm_drake.hardware.drives import commanded_joints
 from arm_drake.options import PRESETS
 from tests.benchmarks.cpp_only import SAMPLE, STATE_LOG, build_cpp_only
 from tests.benchmarks.peers import robots

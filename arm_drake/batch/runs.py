@@ -1,0 +1,246 @@
+"""Run: one rollout in words, and what executes it."""
+
+import dataclasses as dc
+import math
+import pickle
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from numbers import Real
+from pathlib import Path
+from typing import Any
+
+from arm_drake.batch.stopping import check_stop
+from arm_drake.description.report import LoadReport
+from arm_drake.description.robot import Robot
+from arm_drake.diagram import build_diagram
+from arm_drake.errors import InputError
+from arm_drake.loading import load_robot
+from arm_drake.messages import GoalStatus, Result
+from arm_drake.options import SimulationOptions
+from arm_drake.rollout.rollout import Rollout
+from arm_drake.simulation.happenings import list_failures
+from arm_drake.simulation.mailbox import GoalHandle
+from arm_drake.simulation.motion import Motion
+from arm_drake.simulation.robot_motions import default_duration, find_motion
+from arm_drake.simulation.simulation import Simulation
+from arm_drake.worlds.world import World
+
+# What a run says of the loading, none of which a loaded robot can be told.
+_LOADING = ("controllers", "xacro_args", "package_paths", "initial_positions")
+
+
+_NONE = type(None)
+
+# Types of fields, and what they are in words.
+_FIELDS: dict[str, tuple[tuple[type, ...], str]] = {
+    "robot": ((str, Path, Robot, Sequence), "a name, a file, or loaded robots"),
+    "motion": ((str, Path, Motion, _NONE), "a name, a file, or a loaded motion"),
+    "parameters": ((Mapping,), "values by name"),
+    "duration": ((Real, _NONE), "a number of seconds"),
+    "controllers": ((str, Path, Sequence, _NONE), "a YAML file, or several"),
+    "package_paths": ((Sequence,), "a list of folders"),
+    "xacro_args": ((Mapping, _NONE), "values by name"),
+    "initial_positions": ((Mapping, _NONE), "positions by joint"),
+    "options": ((SimulationOptions,), "SimulationOptions"),
+}
+
+
+@dc.dataclass(frozen=True, eq=False, kw_only=True)
+class Run:
+    """One rollout, in words: a robot, a motion, and how to simulate.
+
+    Raises:
+        InputError: If something is given that can't be used, or has no effect.
+    """
+
+    # What `load_robot` takes, or robots that it has loaded.
+    robot: str | Path | Robot | Sequence[Robot]
+
+    # Name of a bundled motion, a file, or a motion that is loaded. It is for the first
+    # robot where there are several.
+    motion: str | Path | Motion | None = None
+
+    # Values of the motion's parameters.
+    parameters: Mapping[str, Any] = dc.field(default_factory=dict)
+
+    # How long to simulate [s]; by default 1 s longer than the motion (one round of it),
+    # 10 s without one.
+    duration: float | None = None
+
+    # As those of `load_robot`; None and () are its defaults.
+    controllers: Any = None
+    xacro_args: Mapping[str, str] | None = None
+    package_paths: Any = ()
+    initial_positions: Mapping[str, float] | None = None
+
+    # As those of `build_diagram`.
+    world: World = "empty"
+    options: SimulationOptions = dc.field(default_factory=SimulationOptions)
+
+    # Whatever tells it from the others.
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        """Reject what can't be used, and what would have no effect."""
+        for name, (types, expected) in _FIELDS.items():
+            value = getattr(self, name)
+            if not isinstance(value, types) or isinstance(value, bool):
+                raise InputError(f"{name}: expected {expected}, got {value!r}")
+        if not isinstance(self.robot, str | Path):
+            robots = [self.robot] if isinstance(self.robot, Robot) else self.robot
+            for robot in robots:
+                if not isinstance(robot, Robot):
+                    raise InputError(
+                        "robot: expected loaded robots in a list, as of load_robot, "
+                        f"got {robot!r}"
+                    )
+            given = [name for name in _LOADING if getattr(self, name)]
+            if given:
+                raise InputError(
+                    f"{given[0]} is for a robot that the run loads; this one is loaded "
+                    f"already, give it to load_robot(..., {given[0]}=...)"
+                )
+        if self.parameters and (self.motion is None or isinstance(self.motion, Motion)):
+            raise InputError(
+                "parameters are for a motion by name or file, which the run loads; "
+                + ("give motion, too" if self.motion is None else "this one is loaded")
+            )
+        seconds = self.duration
+        if seconds is not None and not (math.isfinite(seconds) and seconds >= 0.0):
+            raise InputError(f"duration must be at least 0 s, got {seconds!r}")
+
+
+@dc.dataclass(frozen=True)
+class GoalOutcome:
+    """How a goal of a run ended."""
+
+    # Name of the controller.
+    controller: str
+
+    status: GoalStatus
+    result: Result | None
+
+    # Status and result in words.
+    text: str
+
+    # Where it comes from, as a step of a motion file.
+    where: str
+
+    @classmethod
+    def of(cls, goal: GoalHandle) -> "GoalOutcome":
+        """Return what became of a goal."""
+        return cls(
+            goal.controller, goal.status, goal.result, goal.describe(), goal.where
+        )
+
+
+@dc.dataclass(frozen=True, eq=False)
+class Outcome:
+    """What is kept of a run by default."""
+
+    # What each robot did, by its name.
+    rollouts: Mapping[str, Rollout]
+
+    # Its goals, in the order in which they were sent.
+    goals: tuple[GoalOutcome, ...]
+
+    # A line for all that failed: goals, messages, switches, controllers.
+    failures: tuple[str, ...]
+
+    # What of the first robot was not taken as written.
+    report: LoadReport
+
+    @property
+    def rollout(self) -> Rollout:
+        """What the first robot did."""
+        return next(iter(self.rollouts.values()))
+
+    @classmethod
+    def of(cls, simulation: Simulation) -> "Outcome":
+        """Return what became of a simulation that has run."""
+        return cls(
+            {name: simulation.rollout(name) for name in simulation.robots},
+            tuple(GoalOutcome.of(goal) for goal in simulation.goals),
+            tuple(list_failures(simulation.mailbox)),
+            simulation.report,
+        )
+
+
+# Loading and building read and change what is one for the process: xacro, Drake's log.
+_PREPARING = threading.Lock()
+
+
+class Runner:
+    """Executes runs one after the other, each as if it were the first.
+
+    A simulation that the last run left is reset and used again if the next one differs
+    in its motion and duration alone: that is bit by bit the same as a fresh one. But
+    where a function of a user gets it, it is that user's, and may be kept or changed.
+    """
+
+    def __init__(self, keep: Callable[[Simulation], Any] | None = None) -> None:
+        """Create it.
+
+        Args:
+            keep: Returns what to keep of a simulation that has run; None is an Outcome.
+        """
+        self._keep = keep
+        # Key and simulation of each thread's last run.
+        self._local = threading.local()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return how to make another one: simulations can't be sent."""
+        return (Runner, (self._keep,))
+
+    def __call__(self, run: Run) -> Any:
+        """Execute a run and return what is kept of it."""
+        # An error leaves nothing to use again.
+        last = getattr(self._local, "last", None)
+        self._local.last = None
+        key = _key(run) if self._keep is None else None
+        with _PREPARING:
+            if last is not None and last[0] == key:
+                simulation = last[1]
+                simulation.reset()
+            else:
+                simulation = _prepare(run)
+            robot = next(iter(simulation.robots.values()))
+            motion = _find_motion(run, robot)
+        duration = default_duration(motion) if run.duration is None else run.duration
+        simulation.run(duration, motion, progress=lambda _: check_stop())
+        if self._keep is not None:
+            return self._keep(simulation)
+        if key is not None:
+            self._local.last = (key, simulation)
+        return Outcome.of(simulation)
+
+
+def _key(run: Run) -> bytes | None:
+    """Return what is the same for runs that can share a simulation, or None."""
+    if callable(run.world):  # It may add something else each time.
+        return None
+    what = [getattr(run, name) for name in ("robot", *_LOADING, "world", "options")]
+    try:
+        return pickle.dumps(what)
+    except Exception:  # Whatever functions and classes of users raise.
+        return None
+
+
+def _prepare(run: Run) -> Simulation:
+    """Return the simulation of a run, at time 0."""
+    robots = run.robot
+    if isinstance(robots, str | Path):
+        robots = load_robot(
+            robots,
+            controllers=run.controllers,
+            xacro_args=run.xacro_args,
+            package_paths=run.package_paths,
+            initial_positions=run.initial_positions,
+        )
+    return Simulation(build_diagram(robots, world=run.world, options=run.options))
+
+
+def _find_motion(run: Run, robot: Robot) -> Motion | None:
+    if run.motion is None or isinstance(run.motion, Motion):
+        return run.motion
+    return find_motion(run.motion, robot, run.parameters)

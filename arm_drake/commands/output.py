@@ -1,0 +1,205 @@
+"""The files that `arm-drake sim` writes."""
+
+import argparse
+import math
+import sys
+from pathlib import Path
+
+from pydrake.geometry import Meshcat
+
+from arm_drake.commands.sim_output import Speaker
+from arm_drake.description.robot import Robot
+from arm_drake.errors import InputError, OutputError
+from arm_drake.output_files import check_suffix, check_writable
+from arm_drake.rollout.formats import can_stream, writer_for
+from arm_drake.rollout.rollout import Rollout
+from arm_drake.rollout.ros_types import load_types
+from arm_drake.simulation.simulation import Simulation
+from arm_drake.visualization.browser import check_installed
+from arm_drake.visualization.meshcat import save_html
+from arm_drake.visualization.plot import PLOT_KINDS, check_plot_path
+from arm_drake.visualization.screenshot import SCREENSHOT_SUFFIXES, save_screenshot
+from arm_drake.visualization.video import (
+    VIDEO_SUFFIXES,
+    check_video_installed,
+    save_video,
+)
+
+# How much is kept of what nobody asked to be written [s].
+_HISTORY = 300.0
+
+# And beside a log that is written on the way [s].
+_HISTORY_WITH_LOG = 60.0
+
+# Where nothing can be shown in place, so much of a film is between two lines.
+_SHARE = 0.25
+
+
+def check_outputs(options: argparse.Namespace) -> None:
+    """Find out before the simulation what can't be written after it.
+
+    Args:
+        options: Arguments of `arm-drake sim`.
+
+    Raises:
+        InputError: If there is a kind of plot, and no plot.
+        MissingExtraError: If what a file needs isn't installed.
+        OutputError: If a file is of a type that can't be, or can't be written.
+    """
+    if options.log is not None:
+        writer_for(options.log)
+        if options.log.suffix == ".mcap":
+            load_types()
+    if options.plot is not None:
+        check_plot_path(options.plot)
+    elif options.plot_kind is not None:
+        raise InputError("--plot-kind says what --plot draws; give --plot, too")
+    if options.record is not None and options.record.suffix != ".html":
+        raise OutputError("expected a .html file to record to", file=options.record)
+    if options.screenshot is not None:
+        check_installed()
+        check_suffix(options.screenshot, "a screenshot", SCREENSHOT_SUFFIXES)
+    if options.video is not None:
+        check_video_installed()
+        check_suffix(options.video, "a film", VIDEO_SUFFIXES)
+    files = (options.log, options.plot, options.record, options.screenshot)
+    for path in (*files, options.video):
+        if path is not None:
+            check_writable(path)
+
+
+def write_outputs(
+    rollout: Rollout,
+    options: argparse.Namespace,
+    meshcat: Meshcat | None,
+    say: Speaker,
+    robot: Robot,
+) -> None:
+    """Write what the command line asks for.
+
+    Args:
+        rollout: What was recorded.
+        options: Arguments of `arm-drake sim`.
+        meshcat: Where the robot is drawn, if it is.
+        say: Tells what was written.
+        robot: The robot.
+
+    Raises:
+        BrowserError: If there is no browser, or it doesn't draw the robot.
+        OutputError: If a file can't be written.
+    """
+    if options.log is not None:
+        # Others are written already.
+        if not can_stream(options.log):
+            rollout.save(options.log)
+        say.line(f"log: {options.log} ({_size(options.log)})")
+    if options.plot is not None:
+        rollout.plot(options.plot, options.plot_kind or PLOT_KINDS[0])
+        say.line(f"plot: {options.plot}")
+    if meshcat is not None and (options.record or options.video):
+        meshcat.StopRecording()
+        meshcat.PublishRecording()
+    if options.record is not None and meshcat is not None:
+        save_html(meshcat, options.record)
+        say.line(f"recording: {options.record} ({_size(options.record)})")
+    # A house around the robot would be all that is seen of it.
+    seen = [f"drake/visual/{robot.name}"]
+    if options.screenshot is not None and meshcat is not None:
+        save_screenshot(meshcat, options.screenshot, paths=seen)
+        say.line(f"screenshot: {options.screenshot}")
+    if options.video is not None and meshcat is not None:
+        progress = _Progress(say, is_quiet=options.json)
+        try:
+            film = save_video(
+                meshcat, options.video, paths=seen, progress=progress.show
+            )
+        except KeyboardInterrupt:
+            if progress.taken:
+                say.line(f"video: {options.video} ends where it was interrupted")
+            raise
+        of = f"{film.duration:.1f} s, {_size(options.video)}"
+        say.line(f"video: {options.video} ({of})")
+
+
+def needs_recording(options: argparse.Namespace) -> bool:
+    """Return whether what is drawn has to be recorded during the simulation.
+
+    Args:
+        options: Arguments of `arm-drake sim`.
+    """
+    return options.record is not None or options.video is not None
+
+
+def history_of(options: argparse.Namespace) -> float:
+    """Return how much of the past is kept for what is to be written [s].
+
+    Args:
+        options: Arguments of `arm-drake sim`.
+    """
+    is_whole = options.log is not None and not can_stream(options.log)
+    return math.inf if is_whole or options.plot else _HISTORY
+
+
+def start_log(options: argparse.Namespace, simulation: Simulation) -> None:
+    """Write the log while the simulation runs, if it is of a type that can grow.
+
+    Args:
+        options: Arguments of `arm-drake sim`.
+        simulation: The simulation.
+    """
+    if options.log is not None and can_stream(options.log):
+        # A page keeps its own history.
+        is_endless = options.plot is not None or not options.headless
+        history = math.inf if is_endless else _HISTORY_WITH_LOG
+        simulation.record_to(options.log, history=history)
+
+
+def find_saturation(simulation: Simulation, rollout: Rollout) -> dict[str, float]:
+    """Return how long joints were at their effort limit [s], and end the log.
+
+    Args:
+        simulation: The simulation.
+        rollout: What of it is in memory.
+    """
+    if not simulation.recorders:
+        return rollout.effort_saturation()
+    recorder = simulation.recorders[0]  # That of the log.
+    recorder.close()
+    return recorder.effort_saturation(rollout.robot_name)
+
+
+def warn_of_pictures(options: argparse.Namespace) -> None:
+    """Say what is shown on pages only.
+
+    Args:
+        options: Arguments of `arm-drake sim`.
+    """
+    if "names" in options.show:
+        text = "names of frames are on the page only, not in pictures and recordings"
+        print(f"warning: {text}", file=sys.stderr)
+    if options.contacts and needs_recording(options):
+        print("warning: contact forces are not in recordings", file=sys.stderr)
+
+
+def _size(path: Path) -> str:
+    return f"{path.stat().st_size / 1e6:.1f} MB"
+
+
+class _Progress:
+    """Shows how far a film is: in place, or in a few lines."""
+
+    def __init__(self, say: Speaker, *, is_quiet: bool) -> None:
+        self._say = say
+        self._is_quiet = is_quiet
+        self._told = 0.0
+        self.taken = 0
+
+    def show(self, taken: int, total: int) -> None:
+        self.taken = taken
+        text = f"video: {taken} of {total} pictures"
+        if sys.stderr.isatty():
+            sys.stderr.write(f"\r\033[K{text}")
+            sys.stderr.flush()
+        elif not self._is_quiet and self._told + _SHARE * total <= taken < total:
+            self._told = taken
+            self._say.line(text)

@@ -1,0 +1,264 @@
+"""Gazebo's own JointTrajectoryController, which isn't ros2_control's.
+
+Source: gz-sim, src/systems/joint_trajectory_controller/JointTrajectoryController.cc.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from pydrake.common.value import AbstractValue
+
+from arm_drake import interfaces
+from arm_drake.arrays import Array
+from arm_drake.controllers.controller_interface import TickingController
+from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
+from arm_drake.controllers.cycles import Now
+from arm_drake.controllers.gazebo.gazebo_forces import JointForces
+from arm_drake.controllers.gazebo.gazebo_topics import trajectory_topic
+from arm_drake.controllers.gazebo.gazebo_trajectory import (
+    Following,
+    Targets,
+    advance,
+    take_targets,
+)
+from arm_drake.controllers.gazebo.plugin import GazeboPid, GazeboPidState
+from arm_drake.controllers.topics import INACTIVE, Events, add_events, new_messages
+from arm_drake.description.gazebo_joints import (
+    JointTrajectoryController as JointTrajectoryControllerTag,
+)
+from arm_drake.errors import suggest
+from arm_drake.messages import NANOSECONDS, Float32, JointTrajectory, TopicRejected
+
+# Fields of the tag for each of the two PIDs, and what holds for joints without a value.
+# These limits are none, for the maximum is below the minimum.
+_GAINS = {
+    **{"p_gain": 0.0, "i_gain": 0.0, "d_gain": 0.0},
+    **{"i_max": -1.0, "i_min": 0.0, "cmd_max": -1.0, "cmd_min": 0.0},
+    "cmd_offset": 0.0,
+}
+_PIDS = (interfaces.POSITION, interfaces.VELOCITY)
+
+
+class GazeboTrajectoryState(NamedTuple):
+    """State of a JointTrajectoryController between two ticks."""
+
+    targets: Targets
+
+    # Of the PIDs for positions, then velocities.
+    pid: GazeboPidState
+
+    # What to write, shape (k,).
+    command: Array
+
+    # None before the first one.
+    following: Following | None = None
+
+    # Part of the points so far, in (0, 1]; 0 before the first one.
+    progress: Float32 = Float32(0.0)
+
+    # Messages on the port at the last tick.
+    seen: tuple[JointTrajectory, ...] = ()
+
+    # The latest messages that were not accepted as they are.
+    events: Events = ()
+
+
+class JointTrajectoryController(TickingController[GazeboTrajectoryState]):
+    """Takes joints from point to point of a trajectory by the forces of PIDs.
+
+    .. pydrake_system::
+
+        name: JointTrajectoryController
+        input_ports:
+        - controller_manager
+        - state_interfaces
+        - /<topic>
+        output_ports:
+        - command_interfaces
+        - /<topic>_progress
+        - events
+
+    With n joints of the tag, J joints and k joints that carry forces:
+
+    ==================  ====  =======  =================================================
+    port                size  unit     meaning
+    ==================  ====  =======  =================================================
+    controller_manager  --    --       Cycle: when to tick
+    state_interfaces    2J    rad, ..  positions and velocities of all joints, or more
+    /<topic>            --    --       JointTrajectory: what to do from now on
+    command_interfaces  --    --       Tick; its command is (k,), in N·m or N
+    /<topic>_progress   --    --       Float32: part of the points so far, that of the
+                                       present target included
+    events              --    --       tuple of the latest (number, TopicRejected), the
+                                       newest last
+    ==================  ====  =======  =================================================
+
+    The state is a GazeboTrajectoryState, renewed in every tick. At each joint, with
+    position q, velocity v, and targets r, w and f of the present point::
+
+        force = position_pid(q - r) + velocity_pid(v - w) + f
+
+    The first point is the target from the start on, each further one as soon as the
+    time since the start is above ``time_from_start`` of the one before; there is no
+    interpolation. What a point lacks leaves the target as it was, and the PIDs go on:
+    in gz-sim they start anew only when time jumps back. The last target holds.
+
+    A trajectory starts at the tick that sees it. With ``use_header_start_time`` it
+    starts at the time in its header, if there is one, and nothing changes before; in
+    gz-sim it then never gets beyond its first point.
+
+    Joints that aren't the controller's are left out of a trajectory, with an event. One
+    without points ends the one before and keeps its target; one without joints, without
+    any of the controller's, or with numbers that aren't finite is dropped.
+
+    The force at a joint is limited by the joint's effort limit. That at a mimic joint
+    acts on its master, see JointForces. An activation starts from the tag's initial
+    positions; when it ends, efforts are 0.
+    """
+
+    def __init__(
+        self,
+        tag: JointTrajectoryControllerTag,
+        params: ControllerInterfaceParams,
+    ) -> None:
+        """Create the system.
+
+        Args:
+            tag: Fields of the plugin.
+            params: Rate and surroundings of the controller.
+        """
+        # All joints, where none is named.
+        joints = tuple(dict.fromkeys(tag.joint_names)) or tuple(params.joint_types)
+        self._at = {joint: k for k, joint in enumerate(joints)}
+        self._uses_stamp = tag.use_header_start_time
+        self._pid = GazeboPid.from_gains(
+            *(
+                [
+                    value
+                    for pid in _PIDS
+                    for value in _fill(getattr(tag, f"{pid}_{name}"), joints, default)
+                ]
+                for name, default in _GAINS.items()
+            )
+        )
+        self._forces = JointForces.from_joints(
+            self._at, params.followed, params.effort_limits
+        )
+        claims = interfaces.interface_names(self._forces.joints, (interfaces.EFFORT,))
+        at_start = _fill(tag.initial_positions, joints, 0.0)
+        zeros = np.zeros(len(joints))
+        self._start = Targets(np.array(at_start), zeros, zeros)
+        self._at_rest = np.zeros(len(claims))
+        super().__init__(
+            params,
+            GazeboTrajectoryState(self._start, self._pid.initial(), self._at_rest),
+            state_interfaces=interfaces.interface_names(joints, _PIDS),
+            command_interfaces=claims,
+        )
+        topic = trajectory_topic(tag, params.robot_name)
+        self.message_types = {topic: JointTrajectory}
+        self._topic = self.DeclareAbstractInputPort(topic, AbstractValue.Make(()))
+        self._declare_topic(
+            f"{topic}_progress", lambda state: state.progress, default=Float32()
+        )
+        self._declare_topic("events", lambda state: state.events)
+
+    def _update(self, now: Now, state: GazeboTrajectoryState) -> GazeboTrajectoryState:
+        state = self._advance(now, self._receive(now, state))
+        targets = state.targets
+        wanted = np.concatenate([targets.position, targets.velocity])
+        error = self._read(now.context) - wanted
+        pid, parts = self._pid.step(state.pid, error, now.period_ns / NANOSECONDS)
+        n = len(self._at)
+        command = self._forces.to_efforts(parts[:n] + parts[n:] + targets.effort)
+        return state._replace(pid=pid, command=command)
+
+    def _advance(self, now: Now, state: GazeboTrajectoryState) -> GazeboTrajectoryState:
+        """Return the state with the targets of this tick."""
+        if state.following is None:
+            return state
+        following = advance(state.following, now.time_ns)
+        if following is state.following or following.point is None:
+            return state
+        message = following.message
+        point, names = message.points[following.point], message.joint_names
+        return state._replace(
+            targets=take_targets(state.targets, point, names, self._at),
+            following=following,
+            progress=Float32(following.progress),
+        )
+
+    def _receive(
+        self, now: Now, state: GazeboTrajectoryState, obstacle: str = ""
+    ) -> GazeboTrajectoryState:
+        """Return the state with what has come in.
+
+        Args:
+            now: The time, and where the inputs are read.
+            state: State after the last tick.
+            obstacle: Why no message is taken; empty if they are.
+        """
+        new, seen = new_messages(self._topic, now.context, JointTrajectory, state.seen)
+        if seen is state.seen:
+            return state
+        following, news = state.following, []
+        for message in new:
+            fault = obstacle or self._find_fault(message)
+            if fault:
+                news.append(TopicRejected(message, fault))
+                continue
+            unknown = [name for name in message.joint_names if name not in self._at]
+            if unknown:
+                names = ", ".join(map(repr, unknown))
+                reason = f"no joint {names} here; the other joints follow it"
+                news.append(TopicRejected(message, reason))
+            stamp_ns = message.header.stamp.to_nanoseconds()
+            start_ns = stamp_ns if self._uses_stamp and stamp_ns else now.time_ns
+            following = Following(message, start_ns) if message.points else None
+        events = add_events(state.events, news)
+        return state._replace(following=following, seen=seen, events=events)
+
+    def _find_fault(self, message: JointTrajectory) -> str:
+        """Return why a message is dropped; empty if it isn't."""
+        if not message.joint_names:
+            return "joint_names must not be empty; the trajectory is dropped"
+        if self._at.keys().isdisjoint(message.joint_names):
+            hint = suggest(message.joint_names[0], self._at)
+            return f"none of its joints is here; {hint}; the trajectory is dropped"
+        for k, point in enumerate(message.points):
+            for field in ("positions", "velocities", "effort"):
+                for i, value in enumerate(getattr(point, field)):
+                    if not math.isfinite(value):
+                        place = f"points[{k}].{field}[{i}]"
+                        fault = f"{place} must be finite, got {value}"
+                        return f"{fault}; the trajectory is dropped"
+        return ""
+
+    def _activate(
+        self, now: Now, state: GazeboTrajectoryState
+    ) -> GazeboTrajectoryState:
+        del now
+        return state._replace(
+            targets=self._start, pid=self._pid.initial(), following=None
+        )
+
+    def _deactivate(
+        self, now: Now, state: GazeboTrajectoryState
+    ) -> GazeboTrajectoryState:
+        del now
+        return state._replace(command=self._at_rest)
+
+    def _idle(self, now: Now, state: GazeboTrajectoryState) -> GazeboTrajectoryState:
+        return self._receive(now, state, INACTIVE)
+
+    def _command(self, state: GazeboTrajectoryState) -> Array:
+        return state.command
+
+
+def _fill(
+    values: Sequence[float], joints: Sequence[str], default: float
+) -> list[float]:
+    """Return a value for each joint, the default where there is none."""
+    return [values[k] if k < len(values) else default for k in range(len(joints))]

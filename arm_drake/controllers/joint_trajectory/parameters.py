@@ -1,0 +1,300 @@
+"""Parameters of ``joint_trajectory_controller/JointTrajectoryController``.
+
+Source: ros2_controllers, `joint_trajectory_controller` (version 6.9.0; defaults of
+jazzy, and by rule those of other distros).
+"""
+
+import dataclasses as dc
+import math
+from typing import Annotated, Literal
+
+from arm_drake.control.pid_gains import PidGains, adapt_saturation
+from arm_drake.description.given import Given
+from arm_drake.description.parameters import Rule, per_element_of
+from arm_drake.description.validation import (
+    check_at_least,
+    check_not_empty,
+    check_unique,
+)
+
+CommandInterface = Literal["position", "velocity", "acceleration", "effort"]
+StateInterface = Literal["position", "velocity", "acceleration"]
+
+# What may be commanded together.
+_COMMANDS = (
+    {"position"},
+    {"position", "velocity"},
+    {"position", "velocity", "acceleration"},
+    {"velocity"},
+    {"effort"},
+    {"position", "effort"},
+)
+
+# Of these, what a PID computes.
+_COMMANDS_OF_PID = ({"velocity"}, {"effort"})
+
+# Groups of parameters, and what they act on.
+_GROUPS = {
+    "gains": ("gains act on 'velocity' or 'effort'", _COMMANDS_OF_PID),
+    "speed_scaling": ("speed_scaling acts on 'position'", ({"position"},)),
+}
+
+# And what needs to know the measured velocity too.
+_COMMANDS_WITH_FEEDBACK = (*_COMMANDS_OF_PID, {"position", "effort"})
+
+_STATES = (
+    {"position"},
+    {"position", "velocity"},
+    {"position", "velocity", "acceleration"},
+)
+
+
+@dc.dataclass(frozen=True)
+class JointConstraints:
+    """Tolerances of one joint; 0 is not checked."""
+
+    # Position tolerance along the way [rad].
+    trajectory: float = 0.0
+
+    # Position tolerance at the end [rad].
+    goal: float = 0.0
+
+    # Deceleration of decelerate_on_cancel, at least 0 [rad/s^2].
+    max_deceleration_on_cancel: Annotated[float, Rule(since="jazzy")] = 0.0
+
+    def __post_init__(self) -> None:
+        """Reject what the types alone can't express."""
+        check_at_least(self, 0.0, "max_deceleration_on_cancel")
+
+
+@dc.dataclass(frozen=True)
+class Constraints:
+    """Tolerances where a goal asks for none."""
+
+    # Velocity tolerance at the end [rad/s].
+    stopped_velocity_tolerance: float = 0.01
+
+    # How late a goal may be reached [s]; 0 waits for ever.
+    goal_time: float = 0.0
+
+    # Whether joints brake evenly when a goal is cancelled or fails, not at once.
+    decelerate_on_cancel: Annotated[bool, Rule(since="jazzy")] = False
+
+    joint: dict[str, JointConstraints] = per_element_of("joints")
+
+    def __post_init__(self) -> None:
+        """Reject what the types alone can't express."""
+        check_at_least(self, 0.0, "goal_time")
+
+
+@dc.dataclass(frozen=True)
+class JointGains(PidGains):
+    """PID of one joint, which acts on velocity alone or effort alone."""
+
+    # How much of the trajectory's velocity is added to the output.
+    ff_velocity_scale: float = 0.0
+
+    # Whether errors are angles, which wrap.
+    angle_wraparound: Annotated[
+        bool,
+        Rule(
+            until="humble",
+            was=("normalize_error",),
+            instead="the joint's type 'continuous' decides",
+        ),
+    ] = False
+
+    @staticmethod
+    def adapt(given: Given) -> None:
+        """Take what older versions have."""
+        PidGains.adapt(given)
+        if given.is_before("kilted"):
+            adapt_saturation(given)
+
+
+@dc.dataclass(frozen=True)
+class Gains:
+    """PIDs by joint."""
+
+    joint: dict[str, JointGains] = per_element_of("joints")
+
+
+@dc.dataclass(frozen=True)
+class SpeedScaling:
+    """How fast time passes along trajectories."""
+
+    # Factor from the start, at least 0.
+    initial_scaling_factor: float = 1.0
+
+    # Full names of interfaces that tell the factor and are told it; "" is none.
+    state_interface: str = ""
+    command_interface: str = ""
+
+    def __post_init__(self) -> None:
+        """Reject what the types alone can't express."""
+        check_at_least(self, 0.0, "initial_scaling_factor")
+
+
+@dc.dataclass(frozen=True)
+class PositionsUpsampling:
+    """Spline through positions that come at a low rate."""
+
+    enable: bool = False
+
+    # Rate of positions without times, at least 0 [Hz]; 0 is none.
+    policy_frequency: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Reject what the types alone can't express."""
+        check_at_least(self, 0.0, "policy_frequency")
+
+
+@dc.dataclass(frozen=True)
+class JointTrajectoryControllerParameters:
+    """Parameters of a JointTrajectoryController."""
+
+    # Joints to control, in the order of every port.
+    joints: tuple[str, ...]
+
+    # Interfaces to claim on each joint.
+    command_interfaces: tuple[CommandInterface, ...]
+
+    # Interfaces to read of each joint.
+    state_interfaces: tuple[StateInterface, ...]
+
+    # Joints to command, if not all of them or by other names; () is `joints`.
+    command_joints: tuple[str, ...] = ()
+
+    # Whether a trajectory may leave joints out; those stay where they are.
+    allow_partial_joints_goal: bool = False
+
+    # Whether a new trajectory is blended with the one that runs.
+    allow_trajectory_replacement: Annotated[
+        bool, Rule(rolling=True, since="rolling")
+    ] = False
+
+    # Whether trajectories start from the last command, not from the measured state.
+    interpolate_from_desired_state: Annotated[
+        bool, Rule(since="jazzy", is_kept=True)
+    ] = False
+
+    # Humble's name of interpolate_from_desired_state, which there switches the PID of
+    # velocity commands off too.
+    open_loop_control: Annotated[bool, Rule(until="humble")] = False
+
+    # Whether points may leave positions out, to be integrated.
+    allow_integration_in_goal_trajectories: bool = False
+
+    # Whether it starts from what was commanded before. Nothing is, before time 0.
+    set_last_command_interface_value_as_state_on_activation: bool = True
+
+    # Rate of feedback and results, at least 0.1 [Hz].
+    action_monitor_rate: float = 20.0
+
+    # "none" jumps from point to point.
+    interpolation_method: Literal["splines", "none"] = "splines"
+
+    # Whether a trajectory may end in motion.
+    allow_nonzero_velocity_at_trajectory_end: Annotated[bool, Rule(humble=True)] = False
+
+    # How long the last point is held before the joints stop where they are [s]; used if
+    # it exceeds constraints.goal_time, 0 is for ever.
+    cmd_timeout: float = 0.0
+
+    # Rate of the topic of its state [Hz]; here, and later, it is told at every tick.
+    state_publish_rate: Annotated[float, Rule(until="humble", is_harmless=True)] = 50.0
+
+    # Whether it holds still from the start; it always does.
+    start_with_holding: Annotated[
+        bool, Rule(until="humble", is_harmless=True, only=True)
+    ] = True
+
+    positions_upsampling: Annotated[PositionsUpsampling, Rule(since="rolling")] = (
+        PositionsUpsampling()
+    )
+    speed_scaling: SpeedScaling = SpeedScaling()
+    constraints: Constraints = Constraints()
+    gains: Gains = Gains()
+
+    @staticmethod
+    def adapt(given: Given) -> None:
+        """Take the older open_loop_control, and refuse what humble doesn't have."""
+        is_open_loop = given.get("open_loop_control", bool)
+        if is_open_loop is not None:
+            new = {"interpolate_from_desired_state": is_open_loop}
+            if given.distro == "humble":
+                new["open_loop_control"] = is_open_loop
+            given.replace("open_loop_control", new)
+        commands = given.get("command_interfaces", tuple[CommandInterface, ...])
+        for group, (what, choices) in _GROUPS.items():
+            name = given.first_of(group)
+            if name and commands and set(commands) not in choices:
+                what = f"{what} alone, not on {list(commands)}"
+                given.add(name, "info", "ignored", what, "none of them has an effect")
+        timeout = given.get("cmd_timeout", float) or 0.0
+        goal_time = given.get("constraints.goal_time", float) or 0.0
+        if 0.0 < timeout <= goal_time:
+            what = f"it must exceed constraints.goal_time, {goal_time}"
+            given.add("cmd_timeout", "warning", "ignored", what, "there is no timeout")
+        if given.distro == "humble":
+            if set(commands or ()) == {"position", "effort"}:
+                what = f"humble takes 'effort' alone only, got {list(commands)}"
+                given.reject("command_interfaces", what)
+            joints = given.get("joints", tuple[str, ...])
+            own = given.get("command_joints", tuple[str, ...])
+            if joints and own and len(own) != len(joints):
+                what = f"humble takes as many as joints only, got {list(own)}"
+                given.reject("command_joints", what)
+
+    def __post_init__(self) -> None:
+        """Reject what the types alone can't express."""
+        names = ("joints", "command_interfaces", "state_interfaces")
+        check_not_empty(self, *names)
+        check_unique(self, *names, "command_joints")
+        commands, states = set(self.command_interfaces), set(self.state_interfaces)
+        self._check_choice("command_interfaces", _COMMANDS)
+        if "position" not in states:
+            raise ValueError(
+                f"state_interfaces must have 'position', "
+                f"got {list(self.state_interfaces)}"
+            )
+        self._check_choice("state_interfaces", _STATES)
+        if commands in _COMMANDS_WITH_FEEDBACK and "velocity" not in states:
+            raise ValueError(
+                f"state_interfaces must have 'velocity' to command "
+                f"{list(self.command_interfaces)}, got {list(self.state_interfaces)}"
+            )
+        own = self.command_joints
+        if len(own) > len(self.joints) or (
+            len(own) < len(self.joints) and not set(own) <= set(self.joints)
+        ):
+            raise ValueError(
+                f"command_joints must be some of {list(self.joints)}, or as many, "
+                f"got {list(own)}"
+            )
+        check_at_least(self, 0.0, "cmd_timeout")
+        if not 0.1 <= self.action_monitor_rate < math.inf:
+            raise ValueError(
+                f"action_monitor_rate must be at least 0.1 Hz, "
+                f"got {self.action_monitor_rate}"
+            )
+        if commands in _COMMANDS_OF_PID:
+            for gains in self.gains.joint.values():
+                gains.check()
+
+    def _check_choice(self, name: str, choices: tuple[set[str], ...]) -> None:
+        given = getattr(self, name)
+        if set(given) not in choices:
+            listed = ", ".join(str(sorted(choice)) for choice in choices)
+            raise ValueError(f"{name} must be one of {listed}, got {list(given)}")
+
+
+@dc.dataclass(frozen=True)
+class ScaledJointTrajectoryControllerParameters(JointTrajectoryControllerParameters):
+    """Parameters of ur_controllers' ScaledJointTrajectoryController."""
+
+    @staticmethod
+    def adapt(given: Given) -> None:
+        """Take its own name of the interface that tells the factor."""
+        JointTrajectoryControllerParameters.adapt(given)
+        given.rename("speed_scaling_interface_name", "speed_scaling.state_interface")

@@ -1,0 +1,239 @@
+"""What the load report says about how a robot's joints are driven."""
+
+from collections.abc import Iterable, Sequence
+from typing import Final
+
+import numpy as np
+
+from arm_drake import interfaces
+from arm_drake.description.report import LoadReport
+from arm_drake.description.robot import Robot
+from arm_drake.hardware.drives import RobotDrive
+from arm_drake.hardware.joint_friction import find_friction
+from arm_drake.hardware.robot_commands import claimed_interfaces
+from arm_drake.manager.loaded_controllers import LoadedController
+from arm_drake.options import SimulationOptions
+from arm_drake.plant.couplings import sum_friction
+
+# Place that these lines name: they tell of the simulation, not of a file.
+SERVO: Final = "joint servo"
+
+# A step of less than this part of the one that was asked for is worth a line.
+_MUCH_LESS = 0.9
+
+# Derivative gain times step over inertia beyond which a joint is unstable.
+_UNSTABLE = 2.0
+
+# Dry friction may give way by so much before it holds, in which unit; that of a
+# revolute joint is first.
+_SOFT = ((0.05, "rad"), (0.005, "m"))
+
+# By which part a period may miss a whole number of steps.
+_TOLERANCE = 1e-6
+
+
+def report_drive(
+    robot: Robot,
+    drive: RobotDrive,
+    controllers: Sequence[LoadedController],
+    report: LoadReport,
+    *,
+    holds: bool,
+) -> None:
+    """Report what the drives of a robot do that its files don't say.
+
+    Args:
+        robot: The robot.
+        drive: What drives its joints.
+        controllers: Its controllers.
+        report: Where the lines are added.
+        holds: Whether joints that nobody commands hold their position.
+    """
+
+    def note(what: str, done: str) -> None:
+        report.add("info", "repair", what, done, where=SERVO)
+
+    lacking = dict(zip(drive.names, drive.lacking_inertia.tolist(), strict=True))
+    light = {name: inertia for name, inertia in lacking.items() if inertia}
+    if drive.rotor_inertia.any():
+        step = f"{1e3 * drive.plant.time_step():.3g} ms"
+        rotors = ", ".join(f"{name} {inertia:.2g}" for name, inertia in light.items())
+        note(
+            f"steps are {step}, links much lighter than drives of their efforts",
+            f"the drives have rotors of their own [kg·m² or kg]: {rotors}",
+        )
+    elif light:
+        note(
+            f"links are much lighter than drives of {_listed(light)}",
+            "they get no rotors; with SimulationOptions(reflected_inertia=True) they "
+            "do, and carry heavier payloads",
+        )
+    if drive.pid is not None:
+        pairs = zip(drive.names, drive.pid.position, drive.pid.velocity, strict=True)
+        own = [name for name, *gains in pairs if any(gains)]
+        note(
+            f"PID gains of the description drive {_listed(own)}",
+            "as under Gazebo Classic, which knows nothing of the robot's weight",
+        )
+        _report_stiff(drive, report)
+    if drive.rated:
+        note(
+            f"position_proportional_gain drives {_listed(drive.rated)}",
+            "velocities become gain x update_rate x error, as in Gazebo Sim",
+        )
+    active = [c for c in controllers if c.state == "active"]
+    claimed = {name.rpartition("/")[0] for name in claimed_interfaces(robot, active)}
+    left = [name for name in drive.names if name not in claimed]
+    if left:
+        done = "they hold their positions" if holds else "they swing freely"
+        note(f"no active controller commands {_listed(left)}", done)
+    locked = [
+        name
+        for name, lower, upper in zip(
+            drive.names, drive.gains.lower, drive.gains.upper, strict=True
+        )
+        if lower == upper
+    ]
+    if locked:
+        note(f"no room between its limits: {_listed(locked)}", "they can't move")
+    passive = [
+        joint.name
+        for joint in robot.description.movable_joints
+        if joint.mimic is None and joint.name not in drive.names
+    ]
+    if passive:
+        note(f"no command interface: {_listed(passive)}", "they swing freely")
+    velocities = set(interfaces.interface_names(drive.names, [interfaces.VELOCITY]))
+    commanded = {
+        name.rpartition("/")[0]
+        for name in velocities & claimed_interfaces(robot, controllers)
+    }
+    unlimited = [
+        name
+        for name, limit in zip(drive.names, drive.gains.velocity_limit, strict=True)
+        if np.isinf(limit) and name in commanded
+    ]
+    if unlimited:
+        note(
+            f"no velocity limit: {_listed(unlimited)}",
+            "velocity commands are followed whatever they are",
+        )
+
+
+def _report_stiff(drive: RobotDrive, report: LoadReport) -> None:
+    """Report gains that make a joint swing from step to step."""
+    h = drive.plant.time_step()
+    assert drive.pid is not None
+    for name, inertia, position, velocity in zip(
+        drive.names,
+        drive.min_inertia,
+        drive.pid.position,
+        drive.pid.velocity,
+        strict=True,
+    ):
+        # What a change of velocity brings back a step later, 2 is too much.
+        for gain, label in (
+            (position and position.kd, "kd of positions"),
+            (velocity and velocity.kp, "kp of velocities"),
+        ):
+            if gain and gain * h / inertia > _UNSTABLE:
+                largest = f"{_UNSTABLE * inertia / h:.3g}"
+                report.add(
+                    "warning",
+                    "invalid",
+                    f"{label}, {gain:g}, is too much for steps of {1e3 * h:.3g} ms: "
+                    f"it may be {largest} at most",
+                    "the joint swings from step to step",
+                    where=f"joint {name!r}",
+                )
+
+
+def report_friction(
+    robot: Robot,
+    drive: RobotDrive,
+    controllers: Sequence[LoadedController],
+    options: SimulationOptions,
+    report: LoadReport,
+) -> None:
+    """Report dry friction that gives way at this step, where nothing makes up for it.
+
+    Args:
+        robot: The robot.
+        drive: What drives its joints.
+        controllers: Its controllers.
+        options: How to simulate.
+        report: Where the lines are added.
+    """
+    joints = {j.name: j for j in robot.description.movable_joints if j.mimic is None}
+    if not options.friction:
+        return
+    claimed = claimed_interfaces(robot, controllers)
+    total = sum_friction(drive.plant, robot.description, list(joints.values()))
+    limits = dict(zip(drive.names, drive.gains.effort_limit, strict=True))
+    unopposed = {
+        name
+        for name, friction in zip(joints, total.tolist(), strict=True)
+        if friction > 0.0
+        and (
+            not options.friction_compensation
+            or f"{name}/{interfaces.EFFORT}" in claimed
+            or friction >= limits.get(name, 0.0)
+        )
+    }
+    if not unopposed:  # As with most robots, and what follows takes time.
+        return
+    found = find_friction(drive.plant, robot.description)
+    step = drive.plant.time_step()
+    for name, deflection in zip(found.names, found.deflection.tolist(), strict=True):
+        largest, unit = _SOFT[joints[name].type == "prismatic"]
+        if name not in unopposed or deflection <= largest:
+            continue
+        enough = 1e3 * step * (largest / deflection) ** 0.5
+        report.add(
+            "warning",
+            "unsupported",
+            f"steps of {1e3 * step:.3g} ms are large for its friction: it gives way "
+            f"by {deflection:.2g} {unit} before it holds",
+            f"it may creep; steps of {enough:.2g} ms are small enough",
+            where=f"joint {name!r}",
+        )
+
+
+def report_times(
+    step: float, period: float, options: SimulationOptions, report: LoadReport
+) -> None:
+    """Report times that are not as the options ask for.
+
+    Args:
+        step: Step of the plant [s].
+        period: Period of the robot's controller manager [s].
+        options: How to simulate.
+        report: Where the lines are added.
+    """
+    largest = options.largest_step
+    is_asked_for = options.time_step is not None or options.preset != "fast"
+    if is_asked_for and step < _MUCH_LESS * largest:
+        report.add(
+            "info",
+            "repair",
+            f"steps of {1e3 * largest:.4g} ms don't fit into the controller "
+            f"manager's period of {1e3 * period:.4g} ms",
+            f"the physics takes steps of {1e3 * step:.4g} ms",
+            where="time_step",
+        )
+    if options.log_rate is None:
+        return
+    steps = 1.0 / options.log_rate / step
+    if steps < 1.0 - _TOLERANCE or abs(steps - round(steps)) > _TOLERANCE * steps:
+        report.add(
+            "info",
+            "repair",
+            f"{options.log_rate:.6g} Hz is no whole number of steps of "
+            f"{1e3 * step:.4g} ms",
+            "a row shows the state after the last step",
+            where="log_rate",
+        )
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(map(repr, names))

@@ -1,0 +1,247 @@
+"""Command and state interfaces of a robot, between its controllers and the plant.
+
+Stands where ros2_control has the hardware component: it turns the commands that
+controllers hold into effort through the joint servo, and reports the state of every
+joint.
+"""
+
+import dataclasses as dc
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
+from pydrake.systems.primitives import (
+    Adder,
+    ConstantVectorSource,
+    MatrixGain,
+    Multiplexer,
+)
+
+from arm_drake.description.urdf import RobotDescription
+from arm_drake.hardware.drives import RobotDrive, add_rotors
+from arm_drake.hardware.joint_friction import make_robot_friction
+from arm_drake.hardware.servo import make_joint_servo
+from arm_drake.options import SimulationOptions
+from arm_drake.plant.plant import state_indices
+
+
+@dc.dataclass(frozen=True)
+class Hardware:
+    """What the rest of a diagram needs of a robot's hardware."""
+
+    # Joints with an actuator, n of them.
+    commanded: tuple[str, ...]
+
+    # What they are told, see DriveCommands; None if there are none.
+    command: InputPort | None
+
+    # Positions, velocities and efforts of all J movable joints, size 3J, in the order
+    # of the description.
+    joint_states: OutputPort
+
+    # The same without the efforts, size 2J.
+    joint_motions: OutputPort
+
+    # Dry friction as generalized forces, if there is any.
+    friction: OutputPort | None
+
+    # What drives the commanded joints; it must live as long as the diagram.
+    drive: RobotDrive | None
+
+    # What sensors measure, if there are any.
+    readings: OutputPort | None = None
+
+    # What touches the robot, if the physics tells.
+    contacts: OutputPort | None = None
+
+    # Everything that can be read, if that is known here.
+    everything: OutputPort | None = None
+
+    # Values of all command interfaces, and which of them are claimed, if it is told.
+    values: InputPort | None = None
+    claimed: InputPort | None = None
+
+
+def add_hardware(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    model: ModelInstanceIndex,
+    description: RobotDescription,
+    *,
+    prefix: str,
+    drive: RobotDrive,
+    initial: Mapping[str, float],
+    options: SimulationOptions,
+    has_modes: bool = False,
+    has_limits: bool = False,
+) -> Hardware:
+    """Add a robot's servo, friction and state interfaces, and connect the plant.
+
+    Args:
+        builder: Where to add them.
+        plant: The finalized plant, already in the builder.
+        model: The robot's model instance.
+        description: The robot.
+        prefix: Start of the names of the systems.
+        drive: What drives its commanded joints.
+        initial: Initial positions [rad] by joint.
+        options: How to simulate.
+        has_modes: Whether joints may follow anything else than positions.
+        has_limits: Whether effort and velocity may be limited at run time.
+    """
+    names, alone = drive.names, drive.plant
+    add_rotors(plant, dict(zip(names, drive.rotor_inertia, strict=True)), model)
+    state = plant.get_state_output_port(model)
+    forces = None
+    if options.friction:
+        friction = make_robot_friction(plant, model, alone, description, initial)
+        if friction is not None:
+            builder.AddNamedSystem(f"{prefix}dry_friction", friction)
+            builder.Connect(state, friction.get_input_port())
+            forces = friction.get_output_port()
+    effort = command = None
+    if names:
+        at = state_indices(alone, alone.GetModelInstanceByName("robot"), names)
+        knows_friction = forces is not None and options.friction_compensation
+        servo = builder.AddNamedSystem(
+            f"{prefix}servo",
+            make_joint_servo(
+                alone,
+                drive.gains,
+                *at,
+                drive.N,
+                has_modes=has_modes,
+                has_limits=has_limits,
+                knows_friction=knows_friction,
+                pid=drive.pid,
+                start=np.array([initial[name] for name in names]),
+            ),
+        )
+        D = _reduced_state(plant, model, alone, description)
+        reduced = _gain(builder, f"{prefix}servo_state", D, state)
+        builder.Connect(reduced, servo.GetInputPort("state"))
+        if forces is not None and knows_friction:
+            num_positions = plant.num_positions(model)
+            rows = np.array(state_indices(plant, model, names)[1]) - num_positions
+            picked = np.eye(plant.num_velocities(model))[rows]
+            braked = _gain(builder, f"{prefix}servo_friction", picked, forces)
+            builder.Connect(braked, servo.GetInputPort("friction"))
+        effort, command = servo.GetOutputPort("effort"), servo.GetInputPort("command")
+        builder.Connect(effort, plant.get_actuation_input_port(model))
+    motions, joint_states = add_state_interfaces(
+        builder, plant, model, description, names, effort, prefix
+    )
+    return Hardware(names, command, joint_states, motions, forces, drive)
+
+
+def _reduced_state(
+    plant: MultibodyPlant,
+    model: ModelInstanceIndex,
+    alone: MultibodyPlant,
+    description: RobotDescription,
+) -> np.ndarray:
+    """Return what picks the state of ``alone`` from that of the robot.
+
+    The robot may have a free base and joints of several degrees of freedom besides.
+    """
+    names = [joint.name for joint in description.movable_joints]
+    rows = state_indices(alone, alone.GetModelInstanceByName("robot"), names)
+    columns = state_indices(plant, model, names)
+    D = np.zeros((alone.num_multibody_states(), plant.num_multibody_states(model)))
+    D[np.concatenate(rows), np.concatenate(columns)] = 1.0
+    return D
+
+
+def connect_forces(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    forces: Mapping[ModelInstanceIndex, OutputPort],
+) -> None:
+    """Connect generalized forces on the robots to the plant.
+
+    Args:
+        builder: Where the plant is.
+        plant: The finalized plant.
+        forces: Generalized forces on a model instance, in the order of its velocities.
+    """
+    ports = []
+    for model, port in forces.items():
+        D = np.zeros((plant.num_velocities(), port.size()))
+        for column, unit in enumerate(np.eye(port.size())):
+            v = np.zeros(plant.num_velocities())
+            plant.SetVelocitiesInArray(model, unit, v)
+            D[:, column] = v
+        name = f"{plant.GetModelInstanceName(model)}:forces"
+        ports.append(_gain(builder, name, D, port))
+    if len(ports) > 1:
+        total = builder.AddNamedSystem(
+            "plant:generalized_forces", Adder(len(ports), plant.num_velocities())
+        )
+        for index, port in enumerate(ports):
+            builder.Connect(port, total.get_input_port(index))
+        ports = [total.get_output_port()]
+    for port in ports:
+        builder.Connect(port, plant.get_applied_generalized_force_input_port())
+
+
+def _gain(
+    builder: DiagramBuilder, name: str, D: np.ndarray, port: OutputPort
+) -> OutputPort:
+    """Return D times a port; the port itself if D changes nothing."""
+    if not len(D):
+        nothing = builder.AddNamedSystem(name, ConstantVectorSource(np.zeros(0)))
+        return nothing.get_output_port()
+    if D.shape[0] == D.shape[1] and np.array_equal(D, np.eye(len(D))):
+        return port
+    gain = builder.AddNamedSystem(name, MatrixGain(D))
+    builder.Connect(port, gain.get_input_port())
+    return gain.get_output_port()
+
+
+def add_state_interfaces(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    model: ModelInstanceIndex,
+    description: RobotDescription,
+    commanded: Sequence[str],
+    effort: OutputPort | None,
+    prefix: str,
+) -> tuple[OutputPort, OutputPort]:
+    """Add the measured quantities of all J joints, in the order of the description.
+
+    Args:
+        builder: Where the plant is.
+        plant: The finalized plant.
+        model: The robot's model instance.
+        description: The robot.
+        commanded: Joints that have an actuator.
+        effort: What their actuators apply; None if there are none.
+        prefix: Start of the names of the systems.
+
+    Returns:
+        Positions and velocities, size 2J; positions, velocities and efforts, size 3J.
+    """
+    names = [joint.name for joint in description.movable_joints]
+    num_states, J = plant.num_multibody_states(model), len(names)
+    q_at, v_at = state_indices(plant, model, names)
+    D = np.zeros((2 * J, num_states))
+    for row in range(J):
+        D[row, q_at[row]] = D[J + row, v_at[row]] = 1.0
+    state = plant.get_state_output_port(model)
+    motions = _gain(builder, f"{prefix}joint_motions", D, state)
+    states = builder.AddNamedSystem(f"{prefix}joint_states", Multiplexer([2 * J, J]))
+    builder.Connect(motions, states.get_input_port(0))
+    if effort is None:
+        nothing = builder.AddNamedSystem(
+            f"{prefix}joint_efforts", ConstantVectorSource(np.zeros(J))
+        )
+        builder.Connect(nothing.get_output_port(), states.get_input_port(1))
+    else:
+        E = np.zeros((J, len(commanded)))
+        for column, name in enumerate(commanded):
+            E[names.index(name), column] = 1.0
+        efforts = _gain(builder, f"{prefix}joint_efforts", E, effort)
+        builder.Connect(efforts, states.get_input_port(1))
+    return motions, states.get_output_port()

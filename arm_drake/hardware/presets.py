@@ -1,0 +1,100 @@
+"""What presets leave out, and which robots need it."""
+
+from collections.abc import Iterable, Sequence
+from typing import Final
+
+from pydrake.geometry import Role, SceneGraph
+from pydrake.multibody.plant import MultibodyPlant
+
+from arm_drake import interfaces
+from arm_drake.description.drive_gains import find_drive_gains, holds_joints
+from arm_drake.description.report import LoadReport
+from arm_drake.description.robot import Robot
+from arm_drake.hardware.drives import commanded_joints
+from arm_drake.hardware.model_check import can_move
+from arm_drake.hardware.robot_commands import claimed_interfaces
+from arm_drake.manager.loaded_controllers import LoadedController
+from arm_drake.options import SimulationOptions
+from arm_drake.plant.ground import GROUND
+
+# Place that the report's lines name.
+PRESET: Final = "preset"
+
+
+def report_fallback(obstacles: Sequence[str], report: LoadReport) -> None:
+    """Record why a robot isn't simulated with "fast".
+
+    Args:
+        obstacles: What it lacks, as of `find_obstacles`; none if another robot does.
+        report: Where it is recorded.
+    """
+    for obstacle in obstacles or ["another robot needs more"]:
+        done = "everything is simulated with the preset accurate"
+        report.add("warning", "unsupported", f"fast: {obstacle}", done, where=PRESET)
+
+
+def find_world_obstacles(plant: MultibodyPlant, scene_graph: SceneGraph) -> list[str]:
+    """Return why nothing can be simulated with "fast" in a world; empty if it can.
+
+    Args:
+        plant: A plant with nothing but the world in it.
+        scene_graph: Its scene graph.
+    """
+    inspector = scene_graph.model_inspector()
+    names = [
+        inspector.GetName(shape).rpartition("::")[2]
+        for shape in inspector.GetAllGeometryIds(Role.kProximity)
+    ]
+    touchable = [name for name in names if name != GROUND]
+    return ["the world has things that can be touched"] if touchable else []
+
+
+def find_obstacles(
+    robot: Robot,
+    controllers: Sequence[LoadedController],
+    options: SimulationOptions,
+) -> list[str]:
+    """Return why a robot can't be simulated with the preset "fast"; empty if it can.
+
+    Args:
+        robot: The robot.
+        controllers: Its controllers, also those that are inactive.
+        options: How to simulate.
+    """
+    description = robot.description
+    movable = description.movable_joints
+    driven = {joint.name for joint in commanded_joints(description)}
+    claimed = claimed_interfaces(robot, controllers)
+    others = sorted({name.rpartition("/")[2] for name in claimed} - {"position"})
+    systems = [c.system for c in controllers if c.system is not None]
+    ranging = [s.name for s in robot.sensors if interfaces.RANGE in s.interfaces]
+    passive = [j.name for j in movable if j.mimic is None and j.name not in driven]
+    # What finds drive gains records what is wrong with them; that comes once more.
+    unheard = LoadReport()
+    stated = find_drive_gains(robot, unheard)
+    has_friction = options.friction and any(joint.friction for joint in movable)
+    facts = {
+        "its base stands on the ground, or links are free": bool(robot.free_links),
+        "self_collision is contact": options.self_collision,
+        f"{_listed(ranging)} measures distances to links": bool(ranging),
+        "joints are coupled by mimic": any(joint.mimic for joint in movable),
+        f"nothing drives {_listed(passive)}": bool(passive),
+        f"controllers command {', '.join(others)}": bool(others),
+        "a gripper has limits at run time": any(s.limit_interfaces for s in systems),
+        "joints that nobody commands are not held": not holds_joints(robot, unheard),
+        "effort limits don't bear its weight and friction": not can_move(
+            robot, options
+        ),
+        f"gains of the description drive {_listed(stated)}": bool(stated),
+        "weight that the drives don't know needs their observer": (
+            not options.gravity_compensation
+        ),
+        "friction that the drives don't know needs their observer": (
+            has_friction and not options.friction_compensation
+        ),
+    }
+    return [text for text, is_there in facts.items() if is_there]
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(map(repr, names))

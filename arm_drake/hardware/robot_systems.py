@@ -1,0 +1,291 @@
+"""What a diagram has for each robot beside its hardware: manager, controllers, logs."""
+
+import dataclasses as dc
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from pydrake.systems.framework import DiagramBuilder, OutputPort
+from pydrake.systems.primitives import Multiplexer, VectorLogSink, ZeroOrderHold
+
+from arm_drake import interfaces
+from arm_drake.control.drive_commands import DriveCommands
+from arm_drake.controllers.controller_interface_part import ControllerInterface
+from arm_drake.description.gazebo_joints import Ros2ControlPlugin
+from arm_drake.description.report import LoadReport
+from arm_drake.description.robot import Robot
+from arm_drake.hardware.hardware import Hardware
+from arm_drake.hardware.robot_commands import make_command_limits
+from arm_drake.manager import MANAGER, STORED_PORT, SWITCH_PORT, ControllerManager
+from arm_drake.manager.chains import connect_chains
+from arm_drake.manager.exports import export_topics
+from arm_drake.manager.hardware_interfaces import Surroundings
+from arm_drake.manager.loaded_controllers import LoadedController
+from arm_drake.manager.reference_log import log_references
+from arm_drake.manager.robot_controllers import find_surroundings
+from arm_drake.manager.sampled_states import SampledStates
+from arm_drake.options import SimulationOptions
+from arm_drake.plant.contact_log import CONTACT_LOG, ContactForces
+from arm_drake.plant.frames import LinkFrames
+from arm_drake.timing import fit_period, has_rate
+
+if TYPE_CHECKING:
+    from arm_drake.control.generic_system import GenericSystem
+
+
+@dc.dataclass(frozen=True)
+class RobotSystems:
+    """Adds the systems of one robot to a builder, and exports their ports."""
+
+    builder: DiagramBuilder
+
+    robot: Robot
+
+    # Start of the names of its systems and ports.
+    prefix: str
+
+    # Period of its controller manager [s].
+    period: float
+
+    options: SimulationOptions
+
+    # Step of the plant [s].
+    step: float
+
+    # Name of the world, which topics of Gazebo contain.
+    world_name: str = "empty"
+
+    def find_surroundings(
+        self,
+        blocks: Sequence["GenericSystem"] | None = None,
+        gripper_ranges: Mapping[str, tuple[float, float]] | None = None,
+    ) -> Surroundings:
+        """Return what the robot offers its controllers.
+
+        Args:
+            blocks: Hardware that mirrors commands, if that is what it has.
+            gripper_ranges: Where grippers are open and where closed.
+        """
+        there = find_surroundings(
+            self.robot.description,
+            self.robot.initial_positions,
+            blocks,
+            sensors=self.robot.sensors,
+            robot_name=self.robot.name,
+            world_name=self.world_name,
+        )
+        return dc.replace(
+            there, gripper_ranges=gripper_ranges or {}, namespace=self.namespace
+        )
+
+    @property
+    def namespace(self) -> str:
+        """Namespace of the robot's nodes.
+
+        With several robots it is the robot's name, or else that of the Gazebo plugin.
+        """
+        if self.prefix:
+            return f"/{self.robot.name}"
+        plugins = self.robot.description.joint_plugins
+        named = (p.namespace for p in plugins if isinstance(p, Ros2ControlPlugin))
+        return next(filter(None, named), "")
+
+    @property
+    def log_period(self) -> float:
+        """Period of the log of the joints' states [s]."""
+        rate = self.options.log_rate
+        return self.period if rate is None else fit_period(rate, self.step)
+
+    def add(
+        self,
+        hardware: Hardware,
+        surroundings: Surroundings,
+        controllers: Sequence[LoadedController],
+        report: LoadReport,
+        drive: DriveCommands,
+    ) -> None:
+        """Add manager, controllers and logs, connect them, export their ports.
+
+        Args:
+            hardware: The robot's hardware, in the builder.
+            surroundings: Its interfaces.
+            controllers: Its controllers.
+            report: Its load report, with what they lack.
+            drive: What the hardware is told.
+        """
+        builder, prefix = self.builder, self.prefix
+        rate = self.robot.controllers.update_rate
+        if not has_rate(self.period, rate):
+            report.add(
+                "warning",
+                "repair",
+                f"update_rate {rate} Hz doesn't fit those of the other robots",
+                f"its cycles come at {1.0 / self.period:.6g} Hz",
+                where=MANAGER,
+                file=next(iter(self.robot.controllers.files), None),
+            )
+        manager = builder.AddNamedSystem(
+            f"{prefix}{MANAGER}",
+            ControllerManager(
+                self.robot,
+                controllers,
+                report,
+                prefix=prefix,
+                period=self.period,
+                log_period=self.log_period,
+                drive=drive,
+                surroundings=surroundings,
+                limits=make_command_limits(
+                    self.robot, surroundings, controllers, report
+                ),
+                keep=hardware.drive,
+            ),
+        )
+        joint_states = hardware.joint_states
+        self._record(joint_states)
+        if self.options.log_contacts:
+            self._record_contacts(hardware.contacts, report)
+        for port, name in (
+            (hardware.command, "drive"),
+            (hardware.values, interfaces.VALUES_PORT),
+            (hardware.claimed, interfaces.CLAIMED_PORT),
+        ):
+            if port is not None:
+                builder.Connect(manager.GetOutputPort(name), port)
+        for port, name in (
+            (joint_states, interfaces.STATE_PORT),
+            (hardware.joint_motions, interfaces.MOTIONS_PORT),
+        ):
+            builder.Connect(port, manager.GetInputPort(name))
+        everything = hardware.everything or self._all_states(
+            manager, joint_states, hardware.readings
+        )
+        systems = {c.name: c.system for c in controllers if c.system is not None}
+        for name, system in systems.items():
+            self._add_controller(name, system, hardware, everything)
+            manager.add_controller(builder, system)
+        connect_chains(builder, systems.values())
+        log_references(builder, systems.values(), prefix, self.period)
+        export_topics(builder, systems, prefix, report)
+        if controllers:
+            switch = manager.GetInputPort(SWITCH_PORT)
+            builder.ExportInput(switch, f"{prefix}{MANAGER}.{SWITCH_PORT}")
+        builder.ExportOutput(joint_states, f"{prefix}joint_states")
+        for name in (interfaces.VALUES_PORT, "active"):
+            self._log(manager.GetOutputPort(name), name, self.period)
+
+    def add_frames(self, body_poses: OutputPort, bodies: Sequence[int]) -> None:
+        """Add the poses of the links, and export them.
+
+        Args:
+            body_poses: Poses of all bodies of the plant.
+            bodies: Indices of the links' bodies.
+        """
+        frames = self.builder.AddNamedSystem(f"{self.prefix}frames", LinkFrames(bodies))
+        self.builder.Connect(body_poses, frames.GetInputPort("body_poses"))
+        self.builder.ExportOutput(
+            frames.GetOutputPort("frames"), f"{self.prefix}frames"
+        )
+
+    def _add_controller(
+        self,
+        name: str,
+        system: ControllerInterface,
+        hardware: Hardware,
+        everything: OutputPort,
+    ) -> None:
+        """Add a controller and connect what it reads."""
+        full_name = f"{self.prefix}{name}"
+        # Any name is legal in ROS, also that of one of our own systems.
+        is_taken = self.builder.HasSubsystemNamed(full_name)
+        self.builder.AddNamedSystem(f"{full_name}:" if is_taken else full_name, system)
+        measured = everything if system.reads_all else hardware.joint_motions
+        if system.is_sampled:
+            if system.params.update_rate < self.robot.controllers.update_rate:
+                measured = self._sample_ticks(system, measured, f"{full_name}:sample")
+            else:
+                kind = ":all" if everything is not hardware.joint_states else ""
+                measured = self._sample(measured, self.period, kind)
+        self.builder.Connect(measured, system.GetInputPort(interfaces.STATE_PORT))
+        if system.HasInputPort(name := interfaces.FRAMES_PORT):
+            frames = self.builder.GetSubsystemByName(f"{self.prefix}frames")
+            self.builder.Connect(frames.get_output_port(), system.GetInputPort(name))
+        if system.HasInputPort(interfaces.CONTACTS_PORT) and hardware.contacts:
+            felt = system.GetInputPort(interfaces.CONTACTS_PORT)
+            self.builder.Connect(hardware.contacts, felt)
+
+    def _all_states(
+        self,
+        manager: ControllerManager,
+        joint_states: OutputPort,
+        readings: OutputPort | None,
+    ) -> OutputPort:
+        """Return everything that can be read: joints, sensors, what is only stored."""
+        ports = [joint_states]
+        if readings is not None:
+            ports.append(readings)
+        if manager.HasOutputPort(STORED_PORT):
+            ports.append(manager.GetOutputPort(STORED_PORT))
+        if len(ports) == 1:
+            return joint_states
+        total = self.builder.AddNamedSystem(
+            f"{self.prefix}state_interfaces",
+            Multiplexer([port.size() for port in ports]),
+        )
+        for index, port in enumerate(ports):
+            self.builder.Connect(port, total.get_input_port(index))
+        return total.get_output_port()
+
+    def _record(self, joint_states: OutputPort) -> None:
+        """Record the state of the joints at every tick, with the efforts it causes."""
+        period = self.log_period
+        # Sampled after the tick and logged before the next one: a log of the vector
+        # itself would compute the servo with the old command, once more.
+        sample = self._sample(joint_states, period)
+        self._log(sample, "joint_states", period)
+
+    def _record_contacts(self, contacts: OutputPort | None, report: LoadReport) -> None:
+        """Record the contact forces at every tick."""
+        if contacts is None:
+            what, done = "log_contacts", "nothing touches anything without physics"
+            report.add("warning", "unsupported", what, done, where="log_contacts")
+            return
+        forces = ContactForces(self.robot.description.links)
+        self.builder.AddNamedSystem(f"{self.prefix}{CONTACT_LOG}", forces)
+        self.builder.Connect(contacts, forces.get_input_port())
+        period = self.log_period
+        sample = self._sample(forces.get_output_port(), period, ":contacts")
+        self._log(sample, CONTACT_LOG, period)
+
+    def _sample_ticks(
+        self, system: ControllerInterface, measured: OutputPort, name: str
+    ) -> OutputPort:
+        """Return states, sampled in the ticks of a slow controller and held."""
+        sample = self.builder.AddNamedSystem(
+            name,
+            SampledStates(system.params.controller_name, measured.size(), self.period),
+        )
+        cycle = self.builder.GetSubsystemByName(f"{self.prefix}{MANAGER}")
+        told = sample.GetInputPort(interfaces.MANAGER_PORT)
+        self.builder.Connect(cycle.GetOutputPort("cycle"), told)
+        self.builder.Connect(measured, sample.GetInputPort(interfaces.STATE_PORT))
+        tick_time = sample.GetOutputPort(interfaces.TICK_PORT)
+        self.builder.Connect(tick_time, system.add_tick_time())
+        return sample.GetOutputPort(interfaces.STATE_PORT)
+
+    def _sample(self, states: OutputPort, period: float, kind: str = "") -> OutputPort:
+        """Return states, sampled and held; one system per kind and period."""
+        name = f"{self.prefix}sample"
+        if period != self.log_period:
+            name += f":{period}"
+        name += kind
+        if self.builder.HasSubsystemNamed(name):
+            return self.builder.GetSubsystemByName(name).get_output_port()
+        sample = self.builder.AddNamedSystem(name, ZeroOrderHold(period, states.size()))
+        self.builder.Connect(states, sample.get_input_port())
+        return sample.get_output_port()
+
+    def _log(self, port: OutputPort, name: str, period: float) -> None:
+        log = self.builder.AddNamedSystem(
+            f"{self.prefix}log:{name}", VectorLogSink(port.size(), period)
+        )
+        self.builder.Connect(port, log.get_input_port())

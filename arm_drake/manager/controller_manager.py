@@ -1,0 +1,293 @@
+"""The controller manager: the read-update-write loop, as a system of the diagram."""
+
+from collections.abc import Callable, Iterable
+from functools import partial
+from typing import cast
+
+import numpy as np
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import (
+    Context,
+    DiagramBuilder,
+    State,
+)
+
+from arm_drake import interfaces
+from arm_drake.control.command_limits import CommandLimits
+from arm_drake.control.drive_commands import DriveCommands
+from arm_drake.controllers.controller_interface import TickingController
+from arm_drake.controllers.controller_interface_part import ControllerInterface
+from arm_drake.controllers.cycles import Cycle, messages_on
+from arm_drake.description.report import LoadReport
+from arm_drake.description.robot import Robot
+from arm_drake.manager.claims import Claimants
+from arm_drake.manager.hardware_interfaces import Surroundings
+from arm_drake.manager.lifecycle import Lifecycle
+from arm_drake.manager.loaded_controllers import (
+    LoadedController,
+    command_order,
+    controller_infos,
+    list_states,
+)
+from arm_drake.manager.loop import Loop, Readings, StoredStates, initial_values
+from arm_drake.manager.state import ManagerState
+from arm_drake.manager.ticks import News, TickKeeper
+from arm_drake.messages import SwitchController
+from arm_drake.python_system import PythonSystem
+from arm_drake.timing import cycle_at, cycle_times
+
+# Name of the manager, and of its port on which a switch is requested.
+MANAGER = "controller_manager"
+SWITCH_PORT = "switch_controller"
+
+# And of the one with the values that the physics doesn't know.
+STORED_PORT = "stored_state_interfaces"
+
+
+class ControllerManager(PythonSystem):
+    """Tells controllers when to run, and hands their commands to the hardware.
+
+    .. pydrake_system::
+
+        name: ControllerManager
+        input_ports:
+        - switch_controller
+        - state_interfaces
+        - joint_motions
+        output_ports:
+        - cycle
+        - controllers
+        - events
+        - claimed
+        - command_values
+        - drive
+        - active
+        - ticks
+        - news
+
+    =================  ====  =======  ==================================================
+    port               size  unit     meaning
+    =================  ====  =======  ==================================================
+    switch_controller  --    --       SwitchController: what to activate, deactivate
+    state_interfaces   3J    rad, ..  positions, velocities, efforts of the J joints
+    joint_motions      2J    rad, ..  the same without the efforts
+    cycle              --    --       Cycle: what controllers are told
+    controllers        --    --       tuple of ControllerState, in the order of the YAML
+    events             --    --       tuple of the latest (number, event), the newest
+                                      last
+    claimed            --    --       tuple of the names of command interfaces, those
+                                      that were claimed last at the end
+    command_values     k     rad, ..  values of all command interfaces
+    drive              7n    rad, ..  what the servo of n joints is told, see
+                                      DriveCommands
+    active             c     --       1 for each controller that is active, else 0
+    ticks              --    --       ManagerState: the last ticks of the controllers
+    news               --    --       News: what lies on all ports of messages
+    =================  ====  =======  ==================================================
+
+    Further input ports, `command_interfaces:<controller>`, are what their ticks leave
+    behind, and `inbox:<controller>` what lies on their topics.
+
+    One update stores what all controllers leave behind. Their commands are taken from
+    their ticks, so they act on the very step of the plant that starts with the cycle. A
+    controller whose update fails is deactivated, its chain with it, and its fallback
+    controllers start in the next cycle.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        controllers: Iterable[LoadedController],
+        report: LoadReport,
+        *,
+        prefix: str,
+        period: float,
+        log_period: float,
+        drive: DriveCommands,
+        surroundings: Surroundings,
+        limits: CommandLimits | None = None,
+        keep: object = None,
+    ) -> None:
+        """Create the system.
+
+        Args:
+            robot: The robot.
+            controllers: Its controllers.
+            report: Its load report, with what its controllers lack.
+            prefix: Start of the names of the robot's ports and systems.
+            period: Period of the manager in Drake's time [s].
+            log_period: Period of the log of the joints' states [s].
+            drive: What makes the servo's input of commands.
+            surroundings: Interfaces of the robot.
+            limits: What commands are held to, if they are.
+            keep: What must live as long as the diagram, such as the servo's plant.
+        """
+        super().__init__()
+        self.robot = robot
+        self.report = report
+        self.controllers = tuple(controllers)
+        self.prefix = prefix
+        self.period = period
+        self.log_period = log_period
+        self.commands = command_order(surroundings, self.controllers)
+        self._keep = keep
+        self._update_rate = robot.controllers.update_rate
+        systems = {c.name: c.system for c in self.controllers if c.system is not None}
+        self._lifecycle = Lifecycle(
+            controller_infos(self.controllers),
+            {name: system.params.update_rate for name, system in systems.items()},
+            {
+                c.name: c.fallback_controllers
+                for c in robot.controllers.controllers
+                if c.name in systems
+            },
+            drive,
+            update_rate=self._update_rate,
+            distro=robot.distro,
+            refuse=surroundings.refuse,
+        )
+
+        self._switch = self.DeclareAbstractInputPort(
+            SWITCH_PORT, AbstractValue.Make(())
+        )
+        J = len(surroundings.joint_types)
+        self._measured = self.DeclareVectorInputPort(interfaces.STATE_PORT, 3 * J)
+        motions = self.DeclareVectorInputPort(interfaces.MOTIONS_PORT, 2 * J)
+        self._keeper = TickKeeper(
+            systems,
+            motions,
+            lambda name: self.DeclareAbstractInputPort(name, AbstractValue.Make(())),
+        )
+        claimants = Claimants(systems, self.commands, drive.joints)
+        self._loop = Loop(self._lifecycle, claimants, drive, limits, surroundings)
+        initial = surroundings.initial_positions
+        values = np.array(initial_values(self.commands, drive.joints, initial))
+        hold = drive.initial([initial[joint] for joint in drive.joints])
+        started = [c.name for c in self.controllers if c.state == "active"]
+        state = self._lifecycle.start(started, values, hold, self._keeper.start())
+        kept = self.DeclareAbstractState(AbstractValue.Make(state))
+        self._state_index = int(kept)
+        ports = (self._switch, *self._keeper.inboxes)
+        self._cycle = self.DeclareAbstractOutputPort(
+            "cycle",
+            lambda: AbstractValue.Make(()),
+            self._calc_cycle,
+            prerequisites_of_calc={
+                self.time_ticket(),
+                self.xa_ticket(),
+                *(self.input_port_ticket(port.get_index()) for port in ports),
+                self.input_port_ticket(self._measured.get_index()),
+            },
+        )
+        flags = [float(c.name in state.active) for c in self.controllers]
+        self._drive = drive
+        told = drive.told(hold)
+        states = [self.DeclareDiscreteState(x) for x in (values, told, flags)]
+        self._values, self._drive_state, self._flags = map(int, states)
+        self._stored = None
+        if surroundings.stored:
+            self._stored_states = StoredStates(surroundings, self.commands)
+            self._stored = self.DeclareDiscreteState(list(surroundings.stored.values()))
+            self.DeclareStateOutputPort(STORED_PORT, self._stored)
+        self._declare(
+            "controllers", lambda state: list_states(self.controllers, state.active)
+        )
+        self._declare("events", lambda state: state.events)
+        claimed = self._lifecycle.claimed
+        self._declare(interfaces.CLAIMED_PORT, lambda state: claimed(state.active))
+        names = (interfaces.VALUES_PORT, "drive", "active")
+        for name, index in zip(names, states, strict=True):
+            self.DeclareStateOutputPort(name, index)
+        self.DeclareStateOutputPort(interfaces.TICKS_PORT, kept)
+        # Computed anew only when something is put on a port.
+        self._news = self.DeclareAbstractOutputPort(
+            "news",
+            lambda: AbstractValue.Make(()),
+            self._calc_news,
+            prerequisites_of_calc={
+                self.input_port_ticket(port.get_index()) for port in ports
+            },
+        )
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
+
+    def find_problems(
+        self, context: Context, request: SwitchController
+    ) -> tuple[str, ...]:
+        """Return why a request can't be met in full, as things are.
+
+        Args:
+            context: Context of the diagram.
+            request: What to activate and deactivate.
+        """
+        active = self._state(self.GetMyContextFromRoot(context)).active
+        return self._lifecycle.judge(active, request).problems
+
+    def add_controller(
+        self, builder: DiagramBuilder, system: ControllerInterface
+    ) -> None:
+        """Connect a controller that is in the builder with this manager.
+
+        Args:
+            builder: Where both are.
+            system: The controller, one of those that this manager has.
+        """
+        builder.Connect(self._cycle, system.GetInputPort(interfaces.MANAGER_PORT))
+        if isinstance(system, TickingController):
+            values = self.GetOutputPort(interfaces.VALUES_PORT)
+            builder.Connect(values, system.add_command_values(self.commands))
+            if system.params.is_managed:
+                kept = interfaces.TICKS_PORT
+                builder.Connect(self.GetOutputPort(kept), system.GetInputPort(kept))
+                self._keeper.connect(builder, system)
+
+    def _state(self, context: Context) -> ManagerState:
+        state: ManagerState = context.get_abstract_state(self._state_index).get_value()
+        return state
+
+    def _declare(self, name: str, calc: Callable[[ManagerState], object]) -> None:
+        self.DeclareAbstractOutputPort(
+            name,
+            lambda: AbstractValue.Make(()),
+            lambda context, output: output.set_value(calc(self._state(context))),
+            prerequisites_of_calc={self.xa_ticket()},
+        )
+
+    def _calc_news(self, context: Context, output: AbstractValue) -> None:
+        requests = messages_on(self._switch, context, SwitchController)
+        output.set_value(self._keeper.read_news(context, requests))
+
+    def _calc_cycle(self, context: Context, output: AbstractValue) -> None:
+        output.set_value(self._find_cycle(context, self._state(context)))
+
+    def _find_cycle(self, context: Context, held: ManagerState) -> Cycle:
+        number = cycle_at(context.get_time(), self.period)
+        if number is None or number == held.cycle.number:
+            return held.cycle._replace(ticks=held.ticks)
+        times = cycle_times(number, self.period, self._update_rate)
+        news = self._news.Eval(context)
+        readings = Readings(held, news, partial(self._measured.Eval, context))
+        return self._loop.begin(readings, number, *times)
+
+    def _update(self, context: Context, state: State) -> None:
+        held = self._state(context)
+        if self._keeper.are_direct:
+            cycle = self._find_cycle(context, held)
+        else:  # Others ask for it too, and the port remembers it.
+            cycle = self._cycle.Eval(context)
+        if cycle.number == held.cycle.number:
+            return
+        news = cast(News, cycle.news)
+        readings = Readings(held, news, partial(self._measured.Eval, context))
+        ticks, asleep = self._keeper.run(context, cycle, held)
+        new = self._loop.finish(ticks, asleep, readings, cycle)
+        state.get_mutable_abstract_state(self._state_index).set_value(new)
+        numbers = state.get_mutable_discrete_state()
+        numbers.set_value(self._values, new.values)
+        numbers.set_value(self._drive_state, self._drive.told(new.drive))
+        if cycle.commands is not None:
+            flags = [float(c.name in cycle.active) for c in self.controllers]
+            numbers.set_value(self._flags, flags)
+        if self._stored is not None:
+            stored = context.get_discrete_state(self._stored).value()
+            stored = self._stored_states.update(stored, new.values)
+            numbers.set_value(self._stored, stored)

@@ -1,0 +1,286 @@
+"""RobotDescription to a MultibodyPlant with one actuator per commanded joint."""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from pydrake.geometry import (
+    CollisionFilterDeclaration,
+    GeometrySet,
+    Meshcat,
+    MeshcatVisualizer,
+    MeshcatVisualizerParams,
+    Role,
+    SceneGraph,
+)
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import (
+    AddMultibodyPlant,
+    MultibodyPlant,
+    MultibodyPlantConfig,
+)
+from pydrake.multibody.tree import JointActuator, ModelInstanceIndex
+from pydrake.systems.framework import DiagramBuilder
+
+from arm_drake.description.joints import FREE_TYPES, WORLD
+from arm_drake.description.report import LoadReport
+from arm_drake.description.robot import Pose
+from arm_drake.description.urdf import RobotDescription
+from arm_drake.errors import DescriptionError
+from arm_drake.options import SimulationOptions
+from arm_drake.plant.drake_log import drake_messages
+
+# Drake wants a period for what is drawn on demand [s].
+_NEVER = 1e9
+
+
+def add_plant(
+    builder: DiagramBuilder, time_step: float, options: SimulationOptions
+) -> tuple[MultibodyPlant, SceneGraph]:
+    """Add an empty plant and its scene graph.
+
+    Args:
+        builder: Where to add them.
+        time_step: Step of the discrete plant [s].
+        options: What acts on the robots.
+    """
+    # Sampled ports would delay every command by a step.
+    config = MultibodyPlantConfig(time_step=time_step, use_sampled_output_ports=False)
+    plant, scene_graph = AddMultibodyPlant(config, builder)
+    set_gravity(plant, options)
+    return plant, scene_graph
+
+
+def add_visualizer(
+    builder: DiagramBuilder,
+    scene_graph: SceneGraph,
+    meshcat: Meshcat,
+    *,
+    frame_rate: float = 0.0,
+) -> None:
+    """Add what draws the robots' visual shapes.
+
+    Args:
+        builder: Where the scene graph is.
+        scene_graph: What to draw.
+        meshcat: Where to draw it.
+        frame_rate: Pictures per second of simulated time [Hz]; 0 draws at time 0 and
+            when the visualizer is told to.
+    """
+    params = MeshcatVisualizerParams(
+        publish_period=1.0 / frame_rate if frame_rate else _NEVER,
+        role=Role.kIllustration,
+        prefix="visual",
+        # What is drawn on demand stays when a simulation is reset.
+        delete_on_initialization_event=frame_rate > 0.0,
+    )
+    MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, params)
+
+
+def set_gravity(plant: MultibodyPlant, options: SimulationOptions) -> None:
+    """Let gravity act, or not, as the options say."""
+    if isinstance(options.gravity, tuple):
+        plant.mutable_gravity_field().set_gravity_vector(options.gravity)
+    elif options.gravity is False:
+        plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, 0.0])
+
+
+def add_robot_model(
+    plant: MultibodyPlant,
+    description: RobotDescription,
+    name: str,
+    pose: Pose | None,
+    *,
+    has_free_base: bool = False,
+    is_reduced: bool = False,
+    collides: bool = True,
+    report: LoadReport | None = None,
+) -> ModelInstanceIndex:
+    """Add a robot's bodies and joints.
+
+    Args:
+        plant: A plant that isn't finalized.
+        description: The robot.
+        name: Name of the model instance.
+        pose: Pose of the base in the world; None is the origin.
+        has_free_base: Whether its base moves freely, instead of being fixed.
+        is_reduced: Whether to leave out what is seen and what collides, and to fix
+            joints of several degrees of freedom: what a servo computes with.
+        collides: Whether it touches anything.
+        report: Where Drake's warnings are recorded.
+
+    Raises:
+        DescriptionError: If Drake refuses the description.
+    """
+    X_WB = transform_of(pose)
+    root = ET.fromstring(description.urdf)  # noqa: S314  our own text.
+    root.set("name", name)
+    if is_reduced:
+        _remove(root, "visual", "collision")
+        _fix_free_joints(root)
+    elif not collides:
+        _remove(root, "collision")
+    # A link called "world" is the world itself: move what is attached to it.
+    for joint in root.iterfind("joint"):
+        parent = joint.find("parent")
+        if parent is not None and parent.get("link") == WORLD and pose is not None:
+            _move_origin(joint, X_WB)
+    parser = Parser(plant)
+    parser.SetAutoRenaming(True)
+    text = ET.tostring(root, encoding="unicode")
+    try:
+        with drake_messages() as messages:
+            (model,) = parser.AddModelsFromString(text, "urdf")
+        for name_of_root in description.roots:
+            if name_of_root != description.base or not has_free_base:
+                frame = plant.GetBodyByName(name_of_root, model).body_frame()
+                plant.WeldFrames(plant.world_frame(), frame, X_WB)
+    except (RuntimeError, ValueError, SystemExit) as error:
+        problem = " ".join(str(error).split())
+        raise DescriptionError(
+            f"Drake refuses the description: {problem}", file=description.file
+        ) from None
+    if report is not None:
+        for message in messages:  # Its place is one in our text, not in the file.
+            what, file = message.partition("warning: ")[2] or message, description.file
+            report.add("warning", "ignored", what, "so says Drake", file=file)
+    return model
+
+
+def _remove(root: ET.Element, *tags: str) -> None:
+    for link in root.iterfind("link"):
+        for tag in tags:
+            for element in link.findall(tag):
+                link.remove(element)
+
+
+def _fix_free_joints(root: ET.Element) -> None:
+    for joint in root.iterfind("joint"):
+        if joint.get("type") in FREE_TYPES:
+            joint.set("type", "fixed")
+
+
+def add_actuators(
+    plant: MultibodyPlant,
+    model: ModelInstanceIndex,
+    joints: Sequence[str],
+    effort_limits: Iterable[float],
+) -> list[JointActuator]:
+    """Add the command actuator of each joint, named as the joint.
+
+    Args:
+        plant: A plant that isn't finalized.
+        model: The robot's model instance.
+        joints: Commanded joints.
+        effort_limits: Their effort limits [N·m] or [N]; infinite where unset.
+    """
+    return [
+        plant.AddJointActuator(name, plant.GetJointByName(name, model), limit)
+        for name, limit in zip(joints, effort_limits, strict=True)
+    ]
+
+
+def set_initial_positions(
+    plant: MultibodyPlant, model: ModelInstanceIndex, positions: dict[str, float]
+) -> None:
+    """Set the default positions of joints, [rad] or [m], by name."""
+    for name, position in positions.items():
+        joint = plant.GetJointByName(name, model)
+        joint.set_default_positions([position])
+
+
+def filter_self_collision(
+    plant: MultibodyPlant, scene_graph: SceneGraph, model: ModelInstanceIndex
+) -> None:
+    """Let the links of a robot pass through each other, as Gazebo does."""
+    geometries = [
+        geometry
+        for body in plant.GetBodyIndices(model)
+        for geometry in plant.GetCollisionGeometriesForBody(plant.get_body(body))
+    ]
+    declaration = CollisionFilterDeclaration()
+    declaration.ExcludeWithin(GeometrySet(geometries))
+    scene_graph.collision_filter_manager().Apply(declaration)
+
+
+def filter_pairs(
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    model: ModelInstanceIndex,
+    pairs: Iterable[tuple[str, str]],
+) -> None:
+    """Let pairs of a robot's links pass through each other."""
+    for names in pairs:
+        sets = [
+            GeometrySet(
+                plant.GetCollisionGeometriesForBody(plant.GetBodyByName(name, model))
+            )
+            for name in names
+        ]
+        declaration = CollisionFilterDeclaration().ExcludeBetween(*sets)
+        scene_graph.collision_filter_manager().Apply(declaration)
+
+
+def state_indices(
+    plant: MultibodyPlant, model: ModelInstanceIndex, joints: Sequence[str]
+) -> tuple[list[int], list[int]]:
+    """Return where joints stand in the state [q; v] of a model instance.
+
+    Args:
+        plant: A finalized plant.
+        model: The model instance.
+        joints: Joints of one degree of freedom.
+
+    Returns:
+        Indices of the positions, and indices of the velocities.
+    """
+    # Drake numbers positions by its tree, not by the order of the file.
+    names = plant.GetPositionNames(model, add_model_instance_prefix=False)
+    velocities = plant.GetVelocityNames(model, add_model_instance_prefix=False)
+    positions_at, velocities_at = [], []
+    for name in joints:
+        joint = plant.GetJointByName(name, model)
+        suffix = joint.position_suffix(0), joint.velocity_suffix(0)
+        positions_at.append(names.index(f"{name}_{suffix[0]}"))
+        velocities_at.append(len(names) + velocities.index(f"{name}_{suffix[1]}"))
+    return positions_at, velocities_at
+
+
+def link_bodies(
+    plant: MultibodyPlant, model: ModelInstanceIndex, links: Iterable[str]
+) -> list[int]:
+    """Return the indices of the bodies of links, one of which may be the world."""
+    bodies = [
+        plant.world_body() if link == WORLD else plant.GetBodyByName(link, model)
+        for link in links
+    ]
+    return [int(body.index()) for body in bodies]
+
+
+def transform_of(pose: Pose | None) -> RigidTransform:
+    """Return a pose as a transform; None is the identity."""
+    if pose is None:
+        return RigidTransform()
+    return RigidTransform(RollPitchYaw(np.array(pose[3:])), np.array(pose[:3]))
+
+
+def origin_of(joint: ET.Element) -> RigidTransform:
+    """Return the pose of a `<joint>` of our URDF text in its parent link."""
+    origin = joint.find("origin")
+    xyz, rpy = (
+        [float(x) for x in ("" if origin is None else origin.get(name, "")).split()]
+        or [0.0, 0.0, 0.0]
+        for name in ("xyz", "rpy")
+    )
+    return RigidTransform(RollPitchYaw(np.array(rpy)), np.array(xyz))
+
+
+def _move_origin(joint: ET.Element, X_WB: RigidTransform) -> None:
+    X_WP = X_WB @ origin_of(joint)
+    origin = joint.find("origin")
+    if origin is None:
+        origin = ET.SubElement(joint, "origin")
+    rpy = RollPitchYaw(X_WP.rotation()).vector()
+    for attribute, values in (("xyz", X_WP.translation()), ("rpy", rpy)):
+        origin.set(attribute, " ".join(repr(float(value)) for value in values))

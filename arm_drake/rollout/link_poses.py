@@ -1,0 +1,184 @@
+"""Where links were in the world: from joint positions and the robot's description."""
+
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from arm_drake.arrays import Array
+from arm_drake.description.joints import WORLD
+from arm_drake.errors import InputError, suggest
+from arm_drake.rollout.link_transforms import (
+    LinkTransform,
+    base_pose,
+    fixed_pose,
+    multiply,
+    read_transforms,
+)
+from arm_drake.rollout.rollout import Rollout
+
+# How frames are called that sit where a tool works.
+_TOOL = re.compile(
+    r"(^|_)(tool0?|tcp|tip|ee|eef|eff|end_?effector|flange|grasp)(_|$)", re.IGNORECASE
+)
+
+# A finger has at most so many joints that move it, and what it is on at least so many.
+_FINGER, _ARM = 4, 3
+
+
+def read_link_poses(rollout: Rollout, link: str) -> Array:
+    """Return the poses of a link in the world.
+
+    Args:
+        rollout: A rollout with a description.
+        link: Name of the link.
+
+    Returns:
+        x, y, z [m], quaternion w, x, y, z, shape (N, 7); NaN where positions are.
+
+    Raises:
+        InputError: If there is no description, no such link, or where it was is
+            recorded nowhere.
+    """
+    transforms = _transforms(rollout)
+    links = {*transforms, *(t.parent for t in transforms.values()), *_links(rollout)}
+    if link not in links | {WORLD}:
+        raise InputError(f"no link {link!r} in the description; {suggest(link, links)}")
+    chain = list(_chain(transforms, link))
+    root = chain[-1].parent if chain else link
+    poses = _root_poses(rollout, root)
+    for transform in reversed(chain):
+        position = np.zeros(len(rollout.time))
+        if transform.joint:
+            position = rollout.position[:, rollout.joint_names.index(transform.joint)]
+        poses = _compose(poses, transform.poses(position))
+    return poses
+
+
+def find_tip(rollout: Rollout) -> str:
+    """Return the link whose way tells most: the end effector, or a moving base.
+
+    It is at the end of the chain with the most joints that move by themselves. A hand
+    with fingers counts as a whole, and of what is fixed there a frame that is called
+    like a tool is taken, else the last one. A base that moves freely stands for
+    itself if it carries no arm.
+
+    Args:
+        rollout: A rollout with a description.
+
+    Raises:
+        InputError: If there is no description.
+    """
+    transforms = _transforms(rollout)
+    following = _mimics(rollout)
+    names = list(_links(rollout))
+    moving = {link: _num_joints(transforms, link, following) for link in names}
+    deepest = max(names, key=lambda link: moving[link])
+    free = next((link for link in names if link in rollout.free_poses), None)
+    if free is not None and moving[deepest] < _ARM:
+        return free
+    body = _without_fingers(transforms, deepest, moving)
+    fixed = [link for link in names if _body(transforms, link) == body]
+    has_fingers = body != _body(transforms, deepest)
+    tools = [link for link in fixed if _TOOL.search(link)]
+    candidates = tools or ([body] if has_fingers else fixed)
+    return max(candidates, key=lambda link: sum(1 for _ in _chain(transforms, link)))
+
+
+def _transforms(rollout: Rollout) -> dict[str, LinkTransform]:
+    """Return where links are in their parents, by their names."""
+    if not rollout.description:
+        raise InputError(
+            "the rollout has no description of its robot, so where links were is "
+            "unknown; .npz and .mcap files keep it, .csv files don't"
+        )
+    pose = base_pose(rollout.info)
+    try:
+        transforms = read_transforms(rollout.description, pose)
+    except (ET.ParseError, ValueError) as error:
+        raise InputError(f"the rollout's description is no URDF ({error})") from None
+    return {transform.child: transform for transform in transforms}
+
+
+def _links(rollout: Rollout) -> Iterator[str]:
+    root = ET.fromstring(rollout.description)  # noqa: S314  what was loaded.
+    names = (link.get("name", "") for link in root.iterfind("link"))
+    return (name for name in names if name != WORLD)
+
+
+def _mimics(rollout: Rollout) -> set[str]:
+    """Return the joints that follow others."""
+    root = ET.fromstring(rollout.description)  # noqa: S314
+    joints = (j for j in root.iterfind("joint") if j.find("mimic") is not None)
+    return {joint.get("name", "") for joint in joints}
+
+
+def _chain(
+    transforms: Mapping[str, LinkTransform], link: str
+) -> Iterator[LinkTransform]:
+    """Yield the poses of a link, its parent and so on, each in its parent."""
+    while link in transforms:
+        yield transforms[link]
+        link = transforms[link].parent
+
+
+def _num_joints(
+    transforms: Mapping[str, LinkTransform], link: str, following: set[str]
+) -> int:
+    joints = {t.joint for t in _chain(transforms, link)} - {""}
+    return len(joints - following)
+
+
+def _body(transforms: Mapping[str, LinkTransform], link: str) -> str:
+    """Return the link that is moved by a joint, and to which another one is fixed."""
+    while link in transforms and not transforms[link].joint:
+        link = transforms[link].parent
+    return link
+
+
+def _without_fingers(
+    transforms: Mapping[str, LinkTransform], tip: str, moving: Mapping[str, int]
+) -> str:
+    """Return the body that carries the fingers of which one ends in a link, or its own.
+
+    Args:
+        transforms: Where links are, by their names.
+        tip: The end of a chain.
+        moving: Number of joints that move each link.
+    """
+    moved = [t for t in transforms.values() if t.joint]
+    for above in _chain(transforms, tip):
+        body = _body(transforms, above.parent)
+        depth = moving.get(body, 0)
+        if moving[tip] - depth > _FINGER or depth < _ARM:
+            break
+        branches = [t.child for t in moved if _body(transforms, t.parent) == body]
+        if above.joint and len(branches) > 1:
+            return body
+    return _body(transforms, tip)
+
+
+def _root_poses(rollout: Rollout, root: str) -> Array:
+    """Return the poses of a link without a parent, shape (N, 7)."""
+    num = len(rollout.time)
+    if root in rollout.free_poses:
+        return rollout.free_poses[root].copy()
+    tree = ET.fromstring(rollout.description)  # noqa: S314
+    for joint in tree.iterfind("joint"):
+        child = joint.find("child")
+        if child is not None and child.get("link") == root:
+            raise InputError(
+                f"joint {joint.get('name')!r} is {joint.get('type')}, and how it moved "
+                f"isn't recorded, so where {root!r} was is unknown"
+            )
+    pose = [0.0] * 6 if root == WORLD else base_pose(rollout.info)
+    return np.tile(np.hstack(fixed_pose(pose)), (num, 1))
+
+
+def _compose(X_WA: Array, X_AB: Array) -> Array:
+    """Return poses of B in W, of A in W and of B in A, each of shape (N, 7)."""
+    q, p = X_WA[:, 3:], X_AB[:, :3]
+    w, v = q[:, :1], q[:, 1:]
+    turned = p + 2.0 * np.cross(v, np.cross(v, p) + w * p)
+    return np.hstack([X_WA[:, :3] + turned, multiply(q, X_AB[:, 3:])])

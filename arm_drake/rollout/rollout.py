@@ -1,0 +1,309 @@
+"""What a simulation leaves behind: arrays with names, to save and to look at."""
+
+import dataclasses as dc
+import importlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_drake.arrays import Array
+from arm_drake.errors import suggest
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+# What writes, reads and draws rollouts knows them, so it is imported when it is used.
+_FORMATS = "arm_drake.rollout.formats"
+_TABLE = "arm_drake.rollout.csv"
+_LINK_POSES = "arm_drake.rollout.link_poses"
+_PLOT = "arm_drake.visualization.plot"
+
+# An effort within this part of its limit is at the limit.
+_AT_LIMIT = 1e-6
+
+
+@dc.dataclass(frozen=True)
+class GoalRecord:
+    """A goal of an action, and what became of it."""
+
+    # Name of the controller, with that of its robot in front if there are several.
+    controller: str
+
+    # Class of the goal, such as "FollowJointTrajectoryGoal".
+    type: str
+
+    # When it was sent [s].
+    sent_at: float
+
+    # When its end was noticed [s], at most 50 cycles late; None if it is not done.
+    ended_at: float | None
+
+    # A GoalStatus: "SUCCEEDED", "ABORTED", ...
+    status: str
+
+    # Of a FollowJointTrajectory result; None if there is no such result.
+    error_code: int | None = None
+
+    # Why, in words; empty if there is nothing to say.
+    error_string: str = ""
+
+    # The goal's fields.
+    goal: Mapping[str, Any] = dc.field(default_factory=dict)
+
+    # Fields of the result, if there is one.
+    result: Mapping[str, Any] | None = None
+
+
+@dc.dataclass(frozen=True)
+class SentMessage:
+    """A message that was sent to a controller, or a request to the manager."""
+
+    # When [s].
+    time: float
+
+    # Name as in ROS.
+    topic: str
+
+    # Class of the message, such as "JointTrajectory".
+    type: str
+
+    # Its fields.
+    data: Mapping[str, Any]
+
+
+@dc.dataclass(frozen=True, eq=False)
+class Reference:
+    """What a controller wanted of its joints."""
+
+    # Joints, k of them.
+    joint_names: tuple[str, ...]
+
+    # Positions [rad] or [m], shape (N, k); NaN before the first command.
+    position: Array
+
+
+@dc.dataclass(frozen=True, eq=False)
+class Rollout:
+    """The recorded motion of a robot: N rows, J movable joints.
+
+    A row is the state right after a read at a tick of the controller manager, before
+    the tick's command acts.
+    """
+
+    # Times of the rows [s], shape (N,).
+    time: Array
+
+    # In the order of the description.
+    joint_names: tuple[str, ...]
+
+    # [rad] or [m], [rad/s] or [m/s], [N·m] or [N], each of shape (N, J). The effort is
+    # what the joint's actuator applies, gravity compensation included, friction not.
+    position: Array
+    velocity: Array
+    effort: Array
+
+    # Effort limit of each joint, infinite where there is none, shape (J,).
+    effort_limit: Array
+
+    # URDF type of each joint.
+    joint_types: tuple[str, ...]
+
+    # What each controller wanted, by its name.
+    references: Mapping[str, Reference]
+
+    # Name of the robot, and what its topics' names start with: "" or "/<robot>".
+    robot_name: str = ""
+    namespace: str = ""
+
+    # Command interfaces "<joint>/<interface>", C of them, and what they held until the
+    # row's tick, shape (N, C), each in the unit of its interface; NaN where nothing was
+    # commanded yet, or recorded. Without any, shape (N, 0).
+    command_names: tuple[str, ...] = ()
+    command: Array = dc.field(default_factory=lambda: np.zeros((0, 0)))
+
+    # Controllers by name with their types, K of them, and whether they were active in
+    # the cycle before the row, 1 or 0, shape (N, K); NaN where it wasn't recorded.
+    controllers: Mapping[str, str] = dc.field(default_factory=dict)
+    active: Array = dc.field(default_factory=lambda: np.zeros((0, 0)))
+
+    # Pose in the world of links that no joint with a position holds, such as a mobile
+    # base: x, y, z [m], quaternion w, x, y, z, shape (N, 7).
+    free_poses: Mapping[str, Array] = dc.field(default_factory=dict)
+
+    # Total contact force on each link in the world [N], shape (N, 3); only where that
+    # was asked for, see `SimulationOptions.log_contacts`.
+    contact_forces: Mapping[str, Array] = dc.field(default_factory=dict)
+
+    # Goals and messages that were sent, in order.
+    goals: tuple[GoalRecord, ...] = ()
+    messages: tuple[SentMessage, ...] = ()
+
+    # What made it: versions, files with hashes, options, world, motions; plain data.
+    info: Mapping[str, Any] = dc.field(default_factory=dict)
+
+    # The robot's expanded description as it was written, but with package URIs in place
+    # of this machine's paths.
+    description: str = ""
+
+    def __post_init__(self) -> None:
+        """Give what wasn't recorded its shape."""
+        for field, names in (
+            ("command", self.command_names),
+            ("active", self.controllers),
+        ):
+            if not names:
+                empty = np.zeros((len(self.time), 0))
+                object.__setattr__(self, field, empty)
+
+    @property
+    def is_at_limit(self) -> NDArray[np.bool_]:
+        """Whether each joint is at its effort limit in each row, shape (N, J)."""
+        limit = (1.0 - _AT_LIMIT) * self.effort_limit
+        return np.abs(self.effort) >= limit
+
+    def effort_saturation(self) -> dict[str, float]:
+        """Return how long joints were at their effort limit [s], by joint.
+
+        Joints that never were are left out. The time is counted in rows.
+        """
+        return self.time_at_limit(np.ones(len(self.time), dtype=bool))
+
+    def time_at_limit(self, rows: NDArray[np.bool_]) -> dict[str, float]:
+        """Return how long joints were at their effort limit in some rows [s], by joint.
+
+        Args:
+            rows: Which rows count, shape (N,).
+        """
+        if len(self.time) < 2:
+            return {}
+        row = float(self.time[-1] - self.time[0]) / (len(self.time) - 1)
+        is_at_limit = self.is_at_limit[rows]
+        return {
+            name: count * row
+            for name, count in zip(
+                self.joint_names, is_at_limit.sum(axis=0).tolist(), strict=True
+            )
+            if count
+        }
+
+    def tracking_error(self, controller: str) -> Array:
+        """Return reference less measured positions, shape (N, k).
+
+        Args:
+            controller: Name of the controller whose k joints to look at.
+
+        Raises:
+            KeyError: If there is no such controller.
+        """
+        if controller not in self.references:
+            raise KeyError(
+                f"no references of {controller!r}; "
+                f"{suggest(controller, self.references)}"
+            )
+        reference = self.references[controller]
+        columns = [self.joint_names.index(name) for name in reference.joint_names]
+        return reference.position - self.position[:, columns]
+
+    def save(self, path: str | Path) -> None:
+        """Write the rollout; the same rollout always gives the same bytes.
+
+        Args:
+            path: `.npz` for arrays, with everything; `.csv` for a table of the rows,
+                with units in its head; `.mcap` for a bag of ROS 2 messages, with
+                everything, which needs the extra `bag`.
+
+        Raises:
+            MissingExtraError: If what the file needs isn't installed.
+            OutputError: If the file can't be written, or its type is unknown.
+        """
+        _import(_FORMATS).save_rollout(self, Path(path))
+
+    @classmethod
+    def load(cls, path: str | Path, robot: str | None = None) -> Self:
+        """Return the rollout of a file that `save` has written.
+
+        From a table alone come the rows: no goals, messages, limits, description and
+        provenance; joints are "revolute" or "prismatic", as their units say.
+
+        Args:
+            path: `.npz`, `.csv` or `.mcap` file.
+            robot: Name of the robot, in a bag of several; by default the first one.
+
+        Raises:
+            InputError: If the file can't be read, or is no rollout.
+            MissingExtraError: If what the file needs isn't installed.
+        """
+        return cls(**_import(_FORMATS).load_fields(Path(path), robot))
+
+    def columns(self) -> dict[str, Array]:
+        """Return every quantity of the rows, each of shape (N,), with unit in its name.
+
+        They are the columns of a `.csv` file.
+        """
+        return _import(_TABLE).make_columns(self)
+
+    def to_pandas(self) -> "pd.DataFrame":
+        """Return the rows as a data frame: one column for each quantity, as a `.csv`.
+
+        Its index is the time [s].
+
+        Raises:
+            MissingExtraError: If pandas isn't installed.
+        """
+        return _import(_TABLE).make_frame(self)
+
+    def link_poses(self, link: str) -> Array:
+        """Return where a link was in the world: x, y, z [m], quaternion w, x, y, z.
+
+        Shape (N, 7).
+
+        Args:
+            link: Name of the link.
+
+        Raises:
+            InputError: If the rollout has no description, or no such link.
+        """
+        return _import(_LINK_POSES).read_link_poses(self, link)
+
+    def find_tip(self) -> str:
+        """Return the end effector's link, or the base that moves without an arm.
+
+        Raises:
+            InputError: If the rollout has no description.
+        """
+        return _import(_LINK_POSES).find_tip(self)
+
+    def plot(
+        self,
+        path: str | Path | None = None,
+        kind: str = "tracking",
+        *,
+        joints: Sequence[str] | None = None,
+        link: str | None = None,
+    ) -> "Figure":
+        """Return a picture of the rollout, which a notebook shows; see docs/plots.md.
+
+        Args:
+            path: `.png`, `.svg` or `.pdf` file to write, too; None writes none.
+            kind: What to look at: "tracking" (reference and measurement), "error",
+                "effort" (with its limit), "phase" (velocity over position), "path" (the
+                way of a link) or "overview".
+            joints: Which joints, in this order; None is all of them.
+            link: The link of "path" and "overview"; None is the end effector.
+
+        Raises:
+            InputError: If there is no such kind, joint or link, or "path" lacks a
+                description.
+            OutputError: If the picture can't be written, or its type is unknown.
+        """
+        path = None if path is None else Path(path)
+        draw = _import(_PLOT).draw_rollout
+        return draw(self, path, kind=kind, joints=joints, link=link)
+
+
+def _import(module: str) -> Any:
+    return importlib.import_module(module)

@@ -1,0 +1,181 @@
+"""Who is in a diagram: its robots, their managers and controllers, by name."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal, NamedTuple, get_args
+
+from pydrake.systems.framework import Context, Diagram
+
+from arm_drake.controllers.controller_interface_part import ControllerInterface
+from arm_drake.errors import InputError, suggest
+from arm_drake.manager import ControllerManager
+from arm_drake.manager.loaded_controllers import ControllerState, LoadedController
+from arm_drake.messages import Strictness, SwitchController
+
+
+class ControllerList(list[ControllerState]):
+    """Controllers and their states; as text, a line for each."""
+
+    def __str__(self) -> str:
+        """Return what `ros2 control list_controllers` prints: name, type and state."""
+        name = max((len(row.name) for row in self), default=0)
+        kind = max((len(row.type) for row in self), default=0)
+        return "\n".join(
+            f"{row.name:{name}}  {row.type:{kind}}  {row.state}" for row in self
+        )
+
+
+class TopicInfo(NamedTuple):
+    """A row of the list of topics."""
+
+    name: str
+
+    # Class of its messages.
+    type: str
+
+    # Whether a controller takes its messages, or publishes them.
+    direction: Literal["input", "output"]
+
+    # Topics of Gazebo that a bridge connects it with.
+    bridged_to: tuple[str, ...] = ()
+
+
+class TopicList(list[TopicInfo]):
+    """Topics and their types; as text, a line for each."""
+
+    def __str__(self) -> str:
+        """Return a table: name, type, direction, and what it is bridged to."""
+        name = max((len(row.name) for row in self), default=0)
+        kind = max((len(row.type) for row in self), default=0)
+        return "\n".join(
+            f"{row.name:{name}}  {row.type:{kind}}  {row.direction:6}  "
+            f"{', '.join(row.bridged_to)}".rstrip()
+            for row in self
+        )
+
+
+def make_switch(
+    activate: Sequence[str], deactivate: Sequence[str], strictness: Strictness
+) -> SwitchController:
+    """Return the request for a switch.
+
+    Args:
+        activate: Names of controllers to start.
+        deactivate: Names of controllers to stop.
+        strictness: "strict" or "best_effort".
+
+    Raises:
+        InputError: If there is no such strictness, or these are no names.
+    """
+    if strictness not in (known := get_args(Strictness)):
+        hint = suggest(str(strictness), known)
+        raise InputError(f"unknown strictness {strictness!r}; {hint}")
+    given: Any = (activate, deactivate, strictness)  # The request checks them.
+    try:
+        return SwitchController(*given)
+    except ValueError as error:
+        raise InputError(str(error)) from None
+
+
+class Directory:
+    """Finds robots and controllers of a diagram.
+
+    Where there are several robots, a controller's name is `<robot>/<name>`.
+    """
+
+    def __init__(self, diagram: Diagram) -> None:
+        """Create it.
+
+        Args:
+            diagram: Diagram of `build_diagram`.
+
+        Raises:
+            InputError: If there is no robot in the diagram.
+        """
+        self.managers: Mapping[str, ControllerManager] = {
+            system.robot.name: system
+            for system in diagram.GetSystems()
+            if isinstance(system, ControllerManager)
+        }
+        if not self.managers:
+            raise InputError(
+                "the diagram has no robot at its top; expected one of build_diagram"
+            )
+        self._controllers: Mapping[str, tuple[ControllerManager, LoadedController]] = {
+            f"{manager.prefix}{controller.name}": (manager, controller)
+            for manager in self.managers.values()
+            for controller in manager.controllers
+        }
+
+    def manager(self, robot: str | None) -> ControllerManager:
+        """Return a robot's controller manager; that of the first one for None.
+
+        Raises:
+            InputError: If there is no such robot.
+        """
+        if robot is None:
+            return next(iter(self.managers.values()))
+        if not isinstance(robot, str) or robot not in self.managers:
+            hint = suggest(str(robot), self.managers)
+            raise InputError(f"no robot {robot!r}; {hint}")
+        return self.managers[robot]
+
+    def check_name(self, name: str) -> None:
+        """Raise InputError if there is no controller of this name."""
+        if not isinstance(name, str) or name not in self._controllers:
+            hint = suggest(str(name), self._controllers)
+            raise InputError(f"no controller {name!r}; {hint}")
+
+    def find(
+        self, name: str
+    ) -> tuple[ControllerManager, LoadedController, ControllerInterface]:
+        """Return a controller's manager, itself, and its system.
+
+        Raises:
+            InputError: If there is no such controller, or it could not be loaded.
+        """
+        self.check_name(name)
+        manager, controller = self._controllers[name]
+        if controller.system is None:
+            raise InputError(f"controller {name!r} is unconfigured; see the report")
+        return manager, controller, controller.system
+
+    def list_controllers(self, context: Context) -> ControllerList:
+        """Return the controllers and their states, in the order of the YAML.
+
+        Args:
+            context: Context of the diagram.
+        """
+        return ControllerList(
+            row._replace(name=f"{manager.prefix}{row.name}")
+            for manager in self.managers.values()
+            for row in manager.GetOutputPort("controllers").Eval(
+                manager.GetMyContextFromRoot(context)
+            )
+        )
+
+    def address(
+        self, request: SwitchController, robot: str | None
+    ) -> tuple[ControllerManager, SwitchController]:
+        """Return whom a request is for, and a new one with the names known there.
+
+        Args:
+            request: Names are those of this robot, without it those of `find`, or else
+                of the first robot.
+            robot: Name of the robot.
+
+        Raises:
+            InputError: If there is no such robot, or it is no such request.
+        """
+        if not isinstance(request, SwitchController):
+            raise InputError(f"expected a SwitchController, got {request!r}")
+        lists = (request.activate_controllers, request.deactivate_controllers)
+        manager, prefix = self.manager(robot), ""
+        if robot is None:
+            names = [name for names in lists for name in names]
+            for other in self.managers.values():
+                if names and all(name.startswith(other.prefix) for name in names):
+                    manager, prefix = other, other.prefix
+        activate, deactivate = (
+            tuple(name.removeprefix(prefix) for name in names) for names in lists
+        )
+        return manager, SwitchController(activate, deactivate, request.strictness)

@@ -1,0 +1,338 @@
+"""What goes into a running diagram as messages, and what comes out as news."""
+
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, NamedTuple, TypeAlias
+
+from pydrake.common.value import AbstractValue
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Diagram, OutputPort
+
+from arm_drake.manager import MANAGER, ControllerManager
+from arm_drake.manager.state import CommandLimited, ControllerFailure
+from arm_drake.messages import (
+    CancelResponse,
+    Float32,
+    Float64,
+    Float64MultiArray,
+    FollowJointTrajectoryFeedback,
+    FollowJointTrajectoryResult,
+    GoalEvent,
+    GoalStatus,
+    GripperCommandResult,
+    JointTrajectory,
+    Message,
+    MultiDOFCommand,
+    ParallelGripperCommandResult,
+    ParametersRejected,
+    Result,
+    SendGoal,
+    SpeedScalingFactor,
+    SwitchControllerResult,
+    TopicRejected,
+)
+from arm_drake.simulation.controller_topics import describe_grip
+
+
+class GoalHandle:
+    """A goal that was sent to a controller: what an action client sees of it."""
+
+    def __init__(self, controller: str, request: SendGoal, where: str) -> None:
+        """Create the handle; `ControllerHandle.send_goal` does that.
+
+        Args:
+            controller: Name of the controller.
+            request: What was sent.
+            where: Where the goal comes from, for messages; empty if from a program.
+        """
+        self.controller, self.request, self.where = controller, request, where
+        self.status = GoalStatus.PENDING
+        self.result: Result | None = None
+
+        # When it was sent, and when its end was noticed, at most 50 cycles late [s].
+        self.sent_at = 0.0
+        self.ended_at: float | None = None
+
+        # What of the goal was not taken as written.
+        self.note = ""
+
+        self._feedback: list[FollowJointTrajectoryFeedback] = []
+        self._sources: list[Callable[[], FollowJointTrajectoryFeedback]] = []
+
+    def update(self, event: GoalEvent) -> None:
+        """Take the controller's news of this goal."""
+        self.status = event.status
+        self.result = event.result or self.result
+        self.note = event.note or self.note
+        if event.feedback_source is not None:
+            self._sources.append(event.feedback_source)
+
+    @property
+    def feedback(self) -> list[FollowJointTrajectoryFeedback]:
+        """All feedback so far, the newest last."""
+        self._feedback += [make() for make in self._sources]
+        self._sources.clear()
+        return self._feedback
+
+    def forget_feedback(self) -> None:
+        """Forget all feedback so far."""
+        self._feedback, self._sources = [], []
+
+    def describe(self) -> str:
+        """Return status and result in words."""
+        text, result, why = self.status.value, self.result, self.note
+        if isinstance(result, FollowJointTrajectoryResult):
+            text += f", error code {int(result.error_code)}"
+            why = result.error_string
+        elif isinstance(result, GripperCommandResult):
+            text += describe_grip(result, (result.position,))
+        elif isinstance(result, ParallelGripperCommandResult):
+            text += describe_grip(result, result.state.position)
+        return f"{text}: {why}" if why else text
+
+    def __repr__(self) -> str:
+        """Return controller, status and result."""
+        return f"GoalHandle({self.controller!r}, {self.status.value}, {self.result})"
+
+
+Rejection: TypeAlias = TopicRejected | ParametersRejected
+Failure: TypeAlias = ControllerFailure | SwitchControllerResult
+
+News: TypeAlias = GoalHandle | Rejection | CancelResponse | Failure | CommandLimited
+
+
+# So many messages are remembered before any is forgotten.
+_MIN_PLACES = 2000
+
+
+class _Source(NamedTuple):
+    """A port of a controller or manager on which numbered events are."""
+
+    port: OutputPort
+
+    # Name of the controller with its robot's prefix, or this prefix alone.
+    name: str
+
+
+class Sent(NamedTuple):
+    """A message that was put on a port."""
+
+    # When [s].
+    time: float
+
+    # Input port of the diagram.
+    port: str
+
+    message: Message
+
+
+class Mailbox:
+    """Puts messages on the ports of a diagram, and collects the news."""
+
+    def __init__(
+        self,
+        diagram: Diagram,
+        simulator: Simulator,
+        managers: Iterable[ControllerManager],
+    ) -> None:
+        """Create it, with nothing sent.
+
+        Args:
+            diagram: The diagram.
+            simulator: What runs it.
+            managers: Its controller managers.
+        """
+        self.diagram = diagram
+        self.simulator = simulator
+        self._sources = []
+        for manager in managers:
+            self._sources += [
+                _Source(
+                    controller.system.GetOutputPort("events"),
+                    f"{manager.prefix}{controller.name}",
+                )
+                for controller in manager.controllers
+                if controller.system is not None
+                and controller.system.HasOutputPort("events")
+            ]
+            self._sources.append(
+                _Source(manager.GetOutputPort("events"), manager.prefix)
+            )
+        self.reset()
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return float(self.simulator.get_context().get_time())
+
+    def reset(self) -> None:
+        """Forget all, as the simulation begins anew."""
+        self._next_event = [0] * len(self._sources)
+
+        # What lies on the ports, and since when [s].
+        self._published: dict[str, list[tuple[float, Message]]] = {}
+
+        # Goals, and other messages with the place that they come from, by their id.
+        self._handles: dict[int, GoalHandle] = {}
+        self._places: dict[int, tuple[Message, str]] = {}
+        self._max_places = _MIN_PLACES
+
+        # Name of the source of each rejection and failure, by its id.
+        self._names: dict[int, str] = {}
+
+        # What was sent, the latest last.
+        self.sent: list[Sent] = []
+
+        self.goals: list[GoalHandle] = []
+        self.rejected: list[Rejection] = []
+        self.failures: list[Failure] = []
+
+    def add_goal(self, goal: GoalHandle) -> None:
+        """Take note of a goal that is being sent."""
+        goal.sent_at = self.time
+        self._handles[id(goal.request)] = goal
+        self.goals.append(goal)
+
+    def add_message(self, message: Message, where: str) -> None:
+        """Take note of where a message that is being sent comes from."""
+        self._places[id(message)] = (message, where)
+        if len(self._places) > self._max_places:
+            self._forget_places()
+
+    def _forget_places(self) -> None:
+        """Forget where messages came from that lie on no port and weren't refused."""
+        lying = [m for sent in self._published.values() for _, m in sent]
+        told = [getattr(event, "message", None) for event in self.rejected]
+        told += [getattr(event, "request", None) for event in self.failures]
+        kept = {id(message) for message in (*lying, *told)}
+        # Those that came last may be refused yet.
+        recent = set(list(self._places)[-_MIN_PLACES // 2 :])
+        self._places = {
+            key: place
+            for key, place in self._places.items()
+            if key in kept or key in recent
+        }
+        self._max_places = max(_MIN_PLACES, 2 * len(self._places))
+
+    def publish(self, port: str, message: Message, period: float) -> None:
+        """Put a message on a port; those of before stay while they may be unseen.
+
+        Args:
+            port: Input port of the diagram.
+            message: What to put there.
+            period: Period of who reads it [s].
+        """
+        context = self.simulator.get_mutable_context()
+        time, there = context.get_time(), self.diagram.GetInputPort(port)
+        self.sent.append(Sent(time, port, message))
+        # What the context doesn't know was sent after it: it is one of before.
+        lying = there.Eval(context) if there.HasValue(context) else ()
+        known = set(map(id, lying)) if isinstance(lying, tuple) else {id(lying)}
+        recent = [
+            (sent, other)
+            for sent, other in self._published.get(port, ())
+            if sent > time - 2.0 * period and id(other) in known
+        ]
+        self._published[port] = [*recent, (time, message)]
+        messages = tuple(message for _, message in self._published[port])
+        value = AbstractValue.Make(messages)
+        there.FixValue(context, value)
+
+    def eval_output(self, port: str) -> Any:
+        """Return the present value of an output port of the diagram."""
+        return self.diagram.GetOutputPort(port).Eval(self.simulator.get_context())
+
+    def forget_before(self, time: float) -> None:
+        """Forget what was sent before a time, and the feedback of goals that ended.
+
+        Args:
+            time: The time [s].
+        """
+        self.sent = [sent for sent in self.sent if sent.time >= time]
+        for goal in self.goals:
+            if goal.ended_at is not None and goal.ended_at < time:
+                goal.forget_feedback()
+
+    def collect(self) -> Iterator[News]:
+        """Yield the news since the last time, one source after the other.
+
+        A goal's handle knows no more than what was told so far.
+        """
+        root = self.simulator.get_context()
+        for index, (port, name) in enumerate(self._sources):
+            events = port.Eval(port.get_system().GetMyContextFromRoot(root))
+            first = self._next_event[index]
+            self._next_event[index] = events[-1][0] + 1 if events else 0
+            # If the last one is older than what was seen, the context is one of before.
+            if events and events[-1][0] >= first:
+                for number, event in events:
+                    if number >= first:
+                        yield from self._take(event, name)
+
+    def _take(
+        self,
+        event: GoalEvent | Rejection | CancelResponse | Failure | CommandLimited,
+        name: str,
+    ) -> list[News]:
+        """Take note of an event; return it, or nothing if nobody waits for it."""
+        if isinstance(event, GoalEvent):
+            handle = self._handles.get(id(event.request))
+            if handle is None:  # Sent past the Simulation, by a system of the user's.
+                return []
+            handle.update(event)
+            if handle.status.is_terminal and handle.ended_at is None:
+                handle.ended_at = self.time
+            return [handle]
+        if isinstance(event, TopicRejected | ParametersRejected):
+            self._names[id(event)] = name
+            self.rejected.append(event)
+        elif isinstance(event, CommandLimited):
+            self._names[id(event)] = name
+        elif isinstance(event, ControllerFailure) or (
+            isinstance(event, SwitchControllerResult) and not event.ok
+        ):
+            self._names[id(event)] = name
+            self.failures.append(event)
+        return [event]
+
+    def describe(self, event: Rejection | Failure | CommandLimited) -> str:
+        """Return one line about a rejection or a failure: where, who, what, why."""
+        name = self._names.get(id(event), "")
+        if isinstance(event, CommandLimited):
+            return f"{name}joint {event.joint!r}: commands are held to its limits"
+        if isinstance(event, ControllerFailure):
+            return f"{name}{event.controller}: {_describe_failure(event)}"
+        if isinstance(event, ParametersRejected):
+            return f"{name}: parameters refused: {event.reason}"
+        if isinstance(event, SwitchControllerResult):
+            place = self._place(event.request)
+            return f"{place}{name}{MANAGER}: switch refused: {event.message}"
+        kind = _KINDS.get(type(event.message), "message")
+        return f"{self._place(event.message)}{name}: {kind} refused: {event.reason}"
+
+    def _place(self, message: Message) -> str:
+        """Return the start of a line about a message: where it comes from."""
+        _, where = self._places.get(id(message), (None, ""))
+        return f"{where}: " if where else ""
+
+
+# What messages are called.
+_KINDS: dict[type[Message], str] = {
+    JointTrajectory: "trajectory",
+    Float64: "command",
+    Float32: "command",
+    Float64MultiArray: "commands",
+    MultiDOFCommand: "commands",
+    SpeedScalingFactor: "speed scaling",
+}
+
+
+def _describe_failure(event: ControllerFailure) -> str:
+    others = [repr(name) for name in event.deactivated if name != event.controller]
+    reason = f" ({event.reason})" if event.reason else ""
+    text = f"the update failed{reason}"
+    text += ", the controller is deactivated" if event.deactivated else ""
+    if others:
+        text += f", its chain too: {', '.join(others)}"
+    if event.activated:
+        text += f"; active in its place: {', '.join(map(repr, event.activated))}"
+    return "; ".join((text, *event.problems))

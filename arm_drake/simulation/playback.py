@@ -1,0 +1,201 @@
+"""Sends the steps of a motion to the controllers of a simulation."""
+
+from collections.abc import Callable, Collection, Mapping
+from typing import Protocol
+
+from arm_drake.errors import InputError, MotionError
+from arm_drake.messages import (
+    Float64MultiArray,
+    FollowJointTrajectoryGoal,
+    GripperCommand,
+    JointTrajectory,
+    SpeedScalingFactor,
+    SwitchController,
+    Twist,
+)
+from arm_drake.simulation.clients import ControllerHandle
+from arm_drake.simulation.directory import ControllerList, Directory
+from arm_drake.simulation.motion import Motion, MotionStep, TopicMessage
+from arm_drake.simulation.topic_clients import TopicHandle
+
+
+class Runner(Protocol):
+    """What runs motions: a Simulation."""
+
+    directory: Directory
+
+    # Of the quickest controller manager [s].
+    period: float
+
+    # What was played, in order.
+    motions: list[Motion]
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+
+    def advance_to(self, time: float) -> None:
+        """Simulate up to a time [s]."""
+
+    def list_controllers(self) -> ControllerList:
+        """Return the controllers and their states."""
+
+    def controller(self, name: str) -> ControllerHandle:
+        """Return what sends to a controller."""
+
+    def topic(self, name: str) -> TopicHandle:
+        """Return what publishes on a topic."""
+
+    def request_switch(self, request: SwitchController, *, where: str) -> None:
+        """Send a request to a controller manager."""
+
+
+class Player:
+    """Sends each step of a motion when it is due."""
+
+    def __init__(
+        self, simulation: Runner, motion: Motion | None, tolerance: float
+    ) -> None:
+        """Create it, with nothing sent; times count from now.
+
+        Args:
+            simulation: What runs the motion.
+            motion: The motion; None is one without steps.
+            tolerance: How much before its time a step is sent [s].
+
+        Raises:
+            MotionError: As `check_motion`.
+        """
+        self._simulation = simulation
+        self._motion = Motion(None, ()) if motion is None else motion
+        self._tolerance = tolerance
+        check_motion(simulation, self._motion)
+        if motion is not None:
+            simulation.motions.append(motion)
+        self._start = simulation.time
+        self._steps = self._motion.timeline()
+        self._next = next(self._steps, None)
+
+    def play(
+        self, duration: float, progress: Callable[[float], None] | None = None
+    ) -> None:
+        """Simulate for a while and send what is due.
+
+        Args:
+            duration: How long [s].
+            progress: Called with the simulated time [s], ten times a second of it.
+        """
+        simulation = self._simulation
+        end, report_at = simulation.time + duration, simulation.time
+        while True:
+            self._send_due()
+            if progress is not None and simulation.time >= report_at:
+                progress(simulation.time)
+                report_at += 0.1
+            if simulation.time >= end:
+                return
+            targets = [end]
+            if self._next is not None:
+                # Rounded, it may come after its tick, which would not see it.
+                due = self._start + self._next[0]
+                targets.append(due - 0.5 * self._tolerance)
+            if progress is not None:
+                targets.append(report_at)
+            simulation.advance_to(max(min(targets), simulation.time))
+
+    def _send_due(self) -> None:
+        now = self._simulation.time + self._tolerance
+        while self._next is not None and self._start + self._next[0] <= now:
+            send_step(self._simulation, self._motion, self._next[1])
+            self._next = next(self._steps, None)
+
+
+def check_motion(simulation: Runner, motion: Motion) -> None:
+    """Raise MotionError if a step is for a controller or topic that can't take it.
+
+    A controller that isn't active must have been activated by an earlier step; whether
+    that switch works is seen when its time comes.
+
+    Args:
+        simulation: What is to run the motion.
+        motion: The motion.
+    """
+    if motion.repeats and not motion.duration >= simulation.period:
+        problem = (
+            f"a round of {motion.duration:g} s is shorter than a tick, "
+            f"{simulation.period:g} s"
+        )
+        raise MotionError(problem, file=motion.file)
+    states = {row.name: row.state for row in simulation.list_controllers()}
+    activated: set[str] = set()
+    for step in motion.steps:
+        try:
+            if isinstance(step.message, SwitchController):
+                activated |= _check_switch(simulation, step.message)
+            else:
+                _check_message(simulation, step, states, activated)
+        except InputError as error:
+            raise MotionError(
+                error.problem, file=motion.file, where=step.where
+            ) from None
+
+
+def send_step(simulation: Runner, motion: Motion, step: MotionStep) -> None:
+    """Send a step's message.
+
+    Args:
+        simulation: What runs the motion.
+        motion: The motion.
+        step: Its step.
+    """
+    where, message = motion.place(step), step.message
+    if isinstance(message, SwitchController):
+        simulation.request_switch(message, where=where)
+        return
+    if isinstance(message, TopicMessage):
+        simulation.topic(message.topic).publish(message.data, where=where)
+        return
+    handle = simulation.controller(_receiver(step))
+    if message is None:
+        handle.cancel()
+    elif isinstance(message, FollowJointTrajectoryGoal | GripperCommand):
+        handle.send_goal(message, where=where)
+    elif isinstance(message, JointTrajectory):
+        handle.send_trajectory(message, where=where)
+    elif isinstance(message, Float64MultiArray):
+        handle.command(message.data, where=where)
+    elif isinstance(message, Twist):
+        handle.send_velocity(message, where=where)
+    elif isinstance(message, SpeedScalingFactor):
+        handle.set_speed_scaling(message.factor, where=where)
+
+
+def _check_switch(simulation: Runner, message: SwitchController) -> set[str]:
+    """Return what a switch activates; raise InputError if it names no controller."""
+    for name in (*message.activate_controllers, *message.deactivate_controllers):
+        simulation.directory.check_name(name)
+    return set(message.activate_controllers)
+
+
+def _check_message(
+    simulation: Runner,
+    step: MotionStep,
+    states: Mapping[str, str],
+    activated: Collection[str],
+) -> None:
+    names: tuple[str, ...]
+    if isinstance(step.message, TopicMessage):
+        topic = simulation.topic(step.message.topic)
+        topic.check(step.message.data)
+        names = topic.controllers
+    else:
+        names = (_receiver(step),)
+        simulation.controller(names[0]).check(step.message)
+    # Of several that read a topic, one is enough.
+    if not any(states[name] == "active" or name in activated for name in names):
+        raise InputError(f"controller {names[0]!r} is {states[names[0]]}, not active")
+
+
+def _receiver(step: MotionStep) -> str:
+    assert step.controller is not None  # Only a switch is for nobody.
+    return step.controller

@@ -1,0 +1,300 @@
+"""What the logs in a diagram hold as a Rollout."""
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple, cast
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.framework import Context, Diagram, OutputPort
+from pydrake.systems.primitives import VectorLogSink
+
+from arm_drake import interfaces
+from arm_drake.arrays import Array
+from arm_drake.description.joints import WORLD
+from arm_drake.manager import ControllerManager
+from arm_drake.manager.reference_log import log_name, wanted_joints
+from arm_drake.messages import JointState
+from arm_drake.plant.contact_log import CONTACT_LOG
+from arm_drake.plant.initial_poses import read_free_poses
+from arm_drake.rollout.rollout import Reference, Rollout
+
+Ticks = NDArray[np.int64]
+
+# A tick is at the first time that isn't earlier by more than this part of a period.
+_TOLERANCE = 1e-6
+
+
+def read_rollout(
+    diagram: Diagram,
+    context: Context,
+    manager: ControllerManager,
+    since: float = -math.inf,
+) -> Rollout:
+    """Return what was recorded of a robot so far.
+
+    It has the ticks that are in the logs: into a rebuilt diagram a saved context brings
+    its last tick alone. Where a tick was logged twice, for the simulation was set back,
+    the latest counts, and so does nothing that lies ahead.
+
+    Args:
+        diagram: The diagram.
+        context: Its context.
+        manager: The robot's controller manager.
+        since: From when on rows are wanted [s]; there may be earlier ones. Then
+            there are references of all controllers that command positions, active or
+            not.
+    """
+    joints = manager.robot.description.movable_joints
+    period = manager.log_period
+    log, logged_at = _log(diagram, context, manager, "joint_states", since)
+    sample = diagram.GetSubsystemByName(f"{manager.prefix}sample")
+    present = sample.get_output_port().Eval(sample.GetMyContextFromRoot(context))
+    rows, ticks = _latest(log, logged_at, present, context.get_time(), period)
+    # Before tick 0 nothing was sampled.
+    first = np.searchsorted(ticks, 0)
+    # Drake's times are sums of rounded numbers; ROS counts nanoseconds.
+    time = np.round(period * ticks[first:], 9)
+    position, velocity, effort = np.split(rows[first:], 3, axis=1)
+    limits = [joint.limits.effort for joint in joints]
+    commanded = _read_commands(diagram, context, manager, time, since)
+    return Rollout(
+        time=time,
+        joint_names=tuple(joint.name for joint in joints),
+        position=position,
+        velocity=velocity,
+        effort=effort,
+        effort_limit=np.array([np.inf if e is None else e for e in limits]),
+        joint_types=tuple(joint.type for joint in joints),
+        references=_references(manager, commanded, of_all=math.isfinite(since)),
+        robot_name=manager.robot.name,
+        namespace=f"/{manager.prefix}".rstrip("/"),
+        command_names=tuple(manager.commands),
+        command=commanded.values,
+        controllers={c.name: c.type for c in manager.controllers},
+        active=commanded.active,
+        free_poses=read_free_poses(
+            diagram,
+            context,
+            manager.robot,
+            time,
+            prefix=manager.prefix,
+            period=period,
+        ),
+        contact_forces=_read_contacts(diagram, context, manager, ticks[first:], since),
+        description=manager.robot.portable_source,
+    )
+
+
+def read_joint_states(
+    diagram: Diagram, context: Context, manager: ControllerManager
+) -> JointState:
+    """Return position, velocity and effort of every movable joint of a robot, now.
+
+    Args:
+        diagram: The diagram.
+        context: Its context.
+        manager: The robot's controller manager.
+    """
+    port = diagram.GetOutputPort(f"{manager.prefix}joint_states")
+    values = port.Eval(context).reshape(3, -1)
+    return JointState(
+        name=tuple(j.name for j in manager.robot.description.movable_joints),
+        position=tuple(values[0].tolist()),
+        velocity=tuple(values[1].tolist()),
+        effort=tuple(values[2].tolist()),
+    )
+
+
+def _log(
+    diagram: Diagram,
+    context: Context,
+    manager: ControllerManager,
+    name: str,
+    since: float,
+) -> tuple[Array, Array]:
+    """Return the rows of a log, and their times [s], in the order of their writing."""
+    sink = diagram.GetSubsystemByName(f"{manager.prefix}log:{name}")
+    log = sink.FindLog(context)
+    rows, times = cast(Array, log.data().T), cast(Array, log.sample_times())
+    if math.isfinite(since):
+        # What was commanded for a row was logged up to two ticks before it.
+        period = max(manager.period, manager.log_period)
+        there = times >= since - 3.0 * period
+        rows, times = rows[there], times[there]
+    return rows, times
+
+
+def forget_rows(diagram: Diagram, context: Context, before: float) -> None:
+    """Forget what was logged before a time.
+
+    Args:
+        diagram: The diagram.
+        context: Its context.
+        before: The time [s].
+    """
+    for system in diagram.GetSystems():
+        if isinstance(system, VectorLogSink):
+            log = system.FindMutableLog(context)
+            times, rows = log.sample_times().copy(), log.data().T.copy()
+            log.Clear()
+            for row in range(int(np.searchsorted(times, before)), len(times)):
+                log.AddData(times[row], rows[row])
+
+
+def _ticks_done(time: Array | float, period: float) -> Ticks:
+    """Return the number of the last tick that Drake has done at a time, -1 if none.
+
+    It does tick k at the float k * period; one at this very time is still to come.
+    """
+    number = np.round(np.asarray(time) / period).astype(np.int64)
+    return np.where(number * period < time, number, number - 1)
+
+
+def _ticks_before(time: Array, period: float) -> Ticks:
+    """Return the number of the last tick before a time, -1 if there is none.
+
+    Args:
+        time: Rounded times of ticks [s].
+        period: Period of the ticks [s].
+    """
+    return np.ceil(np.asarray(time) / period - _TOLERANCE).astype(np.int64) - 1
+
+
+def _latest(
+    rows: Array, logged_at: Array, present: Array, now: float, period: float
+) -> tuple[Array, Ticks]:
+    """Return what ticks left behind, in order, each of them once.
+
+    Args:
+        rows: Rows of a log, shape (N, k), in the order of their writing.
+        logged_at: Their times [s], shape (N,).
+        present: What is there now, for it isn't always logged yet, shape (k,).
+        now: The present time [s].
+        period: Period of the ticks [s].
+
+    Returns:
+        The values, shape (M, k), and the ticks, rising, shape (M,).
+    """
+    # What a tick leaves behind is seen from then on, and logged before the next one.
+    ticks, last = _ticks_done(logged_at, period), int(_ticks_done(now, period))
+    # A row of this instant counts: Drake may already have taken its next sample.
+    there = np.flatnonzero((ticks < last) | (logged_at == now))[::-1]
+    ticks, at = np.unique(ticks[there], return_index=True)
+    rows = rows[there[at]]
+    if not len(ticks) or ticks[-1] < last:
+        rows, ticks = np.vstack([rows, present]), np.append(ticks, last)
+    return rows, ticks
+
+
+def _read_contacts(
+    diagram: Diagram,
+    context: Context,
+    manager: ControllerManager,
+    ticks: Ticks,
+    since: float,
+) -> dict[str, Array]:
+    """Return the forces on links [N] at ticks of the log, shape (N, 3), if recorded."""
+    if not diagram.HasSubsystemNamed(f"{manager.prefix}log:{CONTACT_LOG}"):
+        return {}
+    name = f"{manager.prefix}sample:contacts"
+    sample = diagram.GetSubsystemByName(name)
+    present = sample.get_output_port().Eval(sample.GetMyContextFromRoot(context))
+    log = _log(diagram, context, manager, CONTACT_LOG, since)
+    rows, known = _latest(*log, present, context.get_time(), manager.log_period)
+    at = np.minimum(np.searchsorted(known, ticks), len(known) - 1)
+    forces = np.where((known[at] == ticks)[:, None], rows[at], np.nan)
+    return {
+        link: forces[:, 3 * index : 3 * index + 3]
+        for index, link in enumerate(manager.robot.description.links)
+        if link != WORLD
+    }
+
+
+class _Commanded(NamedTuple):
+    """What was commanded in the cycle before each of N rows, and by whom."""
+
+    # Values of C command interfaces, shape (N, C); NaN where it wasn't recorded.
+    values: Array
+
+    # Whether each of K controllers was active, 1 or 0, shape (N, K); NaN likewise.
+    active: Array
+
+    # What controllers wanted that command no positions, by name.
+    references: Mapping[str, Reference]
+
+
+def _read_commands(
+    diagram: Diagram,
+    context: Context,
+    manager: ControllerManager,
+    time: Array,
+    since: float,
+) -> _Commanded:
+    """Return what was commanded.
+
+    Args:
+        diagram: The diagram.
+        context: Its context.
+        manager: The robot's controller manager.
+        time: When [s], shape (N,).
+        since: From when on rows are wanted [s].
+    """
+    # A command acts after its tick.
+    wanted_at = _ticks_before(time, manager.period)
+
+    def read(name: str, port: OutputPort) -> Array:
+        present = port.Eval(port.get_system().GetMyContextFromRoot(context))
+        log = _log(diagram, context, manager, name, since)
+        values, ticks = _latest(*log, present, context.get_time(), manager.period)
+        rows = np.minimum(np.searchsorted(ticks, wanted_at), len(ticks) - 1)
+        is_there = (ticks[rows] == wanted_at)[:, None]
+        return np.where(is_there, values[rows], np.nan)
+
+    references = {}
+    for controller in manager.controllers:
+        if joints := wanted_joints(controller.system):
+            name = log_name(controller.name)
+            wanted = diagram.GetSubsystemByName(f"{manager.prefix}{name}")
+            position = read(name, wanted.get_output_port())
+            references[controller.name] = Reference(joints, position)
+    values, active = (
+        read(name, manager.GetOutputPort(name))
+        for name in (interfaces.VALUES_PORT, "active")
+    )
+    return _Commanded(values, active, references)
+
+
+def _references(
+    manager: ControllerManager, commanded: _Commanded, *, of_all: bool
+) -> dict[str, Reference]:
+    """Return what controllers wanted of their joints.
+
+    It is NaN while they were inactive, and where it wasn't recorded.
+
+    Args:
+        manager: The robot's controller manager.
+        commanded: What was commanded.
+        of_all: Whether also of controllers that never were active.
+    """
+    references = {}
+    for index, controller in enumerate(manager.controllers):
+        is_active = commanded.active[:, index] > 0.0
+        if controller.system is None or not (of_all or is_active.any()):
+            continue
+        if controller.name in commanded.references:
+            reference = commanded.references[controller.name]
+            wanted = np.where(is_active[:, None], reference.position, np.nan)
+            references[controller.name] = Reference(reference.joint_names, wanted)
+            continue
+        names = [
+            name
+            for name in controller.system.command_interfaces
+            if name.endswith(f"/{interfaces.POSITION}")
+        ]
+        if names:
+            at = [manager.commands.index(name) for name in names]
+            wanted = np.where(is_active[:, None], commanded.values[:, at], np.nan)
+            joints = tuple(name.rpartition("/")[0] for name in names)
+            references[controller.name] = Reference(joints, wanted)
+    return references

@@ -1,0 +1,308 @@
+"""Simulation: a Simulator with commands in and a Rollout out."""
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from pydrake.math import RigidTransform
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Diagram
+
+from arm_drake.description.report import LoadReport
+from arm_drake.description.robot import Robot
+from arm_drake.errors import InputError
+from arm_drake.manager import MANAGER, SWITCH_PORT
+from arm_drake.messages import JointState, Message, Strictness, SwitchController
+from arm_drake.rollout.rollout import Rollout
+from arm_drake.simulation.clients import ControllerHandle
+from arm_drake.simulation.directory import (
+    ControllerList,
+    Directory,
+    TopicList,
+    make_switch,
+)
+from arm_drake.simulation.happenings import collect_rollout
+from arm_drake.simulation.mailbox import Failure, GoalHandle, Mailbox, News, Rejection
+from arm_drake.simulation.motion import Motion
+from arm_drake.simulation.playback import Player
+from arm_drake.simulation.recorder import Recorder
+from arm_drake.simulation.recording import read_joint_states
+from arm_drake.simulation.stepping import advance
+from arm_drake.simulation.topic_clients import TopicHandle, list_topics
+from arm_drake.simulation.topics import TopicNames
+
+# Ticks between two looks at the controllers' news; they keep the latest 64.
+_TICKS_AT_A_TIME = 50
+
+# A step is due at the first tick that isn't earlier by more than this part of a period.
+TICK_TOLERANCE = 1e-6
+
+
+class Simulation:
+    """Runs a diagram of `build_diagram`, sends to its controllers, records it."""
+
+    def __init__(self, diagram: Diagram) -> None:
+        """Create a simulation at time 0.
+
+        Args:
+            diagram: Diagram of `build_diagram`; with its robots and controllers in it.
+
+        Raises:
+            InputError: If there is no robot in the diagram.
+        """
+        self.diagram = diagram
+        self.directory = Directory(diagram)
+        self._topics = TopicNames(self.directory.managers)
+        managers = self.directory.managers.values()
+        # Of the quickest controller manager [s].
+        self.period = min(manager.period for manager in managers)
+        self.simulator = Simulator(diagram)
+        self._on_event: list[Callable[[News], None]] = []
+        self.recorders: list[Recorder] = []
+        self.mailbox = Mailbox(diagram, self.simulator, managers)
+        self._start()
+
+    def _start(self) -> None:
+        self.simulator.Initialize()
+        self.mailbox.reset()
+        # What was played, in order.
+        self.motions: list[Motion] = []
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self.mailbox.time
+
+    @property
+    def robots(self) -> dict[str, Robot]:
+        """The robots by name."""
+        return {
+            name: manager.robot for name, manager in self.directory.managers.items()
+        }
+
+    @property
+    def goals(self) -> list[GoalHandle]:
+        """The goals that were sent, in order."""
+        return self.mailbox.goals
+
+    @property
+    def rejected(self) -> list[Rejection]:
+        """Messages and parameters that controllers refused, in order."""
+        return self.mailbox.rejected
+
+    @property
+    def failures(self) -> list[Failure]:
+        """Controllers that failed, and switches that were refused, in order."""
+        return self.mailbox.failures
+
+    @property
+    def report(self) -> LoadReport:
+        """The load report of the first robot, and what its controllers lack."""
+        return self.directory.manager(None).report
+
+    def controller(self, name: str) -> ControllerHandle:
+        """Return what sends to a controller.
+
+        Args:
+            name: Its name; `<robot>/<name>` where there are several robots.
+
+        Raises:
+            InputError: If there is no such controller, or it could not be loaded.
+        """
+        manager, controller, system = self.directory.find(name)
+        robot = manager.robot
+        return ControllerHandle(self.mailbox, robot, name, system, controller.type)
+
+    def topic(self, name: str) -> TopicHandle:
+        """Return what publishes on a topic, or reads it.
+
+        Args:
+            name: Its name in ROS or Gazebo, as "/arm/joint_trajectory".
+
+        Raises:
+            InputError: If there is no such topic.
+        """
+        return TopicHandle(self.mailbox, self._topics.find(name))
+
+    def list_topics(self) -> TopicList:
+        """Return the topics and the types of their messages; as text, a table."""
+        return list_topics(self._topics, self.eval_output)
+
+    def list_controllers(self) -> ControllerList:
+        """Return the controllers and their states, in the order of the YAML.
+
+        As text it is a table as that of `ros2 control list_controllers`.
+        """
+        return self.directory.list_controllers(self.simulator.get_context())
+
+    def switch_controllers(
+        self,
+        activate: Sequence[str] = (),
+        deactivate: Sequence[str] = (),
+        *,
+        strictness: Strictness = "strict",
+        robot: str | None = None,
+    ) -> tuple[str, ...]:
+        """Activate and deactivate controllers of a robot in the manager's next cycle.
+
+        Args:
+            activate: Names of controllers to start.
+            deactivate: Names of controllers to stop; one in both lists is restarted.
+            strictness: "strict" does all of it or nothing; "best_effort" what can be.
+            robot: Name of the robot. By default the names are those of `controller`, or
+                else of the first robot.
+
+        Returns:
+            What can't be done and is left out, in words.
+
+        Raises:
+            InputError: If it is strict and can't be done.
+        """
+        request = make_switch(activate, deactivate, strictness)
+        manager, local = self.directory.address(request, robot)
+        problems = manager.find_problems(self.simulator.get_context(), local)
+        if problems and strictness == "strict":
+            raise InputError("; ".join(problems))
+        self.request_switch(request, robot)
+        return problems
+
+    def request_switch(
+        self, request: SwitchController, robot: str | None = None, *, where: str = ""
+    ) -> None:
+        """Send a request to the controller manager; what becomes of it is news.
+
+        Args:
+            request: What to activate and deactivate.
+            robot: As that of `switch_controllers`.
+            where: Where the request comes from, for messages.
+        """
+        manager, local = self.directory.address(request, robot)
+        if where:
+            self.mailbox.add_message(local, where)
+        if manager.controllers:
+            port = f"{manager.prefix}{MANAGER}.{SWITCH_PORT}"
+            self.publish(port, local, manager.period)
+
+    def joint_states(self, robot: str | None = None) -> JointState:
+        """Return position, velocity and effort of every movable joint, now.
+
+        Args:
+            robot: Name of the robot; by default the first one.
+        """
+        manager = self.directory.manager(robot)
+        return read_joint_states(self.diagram, self.simulator.get_context(), manager)
+
+    def on_event(self, callback: Callable[[News], None]) -> None:
+        """Call a function with news from controllers and their managers.
+
+        Goals come as their handles; refused messages and parameters, answers to
+        cancels, results of switches and failures of controllers as themselves.
+        """
+        self._on_event.append(callback)
+
+    def advance_to(self, time: float) -> None:
+        """Simulate up to a time.
+
+        Args:
+            time: Simulated time to stop at [s].
+
+        Raises:
+            SimulationError: If Drake can't go on, as with a state beyond all numbers.
+            ValueError: If the time is past, or no number.
+        """
+        if not time >= self.time or not math.isfinite(time):
+            raise ValueError(f"can't go from {self.time} s to {time} s")
+        while self.time < time:
+            chunk = self.time + _TICKS_AT_A_TIME * self.period
+            advance(self.simulator, min(chunk, time))
+            for news in self.mailbox.collect():
+                for callback in self._on_event:
+                    callback(news)
+            for recorder in self.recorders:
+                recorder.update()
+
+    def run(
+        self,
+        duration: float,
+        motion: Motion | None = None,
+        realtime_rate: float = 0.0,
+        progress: Callable[[float], None] | None = None,
+    ) -> None:
+        """Simulate for a while, sending the steps of a motion when they are due.
+
+        Args:
+            duration: How long [s].
+            motion: What to send, its times counted from now.
+            realtime_rate: Simulated seconds per second of wall time; 0 is as fast as
+                it goes.
+            progress: Called with the simulated time [s], ten times a second of it.
+
+        Raises:
+            MotionError: If a step is for a controller that can't take it, or that is
+                not active and isn't activated by an earlier step.
+            ValueError: If the duration is negative, or no number.
+        """
+        if not (math.isfinite(duration) and duration >= 0.0):
+            raise ValueError(f"duration must be at least 0 s, got {duration!r}")
+        player = Player(self, motion, TICK_TOLERANCE * self.period)
+        # The rate counts from now.
+        self.simulator.ResetStatistics()
+        self.simulator.set_target_realtime_rate(realtime_rate)
+        player.play(duration, progress)
+        self.simulator.set_target_realtime_rate(0.0)
+
+    def link_poses(self, robot: str | None = None) -> dict[str, RigidTransform]:
+        """Return the pose of every link in the world, by the link's name.
+
+        Args:
+            robot: Name of the robot; by default the first one.
+        """
+        manager = self.directory.manager(robot)
+        poses = self.eval_output(f"{manager.prefix}frames")
+        return dict(zip(manager.robot.description.links, poses, strict=True))
+
+    def reset(self) -> None:
+        """Go back to the start: time 0, initial positions, nothing sent."""
+        self.simulator.reset_context(self.diagram.CreateDefaultContext())
+        self._start()
+        for recorder in self.recorders:
+            recorder.restart()
+
+    def rollout(self, robot: str | None = None) -> Rollout:
+        """Return what was recorded so far.
+
+        Args:
+            robot: Name of the robot; by default the first one.
+        """
+        return collect_rollout(
+            self.mailbox, self.directory.manager(robot), self.motions
+        )
+
+    def record_to(
+        self, path: str | Path, *, robot: str | None = None, history: float = 60.0
+    ) -> Recorder:
+        """Write what is recorded to a file, each simulated second; see `Recorder`.
+
+        Args:
+            path: `.mcap` file for all robots, or `.csv` file for one.
+            robot: Name of the robot; by default all, or the only one.
+            history: How much of the past stays in memory at least, for `rollout` [s].
+        """
+        return Recorder(self, Path(path), robot=robot, history=history)
+
+    def publish(self, port: str, message: Message, period: float) -> None:
+        """Put a message on a port, where its controller sees it at its next tick.
+
+        Those of before stay as long as the controller may not have seen them.
+
+        Args:
+            port: Input port of the diagram.
+            message: What to put there.
+            period: Period of the controller [s].
+        """
+        self.mailbox.publish(port, message, period)
+
+    def eval_output(self, port: str) -> Any:
+        """Return the present value of an output port of the diagram."""
+        return self.mailbox.eval_output(port)

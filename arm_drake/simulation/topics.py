@@ -1,0 +1,288 @@
+"""The topics of a diagram by their names in ROS and in Gazebo."""
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from typing import NamedTuple
+
+from arm_drake.controllers.controller_interface_part import ControllerInterface
+from arm_drake.controllers.gripper_command import GRIPPER_COMMAND
+from arm_drake.controllers.joint_state_broadcaster import JointStateBroadcaster
+from arm_drake.description.bridge import TopicAlias
+from arm_drake.errors import InputError, suggest
+from arm_drake.manager import MANAGER, ControllerManager
+from arm_drake.manager.exports import exported_name, with_prefix
+from arm_drake.messages import ActionRequest, Float32, Message
+from arm_drake.simulation.controller_topics import ACTIONS
+
+# Services of controllers that their handles have, and of the manager what does them.
+_SERVICES = ("query_state", "set_parameters")
+_MANAGER_SERVICES = {
+    "switch_controller": "switch_controllers",
+    "list_controllers": "list_controllers",
+}
+
+# News for the Simulation; no topic of ROS.
+_EVENTS = "events"
+
+# Where all of a robot publish where their frames are, in ROS.
+_TF = "/tf"
+
+# Gazebo's default name has the index of the joint's axis; there is but one.
+_AXIS = re.compile(r"^(/model/.+/joint/.+)/0(/cmd_pos)$")
+
+
+class VirtualTopic(NamedTuple):
+    """A topic that no controller has, and one of them can be told in its own way."""
+
+    message_type: type[Message]
+
+    # Whether it can be told to a controller; the name stands for the only one.
+    is_for: Callable[[ControllerInterface], bool]
+
+    # What is published, and on which of its ports, for a message on the topic.
+    make: Callable[[ControllerInterface, Message], tuple[str, Message]]
+
+
+# By their names.
+VIRTUAL_TOPICS: dict[str, VirtualTopic] = {
+    f"/{GRIPPER_COMMAND}": VirtualTopic(
+        Float32,
+        lambda system: system.HasInputPort(GRIPPER_COMMAND),
+        lambda system, message: (GRIPPER_COMMAND, message),
+    )
+}
+
+
+class TopicPort(NamedTuple):
+    """A port of a controller that is a topic."""
+
+    manager: ControllerManager
+    system: ControllerInterface
+
+    # Name at the controller; "" is that of a virtual topic.
+    port: str
+
+    virtual: VirtualTopic | None = None
+
+    @property
+    def controller(self) -> str:
+        """Name of the controller with its robot's prefix."""
+        return f"{self.manager.prefix}{self.system.params.controller_name}"
+
+    def exported_as(self, port: str) -> str:
+        """Return the name in the diagram of a port of the same controller."""
+        name = exported_name(port, self.system.params.controller_name)
+        return with_prefix(self.manager.prefix, name)
+
+
+class Topic(NamedTuple):
+    """Who takes the messages of a topic, and who publishes them."""
+
+    name: str
+    inputs: tuple[TopicPort, ...] = ()
+    outputs: tuple[TopicPort, ...] = ()
+
+    # Bridges between this name and that of the ports.
+    aliases: tuple[TopicAlias, ...] = ()
+
+
+class TopicNames:
+    """Finds topics by name.
+
+    A name is `/<controller>/<topic>`, or that of a port which starts with a slash, or
+    one that a bridge of the robot gives. With several robots `/<robot>` stands in
+    front; what only one of them has is found without it, too.
+    """
+
+    def __init__(self, managers: Mapping[str, ControllerManager]) -> None:
+        """Create it.
+
+        Args:
+            managers: Controller managers of all robots.
+        """
+        self._robots = [_RobotTopics(manager) for manager in managers.values()]
+
+    def find(self, name: str) -> Topic:
+        """Return the topic of a name; a slash in front may be left out.
+
+        Raises:
+            InputError: If there is none, or several robots have it.
+        """
+        if not isinstance(name, str) or not name.strip("/"):
+            raise InputError(f"expected the name of a topic, got {name!r}")
+        key = _key(name)
+        found = [topic for robot in self._robots for topic in robot.find(key)]
+        if len(found) > 1:
+            names = ", ".join(repr(topic.name) for topic in found)
+            raise InputError(f"several robots have a topic {key!r}; known: {names}")
+        if found:
+            return found[0]
+        for robot in self._robots:
+            robot.explain(key)
+        known = (topic.name for topic in self.all())
+        raise InputError(f"no topic {name!r}; {suggest(key, known)}")
+
+    def all(self) -> list[Topic]:
+        """Return the topics, robot by robot, those by other names last."""
+        return [topic for robot in self._robots for topic in robot.all()]
+
+
+class _RobotTopics:
+    """Topics of one robot; its names in ROS are without the robot's."""
+
+    def __init__(self, manager: ControllerManager) -> None:
+        self._manager = manager
+        self._root = f"/{manager.prefix}"
+        self._topics: dict[str, Topic] = {}
+        # Further names of topics.
+        self._same: dict[str, str] = {}
+        # Controllers of actions, by the actions' names.
+        self._actions: dict[str, str] = {}
+        for system in self._systems():
+            self._add(system)
+        self._aliases: dict[str, list[TopicAlias]] = {}
+        for alias in manager.robot.topic_aliases:
+            self._aliases.setdefault(_key(alias.ros_name), []).append(alias)
+
+    def find(self, key: str) -> Iterator[Topic]:
+        """Yield the topic of a name, if there is one."""
+        for own in dict.fromkeys((key, self._without_prefix(key))):
+            topic = self._find(own)
+            if topic is not None:
+                yield topic._replace(name=self._root + topic.name[1:])
+                return
+
+    def all(self) -> Iterator[Topic]:
+        """Yield the topics, their own names first."""
+        for name in dict.fromkeys((*self._topics, *VIRTUAL_TOPICS, *self._aliases)):
+            yield from self.find(name)
+
+    def explain(self, key: str) -> None:
+        """Raise InputError if a name is known and none of a topic.
+
+        Raises:
+            InputError: If it is an action or service, or bridged to what isn't there.
+        """
+        own = self._without_prefix(key)
+        if own in self._aliases:
+            alias = self._aliases[own][0]
+            raise InputError(
+                f"topic {key!r} is bridged to {alias.gz_name!r} ({alias.place}), which "
+                f"nobody has; {suggest(_key(alias.gz_name), self._topics)}"
+            )
+        several = self._virtual_ports(own)
+        if len(several) > 1:
+            listed = ", ".join(repr(port.controller) for port in several)
+            problem = f"topic {key!r} may be meant for {listed}; use their own"
+            raise InputError(f"{problem} topics or actions")
+        for action, controller in self._actions.items():
+            if own == action or own.startswith(f"{action}/_action/"):
+                raise InputError(
+                    f"{key!r} is an action, not a topic; "
+                    f"sim.controller({controller!r}).send_goal sends to it"
+                )
+        node, _, service = own[1:].rpartition("/")
+        names = [system.params.controller_name for system in self._systems()]
+        call = ""
+        if node == MANAGER and service in _MANAGER_SERVICES:
+            call = f"sim.{_MANAGER_SERVICES[service]}"
+        elif node in names and service in _SERVICES:
+            call = f"sim.controller({self._manager.prefix + node!r}).{service}"
+        if call:
+            raise InputError(f"{key!r} is a service, not a topic; {call} calls it")
+
+    def _without_prefix(self, name: str) -> str:
+        """Return a name without that of the robot in front."""
+        is_below = len(self._root) > 1 and name.startswith(self._root)
+        return f"/{name[len(self._root) :]}" if is_below else name
+
+    def _systems(self) -> list[ControllerInterface]:
+        systems = [controller.system for controller in self._manager.controllers]
+        return [system for system in systems if system is not None]
+
+    def _add(self, system: ControllerInterface) -> None:
+        """Add the topics of a controller."""
+        name = system.params.controller_name
+        for index in range(system.num_input_ports()):
+            port = system.get_input_port(index).get_name()
+            if not exported_name(port, name):
+                continue
+            if port in ACTIONS or message_type(system, port) is ActionRequest:
+                self._actions[f"/{name}/{port}"] = f"{self._manager.prefix}{name}"
+                continue
+            topic = self._topic(_own_name(port, name))
+            new = (*topic.inputs, TopicPort(self._manager, system, port))
+            self._topics[_key(topic.name)] = topic._replace(inputs=new)
+        for index in range(system.num_output_ports()):
+            port = system.get_output_port(index).get_name()
+            if not exported_name(port, name) or port == _EVENTS:
+                continue
+            own = _own_name(port, name)
+            if isinstance(system, JointStateBroadcaster) and not self._is_local(name):
+                self._same[own] = own = f"/{port}"
+            for each in (own, _TF) if f"/{port}" == _TF else (own,):
+                topic = self._topic(each)
+                new = (*topic.outputs, TopicPort(self._manager, system, port))
+                self._topics[_key(topic.name)] = topic._replace(outputs=new)
+
+    def _topic(self, own: str) -> Topic:
+        return self._topics.get(_key(own), Topic(own))
+
+    def _is_local(self, broadcaster: str) -> bool:
+        """Return whether a broadcaster's topics have its name in front."""
+        for controller in self._manager.robot.controllers.controllers:
+            if controller.name == broadcaster:
+                given = controller.parameters.get("use_local_topics")
+                return given is not None and bool(given.value)
+        return False
+
+    def _find(self, own: str) -> Topic | None:
+        own = self._same.get(own, own)
+        if own in self._topics:
+            return self._topics[own]
+        ports = self._virtual_ports(own)
+        if len(ports) == 1:
+            return Topic(own, inputs=ports)
+        pairs = [
+            (alias, self._topics[_key(alias.gz_name)])
+            for alias in self._aliases.get(own, ())
+            if _key(alias.gz_name) in self._topics
+        ]
+        if not pairs:
+            return None
+        return Topic(
+            own,
+            tuple(p for alias, t in pairs if alias.is_to_gz for p in t.inputs),
+            tuple(p for alias, t in pairs if alias.is_to_ros for p in t.outputs),
+            tuple(alias for alias, _ in pairs),
+        )
+
+    def _virtual_ports(self, own: str) -> tuple[TopicPort, ...]:
+        virtual = VIRTUAL_TOPICS.get(own)
+        if virtual is None:
+            return ()
+        return tuple(
+            TopicPort(self._manager, system, "", virtual)
+            for system in self._systems()
+            if virtual.is_for(system)
+        )
+
+
+def _key(name: str) -> str:
+    """Return a full name, without the index of a joint's only axis."""
+    return _AXIS.sub(r"\1\2", "/" + name.strip("/"))
+
+
+def _own_name(port: str, controller: str) -> str:
+    return port if port.startswith("/") else f"/{controller}/{port}"
+
+
+def message_type(system: ControllerInterface, port: str) -> type[Message] | None:
+    """Return what a controller says that it expects on a port, if it does.
+
+    Args:
+        system: The controller.
+        port: Name of one of its input ports.
+    """
+    types: Mapping[str, type[Message]] = getattr(system, "message_types", {})
+    return types.get(port)

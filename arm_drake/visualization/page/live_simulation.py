@@ -1,0 +1,495 @@
+"""LiveSimulation: a simulation on a page, with all that Gazebo's window has."""
+
+import collections
+import math
+import re
+import time
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from arm_drake.errors import ArmDrakeError, InputError, SimulationError
+from arm_drake.messages import CancelResponse, GoalStatus, SwitchControllerResult
+from arm_drake.simulation.history import History
+from arm_drake.simulation.mailbox import GoalHandle, News
+from arm_drake.simulation.motion import Motion
+from arm_drake.simulation.playback import Player
+from arm_drake.simulation.simulation import TICK_TOLERANCE, Simulation
+from arm_drake.visualization.meshcat import start_recording
+from arm_drake.visualization.page import (
+    Button,
+    Buttons,
+    Choice,
+    Event,
+    Item,
+    Page,
+    Section,
+    Text,
+)
+from arm_drake.visualization.page.live_views import LiveViews
+from arm_drake.visualization.page.pace import Pace
+from arm_drake.visualization.page.panel import make_report
+from arm_drake.visualization.page.remote import Remote
+from arm_drake.visualization.page.remotes import find_remotes
+
+# Pictures, and updates of the panel, per second of wall time [s].
+_FRAME_PERIOD = 1.0 / 30.0
+_PANEL_PERIOD = 0.1
+
+# Velocities of bases are sent anew after so much simulated time [s].
+_REPEAT_PERIOD = 0.1
+
+# Choices of the real-time rate.
+_RATES = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0)
+AS_FAST_AS_POSSIBLE = "as fast as it goes"
+_TIMES = " ×"
+
+_NUM_LINES = 50
+
+Progress = Callable[[float], None]
+
+
+class LiveSimulation:
+    """Runs a simulation on a page: play, pause, step, reset, goals, controllers.
+
+    All that can be clicked on its page is a method, too. It is used in the thread that
+    made its page. What it does between two clicks is bit for bit what `Simulation.run`
+    does.
+    """
+
+    def __init__(
+        self,
+        page: Page,
+        simulation: Simulation,
+        *,
+        motion: Motion | None = None,
+        realtime_rate: float = 1.0,
+        is_paused: bool = False,
+        shown: Iterable[str] = ("visual",),
+        frame_rate: float | None = None,
+        history: float = math.inf,
+    ) -> None:
+        """Show a simulation; `run` lets it go.
+
+        Args:
+            page: Where to show it.
+            simulation: What to run. Its diagram draws on the page's Meshcat, with the
+                option `frame_rate=0`: this one says when.
+            motion: What to send to the controllers, its times counted from now.
+            realtime_rate: Simulated seconds per second; 0 is as fast as it goes.
+            is_paused: Whether it waits for `play`.
+            shown: What is shown at first, as `show` calls it.
+            frame_rate: Pictures per simulated second for a recording [Hz]; None if
+                nothing is recorded.
+            history: How much of the past the rollout has at least [s]; from twice as
+                much on, the rest is forgotten.
+
+        Raises:
+            InputError: If there is nothing called as in ``shown``.
+            MotionError: As `Simulation.run`.
+        """
+        self.simulation = simulation
+        self.views = LiveViews(
+            page, simulation, tuple(shown), is_recorded=frame_rate is not None
+        )
+        self.remotes: list[Remote] = find_remotes(simulation)
+        self.page = page
+        self._motion = motion
+        self._pace = Pace(realtime_rate)
+        self._is_playing = not is_paused
+        self._is_stopped = False
+        self._duration = math.inf
+        self._frame_rate = frame_rate
+        self._history = History(simulation.mailbox, history)
+        if frame_rate is not None:
+            start_recording(page.meshcat, frame_rate)
+        self._log = LogLines()
+        simulation.on_event(lambda news: self._log.add(simulation, news))
+        self._start()
+        page.set_panel(", ".join(simulation.robots), make_sections(self))
+
+    @property
+    def is_playing(self) -> bool:
+        """Whether simulated time passes."""
+        return self._is_playing
+
+    @property
+    def realtime_rate(self) -> float:
+        """Simulated seconds per second that are wanted; 0 is as fast as it goes."""
+        return self._pace.rate
+
+    @property
+    def realtime_factor(self) -> float:
+        """Simulated seconds per second in the last second."""
+        return self._pace.factor
+
+    @property
+    def wall_time(self) -> float:
+        """How long it has been playing since the start or the last reset [s]."""
+        return self._pace.wall_time
+
+    @property
+    def log(self) -> str:
+        """The last news of goals, switches and controllers."""
+        return str(self._log)
+
+    def play(self) -> None:
+        """Let time pass."""
+        if not self._is_playing:
+            self._is_playing = True
+            self._pace.start(self.simulation.time)
+
+    def pause(self) -> None:
+        """Let time stand."""
+        if self._is_playing:
+            self._is_playing = False
+            self._pace.stop()
+
+    def step(self, cycles: int = 1) -> None:
+        """Pause, and simulate up to the next cycle of the controller manager.
+
+        Args:
+            cycles: How many cycles to go.
+        """
+        self.pause()
+        period = self.simulation.period
+        cycle = math.floor(self.simulation.time / period + TICK_TOLERANCE) + cycles
+        self._advance_to(cycle * period)
+
+    def reset(self) -> None:
+        """Go back to the start: time 0, initial positions, the motion from its start.
+
+        It goes on playing if it was.
+        """
+        self.simulation.reset()
+        for remote in self.remotes:
+            remote.reset()
+        if self._frame_rate is not None:
+            start_recording(self.page.meshcat, self._frame_rate)
+        self._log.clear()
+        self._end = self.simulation.time + self._duration
+        self._start()
+        self.views.draw()
+
+    def set_realtime_rate(self, rate: float) -> None:
+        """Set how fast time passes.
+
+        Args:
+            rate: Simulated seconds per second; 0 is as fast as it goes.
+
+        Raises:
+            InputError: If it is negative, or no number.
+        """
+        pace = Pace(rate)
+        pace.go_on_from(self._pace)
+        self._pace = pace
+        if self._is_playing:
+            pace.start(self.simulation.time)
+
+    def run(
+        self, duration: float | None = None, progress: Progress | None = None
+    ) -> None:
+        """Do what is clicked, and simulate while it is playing.
+
+        Args:
+            duration: Simulated time after which it returns [s], counted anew from a
+                reset; None is until `stop`.
+            progress: Called with the simulated time [s], ten times a second.
+        """
+        self._duration = math.inf if duration is None else duration
+        self._end = self.simulation.time + self._duration
+        if self._is_playing:
+            self._pace.start(self.simulation.time)
+        next_picture = next_panel = time.perf_counter()
+        drawn_at = math.nan
+        while not self._is_stopped and self.simulation.time < self._end:
+            wait = min(next_picture, next_panel) - time.perf_counter()
+            # As fast as it goes: no waiting, but for what is clicked.
+            is_busy = self._is_playing and self.realtime_rate == 0.0
+            self.handle(self.page.events(0.0 if is_busy else max(wait, 0.0)))
+            if self._is_playing:
+                self._advance()
+            now = time.perf_counter()
+            if now >= next_picture:
+                # A recording has the pictures that its own times ask for, no others.
+                is_due = self._frame_rate is None or not self._is_playing
+                if is_due and drawn_at != self.simulation.time:
+                    self.views.draw()
+                    drawn_at = self.simulation.time
+                next_picture = max(next_picture + _FRAME_PERIOD, now)
+            if now >= next_panel:
+                self._history.trim()
+                self._tell(progress)
+                next_panel = now + _PANEL_PERIOD
+        if self._is_playing:
+            self._pace.stop()
+        self._is_stopped = False
+        self.views.draw()
+        self._tell(progress)
+
+    def stop(self) -> None:
+        """End `run`, or the next one, within a twentieth of a second."""
+        self._is_stopped = True
+        self.page.call(lambda: None)  # It may wait for a click.
+
+    def handle(self, events: Iterable[Event]) -> None:
+        """Do what was clicked.
+
+        Args:
+            events: What happened on the page, in order.
+        """
+        do_latest(self.page, events, lambda event: self._do(event.id, event.value))
+
+    def _do(self, name: str, value: Any) -> None:
+        kind, _, what = name.partition(":")
+        if kind == "play":
+            self.pause() if self._is_playing else self.play()
+        elif kind in ("step", "reset", "frame"):
+            getattr(self.views if kind == "frame" else self, kind)()
+        elif kind == "rate":
+            self.set_realtime_rate(read_rate(value))
+        elif kind == "activate":
+            self.simulation.switch_controllers(activate=[what])
+        elif kind == "deactivate":
+            self.simulation.switch_controllers(deactivate=[what])
+        elif kind == "remote":
+            owners = (
+                remote
+                for remote in self.remotes
+                if name.startswith(f"remote:{remote.controller}:")
+            )
+            # A controller may be called as the start of another.
+            owner = max(owners, key=lambda one: len(one.controller), default=None)
+            if owner is not None:
+                owner.handle(name, value)
+        else:
+            self.views.handle(name, value)
+
+    def _start(self) -> None:
+        """Begin at the present time of the simulation."""
+        tolerance = TICK_TOLERANCE * self.simulation.period
+        self._player = Player(self.simulation, self._motion, tolerance)
+        self._repeat_at = self._picture_at = self.simulation.time
+        self._pace = Pace(self._pace.rate)
+        if self._is_playing:
+            self._pace.start(self.simulation.time)
+
+    def _advance(self) -> None:
+        """Simulate as far as real time has come."""
+        start, before = time.perf_counter(), self.simulation.time
+        target = min(self._pace.target(before), self._end)
+        if target > before:
+            self._advance_to(target)
+        took = time.perf_counter() - start
+        self._pace.note(self.simulation.time, target - before, took)
+
+    def _advance_to(self, target: float) -> None:
+        """Simulate up to a time, and do what is due on the way."""
+        while self.simulation.time < target:
+            due = [target]
+            if self._frame_rate is not None:
+                due.append(self._picture_at)
+            due.append(self._repeat_at)
+            self._player.play(max(min(due) - self.simulation.time, 0.0))
+            now = self.simulation.time
+            if now >= self._repeat_at:
+                for remote in self.remotes:
+                    remote.tick(now)
+                self._repeat_at = now + _REPEAT_PERIOD
+            if self._frame_rate is not None and now >= self._picture_at:
+                self.views.draw()
+                self._picture_at = now + 1.0 / self._frame_rate
+
+    def _tell(self, progress: Progress | None) -> None:
+        self.page.patch(make_changes(self))
+        if progress is not None:
+            progress(self.simulation.time)
+
+
+class LogLines:
+    """The last news, as lines."""
+
+    def __init__(self) -> None:
+        """Create it without lines."""
+        self._lines: collections.deque[str] = collections.deque(maxlen=_NUM_LINES)
+
+    def add(self, simulation: Simulation, news: News) -> None:
+        """Take news, if they are worth a line.
+
+        Args:
+            simulation: Where they come from.
+            news: What happened.
+        """
+        text = ""
+        if isinstance(news, GoalHandle):
+            # Feedback comes with the same status.
+            if news.status is not GoalStatus.EXECUTING or not news.feedback:
+                text = f"{news.controller}: goal {news.describe()}"
+        elif isinstance(news, SwitchControllerResult):
+            text = _describe_switch(news)
+        elif isinstance(news, CancelResponse):
+            text = "" if news.accepted else f"cancel refused: {news.reason}"
+        else:
+            text = str(simulation.mailbox.describe(news))
+        if text:
+            self._lines.append(f"{simulation.time:.2f} s  {text}")
+
+    def clear(self) -> None:
+        """Forget all lines."""
+        self._lines.clear()
+
+    def __str__(self) -> str:
+        """Return the lines, the newest first."""
+        return "\n".join(reversed(self._lines))
+
+
+def do_latest(page: Page, events: Iterable[Event], do: Callable[[Event], None]) -> None:
+    """Do what was clicked, and say on the page what can't be done.
+
+    Args:
+        page: The page.
+        events: What happened on it, in order.
+        do: Does one thing.
+
+    Raises:
+        SimulationError: If a simulation can't go on.
+    """
+    problems = []
+    for event in (happened := latest(events)):
+        try:
+            do(event)
+        except SimulationError:
+            raise
+        except ArmDrakeError as error:
+            problems.append(str(error))
+    if happened:
+        page.say("\n".join(problems), "error")
+
+
+def latest(events: Iterable[Event]) -> list[Event]:
+    """Return events without those whose value is replaced by a later one.
+
+    Of a slider's way the end counts, unless something else was done on the way.
+
+    Args:
+        events: What happened, in order.
+    """
+    kept: list[Event] = []
+    for event in events:
+        if kept and kept[-1].id == event.id and event.value is not None:
+            kept.pop()
+        kept.append(event)
+    return kept
+
+
+def make_sections(live: LiveSimulation) -> list[Section]:
+    """Return the panel of a simulation.
+
+    Args:
+        live: The simulation.
+    """
+    simulation = live.simulation
+    now = live.realtime_rate
+    rate = Choice("rate", "real-time rate", _rate_options(now), _rate_text(now))
+    buttons = Buttons(
+        (
+            Button("play", "pause", "play or pause (space)", key=" "),
+            Button("step", "step", "one cycle of the controllers (s)", key="s"),
+            Button("reset", "reset", "back to the start"),
+        )
+    )
+    times = (
+        Text("time", "simulated time"),
+        Text("wall_time", "wall time"),
+        Text("factor", "real-time factor"),
+    )
+    rows = simulation.list_controllers()
+    items = tuple(
+        Item(f"controller:{row.name}", row.name, _class_name(row.type), row.state)
+        for row in rows
+    )
+    look = Buttons((Button("frame", "look at all", "of the robots"),))
+    sections = [
+        Section("Simulation", (buttons, rate, *times)),
+        Section("Controllers", items),
+        *(Section(remote.title, remote.widgets()) for remote in live.remotes),
+        Section("Show", (look, *live.views.widgets())),
+        Section("News", (Text("log", "the newest first", can_copy=True),)),
+        make_report(simulation.report),
+    ]
+    return [section for section in sections if section.widgets]
+
+
+def make_changes(live: LiveSimulation) -> dict[str, dict[str, Any]]:
+    """Return the present values of what changes in the panel, by widget.
+
+    Args:
+        live: The simulation.
+    """
+    simulation = live.simulation
+    changes: dict[str, dict[str, Any]] = {
+        "play": {"label": "pause" if live.is_playing else "play"},
+        "rate": {
+            "value": _rate_text(live.realtime_rate),
+            "options": _rate_options(live.realtime_rate),
+        },
+        "time": {"value": f"{simulation.time:.2f} s"},
+        "wall_time": {"value": f"{live.wall_time:.2f} s"},
+        "factor": {"value": f"{live.realtime_factor:.2f}" if live.is_playing else "–"},
+        "log": {"value": live.log},
+    }
+    for row in simulation.list_controllers():
+        button = None
+        if row.state == "active":
+            button = Button(f"deactivate:{row.name}", "deactivate")
+        elif row.state == "inactive":
+            button = Button(f"activate:{row.name}", "activate")
+        changes[f"controller:{row.name}"] = {
+            "state": row.state,
+            "buttons": [] if button is None else [vars(button)],
+        }
+    for remote in live.remotes:
+        changes |= remote.changes()
+    return changes
+
+
+def read_rate(text: object) -> float:
+    """Return the real-time rate of a choice; 0 is as fast as it goes.
+
+    Args:
+        text: What was chosen.
+
+    Raises:
+        InputError: If it is no choice.
+    """
+    if text == AS_FAST_AS_POSSIBLE:
+        return 0.0
+    try:
+        return float(str(text).removesuffix(_TIMES))
+    except ValueError:
+        raise InputError(f"real-time rate: expected a number, got {text!r}") from None
+
+
+def _class_name(type_: str) -> str:
+    return re.split(r"/|::", type_)[-1]
+
+
+def _rate_options(now: float) -> tuple[str, ...]:
+    rates = sorted({*_RATES, now} - {0.0})
+    return (*map(_rate_text, rates), AS_FAST_AS_POSSIBLE)
+
+
+def _rate_text(rate: float) -> str:
+    return f"{rate:g}{_TIMES}" if rate else AS_FAST_AS_POSSIBLE
+
+
+def _describe_switch(news: SwitchControllerResult) -> str:
+    parts = [
+        f"{verb} {', '.join(names)}"
+        for verb, names in (
+            ("activated", news.request.activate_controllers),
+            ("deactivated", news.request.deactivate_controllers),
+        )
+        if names
+    ]
+    text = "; ".join(parts)
+    return f"{text}: {news.message}" if news.message else text

@@ -1,0 +1,294 @@
+"""What is seen of a simulation: robots, and what is shown beside them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from pydrake.geometry import SceneGraph
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+
+from arm_drake import interfaces
+from arm_drake.description.joints import WORLD
+from arm_drake.errors import InputError, suggest
+from arm_drake.plant.kinematic import KinematicPlant
+from arm_drake.simulation.simulation import Simulation
+from arm_drake.visualization.contact_arrows import ContactArrows
+from arm_drake.visualization.ghost import Ghost
+from arm_drake.visualization.page import Choice, Scene, Toggle, Widget
+from arm_drake.visualization.page.drawing import ROOM_TO_MOVE, draw, frame_robots
+from arm_drake.visualization.page.link_views import LinkViews
+from arm_drake.visualization.page.panel import frame_names, make_fixed_frame
+from arm_drake.visualization.trail import Trail
+
+# How long the weight of a robot is drawn, in parts of the size of the robot.
+_WEIGHT_LENGTH = 0.5
+
+_GRAVITY = 9.81
+
+# What is shown where nothing is.
+_NOTHING = "none"
+
+
+class LiveViews:
+    """Draws a simulation as it is now."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        simulation: Simulation,
+        shown: Sequence[str] = ("visual",),
+        *,
+        is_recorded: bool = False,
+    ) -> None:
+        """Create it, and point the camera at the robots.
+
+        Args:
+            scene: Where to draw.
+            simulation: A simulation, whose diagram draws there.
+            shown: What is shown at first, as `LinkViews`.
+            is_recorded: Whether all of it goes to a recording, too.
+
+        Raises:
+            InputError: If something of it isn't known.
+        """
+        self._scene = scene
+        self._simulation = simulation
+        self._is_recorded = is_recorded
+        diagram = simulation.diagram
+        plant = diagram.GetSubsystemByName("plant")
+        self._has_physics = not isinstance(plant, KinematicPlant)
+        self._plant: MultibodyPlant = plant if self._has_physics else plant.plant
+        self._scene_graph: SceneGraph = diagram.GetSubsystemByName("scene_graph")
+        self._robots = simulation.robots
+        self._models = {
+            name: self._plant.GetModelInstanceByName(name) for name in self._robots
+        }
+        self._frames = frame_names(list(self._robots.values()))
+        self._views = LinkViews(scene, shown)
+        self._views.put(
+            self._plant, self._scene_graph, self._models, list(self._robots.values())
+        )
+        self._fixed_frame = WORLD
+        # Pose of the fixed frame as it was last drawn.
+        self._X_WF = RigidTransform()
+        self._ghosts = {
+            name: Ghost(
+                scene.meshcat,
+                self._plant,
+                self._scene_graph,
+                self._models[name],
+                name,
+                robot.description,
+            )
+            for name, robot in self._robots.items()
+        }
+        self._has_ghosts = False
+        self._trail: Trail | None = None
+        self._trail_link = _NOTHING
+        self._arrows: dict[str, ContactArrows] = {}
+        frame_robots(simulation, scene.meshcat, room=ROOM_TO_MOVE)
+
+    def show(self, what: str, is_shown: bool = True) -> None:
+        """Draw something, or don't.
+
+        Args:
+            what: "visual", "frames", "names", "collision", "inertia", "joint_axes",
+                "ghost" or "contacts".
+            is_shown: Whether to draw it.
+
+        Raises:
+            InputError: If there is no such thing.
+        """
+        if what == "ghost":
+            self._has_ghosts = is_shown
+            for ghost in self._ghosts.values():
+                if not is_shown:
+                    ghost.hide()
+        elif what == "contacts":
+            self._show_contacts(is_shown)
+        else:
+            self._views.show(what, is_shown)
+        self._scene.patch({f"show:{what}": {"value": is_shown}})
+        self.draw()
+
+    def set_fixed_frame(self, frame: str) -> None:
+        """Let a link stay where it is, and all else move around it, as in RViz.
+
+        Args:
+            frame: "world" or a link; with several robots, `<robot>/<link>`.
+
+        Raises:
+            InputError: If there is no such link.
+        """
+        self._fixed_frame = self._find(frame, "fixed frame", self._frames)
+        self._scene.patch({"fixed_frame": {"value": frame}})
+        self.draw()
+        if frame == WORLD:  # All goes back, and stays there without being drawn.
+            self._draw_links()
+
+    def set_trail(self, frame: str | None) -> None:
+        """Draw the way of a link's origin in the last 20 s.
+
+        Args:
+            frame: The link, named as for `set_fixed_frame`; None for none.
+
+        Raises:
+            InputError: If there is no such link.
+        """
+        if self._trail is not None:
+            self._trail.clear()
+        self._trail = None
+        if frame is not None:
+            self._trail_link = self._find(frame, "trail", self._frames[1:])
+            self._trail = Trail(self._scene.meshcat)
+        self._scene.patch({"trail": {"value": frame or _NOTHING}})
+        self.draw()
+
+    def frame(self) -> None:
+        """Point the camera at the robots, so that all of them is to be seen."""
+        frame_robots(self._simulation, self._scene.meshcat)
+
+    def draw(self) -> None:
+        """Draw all as it is now."""
+        draw(self._simulation)
+        is_moving = self._fixed_frame != WORLD
+        if is_moving or self._views.needs_poses or self._trail or self._has_ghosts:
+            self._draw_links()
+        for name, arrows in self._arrows.items():
+            prefix = f"{name}/" if len(self._robots) > 1 else ""
+            arrows.show(self._simulation.eval_output(f"{prefix}contacts"))
+
+    def end_recording(self) -> None:
+        """Leave out what would stand still in a recording: contact forces."""
+        for arrows in self._arrows.values():
+            arrows.hide()
+
+    def widgets(self) -> tuple[Widget, ...]:
+        """Return the toggles and choices of the panel."""
+        label = "commanded pose, where it differs, as a ghost"
+        extra = [Toggle("show:ghost", label, self._has_ghosts)]
+        if self._has_physics:
+            has_contacts = bool(self._arrows)
+            extra.append(Toggle("show:contacts", "contact forces", has_contacts))
+        value = self._trail_link if self._trail is not None else _NOTHING
+        return (
+            *self._views.toggles(),
+            *extra,
+            Choice("trail", "trail of", (_NOTHING, *self._frames[1:]), value),
+            make_fixed_frame(list(self._robots.values()), self._fixed_frame),
+        )
+
+    def handle(self, event_id: str, value: object) -> bool:
+        """Do what was clicked, and return whether it was one of these widgets.
+
+        Raises:
+            InputError: If there is no such link.
+        """
+        kind, _, what = event_id.partition(":")
+        if kind == "show":
+            self.show(what, bool(value))
+        elif kind == "trail":
+            self.set_trail(None if value == _NOTHING else str(value))
+        elif kind == "fixed_frame":
+            self.set_fixed_frame(str(value))
+        else:
+            return False
+        return True
+
+    def _find(self, frame: str, what: str, known: Sequence[str]) -> str:
+        if frame not in known:
+            raise InputError(f"{what}: no link {frame!r}; {suggest(frame, known)}")
+        return frame
+
+    def _show_contacts(self, is_shown: bool) -> None:
+        for arrows in self._arrows.values():
+            arrows.hide()
+        self._arrows = {}
+        if not is_shown:
+            return
+        if not self._has_physics:
+            raise InputError("contact forces need physics, which this preset has not")
+        context = self._plant.GetMyContextFromRoot(
+            self._simulation.simulator.get_context()
+        )
+        for name, model in self._models.items():
+            mass = self._plant.CalcTotalMass(context, [model])
+            self._arrows[name] = ContactArrows(
+                self._scene.meshcat,
+                name,
+                force=max(mass * _GRAVITY, 1e-3),
+                length=_WEIGHT_LENGTH * self._size(name),
+            )
+
+    def _size(self, name: str) -> float:
+        """Return how large a robot is [m], from its links' origins."""
+        poses = self._simulation.link_poses(name).values()
+        points = np.array([pose.translation() for pose in poses])
+        return max(float(np.linalg.norm(np.ptp(points, axis=0))), 0.1)
+
+    def _draw_links(self) -> None:
+        now = self._simulation.time
+        time = now if self._is_recorded else None
+        poses = {name: self._simulation.link_poses(name) for name in self._robots}
+        many = len(poses) > 1
+        where = {
+            f"{name}/{link}" if many else link: X_WL
+            for name, links in poses.items()
+            for link, X_WL in links.items()
+        }
+        X_WF = where.get(self._fixed_frame, RigidTransform())
+        if self._is_recorded or not X_WF.IsExactlyEqualTo(self._X_WF):
+            self._scene.meshcat.SetTransform("/drake", X_WF.inverse(), time)
+            self._X_WF = RigidTransform(X_WF)
+        self._views.update(poses, time)
+        if self._trail is not None:
+            point = where[self._trail_link].translation()
+            self._trail.append(now, point, is_recorded=self._is_recorded)
+        if self._has_ghosts:
+            for name, ghost in self._ghosts.items():
+                description = self._robots[name].description
+                base = description.base if description.roots else WORLD
+                positions = commanded_positions(self._simulation, name)
+                base_pose = poses[name].get(base)
+                # Where it is as commanded, only the robot itself is to be seen.
+                hidden_at = None if self._is_recorded else poses[name]
+                ghost.show(
+                    positions, base_pose=base_pose, time=time, hidden_at=hidden_at
+                )
+
+
+def commanded_positions(simulation: Simulation, robot: str) -> dict[str, float]:
+    """Return where controllers want the joints, and where they are if none does.
+
+    Args:
+        simulation: The simulation.
+        robot: Name of the robot.
+
+    Returns:
+        Positions [rad] or [m] of every movable joint, but for joints that follow.
+    """
+    manager = simulation.directory.manager(robot)
+    state = simulation.joint_states(robot)
+    follows = {j.name for j in manager.robot.description.movable_joints if j.mimic}
+    measured = zip(state.name, state.position, strict=True)
+    positions = {name: q for name, q in measured if name not in follows}
+    context = manager.GetMyContextFromRoot(simulation.simulator.get_context())
+    values = manager.GetOutputPort(interfaces.VALUES_PORT).Eval(context)
+    wanted = {
+        name.rpartition("/")[0]: float(value)
+        for name, value in zip(manager.commands, values, strict=True)
+        if name.endswith(f"/{interfaces.POSITION}")
+    }
+    for row in simulation.list_controllers():
+        if row.state != "active":  # Or couldn't be loaded.
+            continue
+        # Those that command no positions, but follow some.
+        owner, _, system = simulation.directory.find(row.name)
+        if owner is manager and system.HasOutputPort("controller_state"):
+            message = simulation.eval_output(f"{row.name}.controller_state")
+            names = getattr(message, "joint_names", ())
+            points = getattr(getattr(message, "reference", None), "positions", ())
+            if len(names) == len(points):
+                wanted |= dict(zip(names, points, strict=True))
+    there = {n: q for n, q in wanted.items() if n in positions and np.isfinite(q)}
+    return positions | there

@@ -1,0 +1,247 @@
+"""What all remotes share: widgets of one controller, and when they can be used."""
+
+import dataclasses as dc
+import math
+from abc import ABC, abstractmethod
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+from arm_drake.controllers.cycles import Cycle
+from arm_drake.errors import InputError, suggest
+from arm_drake.manager import ControllerManager
+from arm_drake.visualization.page.widgets import Button, Buttons, Slider, Widget
+
+if TYPE_CHECKING:
+    from arm_drake.simulation.simulation import Simulation
+
+# Measured values are shown in such steps, in their unit: they never stand quite still.
+_DIGITS = 4
+
+
+class Remote(ABC):
+    """Commands one controller by widgets; what they do are methods too.
+
+    It sends nothing before somebody uses it. What was sent is forgotten when the
+    controller is deactivated, as the controller forgets it.
+    """
+
+    def __init__(self, simulation: "Simulation", controller: str) -> None:
+        """Create it; `find_remotes` does that.
+
+        Args:
+            simulation: Where the controller runs.
+            controller: Its name; `<robot>/<name>` where there are several robots.
+        """
+        self._manager, loaded, self._system = simulation.directory.find(controller)
+        self.controller = controller
+        self.title = controller
+        self._simulation = simulation
+        self._handle = simulation.controller(controller)
+        self._name = loaded.name
+        self._activation: int | None = None
+        # Made once by the classes below.
+        self._layout: tuple[Widget, ...] = ()
+        # Fields of the widgets as they were told last.
+        self._told: dict[str, dict[str, Any]] = {}
+
+    @abstractmethod
+    def _values(self) -> Mapping[str, float]:
+        """Return what the sliders show, by their parts of the ids."""
+
+    @abstractmethod
+    def _act(self, part: str, value: float | None) -> None:
+        """Do what a widget of an active controller stands for.
+
+        Args:
+            part: Its part of the id.
+            value: Value of a slider; None of a button.
+        """
+
+    @abstractmethod
+    def _forget(self) -> None:
+        """Forget what was sent."""
+
+    @property
+    def is_active(self) -> bool:
+        """Whether the controller runs and takes commands of its topics."""
+        cycle = self._cycle()
+        return self._name in cycle.active and self._name not in cycle.chained
+
+    def widgets(self) -> tuple[Widget, ...]:
+        """Return the widgets as they are now; ids start with `remote:<controller>:`."""
+        self._renew()
+        self._told = self._fields()
+        return tuple(_with_fields(widget, self._told) for widget in self._layout)
+
+    def changes(self) -> dict[str, dict[str, Any]]:
+        """Return new values of fields of the widgets since the last time, by id."""
+        self._renew()
+        fields = self._fields()
+        news = {
+            name: {key: v for key, v in new.items() if self._told[name].get(key) != v}
+            if name in self._told
+            else new
+            for name, new in fields.items()
+        }
+        self._told = fields
+        return {name: new for name, new in news.items() if new}
+
+    def handle(self, event_id: str, value: Any = None) -> None:
+        """Do what somebody did in the browser.
+
+        Args:
+            event_id: Id of the widget.
+            value: Value of a slider, which is kept within its range; None of a button.
+
+        Raises:
+            InputError: If the controller isn't active, or there is no such widget or
+                value.
+        """
+        # The browser shows another value than it was told.
+        self._told.get(event_id, {}).pop("value", None)
+        known = {widget.id: widget for widget in self._leaves()}
+        if event_id not in known:
+            raise self._error(f"no widget {event_id!r}; {suggest(event_id, known)}")
+        widget = known[event_id]
+        if isinstance(widget, Slider):
+            number = self._number(value, widget.label)
+            value = min(max(number, widget.lower), widget.upper)
+        else:
+            value = None
+        self._prepare()
+        self._act(event_id.removeprefix(self._id("")), value)
+
+    def tick(self, time: float) -> None:
+        """Send what must be repeated; to be called ten times a second of its time.
+
+        Args:
+            time: Simulated time [s].
+        """
+        del time
+        self._renew()
+
+    def reset(self) -> None:
+        """Forget what was sent: the simulation starts anew."""
+        self._forget()
+
+    def _prepare(self) -> None:
+        """Raise InputError if the controller takes nothing now."""
+        self._renew()
+        cycle = self._cycle()
+        if self._name not in cycle.active:
+            raise self._error("it isn't active; activate it first")
+        if self._name in cycle.chained:
+            raise self._error("another controller commands it, so it takes no topic")
+
+    def _renew(self) -> None:
+        """Forget what was sent in an activation that has ended."""
+        activation = self._cycle().active.get(self._name)
+        if activation != self._activation:
+            self._activation = activation
+            self._forget()
+
+    def _cycle(self) -> Cycle:
+        root = self._simulation.simulator.get_context()
+        context = self._manager.GetMyContextFromRoot(root)
+        cycle: Cycle = self._manager.GetOutputPort("cycle").Eval(context)
+        return cycle
+
+    def _measured(self) -> defaultdict[str, float]:
+        """Return positions of joints [rad] or [m]; 0 for those that aren't there.
+
+        A controller that names such a joint is loaded, and can't be activated.
+        """
+        state = self._simulation.joint_states(self._manager.robot.name)
+        return defaultdict(float, zip(state.name, state.position, strict=True))
+
+    def _publish(self, port: str, data: Any) -> None:
+        """Publish on a topic that is a port of the controller."""
+        own = port if port.startswith("/") else f"/{self._name}/{port}"
+        self._simulation.topic(f"/{self._manager.prefix}{own[1:]}").publish(data)
+
+    def _id(self, part: str) -> str:
+        return f"remote:{self.controller}:{part}"
+
+    def _fields(self) -> dict[str, dict[str, Any]]:
+        """Return the fields that change of every widget."""
+        values, is_enabled = self._values(), self.is_active
+        start = self._id("")
+        fields: dict[str, dict[str, Any]] = {}
+        for widget in self._leaves():
+            fields[widget.id] = {"is_enabled": is_enabled}
+            part = widget.id.removeprefix(start)
+            if part in values:
+                fields[widget.id]["value"] = values[part]
+        return fields
+
+    def _leaves(self) -> Iterator[Slider | Button]:
+        for widget in self._layout:
+            if isinstance(widget, Buttons):
+                yield from widget.buttons
+            elif isinstance(widget, Slider | Button):
+                yield widget
+
+    def _number(self, value: Any, what: str) -> float:
+        try:
+            if not isinstance(value, bool) and math.isfinite(value):
+                return float(value)
+        except (TypeError, OverflowError):
+            pass
+        raise self._error(f"{what}: expected a finite number, got {value!r}")
+
+    def _error(self, problem: str) -> InputError:
+        return InputError(f"controller {self.controller!r}: {problem}")
+
+
+class GrippingRemote(Remote):
+    """A remote of joints, among which there may be a gripper's."""
+
+    # Where the gripper is open and where closed, by what moves it.
+    _grips: Mapping[str, tuple[float, float]]
+
+    @abstractmethod
+    def _move_grips(self, positions: Mapping[str, float]) -> None:
+        """Send positions of the gripper, by what moves it."""
+
+    def open(self) -> None:
+        """Open the gripper that is among the joints.
+
+        Raises:
+            InputError: If there is none, or the controller takes nothing now.
+        """
+        self._grip(0)
+
+    def close(self) -> None:
+        """Close the gripper that is among the joints; raises as `open`."""
+        self._grip(1)
+
+    def _grip(self, end: int) -> None:
+        if not self._grips:
+            raise self._error("none of its joints is known to be a gripper's")
+        self._move_grips({name: ends[end] for name, ends in self._grips.items()})
+
+
+def find_plugins(manager: ControllerManager, name: str) -> tuple[Any, ...]:
+    """Return the tags of Gazebo's plugins that a controller stands for.
+
+    Args:
+        manager: Its manager.
+        name: Its name there.
+    """
+    for controller in manager.robot.controllers.controllers:
+        if controller.name == name:
+            return controller.plugins
+    return ()
+
+
+def shown(measured: float) -> float:
+    """Return a measured value as sliders show it."""
+    return round(measured, _DIGITS) + 0.0
+
+
+def _with_fields(widget: Widget, fields: Mapping[str, dict[str, Any]]) -> Widget:
+    if isinstance(widget, Buttons):
+        buttons = (dc.replace(b, **fields.get(b.id, {})) for b in widget.buttons)
+        return Buttons(tuple(buttons))
+    return dc.replace(widget, **fields.get(widget.id, {}))

@@ -1,0 +1,357 @@
+"""RobotViewer: a robot on a page, with sliders for its joints."""
+
+import math
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydrake.math import RigidTransform
+
+from arm_drake.description.joints import WORLD
+from arm_drake.description.robot import Robot
+from arm_drake.description.source_files import FileWatcher, file_of, watched_files
+from arm_drake.description.srdf import GroupState, find_group_states
+from arm_drake.errors import ArmDrakeError, InputError, suggest
+from arm_drake.plant.joint_ranges import (
+    JointRange,
+    center,
+    complete,
+    joint_ranges,
+    randomize,
+)
+from arm_drake.visualization.meshcat import frame_shapes
+from arm_drake.visualization.page import Event, Scene
+from arm_drake.visualization.page.link_views import LinkViews
+from arm_drake.visualization.page.panel import (
+    find_pose,
+    list_news,
+    make_fixed_frame,
+    make_pose_changes,
+    make_viewer_sections,
+)
+from arm_drake.visualization.page.pose_text import pose_yaml
+from arm_drake.visualization.page.robot_scene import RobotScene
+
+# How often files are looked at [s].
+_WATCH_PERIOD = 0.5
+
+
+class RobotViewer:
+    """Shows a robot without physics: RViz with joint_state_publisher_gui.
+
+    All that can be clicked is a method, too. It is used in the thread of its page.
+    """
+
+    def __init__(
+        self,
+        page: Scene,
+        load: Callable[[], Robot],
+        *,
+        shown: Sequence[str] = ("visual",),
+        fixed_frame: str = WORLD,
+        is_watching: bool = True,
+        tell: Callable[[str], None] = lambda text: None,
+        find_files: Callable[[Exception], Iterable[Path]] = file_of,
+    ) -> None:
+        """Load the robot and show it in its initial positions.
+
+        Args:
+            page: Where to show it.
+            load: Loads the robot, again when its files have changed.
+            shown: What to draw, as `show`.
+            fixed_frame: Link that stays where it is, or "world".
+            is_watching: Whether to load the robot again when its files change.
+            find_files: Returns the files whose change may mend what can't be loaded.
+            tell: Takes how each reload went, in words.
+
+        Raises:
+            ArmDrakeError: If the robot can't be loaded, or hasn't what is to be shown.
+        """
+        self.page = page
+        self._load, self._find_files, self._tell = load, find_files, tell
+        self._watcher = FileWatcher(period=_WATCH_PERIOD) if is_watching else None
+        self._views = LinkViews(page, shown)
+        self._random = np.random.default_rng()
+        self._fixed_frame, self._positions = WORLD, dict[str, float]()
+        self._ghost_positions: dict[str, float] | None = None
+        self._is_stopped, self._trouble = False, ""
+        self._put(load())
+        self.set_fixed_frame(fixed_frame)
+        self.frame()
+
+    @property
+    def robot(self) -> Robot:
+        """The robot, as it was loaded last."""
+        return self._scene.robot
+
+    @property
+    def positions(self) -> dict[str, float]:
+        """The position of every movable joint [rad] or [m], by name."""
+        return dict(self._positions)
+
+    @property
+    def ranges(self) -> tuple[JointRange, ...]:
+        """Where joints can be put."""
+        return self._ranges
+
+    @property
+    def named_poses(self) -> tuple[GroupState, ...]:
+        """The poses that the robot's SRDF names."""
+        return self._named_poses
+
+    @property
+    def fixed_frame(self) -> str:
+        """The link that stays where it is, or "world"."""
+        return self._fixed_frame
+
+    def pose_yaml(self) -> str:
+        """Return the pose as YAML: a line for each independent joint."""
+        return pose_yaml(self._positions, self._ranges)
+
+    def set_positions(self, positions: Mapping[str, float]) -> None:
+        """Move joints.
+
+        Args:
+            positions: Positions [rad] or [m] of independent joints, by name; those
+                beyond a limit are taken as the limit, and joints that turn without end
+                are turned back. Joints that are left out stay.
+
+        Raises:
+            InputError: If one is for no joint or one that follows, or is no number.
+        """
+        description = self.robot.description
+        given = {**self._independent(self._positions), **positions}
+        self._positions = complete(description, given)
+        self._scene.set_positions(self._positions)
+        self._draw()
+
+    def randomize(self, seed: int | None = None) -> None:
+        """Put every independent joint somewhere within its limits.
+
+        Args:
+            seed: Of the random numbers; by default they go on.
+        """
+        rng = self._random if seed is None else np.random.default_rng(seed)
+        self.set_positions(randomize(self._ranges, rng))
+
+    def center(self) -> None:
+        """Put every independent joint to 0, or to the middle where 0 isn't allowed."""
+        self.set_positions(center(self._ranges))
+
+    def take_named_pose(self, name: str) -> None:
+        """Put joints where the SRDF has them.
+
+        Args:
+            name: Name of a state, or `<group>: <name>`.
+
+        Raises:
+            InputError: If there is no such pose.
+        """
+        self.set_positions(dict(find_pose(self._named_poses, name).positions))
+
+    def show(self, what: str, is_shown: bool = True) -> None:
+        """Draw something, or don't.
+
+        Args:
+            what: "visual", "frames", "names", "collision", "inertia" or "joint_axes".
+            is_shown: Whether to draw it.
+
+        Raises:
+            InputError: If there is no such thing.
+        """
+        self._views.show(what, is_shown)
+
+    def frame(self) -> None:
+        """Point the camera at the robot, so that all of it is to be seen."""
+        frame_shapes(self.page.meshcat, self._scene.query)
+
+    def set_fixed_frame(self, link: str) -> None:
+        """Let a link stay where it is, and all else move around it, as in RViz.
+
+        Args:
+            link: Name of the link, or "world".
+
+        Raises:
+            InputError: If the robot has no such link.
+        """
+        names = (WORLD, *self.robot.description.links)
+        if link not in names:
+            raise InputError(f"fixed frame: no link {link!r}; {suggest(link, names)}")
+        self._fixed_frame = link
+        self.page.patch({"fixed_frame": {"value": link}})
+        self._draw()
+
+    def show_ghost(self, positions: Mapping[str, float] | None = None) -> None:
+        """Draw a transparent copy of the robot in a pose, which stays.
+
+        Args:
+            positions: Positions [rad] or [m] of independent joints, by name; by default
+                the present ones. Joints that are left out are where they are now.
+
+        Raises:
+            InputError: As `set_positions`.
+        """
+        given = {**self._independent(self._positions), **(positions or {})}
+        self._ghost_positions = complete(self.robot.description, given)
+        self._ghost.show(self._ghost_positions)
+        self.page.patch({"hide_ghost": {"is_enabled": True}})
+
+    def hide_ghost(self) -> None:
+        """Remove the ghost."""
+        self._ghost_positions = None
+        self._ghost.hide()
+        self.page.patch({"hide_ghost": {"is_enabled": False}})
+
+    def reload(self) -> bool:
+        """Load the robot again; joints that are still there stay where they are.
+
+        Returns:
+            Whether it could be loaded; if not, the last one that could stays.
+        """
+        known, start = self.robot.report, time.time_ns()
+        try:
+            self._put(self._load())
+        except (ArmDrakeError, OSError) as error:
+            self._trouble = f"{error}\n\nThe last robot that could be loaded stays."
+            self.page.say(self._trouble, "error")
+            self._tell(self._trouble)
+            if self._watcher is not None:
+                self._watcher.watch({*self._files, *self._find_files(error)}, start)
+            return False
+        news = list_news(known, self.robot.report)
+        self._trouble = ""
+        self.page.say("\n\n".join(news), "warning")
+        self._tell("\n".join(["loaded again", *news]))
+        return True
+
+    def handle(self, events: Iterable[Event]) -> None:
+        """Do what was clicked.
+
+        Args:
+            events: What happened on the page, in order.
+        """
+        if happened := list(events):
+            problems = [self._trouble, *handle_events(self, happened)]
+            self.page.say(problems[-1], "error")
+
+    def run(self) -> None:
+        """Do what is clicked until `stop`, or Ctrl-C."""
+        while not self._is_stopped:
+            self.handle(self.page.events(_WATCH_PERIOD))
+            if self._watcher is not None and self._watcher.changed():
+                self.reload()
+        self._is_stopped = False
+
+    def stop(self) -> None:
+        """End `run`, also one that is still to come."""
+        self._is_stopped = True
+        self.page.call(lambda: None)  # It may wait for a click.
+
+    def _put(self, robot: Robot) -> None:
+        """Show a robot in place of the one before."""
+        meshcat = self.page.meshcat
+        named_poses, files = find_group_states(robot), watched_files(robot)
+        scene = RobotScene(meshcat, robot)
+        ranges = joint_ranges(robot.description)
+        names = {r.name for r in ranges if r.follows is None}
+        kept = {n: q for n, q in self._positions.items() if n in names}
+        self._scene, self._ranges, self._named_poses = scene, ranges, named_poses
+        given = {**self._independent(robot.initial_positions), **kept}
+        self._positions, self._files = complete(robot.description, given), files
+        scene.set_positions(self._positions)
+        if self._watcher is not None:
+            self._watcher.watch(files)
+        if self._fixed_frame not in robot.description.links:
+            self._fixed_frame = WORLD
+        meshcat.Delete("/drake")
+        # Drake makes visible what it draws for the first time.
+        scene.publish()
+        models = {robot.name: scene.model}
+        self._views.put(scene.plant, scene.scene_graph, models, [robot])
+        self._ghost = scene.make_ghost()
+        if self._ghost_positions is not None:
+            ghost = self._ghost_positions.items()
+            self.show_ghost({n: q for n, q in ghost if n in names})
+        sections = make_viewer_sections(
+            robot,
+            ranges,
+            self._positions,
+            named_poses,
+            has_ghost=self._ghost_positions is not None,
+            shown=[
+                *self._views.toggles(),
+                make_fixed_frame([robot], self._fixed_frame),
+            ],
+        )
+        self.page.set_panel(robot.name, sections)
+        self._draw()
+
+    def _draw(self) -> None:
+        """Show the present pose, in the scene and in the panel."""
+        poses = self._scene.link_poses()
+        X_WF = poses.get(self._fixed_frame, RigidTransform())
+        self.page.meshcat.SetTransform("/drake", X_WF.inverse())
+        self._scene.publish()
+        self._views.update({self.robot.name: poses})
+        self.page.patch(make_pose_changes(self._positions, self._ranges))
+
+    def _independent(self, positions: Mapping[str, float]) -> dict[str, float]:
+        return {r.name: positions[r.name] for r in self._ranges if r.follows is None}
+
+
+def handle_events(viewer: RobotViewer, events: Iterable[Event]) -> Iterator[str]:
+    """Do what was clicked.
+
+    Args:
+        viewer: The viewer.
+        events: What happened on its page, in order.
+
+    Yields:
+        What can't be done, in words.
+    """
+    moved: dict[str, Any] = {}
+    for event in events:
+        kind, _, name = event.id.partition(":")
+        if kind == "joint":
+            # Of a slider's way the end counts.
+            moved[name] = event.value
+            continue
+        _move(viewer, moved)
+        moved = {}
+        try:
+            _do(viewer, kind, name, event.value)
+        except InputError as error:
+            yield str(error)
+    _move(viewer, moved)
+
+
+def _move(viewer: RobotViewer, moved: Mapping[str, Any]) -> None:
+    own = {r.name for r in viewer.ranges if r.follows is None}
+    there = {
+        name: value
+        for name, value in moved.items()
+        if name in own and _is_finite(value)
+    }
+    if there:
+        viewer.set_positions(there)
+
+
+def _is_finite(value: Any) -> bool:
+    """Return whether it is a number that a joint can take."""
+    try:
+        return isinstance(value, int | float) and math.isfinite(value)
+    except OverflowError:  # An integer that no float is as large as.
+        return False
+
+
+def _do(viewer: RobotViewer, kind: str, name: str, value: Any) -> None:
+    if kind == "show":
+        viewer.show(name, bool(value))
+    elif kind == "fixed_frame":
+        viewer.set_fixed_frame(str(value))
+    elif kind == "pose":
+        viewer.take_named_pose(name)
+    elif kind in ("randomize", "center", "frame", "show_ghost", "hide_ghost"):
+        getattr(viewer, kind)()
