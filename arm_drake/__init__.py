@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     from arm_drake.controllers import ControllerType as ControllerType
     from arm_drake.controllers import register_controller as register_controller
     from arm_drake.controllers.controller_interface import (
-        TickingController as TickingController,
-    )
-    from arm_drake.controllers.controller_interface_part import (
         ControllerInterface as ControllerInterface,
     )
-    from arm_drake.controllers.controller_interface_part import (
+    from arm_drake.controllers.controller_interface import (
         ControllerInterfaceParams as ControllerInterfaceParams,
+    )
+    from arm_drake.controllers.controller_interface import (
+        TickingController as TickingController,
     )
     from arm_drake.controllers.cycles import Now as Now
     from arm_drake.description.report import LoadReport as LoadReport
@@ -46,10 +46,10 @@ if TYPE_CHECKING:
     from arm_drake.messages import SpeedScalingFactor as SpeedScalingFactor
     from arm_drake.messages import SwitchController as SwitchController
     from arm_drake.notebook import PageHandle as PageHandle
+    from arm_drake.notebook import Recording as Recording
     from arm_drake.notebook import animate as animate
     from arm_drake.notebook import simulate as simulate
     from arm_drake.notebook import view as view
-    from arm_drake.notebook_cells import Recording as Recording
     from arm_drake.options import SimulationOptions as SimulationOptions
     from arm_drake.rollout.rollout import Rollout as Rollout
     from arm_drake.simulation.clients import ControllerHandle as ControllerHandle
@@ -68,8 +68,8 @@ if TYPE_CHECKING:
 _MODULES = {
     "ArmDrakeError": "errors",
     "ControllerHandle": "simulation.clients",
-    "ControllerInterface": "controllers.controller_interface_part",
-    "ControllerInterfaceParams": "controllers.controller_interface_part",
+    "ControllerInterface": "controllers.controller_interface",
+    "ControllerInterfaceParams": "controllers.controller_interface",
     "ControllerType": "controllers",
     "Float64MultiArray": "messages",
     "FollowJointTrajectoryGoal": "messages",
@@ -89,7 +89,7 @@ _MODULES = {
     "Page": "visualization.page",
     "PageHandle": "notebook",
     "ParameterError": "errors",
-    "Recording": "notebook_cells",
+    "Recording": "notebook",
     "Robot": "description.robot",
     "RobotViewer": "visualization.page.robot_viewer",
     "Rollout": "rollout.rollout",

@@ -3,18 +3,473 @@
 import argparse
 import contextlib
 import functools
+import importlib.metadata
 import io
 import json
 import os
 import sys
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
-from arm_drake.arguments import parse_arguments
-from arm_drake.errors import ArmDrakeError, InputError
+from arm_drake.errors import ArmDrakeError, InputError, suggest
 from arm_drake.importing import without_collection
-from arm_drake.interrupts import unbroken
+from arm_drake.output_files import unbroken
+from arm_drake.visualization.plot import PLOT_KINDS
+
+
+def pair(separator: str) -> Any:
+    """Return what parses NAME<separator>VALUE."""
+
+    def parse(text: str) -> tuple[str, str]:
+        name, found, value = text.partition(separator)
+        if not found or not name:
+            raise argparse.ArgumentTypeError(
+                f"expected NAME{separator}VALUE, got {text!r}"
+            )
+        return name, value
+
+    return parse
+
+
+def positive(text: str) -> float:
+    """Return a number above 0."""
+    number = not_negative(text)
+    if number == 0.0:
+        raise argparse.ArgumentTypeError("expected a positive number, got 0")
+    return number
+
+
+def not_negative(text: str) -> float:
+    """Return a number of at least 0."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = -1.0
+    if not 0.0 <= number < float("inf"):
+        raise argparse.ArgumentTypeError(f"expected a positive number, got {text!r}")
+    return number
+
+
+def words_of(known: Sequence[str]) -> Any:
+    """Return what parses words of a list, with commas between them."""
+
+    def parse(text: str) -> tuple[str, ...]:
+        words = tuple(word for word in text.replace(" ", "").split(",") if word)
+        for word in words:
+            if word not in known:
+                raise argparse.ArgumentTypeError(
+                    f"unknown {word!r}; {suggest(word, known)}"
+                )
+        return words
+
+    return parse
+
+
+# What a page can show of a robot.
+SHOWN = ("visual", "frames", "names", "collision", "inertia", "joint_axes")
+
+
+def add_view_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `view`."""
+    parser.add_argument(
+        "--position",
+        metavar="V",
+        nargs="+",
+        action="extend",
+        default=[],
+        help="JOINT=VALUE, or a value for each movable joint that follows no other "
+        "[rad or m]",
+    )
+    parser.add_argument(
+        "--named-pose",
+        metavar="NAME",
+        help="a pose that the SRDF names, as NAME or 'GROUP: NAME'",
+    )
+    parser.add_argument(
+        "--ghost",
+        metavar="V",
+        nargs="+",
+        action="extend",
+        default=[],
+        help="pose of a transparent copy, as --position",
+    )
+    parser.add_argument(
+        "--no-watch",
+        action="store_true",
+        help="do not reload the robot when its files change",
+    )
+    parser.add_argument(
+        "--screenshot", metavar="FILE.png", type=Path, help="picture to write"
+    )
+    add_page_arguments(parser)
+
+
+def add_page_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what a page in the browser shows, and where it is."""
+    add = parser.add_argument
+    add(
+        "--show",
+        metavar="WHAT",
+        action="extend",
+        default=[],
+        type=words_of(SHOWN),
+        help=f"what to draw, with commas between: {', '.join(SHOWN)} (visual)",
+    )
+    add_server_arguments(parser)
+    add("--fixed-frame", metavar="LINK", help="link that stays where it is (the world)")
+
+
+def add_server_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add where a page is, and how much of meshes is sent to it."""
+    add = parser.add_argument
+    add(
+        "--max-faces",
+        metavar="N",
+        type=int,
+        help="draw meshes with at most so many triangles, for smaller recordings",
+    )
+    add("--host", default="localhost", help="address of the page (localhost)")
+    add("--port", type=int, help="port of the page (first free from 7000)")
+
+
+def add_plot_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of a plot of a rollout."""
+    add = parser.add_argument
+    add("--plot", metavar="FILE.png", type=Path, help="draw reference and measurement")
+    add(
+        "--plot-kind",
+        metavar="KIND",
+        choices=PLOT_KINDS,
+        help=f"what --plot draws instead: {', '.join(PLOT_KINDS[1:])}",
+    )
+
+
+def add_sim_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `sim`."""
+    add = parser.add_argument
+    add("--motion", metavar="NAME|FILE", help="what to send to the controllers")
+    add(
+        "--set",
+        metavar="NAME=VALUE",
+        action="append",
+        default=[],
+        type=pair("="),
+        help="value of a motion's parameter, as in YAML; repeatable",
+    )
+    add("--duration", metavar="S", type=positive, help="how long to simulate [s]")
+    add(
+        "--world",
+        metavar="NAME|FILE",
+        default="empty",
+        help="built-in world (empty), or a .world or .sdf file",
+    )
+    add(
+        "--pose",
+        metavar=("X", "Y", "Z", "R", "P", "Y"),
+        nargs=6,
+        type=float,
+        help="pose of the base [m, rad]",
+    )
+    add(
+        "--gravity",
+        choices=("on", "off"),
+        help="gravity of 9.81 m/s^2 (that of the world)",
+    )
+    add(
+        "--initial",
+        metavar="JOINT=VALUE",
+        action="append",
+        default=[],
+        type=pair("="),
+        help="initial position [rad or m]; repeatable",
+    )
+    add(
+        "--active",
+        metavar="NAME",
+        action="append",
+        default=[],
+        help="controller to start before the others; repeatable",
+    )
+    add(
+        "--inactive",
+        metavar="NAME",
+        action="append",
+        default=[],
+        help="controller not to start; repeatable",
+    )
+    add("--headless", action="store_true", help="no browser")
+    add("--hold", action="store_true", help="keep the page until Ctrl-C")
+    add(
+        "--rate",
+        metavar="R",
+        type=not_negative,
+        help="simulated seconds per second; 0 is as fast as it goes "
+        "(1 with the browser, 0 headless)",
+    )
+    add(
+        "--preset",
+        metavar="NAME",
+        default="accurate",
+        help="accurate (the default), fast: arms that touch nothing, in large steps; "
+        "or kinematic: joints are where their commands say, without physics",
+    )
+    add(
+        "--time-step",
+        metavar="S",
+        type=positive,
+        help="largest step [s] (0.001; fast: 0.01)",
+    )
+    add("--log", metavar="FILE", type=Path, help="write the rollout: .npz, .csv, .mcap")
+    add("--log-contacts", action="store_true", help="contact forces in the log, too")
+    add("--record", metavar="FILE.html", type=Path, help="write an animated page")
+    add_plot_arguments(parser)
+    add("--screenshot", metavar="FILE.png", type=Path, help="take a picture at the end")
+    add("--video", metavar="FILE.mp4", type=Path, help="film the simulation")
+    add("--paused", action="store_true", help="wait for the page's play button")
+    add("--ghost", action="store_true", help="draw the commanded positions, too")
+    add("--trail", metavar="LINK", help="draw the way of a link's origin")
+    add("--contacts", action="store_true", help="draw contact forces")
+    add_page_arguments(parser)
+
+
+_LOG = "a log: .npz, .csv or .mcap"
+
+
+def add_compare(commands: Any) -> argparse.ArgumentParser:
+    """Add the command `compare`, and return its parser.
+
+    Args:
+        commands: Where commands are added.
+    """
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "compare",
+        help="say where two logs differ",
+        description="Exits with 0 if the rollouts are equal within the tolerance, 1 if "
+        "they differ, 2 if a file can't be used.",
+    )
+    parser.add_argument("a", metavar="A", type=Path, help=_LOG)
+    parser.add_argument("b", metavar="B", type=Path, help="another one")
+    parser.add_argument(
+        "--tolerance",
+        metavar="T",
+        type=not_negative,
+        default=0.0,
+        help="what counts as equal, in the unit of each quantity (0)",
+    )
+    parser.add_argument(
+        "--plot", metavar="FILE.png", type=Path, help="draw what differs most"
+    )
+    parser.add_argument("--name", help="robot to compare, in logs of several")
+    return parser
+
+
+def add_replay(commands: Any) -> None:
+    """Add the command `replay`.
+
+    Args:
+        commands: Where commands are added.
+    """
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "replay",
+        help="show a log in the browser",
+        description="Shows a recorded rollout until Ctrl-C: play, pause, speed, a "
+        "slider for the time. With --record, --video, --screenshot or --plot it writes "
+        "these files instead.",
+    )
+    add = parser.add_argument
+    add("file", metavar="FILE", type=Path, help=_LOG)
+    add(
+        "xacro_args",
+        metavar="NAME:=VALUE",
+        nargs="*",
+        default=[],
+        type=pair(":="),
+        help="xacro arguments of --robot",
+    )
+    add("--robot", help="the robot, as for sim (the description in the log)")
+    add("--name", help="robot to show, in logs of several")
+    add(
+        "--package-path",
+        metavar="DIR",
+        action="append",
+        default=[],
+        help="folder to search for the packages of its meshes; repeatable",
+    )
+    add("--rate", metavar="R", type=positive, default=1.0, help="speed (1)")
+    add("--record", metavar="FILE.html", type=Path, help="write an animated page")
+    add_plot_arguments(parser)
+    add("--screenshot", metavar="FILE.png", type=Path, help="take a picture of the end")
+    add("--video", metavar="FILE.mp4", type=Path, help="film it")
+    add_server_arguments(parser)
+    # What a robot is loaded with besides, and files that this command doesn't write.
+    parser.set_defaults(
+        controllers=None, var=[], distro="jazzy", decompose=False, log=None, json=False
+    )
+
+
+_XACRO = ":="
+
+# Options of several values.
+_SEVERAL = ("position", "ghost")
+
+
+def parse_arguments(arguments: Sequence[str] | None = None) -> argparse.Namespace:
+    """Return what a command line says; `command` is the name of the command.
+
+    Xacro arguments may stand anywhere after ROBOT. Ends the process with exit code 2
+    for words that can't be used.
+
+    Args:
+        arguments: Words of the command line; by default those of the process.
+    """
+    parser = make_parser()
+    # Argparse takes positional words from one place only and leaves the others.
+    options, words = parser.parse_known_args(arguments)
+    if hasattr(options, "xacro_args"):
+        # An option of several values takes whatever follows.
+        for several in (getattr(options, name, None) for name in _SEVERAL):
+            if isinstance(several, list):
+                words = [*(word for word in several if _XACRO in word), *words]
+                several[:] = [word for word in several if _XACRO not in word]
+        xacro = [w for w in words if _XACRO in w and not w.startswith("-")]
+        words = [word for word in words if word not in xacro]
+        try:
+            parsed = [pair(_XACRO)(word) for word in xacro]
+        except argparse.ArgumentTypeError as error:
+            parser.error(str(error))
+        options.xacro_args = [*options.xacro_args, *parsed]
+    if words:
+        parser.error(f"unrecognized arguments: {' '.join(words)}")
+    return options
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """Return what parses the command line, but for xacro arguments after options."""
+    parser = argparse.ArgumentParser(
+        prog="arm-drake",
+        description="ROS 2 robot packages in Drake: the same files, no ROS.",
+    )
+    version = f"arm-drake {importlib.metadata.version('arm-drake')}"
+    parser.add_argument("--version", action="version", version=version)
+    commands = parser.add_subparsers(metavar="COMMAND", dest="command", required=True)
+
+    listing = commands.add_parser("list", help="bundled robots, worlds and motions")
+    _add_json(listing)
+
+    check = commands.add_parser(
+        "check",
+        help="load a robot and print what was not taken as written",
+        description="Exits with 0 if the robot can be used, 1 if something is lost "
+        "(with --strict: if there is anything to report), 2 if it can't be loaded.",
+    )
+    _add_robot_arguments(check)
+
+    view = commands.add_parser(
+        "view",
+        help="look at a robot, without physics",
+        description="Shows the robot in the browser until Ctrl-C, with sliders for its "
+        "joints, and again when its files change. With --screenshot it takes a "
+        "picture of all of the robot instead, which needs Chromium and "
+        "`pip install 'arm-drake[browser]'`.",
+    )
+    _add_robot_arguments(view)
+    add_view_arguments(view)
+
+    sim = commands.add_parser(
+        "sim",
+        help="simulate a robot with its controllers",
+        description="Exits with 0 if it ran, 1 if a goal or a controller failed, or "
+        "if a message or a switch was refused, 2 if something can't be used, found "
+        "before the simulation starts.",
+    )
+    _add_robot_arguments(sim)
+    add_sim_arguments(sim)
+
+    graph = commands.add_parser(
+        "graph",
+        help="draw topics, controllers, interfaces and hardware",
+        description="Draws which controllers read and command which interfaces. "
+        "Every system and port of Drake's own diagram is in "
+        "build_diagram(robot).GetGraphvizString().",
+    )
+    _add_robot_arguments(graph)
+    graph.add_argument(
+        "-o",
+        "--output",
+        metavar="FILE",
+        type=Path,
+        required=True,
+        help="picture to write: .svg, .png, .pdf, or .dot for Graphviz",
+    )
+
+    add_replay(commands)
+    _add_json(add_compare(commands))
+
+    cache = commands.add_parser(
+        "cache",
+        help="where converted meshes are kept",
+        description="Prints the folder of converted meshes, and how much is in it.",
+    )
+    cache.add_argument("--clear", action="store_true", help="remove them")
+    _add_json(cache)
+    return parser
+
+
+def _add_robot_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "robot",
+        metavar="ROBOT",
+        help="a bundled robot, a .urdf or .xacro file, a folder",
+    )
+    parser.add_argument(
+        "xacro_args",
+        metavar="NAME:=VALUE",
+        nargs="*",
+        default=[],
+        type=pair(_XACRO),
+        help="xacro arguments",
+    )
+    parser.add_argument(
+        "--controllers",
+        metavar="YAML",
+        action="append",
+        help="controllers YAML; repeatable",
+    )
+    parser.add_argument(
+        "--package-path",
+        metavar="DIR",
+        action="append",
+        default=[],
+        help="folder to search for packages; repeatable",
+    )
+    parser.add_argument(
+        "--var",
+        metavar="NAME=VALUE",
+        action="append",
+        default=[],
+        type=pair("="),
+        help="value of $(var NAME) in the YAML; repeatable",
+    )
+    parser.add_argument(
+        "--decompose",
+        action="store_true",
+        help="collide with several convex parts of a mesh, not with its convex hull",
+    )
+    parser.add_argument("--distro", default="jazzy", help="ROS distribution (jazzy)")
+    parser.add_argument("--name", help="name of the robot")
+    parser.add_argument(
+        "--strict",
+        action="store_true",
+        help="take every line of the report as an error",
+    )
+    _add_json(parser)
+
+
+def _add_json(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+
 
 _USAGE_ERROR = 2
 
@@ -81,7 +536,7 @@ def load_robot_of(
 
 def _list(options: argparse.Namespace) -> int:
     from arm_drake.bundled import bundled_motions, bundled_robots
-    from arm_drake.description.examples import EXAMPLE, example_robots
+    from arm_drake.description.entry import EXAMPLE, example_robots
     from arm_drake.worlds.world import WORLDS
 
     robots = {name: list(bundled_motions(name)) for name in bundled_robots()}
@@ -139,7 +594,7 @@ def _compare(options: argparse.Namespace) -> int:
 
 
 def _cache(options: argparse.Namespace) -> int:
-    from arm_drake.description.meshes.cache import cache_directory, clear_cache
+    from arm_drake.description.meshes.conversion import cache_directory, clear_cache
 
     folder = cache_directory()
     if options.clear:

@@ -2,40 +2,58 @@
 
 import dataclasses as dc
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from pydrake.geometry import Meshcat, SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
+from arm_drake.control.drive_commands import DriveCommands
+from arm_drake.control.generic_system import GenericSystem
+from arm_drake.description.contact_surfaces import with_surfaces
 from arm_drake.description.drive_gains import find_drive_gains, holds_joints
-from arm_drake.description.finger_surfaces import with_surfaces
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot, list_robots
 from arm_drake.description.srdf import find_disabled_collisions
 from arm_drake.errors import InputError
 from arm_drake.hardware.drive_report import report_drive, report_friction, report_times
-from arm_drake.hardware.drives import commanded_joints, effort_limits, make_robot_drive
-from arm_drake.hardware.hardware import add_hardware, connect_forces
+from arm_drake.hardware.drives import (
+    commanded_joints,
+    effort_limits,
+    find_bare_joints,
+    make_drive_commands,
+    make_robot_drive,
+    may_let_go,
+)
+from arm_drake.hardware.hardware import (
+    add_hardware,
+    add_sensors,
+    connect_forces,
+    report_blind,
+)
 from arm_drake.hardware.mobile_bases import RobotBases
+from arm_drake.hardware.mock_hardware import add_mock_hardware
 from arm_drake.hardware.presets import (
     find_obstacles,
     find_world_obstacles,
     report_fallback,
 )
-from arm_drake.hardware.robot_commands import (
-    find_bare_joints,
-    make_drive_commands,
-    may_let_go,
-)
-from arm_drake.hardware.robot_sensors import add_sensors
 from arm_drake.hardware.robot_systems import RobotSystems
 from arm_drake.manager import ControllerManager
+from arm_drake.manager.hardware_interfaces import Surroundings
+from arm_drake.manager.loaded_controllers import LoadedController, command_order
+from arm_drake.manager.loading import report_motionless
+from arm_drake.manager.robot_controllers import load_controllers_of
 from arm_drake.options import SimulationOptions
 from arm_drake.plant.contact import separate
-from arm_drake.plant.gripper_ranges import find_gripper_joints, find_gripper_links
-from arm_drake.plant.initial_poses import log_free_poses
-from arm_drake.plant.placement import place_free_links
+from arm_drake.plant.initial_poses import log_free_poses, place_free_links
+from arm_drake.plant.joint_ranges import (
+    find_gripper_joints,
+    find_gripper_links,
+    find_gripper_ranges,
+)
+from arm_drake.plant.kinematics import KinematicPlant
 from arm_drake.plant.plant import (
     add_actuators,
     add_plant,
@@ -46,11 +64,43 @@ from arm_drake.plant.plant import (
     link_bodies,
     set_initial_positions,
 )
-from arm_drake.robot_parts import RobotParts, load_parts
-from arm_drake.simulation.build_info import BuildInfo, add_build_info
+from arm_drake.simulation.recording import BuildInfo, add_build_info
 from arm_drake.timing import choose_time_step, has_rate
-from arm_drake.worlds.loaded_world import LoadedWorld, show_backdrop
+from arm_drake.worlds.sdf_world import LoadedWorld, show_backdrop
 from arm_drake.worlds.world import World, load_world
+
+
+class RobotParts(NamedTuple):
+    """A robot's controllers, which are in no builder yet."""
+
+    # What the robot offers them.
+    there: Surroundings
+
+    controllers: tuple[LoadedController, ...]
+
+    # Its load report, with what they lack.
+    report: LoadReport
+
+    # Hardware that mirrors commands, if that is what it has.
+    blocks: Sequence[GenericSystem] = ()
+
+
+def load_parts(system: RobotSystems) -> RobotParts:
+    """Return the controllers of a robot.
+
+    Args:
+        system: What will add them.
+    """
+    robot, options = system.robot, system.options
+    blocks = None
+    if options.preset == "kinematic":
+        # Not at the top: most robots have physics.
+        from arm_drake.hardware.mock_hardware import make_blocks
+
+        blocks = make_blocks(robot)
+    there = system.find_surroundings(blocks, find_gripper_ranges(robot))
+    controllers, report = load_controllers_of(robot, system.period, options, there)
+    return RobotParts(there, controllers, report, blocks or ())
 
 
 def build_diagram(
@@ -129,7 +179,6 @@ def build_diagram(
         base.set_friction(plant, scene_graph, model)
     if is_kinematic:
         # Not at the top: most robots have physics.
-        from arm_drake.mirrored_robots import add_mirrored_robots
 
         add_mirrored_robots(systems, parts, plant, scene_graph, models)
     else:
@@ -285,3 +334,51 @@ def _add_model(
     add_actuators(plant, model, [joint.name for joint in joints], effort_limits(joints))
     set_initial_positions(plant, model, dict(robot.initial_positions))
     return model
+
+
+def add_mirrored_robots(
+    systems: Sequence[RobotSystems],
+    parts: Sequence[RobotParts],
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    models: Sequence[ModelInstanceIndex],
+) -> None:
+    """Add hardware and controllers of robots whose joints are where they should be.
+
+    Args:
+        systems: What adds the robots' systems.
+        parts: Their controllers.
+        plant: The finalized plant, which is in no builder.
+        scene_graph: The scene graph that it is registered with.
+        models: The robots' model instances.
+    """
+    builder = systems[0].builder
+    joints = {
+        system.robot.name: (
+            model,
+            [joint.name for joint in system.robot.description.movable_joints],
+        )
+        for system, model in zip(systems, models, strict=True)
+    }
+    kinematic = builder.AddNamedSystem("plant", KinematicPlant(plant, joints))
+    for system, part, model in zip(systems, parts, models, strict=True):
+        robot, (there, controllers, report, blocks) = system.robot, part
+        moving: dict[str, tuple[str, ...]] = {}
+        for info, block in zip(robot.description.hardware, blocks, strict=True):
+            done, where = "as mock_components has it", f"ros2_control {info.name!r}"
+            for text in block.warnings:
+                report.add("warning", "ignored", text, done, where=where)
+            moving |= dict.fromkeys((j.name for j in info.joints), block.calculated)
+        report_motionless(controllers, moving, report)
+        report_blind(robot, report)
+        order = command_order(there, controllers)
+        hardware = add_mock_hardware(
+            builder, robot, blocks, order, there, system.prefix, system.period
+        )
+        builder.Connect(hardware.joint_motions, kinematic.GetInputPort(robot.name))
+        drive = DriveCommands((), order, velocity_lead=0.0)
+        poses = kinematic.GetOutputPort("body_poses")
+        system.add_frames(poses, link_bodies(plant, model, robot.description.links))
+        system.add(hardware, there, controllers, report, drive)
+    kinematic.connect_geometry(builder, scene_graph)
+    builder.ExportOutput(kinematic.GetOutputPort("state"), "state")

@@ -10,35 +10,30 @@ from pathlib import Path
 from arm_drake.controllers import ControllerType, check_controller_types
 from arm_drake.description.bridge import find_bridge_files, load_bridges, split_bridges
 from arm_drake.description.claimed_hardware import hardware_from_controllers
-from arm_drake.description.contact_sensors import add_contact_sensors
-from arm_drake.description.control_files import find_control_files
+from arm_drake.description.control_files import default_controllers, find_control_files
 from arm_drake.description.controller_manager_parameters import MANAGER
 from arm_drake.description.controllers import ControllerManagerConfig
 from arm_drake.description.controllers import (
     load_controllers as load_controllers_config,
 )
-from arm_drake.description.default_control import default_controllers
 from arm_drake.description.entry import Source, find_entry
-from arm_drake.description.gazebo_joints import Ros2ControlPlugin
 from arm_drake.description.gazebo_nodes import gazebo_nodes
-from arm_drake.description.given import DISTROS
+from arm_drake.description.gazebo_plugins import Ros2ControlPlugin
 from arm_drake.description.inertia import repair_free_base
 from arm_drake.description.initial_positions import find_initial_positions
 from arm_drake.description.joints import WORLD
 from arm_drake.description.packages import PackageFinder
-from arm_drake.description.places import find_place
-from arm_drake.description.plugin_control import add_plugins
-from arm_drake.description.plugin_joints import plugin_joints
-from arm_drake.description.report import LoadReport
+from arm_drake.description.parameters import DISTROS
+from arm_drake.description.plugin_control import add_plugins, plugin_joints
+from arm_drake.description.report import LoadReport, find_place
 from arm_drake.description.robot import Pose, Robot
-from arm_drake.description.sensors import find_sensors
+from arm_drake.description.sensors import add_contact_sensors, find_sensors
 from arm_drake.description.source_files import find_source_files
 from arm_drake.description.urdf import RobotDescription, parse_urdf
-from arm_drake.description.xacro import expand_xacro
-from arm_drake.description.xacro_sources import read_sources
+from arm_drake.description.xacro import expand_xacro, read_sources
 from arm_drake.errors import InputError, suggest
+from arm_drake.hardware.drives import check_model
 from arm_drake.hardware.mobile_bases import RobotBases
-from arm_drake.hardware.model_check import check_model
 from arm_drake.manager.loading import load_controllers
 from arm_drake.manager.robot_controllers import find_surroundings
 

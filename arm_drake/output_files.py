@@ -1,6 +1,8 @@
 """Files that results are written to: found out early what can't be written late."""
 
 import contextlib
+import signal
+import threading
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -43,3 +45,21 @@ def writing(path: Path) -> Iterator[None]:
     except OSError as error:
         reason = error.strerror or str(error)
         raise OutputError(f"can't be written: {reason}", file=path) from None
+
+
+@contextlib.contextmanager
+def unbroken() -> Iterator[None]:
+    """Put Ctrl-C off until the end of the block; it counts then."""
+    is_main = threading.current_thread() is threading.main_thread()
+    before = signal.getsignal(signal.SIGINT)
+    if not is_main or before is None:
+        yield
+        return
+    pressed = threading.Event()
+    signal.signal(signal.SIGINT, lambda *signal_and_frame: pressed.set())
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if pressed.is_set():
+        signal.raise_signal(signal.SIGINT)

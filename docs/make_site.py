@@ -36,7 +36,7 @@ MODULES = (
     "arm_drake.description.parameters",
     "arm_drake.description.urdf",
     "arm_drake.messages",
-    "arm_drake.simulation.topic_clients",
+    "arm_drake.simulation.clients",
     "arm_drake.worlds.world",
 )
 

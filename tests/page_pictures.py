@@ -17,7 +17,7 @@ from pathlib import Path
 from PIL import Image, ImageDraw, ImageFont
 from playwright.sync_api import Browser, Page, ViewportSize
 
-from arm_drake.visualization.browser import open_browser
+from arm_drake.visualization.screenshot import open_browser
 
 _SIZE = ViewportSize(width=1100, height=750)
 _SCALE = 0.5

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from arm_drake.controllers.installed_types import ENTRY_POINTS
+from arm_drake.controllers.registry import ENTRY_POINTS
 
 
 def add_package(

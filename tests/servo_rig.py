@@ -11,7 +11,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput
 
 import arm_drake as ad
-from arm_drake.description.tree import last_master
+from arm_drake.description.joints import last_master
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.hardware.drives import commanded_joints, effort_limits, make_robot_drive
 from arm_drake.hardware.hardware import add_hardware, connect_forces

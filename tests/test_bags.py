@@ -17,8 +17,8 @@ from rosbags.rosbag2 import Reader
 
 import arm_drake as ad
 from arm_drake.bundled import bundled_motions, bundled_robots
-from arm_drake.rollout.bag_messages import CONTACTS, contact_topic
-from arm_drake.rollout.link_transforms import multiply, read_transforms, rotate
+from arm_drake.rollout.bag import CONTACTS, contact_topic
+from arm_drake.rollout.link_poses import multiply, read_transforms, rotate
 from tests.carts import cart, diff_drive
 from tests.carts import load as load_cart
 

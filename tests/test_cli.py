@@ -14,7 +14,7 @@ import arm_drake as ad
 from arm_drake.bundled import bundled_motions, configs_folder
 from arm_drake.cli import main
 from arm_drake.messages import Float64MultiArray
-from arm_drake.simulation.happenings import list_failures
+from arm_drake.simulation.recording import list_failures
 from tests.robots import real_robot
 
 JTC = "joint_trajectory_controller"

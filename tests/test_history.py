@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 import arm_drake as ad
-from arm_drake.simulation.history import History
+from arm_drake.simulation.recording import History
 from tests.models import load, pendulum
 
 

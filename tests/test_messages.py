@@ -27,7 +27,7 @@ from arm_drake.messages import (
     SwitchController,
     Time,
 )
-from arm_drake.messages.lazy import make_lazy
+from arm_drake.messages.base import make_lazy
 
 TIME = "expected seconds or {sec: int, nanosec: int}"
 

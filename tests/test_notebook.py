@@ -14,7 +14,7 @@ import psutil
 import pytest
 
 import arm_drake as ad
-from arm_drake import notebook_cells
+from arm_drake import notebook
 from arm_drake.errors import InputError
 from tests.models import load, pendulum
 
@@ -27,7 +27,7 @@ PATIENCE = 10.0
 
 @pytest.fixture(autouse=True)
 def local_browser(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in notebook_cells._REMOTE_VARIABLES:
+    for name in notebook._REMOTE_VARIABLES:
         monkeypatch.delenv(name, raising=False)
 
 
@@ -176,7 +176,7 @@ def test_an_interrupt_while_a_page_is_made_leaves_none(monkeypatch) -> None:
             raise KeyboardInterrupt
 
     listening = num_listening()
-    future = "arm_drake.page_threads.concurrent.futures.Future"
+    future = "arm_drake.notebook.concurrent.futures.Future"
     monkeypatch.setattr(future, Interrupted)
     with pytest.raises(KeyboardInterrupt):
         ad.view(ARM)
@@ -211,7 +211,7 @@ def test_in_a_notebook_the_page_is_in_the_cell(pages) -> None:
     assert shown.startswith(f'<iframe src="{page.url}" ')
 
 
-@pytest.mark.parametrize("name", notebook_cells._REMOTE_VARIABLES)
+@pytest.mark.parametrize("name", notebook._REMOTE_VARIABLES)
 def test_where_the_browser_is_elsewhere_the_cell_has_all_it_needs(
     pages, monkeypatch, name
 ) -> None:

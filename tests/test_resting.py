@@ -5,7 +5,7 @@ import pytest
 from pydrake.geometry import Cylinder, Ellipsoid, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
-from arm_drake.plant.resting import PlacedShape, lowest_height, rest_on_ground
+from arm_drake.plant.initial_poses import PlacedShape, lowest_height, rest_on_ground
 
 NO_CORNERS = np.empty((0, 3))
 

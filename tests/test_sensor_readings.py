@@ -17,7 +17,7 @@ from pydrake.multibody.tree import SpatialInertia
 
 import arm_drake as ad
 from arm_drake.messages import Quaternion, Vector3, Wrench
-from arm_drake.worlds.world import add_world
+from arm_drake.worlds.world import World, add_world
 from tests import models
 
 IMU = (
@@ -53,7 +53,7 @@ def simulate(
     urdf: str,
     yaml: str,
     *,
-    world: ad.world.World = "void",
+    world: World = "void",
     **options: object,
 ) -> ad.Simulation:
     (folder / "robot.urdf").write_text(urdf)

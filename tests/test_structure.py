@@ -26,10 +26,10 @@ import arm_drake
 import arm_drake as ad
 from arm_drake import interfaces
 from arm_drake.control.drive_commands import DriveCommands
-from arm_drake.controllers import gazebo as gazebo
-from arm_drake.controllers.admittance_controller import AdmittanceController
-from arm_drake.controllers.admittance_parameters import (
+from arm_drake.controllers import gazebo
+from arm_drake.controllers.admittance_controller import (
     Admittance,
+    AdmittanceController,
     AdmittanceControllerParameters,
     CoG,
     Frame,
@@ -38,27 +38,27 @@ from arm_drake.controllers.admittance_parameters import (
     InFrame,
     Kinematics,
 )
-from arm_drake.controllers.bases.diff_drive_controller import DiffDriveController
-from arm_drake.controllers.bases.diff_drive_parameters import (
+from arm_drake.controllers.bases.diff_drive_controller import (
+    DiffDriveController,
     DiffDriveControllerParameters,
 )
-from arm_drake.controllers.bases.mecanum_drive_controller import MecanumDriveController
-from arm_drake.controllers.bases.mecanum_drive_parameters import (
+from arm_drake.controllers.bases.mecanum_drive_controller import (
+    MecanumDriveController,
     MecanumDriveControllerParameters,
     MecanumKinematicsParameters,
 )
 from arm_drake.controllers.bases.omni_wheel_drive_controller import (
     OmniWheelDriveController,
-)
-from arm_drake.controllers.bases.omni_wheel_drive_parameters import (
     OmniWheelDriveControllerParameters,
 )
-from arm_drake.controllers.bases.steering_controllers import SteeringController
-from arm_drake.controllers.bases.steering_parameters import (
+from arm_drake.controllers.bases.steering_controllers import (
     BicycleSteeringControllerParameters,
+    SteeringController,
 )
-from arm_drake.controllers.bases.tricycle_controller import TricycleController
-from arm_drake.controllers.bases.tricycle_parameters import TricycleControllerParameters
+from arm_drake.controllers.bases.tricycle_controller import (
+    TricycleController,
+    TricycleControllerParameters,
+)
 from arm_drake.controllers.battery_state_broadcaster import (
     BatteryStateBroadcaster,
     BatteryStateBroadcasterParameters,
@@ -67,7 +67,7 @@ from arm_drake.controllers.chained_filter_controller import (
     ChainedFilter,
     ChainedFilterParameters,
 )
-from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.force_torque_sensor_broadcaster import (
     ForceTorqueSensorBroadcaster,
     ForceTorqueSensorBroadcasterParameters,
@@ -86,13 +86,11 @@ from arm_drake.controllers.gpio_controllers import (
     GpioInterfaces,
     InterfacesByGpio,
 )
-from arm_drake.controllers.gps_sensor_broadcaster import (
-    GPSSensorBroadcaster,
-    GPSSensorBroadcasterParameters,
-)
 from arm_drake.controllers.gripper_controllers import (
     GripperActionController,
     GripperActionControllerParameters,
+    ParallelGripperActionController,
+    ParallelGripperActionControllerParameters,
 )
 from arm_drake.controllers.joint_state_broadcaster import (
     JointStateBroadcaster,
@@ -102,57 +100,41 @@ from arm_drake.controllers.joint_trajectory.controller import JointTrajectoryCon
 from arm_drake.controllers.joint_trajectory.parameters import (
     JointTrajectoryControllerParameters,
 )
-from arm_drake.controllers.magnetometer_broadcaster import (
-    MagnetometerBroadcaster,
-    MagnetometerBroadcasterParameters,
-)
-from arm_drake.controllers.parallel_gripper_action_controller import (
-    ParallelGripperActionController,
-    ParallelGripperActionControllerParameters,
-)
 from arm_drake.controllers.passthrough_controller import (
     PassthroughController,
     PassthroughControllerParameters,
 )
-from arm_drake.controllers.pid_controller import PidController
-from arm_drake.controllers.pid_parameters import PidControllerParameters
-from arm_drake.controllers.pose_broadcaster import (
-    PoseBroadcaster,
-    PoseBroadcasterParameters,
-)
-from arm_drake.controllers.range_sensor_broadcaster import (
-    RangeSensorBroadcaster,
-    RangeSensorBroadcasterParameters,
-)
+from arm_drake.controllers.pid_controller import PidController, PidControllerParameters
 from arm_drake.controllers.sensor_broadcasters import (
+    GPSSensorBroadcaster,
+    GPSSensorBroadcasterParameters,
     IMUSensorBroadcaster,
     IMUSensorBroadcasterParameters,
-)
-from arm_drake.controllers.state_interfaces_broadcaster import (
+    MagnetometerBroadcaster,
+    MagnetometerBroadcasterParameters,
+    PoseBroadcaster,
+    PoseBroadcasterParameters,
+    RangeSensorBroadcaster,
+    RangeSensorBroadcasterParameters,
+    SafetyInterfaces,
     StateInterfacesBroadcaster,
     StateInterfacesBroadcasterParameters,
-)
-from arm_drake.controllers.vda5050_safety_state_broadcaster import (
-    SafetyInterfaces,
     Vda5050SafetyStateBroadcaster,
     Vda5050SafetyStateBroadcasterParameters,
 )
-from arm_drake.description import gazebo_drives as drives
-from arm_drake.description import gazebo_joints as tags
-from arm_drake.description.gazebo_bumpers import ContactSensorTag
+from arm_drake.description import gazebo_plugins as drives
+from arm_drake.description import gazebo_plugins as tags
+from arm_drake.description.gazebo_plugins import ContactSensorTag
 from arm_drake.description.sensors import SensorInfo
+from arm_drake.hardware.mobile_bases import BaseTruth, Wheel
 from arm_drake.hardware.mock_hardware import MockHardware
-from arm_drake.hardware.wheel_slip import BaseTruth
-from arm_drake.hardware.wheels import Wheel
 from arm_drake.manager import ControllerManager
+from arm_drake.manager.chains import SampledStates
 from arm_drake.manager.hardware_interfaces import Surroundings
 from arm_drake.manager.reference_log import WantedPositions
-from arm_drake.manager.sampled_states import SampledStates
-from arm_drake.plant.contact_log import ContactForces
-from arm_drake.plant.contact_readings import ContactReadings
-from arm_drake.plant.frames import LinkFrames
-from arm_drake.plant.kinematic import KinematicPlant
-from arm_drake.plant.sensor_readings import SensorReadings
+from arm_drake.plant.contact import ContactForces
+from arm_drake.plant.kinematics import KinematicPlant, LinkFrames
+from arm_drake.plant.sensor_readings import ContactReadings, SensorReadings
 from arm_drake.python_system import PythonSystem
 
 PACKAGE = Path(arm_drake.__file__).parent

@@ -1,12 +1,13 @@
 import pytest
 
-from arm_drake.manager.plan import SwitchPlan, plan_switch
 from arm_drake.manager.switching import (
     ControllerInfo,
+    SwitchPlan,
     activation_order,
     chain_of,
     chained,
     find_cycle,
+    plan_switch,
 )
 
 # The chain of upstream's tests: a base over a controller for each wheel, and another

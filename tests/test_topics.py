@@ -11,8 +11,10 @@ from pydrake.common.value import AbstractValue
 
 import arm_drake as ad
 from arm_drake.controllers import CONTROLLER_TYPES, ControllerType
-from arm_drake.controllers.controller_interface import TickingController
-from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
+from arm_drake.controllers.controller_interface import (
+    ControllerInterfaceParams,
+    TickingController,
+)
 from arm_drake.controllers.cycles import Now
 from arm_drake.controllers.topics import Events, add_events, new_messages
 from arm_drake.errors import InputError, MotionError
@@ -30,7 +32,7 @@ from arm_drake.messages import (
     SpeedScalingFactor,
     TopicRejected,
 )
-from arm_drake.messages.grippers import GripperCommand
+from arm_drake.messages.control import GripperCommand
 from arm_drake.simulation.directory import TopicInfo
 from arm_drake.simulation.motion_files import load_motion, parse_motion
 from arm_drake.simulation.topics import VIRTUAL_TOPICS, VirtualTopic

@@ -9,8 +9,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.math import SpatialVelocity
 
 import arm_drake as ad
-from arm_drake.hardware.wheel_slip import BaseTruth
-from arm_drake.hardware.wheels import Wheel
+from arm_drake.hardware.mobile_bases import BaseTruth, Wheel
 from arm_drake.messages import Odometry, Twist, Vector3
 from tests import models
 from tests.carts import RADIUS, SEPARATION, cart

@@ -1,8 +1,15 @@
 """Many rollouts at a time: parameter studies, and tests of many cases."""
 
 from arm_drake.batch.api import iterate_many, run_many
-from arm_drake.batch.results import RunError, RunResult, RunResults, RunsInterrupted
-from arm_drake.batch.runs import GoalOutcome, Outcome, Run
+from arm_drake.batch.runs import (
+    GoalOutcome,
+    Outcome,
+    Run,
+    RunError,
+    RunResult,
+    RunResults,
+    RunsInterrupted,
+)
 
 __all__ = [
     "GoalOutcome",

@@ -1,19 +1,417 @@
 """run_many and iterate_many: what a program calls."""
 
+import contextlib
+import contextvars
+import dataclasses as dc
+import math
+import os
+import queue
+import sys
+import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from numbers import Integral
+from pathlib import Path
 from typing import Any, Literal, TypeVar, overload
 
-from arm_drake.batch.choice import Choice, Work, run_by_choice, run_in_processes
-from arm_drake.batch.cores import available_cores
-from arm_drake.batch.local import run_in_threads, run_serially
-from arm_drake.batch.progress import Progress
-from arm_drake.batch.results import RunResult, RunResults, RunsInterrupted
-from arm_drake.batch.runs import Outcome, Run, Runner
-from arm_drake.batch.stopping import is_nested
-from arm_drake.errors import InputError, suggest
+from arm_drake.batch.processes import Pool, is_warm
+from arm_drake.batch.runs import (
+    Done,
+    Outcome,
+    Run,
+    Runner,
+    RunResult,
+    RunResults,
+    RunsInterrupted,
+    SendError,
+    Stop,
+    attempt,
+    enter_thread,
+    is_nested,
+)
+from arm_drake.errors import ArmDrakeError, InputError, suggest
 from arm_drake.simulation.simulation import Simulation
+
+
+def run_serially(
+    function: Callable[[Any], Any], items: Sequence[Any], indices: Iterable[int]
+) -> Iterator[Done]:
+    """Run inputs one after the other.
+
+    Args:
+        function: What to run.
+        items: The inputs.
+        indices: Places of those to run.
+    """
+    for index in indices:
+        yield attempt(function, index, items[index])
+
+
+def run_in_threads(
+    function: Callable[[Any], Any],
+    items: Sequence[Any],
+    indices: Iterable[int],
+    num_threads: int,
+) -> Iterator[Done]:
+    """Run inputs in threads; yield what becomes of them as they end.
+
+    Who closes the iterator waits for what is under way: a Run stops within 0.1 s of its
+    simulated time, a function of a user ends first.
+
+    Args:
+        function: What to run.
+        items: The inputs.
+        indices: Places of those to run.
+        num_threads: How many run at a time.
+    """
+    waiting: queue.SimpleQueue[int] = queue.SimpleQueue()
+    num_waiting = 0
+    for index in indices:
+        waiting.put(index)
+        num_waiting += 1
+    ended: queue.SimpleQueue[Done] = queue.SimpleQueue()
+    stop = threading.Event()
+
+    def work() -> None:
+        enter_thread(stop)
+        while not stop.is_set():
+            try:
+                index = waiting.get_nowait()
+                ended.put(attempt(function, index, items[index]))
+            except (queue.Empty, Stop):
+                return
+            except BaseException as error:  # Nobody else would tell.
+                ended.put(Done(index, None, RuntimeError(repr(error)), 0.0))
+
+    threads = [
+        threading.Thread(target=contextvars.copy_context().run, args=(work,))
+        for _ in range(min(num_threads, num_waiting))
+    ]
+    for thread in threads:
+        thread.start()
+    try:
+        for _ in range(num_waiting):
+            yield ended.get()
+    finally:
+        stop.set()
+        for thread in threads:
+            thread.join()
+
+
+# What the first workers of a program take to start, and what later ones do [s];
+# tests/benchmarks/many.py measures them.
+COLD_START, WARM_START = 1.3, 0.1
+
+# The first run may be slow by what it imports. With a gain of so many starts, there is
+# no doubt.
+_SURE = 4.0
+
+
+@dc.dataclass
+class Choice:
+    """What was chosen, so far."""
+
+    backend: str
+    workers: int
+
+    # One line: why.
+    why: str
+
+
+@dc.dataclass(frozen=True)
+class Work:
+    """What is to be run."""
+
+    function: Callable[[Any], Any]
+    items: Sequence[Any]
+
+    # How many may run at a time.
+    workers: int
+
+
+def run_in_processes(work: Work) -> Iterator[Done]:
+    """Run inputs in worker processes.
+
+    Runs that have no worker, for none can begin, have the error that tells why.
+
+    Args:
+        work: What to run.
+
+    Raises:
+        SendError: If the function can't be sent to them.
+    """
+    waiting, is_done = deque(range(len(work.items))), False
+    pool = Pool(work.function, work.items, waiting)
+    try:
+        pool.start(work.workers)
+        yield from pool.run()
+        is_done = True
+    finally:
+        pool.close(kill=not is_done)
+    for index in waiting:
+        yield Done(index, None, pool.trouble, 0.0)
+
+
+def run_by_choice(work: Work, choice: Choice) -> Iterator[Done]:
+    """Run inputs where it is quickest, by what those take that ran here.
+
+    Args:
+        work: What to run.
+        choice: Is told what was chosen.
+    """
+    waiting, is_done = deque(range(len(work.items))), False
+    starter = _Starter(work, waiting, choice)
+    try:
+        while (index := starter.take()) is not None:
+            (done,) = run_serially(work.function, work.items, [index])
+            starter.note(done)
+            yield done
+        if starter.pool is not None:
+            workers = starter.start_all()
+            unsent: list[int] = []
+            for done in starter.pool.run():
+                if isinstance(done.error, SendError):
+                    # So will be those that are left; here they need no sending.
+                    unsent += [done.index, *waiting]
+                    waiting.clear()
+                    continue
+                choice.backend, choice.workers = "processes", workers
+                yield done
+            if unsent:
+                choice.why += f"; {len(unsent)} ran here, for they can't be sent"
+                yield from run_serially(work.function, work.items, sorted(unsent))
+            if waiting:
+                choice.why += f"; {len(waiting)} ran here, for {starter.pool.trouble}"
+            yield from run_serially(work.function, work.items, waiting)
+        is_done = True
+    finally:
+        starter.close(kill=not is_done)
+
+
+class _Starter:
+    """Starts processes as soon as they pay, also in the midst of a run here."""
+
+    def __init__(self, work: Work, waiting: deque[int], choice: Choice) -> None:
+        """Create it.
+
+        Args:
+            work: What to run.
+            waiting: Places of the runs that have not begun.
+            choice: Is told why.
+        """
+        # None before processes are started.
+        self.pool: Pool | None = None
+        self._work, self._waiting, self._choice = work, waiting, choice
+        self._may_start = work.workers > 1
+        self._cost = WARM_START if is_warm() else COLD_START
+        # How many have ended well here, and what they took, but for the first one if
+        # there are others; when the present one began [s].
+        self._num_done, self._total = 0, 0.0
+        self._began = math.inf
+        self._lock, self._is_closed = threading.Lock(), threading.Event()
+        self._watch = threading.Thread(target=self._watch_long_runs, daemon=True)
+        if self._may_start:
+            self._watch.start()
+
+    def take(self) -> int | None:
+        """Return the place of what is to run here; None if the rest isn't."""
+        with self._lock:
+            if self.pool is not None or not self._waiting:
+                return None
+            self._began = time.perf_counter()
+            return self._waiting.popleft()
+
+    def note(self, done: Done) -> None:
+        """Note a run that has ended here; start processes for the rest if they pay."""
+        with self._lock:
+            self._began = math.inf
+            left, workers = len(self._waiting), self._work.workers
+            # Who fails may be quick.
+            if not (self._may_start and left) or done.error is not None:
+                return
+            self._num_done += 1
+            before = self._total if self._num_done > 2 else 0.0
+            self._total = before + done.wall_time
+            took = self._total / max(1, self._num_done - 1)
+            gain = took * (left - math.ceil(left / workers))
+            said = f"a run took {took:.2g} s, {left} were left"
+            if gain > self._cost * (1.0 if self._num_done > 1 else _SURE):
+                self._start(workers, said)
+            else:
+                self._choice.why = (
+                    f"{said}: starting processes takes longer than they gain"
+                )
+
+    def start_all(self) -> int:
+        """Start workers for what is left; return how many there are."""
+        assert self.pool is not None
+        self.pool.start(self._work.workers)
+        return self.pool.num_workers
+
+    def close(self, *, kill: bool) -> None:
+        """End what it has started, at once if they are to be killed."""
+        self._is_closed.set()
+        if self._watch.is_alive():
+            self._watch.join()
+        if self.pool is not None:
+            self.pool.close(kill=kill)
+
+    def _watch_long_runs(self) -> None:
+        """Start processes if a run here takes longer than their start."""
+        while self._may_start and not self._is_closed.wait(self._cost / 2):
+            with self._lock:
+                lasted = time.perf_counter() - self._began
+                left = len(self._waiting)
+                if self._may_start and left and lasted > self._cost:
+                    said = f"a run took longer than {lasted:.2g} s, {left} were left"
+                    # It has a core of its own.
+                    self._start(self._work.workers - 1, said)
+
+    def _start(self, num_workers: int, why: str) -> None:
+        self._may_start = False
+        self._choice.why = why
+        try:
+            self.pool = Pool(self._work.function, self._work.items, self._waiting)
+        except ArmDrakeError as error:
+            self._choice.why += f", but {error}"
+            return
+        self.pool.start(num_workers)
+
+
+_V2 = Path("/sys/fs/cgroup")
+_V1 = Path("/sys/fs/cgroup/cpu")
+
+
+def available_cores() -> int:
+    """Return how many cores this process may use: affinity, and a container's quota."""
+    if hasattr(os, "sched_getaffinity"):
+        cores = len(os.sched_getaffinity(0))
+    else:
+        cores = os.cpu_count() or 1
+    quota = read_quota()
+    return cores if quota is None else max(1, min(cores, math.ceil(quota)))
+
+
+def read_quota(v2: Path = _V2, v1: Path = _V1) -> float | None:
+    """Return how many cores a container may use by its cgroup, None if all.
+
+    Source: the kernel's cgroup-v2 (`cpu.max`: quota and period in us, or "max") and
+    cgroup-v1 (`cpu.cfs_quota_us`, -1 for none) documents.
+
+    Args:
+        v2: Where a container sees its cgroup, version 2.
+        v1: The same, version 1.
+    """
+    try:
+        quota, period = (v2 / "cpu.max").read_text().split()
+    except (OSError, ValueError):
+        try:
+            quota = (v1 / "cpu.cfs_quota_us").read_text()
+            period = (v1 / "cpu.cfs_period_us").read_text()
+        except OSError:
+            return None
+    try:
+        cores = float(quota) / float(period)
+    except ValueError:  # "max"
+        return None
+    return cores if cores > 0.0 else None
+
+
+# A terminal is told as often, a file as seldom [s].
+_IN_PLACE, _AS_LINE = 0.1, 5.0
+
+_WIDTH = 20
+
+
+class Progress:
+    """A bar in place on a terminal and in a notebook; lines elsewhere, or nothing."""
+
+    def __init__(self, num_runs: int, shown: bool | None) -> None:
+        """Create it, and show it.
+
+        Args:
+            num_runs: How many runs there are.
+            shown: Whether to show it; None is in terminals and notebooks alone.
+        """
+        self._is_in_place = _can_overwrite()
+        self._is_shown = self._is_in_place if shown is None else shown
+        self._num_runs = num_runs
+        self._num_done = self._num_failed = 0
+        self._start = time.perf_counter()
+        self._told_at = self._start if not self._is_in_place else -_AS_LINE
+        self._width = 0
+        if self._is_in_place and num_runs:
+            self._tell(self._start)
+
+    def add(self, *, failed: bool) -> None:
+        """Count a run that has ended.
+
+        Args:
+            failed: Whether it has an error.
+        """
+        self._num_done += 1
+        self._num_failed += failed
+        now = time.perf_counter()
+        often = _IN_PLACE if self._is_in_place else _AS_LINE
+        if now - self._told_at >= often:
+            self._tell(now)
+
+    def close(self) -> None:
+        """Show where it ended, and leave that line."""
+        if not (self._is_shown and self._num_runs):
+            return
+        self._tell(time.perf_counter())
+        if self._is_in_place:
+            _write("\n")
+
+    def _tell(self, now: float) -> None:
+        if not self._is_shown:
+            return
+        self._told_at = now
+        text = self._describe(now - self._start)
+        if self._is_in_place:
+            _write(f"\r{text.ljust(self._width)}")
+            self._width = len(text)
+        else:
+            _write(f"{text}\n")
+
+    def _describe(self, seconds: float) -> str:
+        done, total = self._num_done, self._num_runs
+        text = f"{done}/{total} runs, {_clock(seconds)}"
+        if self._num_failed:
+            text += f", {self._num_failed} failed"
+        if 0 < done < total:
+            text += f", {_clock(seconds / done * (total - done))} left"
+        if not self._is_in_place:
+            return text
+        filled = _WIDTH * done // total
+        return f"[{'#' * filled}{'.' * (_WIDTH - filled)}] {text}"
+
+
+def _clock(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
+
+
+def _write(text: str) -> None:
+    # It may be closed, or none: of a program without a console.
+    with contextlib.suppress(AttributeError, ValueError, OSError):
+        sys.stderr.write(text)
+        sys.stderr.flush()
+
+
+def _can_overwrite() -> bool:
+    """Return whether standard error is a terminal, or a notebook's."""
+    with contextlib.suppress(AttributeError, ValueError):
+        return sys.stderr.isatty() or _is_notebook()
+    return False
+
+
+def _is_notebook() -> bool:
+    return type(sys.stderr).__module__.startswith("ipykernel")
+
 
 Input = TypeVar("Input")
 Value = TypeVar("Value")

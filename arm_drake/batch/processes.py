@@ -1,24 +1,448 @@
-"""Runs in worker processes: how they are started, fed, watched and ended."""
+"""Runs in worker processes: how they are started, fed, watched and ended.
 
+The process whose children the workers are: it has imported everything, once.
+
+Workers are forked from it, not from the program: that may have threads, of Meshcat for
+one, whose locks would stay locked in a fork. It has a single thread, is started when it
+is first needed, and ends with its program however that ends.
+
+This module is the program of that process; `forking.py` has the other side.
+"""
+
+import atexit
 import contextlib
+import ctypes
+import dataclasses as dc
+import gc
+import importlib
+import os
 import pickle
+import resource
+import selectors
 import signal
+import socket
+import subprocess
+import sys
+import threading
 import time
+import traceback
+import weakref
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from multiprocessing.connection import wait
-from typing import Any
+from multiprocessing.connection import Connection, wait
+from typing import Any, NamedTuple
 
-from arm_drake.batch.forking import fork_worker
-from arm_drake.batch.results import Done, RunError
-from arm_drake.batch.sending import dumps, loads
-from arm_drake.batch.server import EXITED
-from arm_drake.batch.worker import LEAVES, Setup
+import numpy as np
+
+from arm_drake.batch.runs import (
+    Done,
+    RunError,
+    attempt,
+    dumps,
+    enter_process,
+    loads,
+    sendable,
+)
 from arm_drake.controllers import CONTROLLER_TYPES
 from arm_drake.errors import ArmDrakeError
 
-# A worker that has nothing to do ends within so long, or is killed [s].
+# What runs need, imported before the first fork.
+_MODULES = (
+    "arm_drake.batch.runs",
+    "arm_drake.controllers.registry",
+)
+
+READY = b"r"
+FORK = b"f"
+
+# A worker has ended by itself.
+EXITED = 0
+
+
+# How often to see whether the program is still there [s].
+_PERIOD = 1.0
+
+# Number of a call by which a process of Linux dies with its parent (prctl(2)).
+_PR_SET_PDEATHSIG = 1
+
+
+def serve(control_fd: int, program: int) -> None:
+    """Fork workers when asked to, until the program is gone.
+
+    Args:
+        control_fd: Socket on which each request comes with two more of them: one for
+            the worker, and one for its exit code (the negative number of a signal). A
+            worker is killed when the other end of the latter is closed.
+        program: The program's process id.
+    """
+    # Ctrl-C is for the program, which stops the workers. What is ignored would be in
+    # what a function starts, too.
+    signal.signal(signal.SIGINT, lambda *_: None)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    try:
+        control = socket.socket(fileno=control_fd)
+        for name in _MODULES:
+            importlib.import_module(name)
+        gc.collect()
+        gc.freeze()  # A collection in a worker would copy all pages.
+        control.send(READY)
+        _Server(control, program).run()
+    except ConnectionError:  # The program is gone.
+        pass
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        os._exit(0)
+
+
+class _Server:
+    """Forks, buries and kills."""
+
+    def __init__(self, control: socket.socket, program: int) -> None:
+        self._control = control
+        self._program = program
+        self._selector = selectors.DefaultSelector()
+        self._selector.register(control, selectors.EVENT_READ)
+        # Signals of dead children wake it.
+        self._wake, wake = os.pipe()
+        os.set_blocking(self._wake, False)
+        os.set_blocking(wake, False)
+        self._wakes = wake
+        self._selector.register(self._wake, selectors.EVENT_READ)
+        signal.signal(signal.SIGCHLD, lambda *_: None)
+        signal.set_wakeup_fd(wake)
+        # Where to tell of each child's end, and back.
+        self._status: dict[int, socket.socket] = {}
+
+    def run(self) -> None:
+        """Serve until the program is gone; leave nobody behind."""
+        try:
+            # A fork of the program may hold its sockets.
+            while self._serve_once() and os.getppid() == self._program:
+                pass
+        finally:
+            for pid in self._status:
+                _kill(pid)
+
+    def _serve_once(self) -> bool:
+        for key, _ in self._selector.select(_PERIOD):
+            if key.fileobj is self._control:
+                data, fds, *_ = socket.recv_fds(self._control, 1, 2)
+                if not data:
+                    return False
+                self._fork(*fds)
+            elif key.fileobj == self._wake:
+                os.read(self._wake, 1024)
+                self._bury()
+            elif key.data in self._status:  # Nobody waits for this child.
+                self._selector.unregister(key.fileobj)
+                _kill(key.data)
+        return True
+
+    def _fork(self, data_fd: int, status_fd: int) -> None:
+        server = os.getpid()
+        pid = os.fork()
+        if pid == 0:
+            self._become_worker(data_fd, status_fd, server)
+        _lead_group(pid)
+        os.close(data_fd)
+        status = socket.socket(fileno=status_fd)
+        self._status[pid] = status
+        self._selector.register(status, selectors.EVENT_READ, pid)
+
+    def _become_worker(self, data_fd: int, status_fd: int, server: int) -> None:
+        code = 1
+        try:
+            if sys.platform == "linux":
+                ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+            if os.getppid() != server:
+                os._exit(code)
+            _lead_group(os.getpid())
+            signal.set_wakeup_fd(-1)
+            signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+            self._selector.close()
+            for status in (*self._status.values(), self._control):
+                status.close()
+            for fd in (status_fd, self._wake, self._wakes):
+                os.close(fd)
+            # Forks would all have the same random numbers.
+            np.random.seed()  # noqa: NPY002  That of users who seed none.
+
+            work(Connection(data_fd))
+            code = EXITED
+        except (BrokenPipeError, ConnectionResetError):  # Nobody waits any more.
+            code = EXITED
+        except BaseException:
+            traceback.print_exc()
+        finally:
+            os._exit(code)
+
+    def _bury(self) -> None:
+        while self._status:
+            pid, status = os.waitpid(-1, os.WNOHANG)
+            if pid == 0:
+                return
+            told = self._status.pop(pid)
+            if told in self._selector.get_map():
+                self._selector.unregister(told)
+            with contextlib.suppress(OSError):  # Nobody wants to know.
+                told.sendall(b"%d" % os.waitstatus_to_exitcode(status))
+            told.close()
+
+
+def _lead_group(pid: int) -> None:
+    """Make a worker's group of processes, which are killed together."""
+    with contextlib.suppress(OSError):  # It may have ended.
+        os.setpgid(pid, pid)
+
+
+def _kill(pid: int) -> None:
+    """Kill a worker, and what it has started."""
+    with contextlib.suppress(OSError):
+        os.killpg(pid, signal.SIGKILL)
+
+
+_PROGRAM = (
+    "import sys; sys.path[:] = {path!r}; "
+    "from arm_drake.batch.processes import serve; serve({fd}, {pid})"
+)
+
+_STDERR = 2
+
+# A server whose program is done with it ends within so long, or is killed [s].
 _LONGEST_END = 1.0
+
+# What a fork of the program must not hold open: the ends of connections, by which
+# others know that they are to end.
+_ours: weakref.WeakSet[socket.socket | Connection] = weakref.WeakSet()
+
+
+def _close_ours() -> None:
+    for end in list(_ours):
+        end.close()
+
+
+os.register_at_fork(after_in_child=_close_ours)
+
+
+class Server:
+    """The process that forks workers; see `server.py`."""
+
+    def __init__(self) -> None:
+        """Start it; it imports what runs need, which takes a second."""
+        self.pid = os.getpid()
+        _open_streams()
+        self._control, theirs = socket.socketpair()
+        _ours.add(self._control)
+        path = [str(folder) for folder in sys.path]
+        program = _PROGRAM.format(path=path, fd=theirs.fileno(), pid=self.pid)
+        # Ctrl-C isn't for it, also before it can say so.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            self._process = subprocess.Popen(  # noqa: S603  Our own.
+                [sys.executable, "-c", program],
+                stdin=subprocess.DEVNULL,
+                pass_fds=[theirs.fileno()],
+            )
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+            theirs.close()
+
+    def is_alive(self) -> bool:
+        """Return whether it runs, as a child of this very process."""
+        return self.pid == os.getpid() and self._process.poll() is None
+
+    def fork(self) -> tuple[Connection, socket.socket]:
+        """Return the connection to a new worker, and where its exit code will come.
+
+        Raises:
+            ConnectionError: If this process has died.
+            OSError: If there can't be more open files.
+        """
+        with contextlib.ExitStack() as stack:
+            (data, theirs), (status, its) = (
+                [stack.enter_context(end) for end in socket.socketpair()]
+                for _ in range(2)
+            )
+            socket.send_fds(self._control, [FORK], [theirs.fileno(), its.fileno()])
+            connection, told = Connection(data.detach()), status.dup()
+        _ours.update((connection, told))
+        return connection, told
+
+    def close(self) -> None:
+        """End it, with all its workers."""
+        if self.pid != os.getpid():
+            return
+        try:
+            said = self._control.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT)
+            self._control.shutdown(socket.SHUT_RDWR)
+        except OSError:
+            said = b""
+        self._control.close()
+        if said != READY:  # It is importing, for nobody, and has no workers yet.
+            self._process.kill()
+        try:
+            self._process.wait(_LONGEST_END)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+
+def _open_streams() -> None:
+    """Let no socket be a standard stream of a program that has closed them."""
+    while (fd := os.open(os.devnull, os.O_RDWR)) <= _STDERR:
+        os.set_inheritable(fd, True)
+    os.close(fd)
+
+
+_lock = threading.Lock()
+_servers: list[Server] = []
+
+
+def is_warm() -> bool:
+    """Return whether workers would start at once."""
+    with _lock:
+        return bool(_servers) and _servers[0].is_alive()
+
+
+def get_server() -> Server:
+    """Return the server of this process; start it if there is none."""
+    with _lock:
+        if _servers and not _servers[0].is_alive():
+            _servers.pop().close()
+        if not _servers:
+            _servers.append(Server())
+            atexit.register(_close_at_exit)
+        return _servers[0]
+
+
+def fork_worker() -> tuple[Connection, socket.socket]:
+    """Return what `Server.fork` does; start a server if there is none.
+
+    Raises:
+        OSError: If none can be started.
+    """
+    try:
+        return get_server().fork()
+    except ConnectionError:  # It has just died.
+        close_server()
+        return get_server().fork()
+
+
+def close_server() -> None:
+    """End the server, if there is one; the next call of run_many starts another."""
+    with _lock:
+        while _servers:
+            _servers.pop().close()
+        atexit.unregister(_close_at_exit)
+
+
+def _close_at_exit() -> None:
+    with contextlib.suppress(KeyboardInterrupt):  # Then it ends by itself.
+        close_server()
+
+
+# A worker that has grown by so much is replaced [bytes], whatever functions of users
+# leave behind.
+MAX_GROWTH = 256 * 2**20
+
+# What follows each answer: whether the worker takes another input.
+STAYS, LEAVES = b"stays", b"leaves"
+
+
+class Setup(NamedTuple):
+    """What a worker has to know before it can read the function."""
+
+    environ: dict[str, str]
+    path: list[str]
+    argv: list[str]
+
+    # None if it is gone.
+    folder: str | None
+
+    @classmethod
+    def of_this_process(cls) -> "Setup":
+        """Return what makes a worker see what this process sees."""
+        try:
+            folder = os.getcwd()
+        except OSError:
+            folder = None
+        return cls(dict(os.environ), list(sys.path), list(sys.argv), folder)
+
+    def apply(self) -> None:
+        """Make this process see it."""
+        os.environ.clear()
+        os.environ.update(self.environ)
+        sys.path[:] = self.path
+        sys.argv[:] = self.argv
+        if self.folder is not None:
+            os.chdir(self.folder)
+
+
+def work(connection: Connection) -> None:
+    """Run what comes, until nobody is there any more.
+
+    Args:
+        connection: Gives a Setup, the registered controller types, the function, then
+            pairs of index and input, all pickled; takes None or the error of the
+            beginning, then each Done, and after it STAYS or LEAVES.
+    """
+    enter_process()
+    # What a function forks doesn't hold it open.
+    os.register_at_fork(after_in_child=connection.close)
+    size = _peak_memory()
+    try:
+        beginning = attempt(_begin, -1, [connection.recv_bytes() for _ in range(3)])
+        error = beginning.error
+        connection.send_bytes(dumps(error and sendable(error), "the error"))
+        if error is not None:
+            return
+        while True:
+            index, sent = pickle.loads(connection.recv_bytes())  # noqa: S301
+            done = attempt(lambda sent: beginning.value(loads(sent)), index, sent)
+            for stream in (sys.stdout, sys.stderr):
+                # It may be closed, or none.
+                with contextlib.suppress(AttributeError, ValueError, OSError):
+                    stream.flush()
+            connection.send_bytes(_pack(done))
+            # Nothing of it stays while the next one runs.
+            del done, sent
+            leaves = _peak_memory() - size > MAX_GROWTH
+            connection.send_bytes(LEAVES if leaves else STAYS)
+            if leaves:
+                return
+    except EOFError:
+        return
+
+
+def _begin(sent: list[bytes]) -> Any:
+    """Return the function, in a process that is as the program."""
+    setup, types, function = sent
+    loads(setup).apply()
+    # A module that was imported may have registered its types itself.
+    for name, row in loads(types).items():
+        CONTROLLER_TYPES.setdefault(name, row)
+    return loads(function)
+
+
+def _peak_memory() -> int:
+    """Return the most memory that this process has had so far [bytes]."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else 1024 * peak
+
+
+def _pack(done: Done) -> bytes:
+    """Return what became of a run as bytes."""
+    if done.error is not None:
+        done = dc.replace(done, error=sendable(done.error))
+    try:
+        return dumps(done, "the value of the run")
+    except Exception as error:  # Whatever classes of users raise.
+        failed = Done(done.index, None, sendable(error), done.wall_time)
+        return dumps(failed, "the error")
+
+
+# A worker that has nothing to do ends within so long, or is killed [s].
 
 
 class _Worker:

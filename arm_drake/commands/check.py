@@ -7,7 +7,7 @@ from typing import Any
 from arm_drake.description.controller_manager_parameters import MANAGER
 from arm_drake.description.report import LoadReport, ReportEntry
 from arm_drake.description.robot import Robot
-from arm_drake.description.summary import reach, total_mass
+from arm_drake.description.urdf import reach, total_mass
 from arm_drake.diagram import build_diagram
 from arm_drake.hardware.drive_report import SERVO
 from arm_drake.simulation.simulation import Simulation

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 from arm_drake import interfaces
-from arm_drake.controllers.controller_interface_part import ControllerInterface
+from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError
 from arm_drake.manager.loaded_controllers import LoadedController
@@ -70,7 +70,7 @@ def save_graph(graph: ControlGraph, path: Path) -> None:
             path.write_text(make_dot(graph), encoding="utf-8")
     else:
         # Not at the top: text must not wait for matplotlib.
-        from arm_drake.visualization.control_graph_picture import draw_graph
+        from arm_drake.visualization.control_graph import draw_graph
 
         draw_graph(graph).save(path)
 

@@ -8,17 +8,20 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from arm_drake.commands.output import check_outputs, needs_recording, write_outputs
+from arm_drake.commands.output import (
+    Speaker,
+    check_outputs,
+    needs_recording,
+    write_outputs,
+)
 from arm_drake.commands.page import from_elsewhere, interrupting, start_page
-from arm_drake.commands.sim_output import Speaker
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError
 from arm_drake.plant.drake_log import use_native_logging
 from arm_drake.rollout.rollout import Rollout
 from arm_drake.visualization.meshcat import start_recording
 from arm_drake.visualization.page import Scene
-from arm_drake.visualization.page.replay import Replay, load_recorded_robot
-from arm_drake.visualization.page.replay_page import ReplayPage
+from arm_drake.visualization.page.replay import Replay, ReplayPage, load_recorded_robot
 from arm_drake.visualization.video import FRAME_RATE
 
 # A recording is of so much at most [s]: it is one animation, all in memory.

@@ -4,44 +4,105 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
 from pydrake.geometry import Meshcat
 
+from arm_drake import yaml_files
 from arm_drake.commands.output import (
+    Speaker,
     check_outputs,
     find_saturation,
     history_of,
     needs_recording,
+    print_summary,
     start_log,
+    summarize,
     warn_of_pictures,
     write_outputs,
 )
-from arm_drake.commands.sim_options import (
-    choose_duration,
-    choose_motion,
-    simulation_options,
-)
-from arm_drake.commands.sim_output import Speaker, print_summary, summarize
 from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot
 from arm_drake.diagram import build_diagram
 from arm_drake.errors import InputError, SimulationError
+from arm_drake.options import SimulationOptions
 from arm_drake.plant.drake_log import use_native_logging
-from arm_drake.simulation.build_info import find_build_info
-from arm_drake.simulation.happenings import list_failures
 from arm_drake.simulation.motion import Motion
+from arm_drake.simulation.motion_files import default_duration, find_motion
 from arm_drake.simulation.playback import check_motion
+from arm_drake.simulation.recording import find_build_info, list_failures
 from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.meshcat import start_recording
-from arm_drake.visualization.page.drawing import run_drawing
+from arm_drake.visualization.page.live_views import run_drawing
 from arm_drake.visualization.video import FRAME_RATE
-from arm_drake.worlds.loaded_world import LoadedWorld
+from arm_drake.worlds.sdf_world import LoadedWorld
 from arm_drake.worlds.world import load_world
 
 if TYPE_CHECKING:
     from arm_drake.visualization.page.live_views import LiveViews
+
+
+def simulation_options(options: argparse.Namespace) -> SimulationOptions:
+    """Return how to simulate.
+
+    Args:
+        options: Arguments of `arm-drake sim`.
+    """
+    return SimulationOptions(
+        preset=options.preset,
+        time_step=options.time_step,
+        gravity=None if options.gravity is None else options.gravity == "on",
+        active=tuple(options.active),
+        inactive=tuple(options.inactive),
+        log_contacts=options.log_contacts,
+        # It is drawn when it is told to.
+        frame_rate=0.0,
+    )
+
+
+def choose_motion(
+    name: str | None, given: Sequence[tuple[str, str]], robot: Robot
+) -> Motion | None:
+    """Return the motion of a name or a file, with values of its parameters.
+
+    Args:
+        name: Its name or file; None is no motion.
+        given: Names and values of parameters.
+        robot: The robot.
+
+    Raises:
+        InputError: If there is no such motion, or its parameters are others.
+    """
+    if name is None:
+        if given:
+            raise InputError("--set is for a parameter of a motion; give --motion, too")
+        return None
+    return find_motion(name, robot, _read_parameters(given))
+
+
+def _read_parameters(given: Sequence[tuple[str, str]]) -> dict[str, Any]:
+    """Return the values of `--set`, read as YAML."""
+    parameters = {}
+    for name, text in given:
+        try:
+            parameters[name] = yaml_files.parse(text)
+        except yaml_files.YamlError as error:
+            raise InputError(f"--set {name}={text}: {error.problem}") from None
+    return parameters
+
+
+def choose_duration(options: argparse.Namespace, motion: Motion | None) -> float | None:
+    """Return how long to simulate [s]; None is until Ctrl-C.
+
+    Args:
+        options: Arguments of `arm-drake sim`.
+        motion: What is played, if anything.
+    """
+    if options.duration is not None:
+        return float(options.duration)
+    has_end = motion is not None and not motion.repeats
+    return default_duration(motion) if options.headless or has_end else None
 
 
 def simulate(options: argparse.Namespace, robot: Robot) -> int:

@@ -32,7 +32,7 @@ from arm_drake.messages import (
     SendGoal,
     TopicRejected,
 )
-from arm_drake.messages.news import add_news
+from arm_drake.messages.base import add_news
 
 # News of a controller.
 Event = GoalEvent | CancelResponse | TopicRejected

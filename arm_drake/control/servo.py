@@ -12,7 +12,54 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_drake.arrays import Array
-from arm_drake.control.coupled_joints import common_accelerations, find_groups
+
+# Correlation of inertias above which joints push each other about.
+_COUPLED = 0.02
+
+# Rounds, and excess of an effort, at which the search for accelerations ends.
+_ROUNDS = 200
+_EXCESS = 1.01
+
+
+def find_groups(masses: Array) -> NDArray[np.intp]:
+    """Return the number of the group of each joint, shape (n,).
+
+    Joints of a group push each other about when they accelerate.
+
+    Args:
+        masses: Mass matrices, shape (k, n, n).
+    """
+    scale = np.sqrt(np.diagonal(masses, axis1=1, axis2=2))
+    correlation = np.abs(masses / scale[:, :, None] / scale[:, None, :]).max(axis=0)
+    group = np.arange(len(correlation))
+    for i, j in np.argwhere(correlation > _COUPLED):
+        group[group == group[j]] = group[i]
+    numbers: NDArray[np.intp] = np.unique(group, return_inverse=True)[1]
+    return numbers
+
+
+def common_accelerations(masses: Array, spare: Array, largest: Array) -> Array:
+    """Return accelerations that all joints can have at once, shape (n,).
+
+    Args:
+        masses: Mass matrices, shape (k, n, n).
+        spare: Efforts that are left beside gravity, infinite where unlimited.
+        largest: Accelerations that none is to exceed.
+    """
+    inertia = np.diagonal(masses, axis1=1, axis2=2).max(axis=0)
+    found, rows = np.minimum(largest, spare / inertia), np.arange(len(spare))
+    for _ in range(_ROUNDS):
+        # What each joint asks of each other one, where that is most.
+        parts = np.abs(masses) * found
+        totals = parts.sum(axis=2)
+        worst = totals.argmax(axis=0), rows
+        excess = np.maximum(totals[worst] / spare, 1.0)
+        if (excess < _EXCESS).all():
+            break
+        share = parts[worst] / totals[worst][:, None]
+        found = found * np.exp(-0.5 * (share * np.log(excess)[:, None]).max(axis=0))
+    return found
+
 
 # Share of a disturbance that the observer takes over at each step. Beside joints that
 # move freely it is careful: they make a held joint several times lighter than the model
@@ -286,3 +333,74 @@ def compute_servo_gains(
         last_command=last,
         is_coordinated=is_coordinated,
     )
+
+
+# Pole of the presliding motion.
+_POLE = 0.2
+
+
+@dc.dataclass(frozen=True)
+class FrictionGains:
+    """Numbers of elastoplastic dry friction for n joints."""
+
+    # Stiffness [N·m/rad] and damping [N·m·s/rad] of the presliding, shape (n,).
+    kf: Array
+    df: Array
+
+
+def compute_friction_gains(samples: DynamicsSamples, time_step: float) -> FrictionGains:
+    """Return the numbers of a friction that sticks and is stable at any step.
+
+    Args:
+        samples: Dynamics of all the joints that have friction, with the step's damping
+            h D in their inertia.
+        time_step: Step of the plant h [s].
+    """
+    diagonal = samples.inertia
+    scale = np.sqrt(diagonal)
+    correlation = samples.mass_matrix / scale[:, :, None] / scale[:, None, :]
+    coupling = float(np.linalg.eigvalsh(correlation).min())
+    min_inertia = diagonal.min(axis=0)
+    z = _POLE
+    reach = coupling * min_inertia
+    own = reach - coupling * time_step * samples.damping
+    return FrictionGains(
+        kf=reach * (1.0 - z) ** 2 / time_step**2,
+        df=(own - reach * z**2) / time_step,
+    )
+
+
+def compute_carried_inertia(
+    wheels: Array,
+    carried: Array,
+    *,
+    bandwidth: float,
+    time_step: float,
+    observer_gain: float,
+) -> Array:
+    """Return what the servo of wheels adds to their inertia [kg·m^2], shape (n,).
+
+    A wheel on the ground moves the base, and one in the air, or one that slips, only
+    itself. The servo must be stable with both. Where the true inertia is r times the
+    one it counts with, its error e and h times its observer's state J change by ::
+
+        e[+] = (1 - c/r) e - J/r              c = 1 - z, z = exp(-w0 h)
+        J[+] = (1 - b/r) J + b (1 - 1/r) c e
+
+    with the observer's gain b. The determinant is 1 - (c + b - b c)/r. It is 0 at
+    r = c + b - b c, where the roots are 0 and 1 - b c/r: so far the servo goes for a
+    wheel alone, half way to where that one would be unstable. At 1 ms and b = 0.2 it
+    counts with 4.3 times the wheel's inertia, and a base that is 15 times as heavy as
+    its wheels follows with a damping of 0.7, not 0.35.
+
+    Args:
+        wheels: Inertia of the wheels alone, of n joints [kg·m^2].
+        carried: Inertia of what each of them moves on the ground besides; 0 for joints
+            that drive no base.
+        bandwidth: w0 [rad/s].
+        time_step: Step of the plant h [s].
+        observer_gain: Share of a disturbance that is taken over at each step, b.
+    """
+    c, b = 1.0 - math.exp(-bandwidth * time_step), observer_gain
+    least = c + b - b * c
+    return np.minimum(carried, (1.0 / least - 1.0) * wheels)

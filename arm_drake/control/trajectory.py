@@ -5,23 +5,36 @@ those of single segments are in `trajectory_segments`.
 
 Times are integer nanoseconds, n is the number of joints; units are [rad] for a revolute
 joint and [m] for a prismatic one, then per second and so on.
+
+Polynomials between the points of a trajectory, and what its points lack.
+
+The rules are those of ros2_controllers' class ``Trajectory`` (``trajectory.hpp``,
+version 6.9.0), surprises included: a segment whose ends both have accelerations, but
+not both velocities, gives zeros; a segment whose end lacks positions completes the
+velocities of its start with 0, and who comes back to the segment before it finds them
+there; a missing effort is 0.
+
+n is the number of joints; units are [rad] for a revolute joint and [m] for a prismatic
+one, then per second and so on.
+
+A new trajectory put into the place of the one that is being followed.
+
+The rules are those of ros2_controllers' joint_trajectory_controller: the order of
+joints and what a message leaves out (`sort_to_local_joint_order`, `fill_partial_goal`),
+and blending (its parameter `allow_trajectory_replacement`; version 6.9.0). n is the
+number of joints.
 """
 
 import dataclasses as dc
+import math
 from bisect import bisect_right
-from collections.abc import Mapping
-from typing import Literal, Self
+from collections.abc import Callable, Mapping
+from typing import Final, Literal, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from arm_drake.arrays import Array
-from arm_drake.control.trajectory_segments import (
-    Knots,
-    Mask,
-    Polynomial,
-    StateBefore,
-    make_polynomials,
-)
 from arm_drake.messages import (
     NANOSECONDS,
     Duration,
@@ -29,6 +42,159 @@ from arm_drake.messages import (
     JointTrajectoryPoint,
     Message,
 )
+
+Mask = NDArray[np.bool_]
+
+FIELDS: Final = ("positions", "velocities", "accelerations", "effort")
+
+# Polynomials in s = tau / D over a segment of length D, by what both of its ends have:
+# row k times (q_0, v_0 D, a_0 D^2, q_1, v_1 D, a_1 D^2) is the coefficient of s^k.
+_ZERO, _Q0, _V0 = [0, 0, 0, 0, 0, 0], [1, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0]
+_CUBIC = [_Q0, _V0, [-3, -2, 0, 3, -1, 0], [2, 1, 0, -2, 1, 0], _ZERO, _ZERO]
+_QUINTIC = [_Q0, _V0, [0, 0, 0.5, 0, 0, 0], [-10, -6, -1.5, 10, -4, 0.5]]
+_QUINTIC += [[15, 8, 1.5, -15, 7, -1], [-6, -3, -0.5, 6, -3, 0.5]]
+_LINEAR = [_Q0, [-1, 0, 0, 1, 0, 0], _ZERO, _ZERO, _ZERO, _ZERO]
+# Indexed by has_velocities, has_accelerations; accelerations alone give zeros.
+_POLYNOMIALS: Final = np.array([[_LINEAR, 6 * [_ZERO]], [_CUBIC, _QUINTIC]], float)
+
+# Which of the six numbers each of them uses.
+_IS_USED: Final = (_POLYNOMIALS != 0.0).any(axis=2)
+
+# How many coefficients each of them has.
+_SIZES: Final = ((2, 1), (4, 6))
+
+
+class StateBefore(NamedTuple):
+    """Where a trajectory starts from; None is unknown, not all of it may be."""
+
+    time_ns: int
+
+    # Each of shape (n,).
+    positions: Array | None
+    velocities: Array | None = None
+    accelerations: Array | None = None
+    effort: Array | None = None
+
+
+class Polynomial(NamedTuple):
+    """A segment as polynomials in the time since its start [s]; rows by power."""
+
+    # Coefficients of the positions, shape (degree + 1, n).
+    positions: Array
+
+    # Of velocities, accelerations and efforts, side by side: (degree + 1, 3 n).
+    others: Array
+
+
+class Knots(NamedTuple):
+    """The start state (knot 0) and the m points after it, by field and knot.
+
+    What a knot has depends on the segment: deducing the end of a segment completes
+    its start. The segment before has been sampled until then, mostly: see `completed`.
+    """
+
+    # Shape (4, m + 1, n), 0 where missing; fields in the order of `FIELDS`.
+    values: Array
+
+    # Which fields there are at the start or end of a segment, shape (4, m + 1).
+    at_start: Mask
+    at_end: Mask
+
+    @classmethod
+    def of(cls, before: StateBefore, message: JointTrajectory) -> Self:
+        """Return the knots that are given.
+
+        A start state without velocities or accelerations has zeros if the first point
+        has some.
+
+        Args:
+            before: Start state.
+            message: Points in the controller's joint order.
+        """
+        points = message.points
+        n = next(len(vector) for vector in before[1:] if vector is not None)
+        values = np.zeros((4, len(points) + 1, n))
+        given = np.zeros((4, len(points) + 1), dtype=bool)
+        for knot, source in enumerate((before, *points)):
+            for field, name in enumerate(FIELDS):
+                vector = getattr(source, name)
+                if vector is not None and len(vector):
+                    values[field, knot] = vector
+                    given[field, knot] = True
+        given[1:3, 0] |= given[1:3, 1:2].any(axis=1)
+        return cls(values, given, given.copy())
+
+    def deduce(self, segments: range, durations: Array) -> None:
+        """Integrate, in place, the positions that are missing at the ends of segments.
+
+        With v_0 and a_0 at the start, v_1 and a_1 at the end of a segment of length D:
+        v_1 = v_0 + (a_0 + a_1) D / 2 if it is missing, q_1 = q_0 + (v_0 + v_1) D / 2.
+
+        Args:
+            segments: Which segments; segment i ends in knot i + 1.
+            durations: Length of all segments [s], shape (m,).
+        """
+        q, v, a, _ = self.values
+        for i in segments:
+            j = i + 1
+            if self.at_end[0, j] or not self.at_end[0, i]:
+                continue
+            if not self.at_end[1, j]:
+                v[j] = v[i] + 0.5 * (a[i] + a[j]) * durations[i]
+                self.at_start[2, i] = True
+            q[j] = q[i] + 0.5 * (v[i] + v[j]) * durations[i]
+            self.at_start[1, i] = True
+            self.at_end[:2, j] = self.at_start[:2, j] = True
+
+    def completed(self) -> Self | None:
+        """Return the knots as who comes back to a segment from a later one finds them.
+
+        None if there is no difference.
+        """
+        if (self.at_start[1:3, :-1] == self.at_end[1:3, :-1]).all():
+            return None
+        return self._replace(at_end=self.at_start | self.at_end)
+
+    def fields(self, knot: int) -> tuple[Array | None, ...]:
+        """Return positions to effort of a knot, each of shape (n,); None if missing."""
+        given = zip(self.values[:, knot], self.at_end[:, knot], strict=True)
+        return tuple(vector if is_given else None for vector, is_given in given)
+
+
+def make_polynomials(knots: Knots, durations: Array) -> list[Polynomial]:
+    """Return the polynomial of every segment.
+
+    Args:
+        knots: Start state and points, m of them.
+        durations: Length of the segments [s], shape (m,).
+    """
+    start, end = knots.values[:, :-1], knots.values[:, 1:]
+    _, has_v, has_a, _ = (knots.at_start[:, :-1] & knots.at_end[:, 1:]).astype(int)
+    d = durations[:, None]
+    # A segment without length is never sampled; it only mustn't divide by 0.
+    r = np.divide(1.0, d, out=np.zeros_like(d), where=d > 0.0)
+    scale = np.tile(d ** np.arange(3.0), 2)
+    ends = np.concatenate([start[:3], end[:3]]).swapaxes(0, 1) * scale[:, :, None]
+    # What isn't used may be NaN, as measured, and 0 times NaN is no 0.
+    ends = np.where(_IS_USED[has_v, has_a][:, :, None], ends, 0.0)
+    values = np.zeros((4, len(d), 7, ends.shape[2]))
+    values[0, :, :6] = _POLYNOMIALS[has_v, has_a] @ ends
+    values[0, :, :6] *= (r ** np.arange(6.0))[:, :, None]
+    for i in (1, 2):
+        values[i, :, :6] = values[i - 1, :, 1:] * np.arange(1.0, 7.0)[:, None]
+    values[3, :, 0] = start[3]
+    values[3, :, 1] = (end[3] - start[3]) * r
+    positions, others = values[0], np.concatenate(values[1:], axis=2)
+    has_effort = knots.at_end[3].any()
+    polynomials = []
+    for i, (v, a) in enumerate(zip(has_v, has_a, strict=True)):
+        size = max(_SIZES[v][a], 2 if has_effort else 1)
+        rows = positions[i, :size].copy(), others[i, :size].copy()
+        for table in rows:
+            table.setflags(write=False)
+        polynomials.append(Polynomial(*rows))
+    return polynomials
+
 
 __all__ = [
     "Array",
@@ -296,3 +462,202 @@ def _finish(knots: Knots) -> Sample | None:
         return None
     q, v, a, u = knots.values[:, -1]
     return Sample(q, last, last + 1, (v, a, u))
+
+
+# Returns the value of a joint, by its index, that a vector doesn't have; for each of
+# positions, velocities, accelerations and efforts.
+Missing = tuple[Callable[[int], float], ...]
+
+
+class Replacement(NamedTuple):
+    """A blended trajectory."""
+
+    message: JointTrajectory
+
+    # How many of its points are from before the new message.
+    num_prefix: int
+
+
+def in_joint_order(
+    message: JointTrajectory, joints: tuple[str, ...], missing: Array
+) -> JointTrajectory:
+    """Return a trajectory of all joints in the controller's order.
+
+    Args:
+        message: A trajectory of some of the joints, in any order.
+        joints: The controller's joints, n of them.
+        missing: Positions of the joints that the trajectory leaves out, shape (n,).
+            What else these lack is 0.
+    """
+    if message.joint_names == joints:
+        return message
+    at = _places(message, joints)
+    fill: Missing = (lambda k: float(missing[k]), _zero, _zero, _zero)
+    points = tuple(_ordered(point, at, fill) for point in message.points)
+    return JointTrajectory(message.header, joints, points)
+
+
+def blend(
+    message: JointTrajectory,
+    old: Trajectory,
+    joints: tuple[str, ...],
+    missing: Array,
+    *,
+    cursor_ns: int,
+    delay_ns: int,
+    cursor: int,
+    seen: int,
+) -> Replacement | None:
+    """Return a trajectory that goes on with the old one until the new one takes over.
+
+    Its times count from the present place on the old trajectory. Before the handoff
+    are the old points, and one at the handoff itself with all that the old trajectory
+    has there. Joints that the new trajectory leaves out follow the old one to its end,
+    and the others stay at the end of the new one meanwhile.
+
+    None if that isn't possible: joints are left out, and the last point has no
+    positions.
+
+    Args:
+        message: A new trajectory of some of the joints, in any order.
+        old: The trajectory that is being followed.
+        joints: The controller's joints, n of them.
+        missing: Positions of joints that are left out, where the old trajectory has
+            none, shape (n,).
+        cursor_ns: Where the old trajectory is being followed [ns].
+        delay_ns: Time on it until the new one takes over [ns].
+        cursor: Point from which on the old trajectory is searched.
+        seen: Greatest `segment_end` of the samples of the old trajectory so far.
+    """
+    points = message.points
+    is_partial = len(message.joint_names) < len(joints)
+    if is_partial and not points[-1].positions:
+        return None
+    handoff_ns = cursor_ns + delay_ns
+    at = _places(message, joints)
+
+    def shifted(point: JointTrajectoryPoint, time_ns: int) -> JointTrajectoryPoint:
+        time = Duration.from_nanoseconds(time_ns - cursor_ns)
+        return JointTrajectoryPoint(
+            point.positions, point.velocities, point.accelerations, point.effort, time
+        )
+
+    # Points whose segment was sampled have got what they lacked.
+    bridge = old.sample(handoff_ns, cursor, seen)
+    handoff = -1 if bridge is None else bridge.segment_end
+    prefix = [
+        shifted(
+            old.point(i, is_deduced=i <= seen, is_left=i < seen or i + 1 == handoff),
+            time_ns,
+        )
+        for i, time_ns in enumerate(old.times_ns)
+        if cursor_ns < time_ns < handoff_ns
+    ]
+    first_ns = handoff_ns + points[0].time_from_start.to_nanoseconds()
+    if bridge is not None and handoff_ns < first_ns:
+        prefix.append(shifted(_point_of(bridge), handoff_ns))
+
+    new = []
+    for point in points:
+        time_ns = handoff_ns + point.time_from_start.to_nanoseconds()
+        there = old.sample(time_ns, cursor, seen) if is_partial else None
+        new.append(shifted(_ordered(point, at, _follow_old(there, missing)), time_ns))
+
+    suffix = []
+    if is_partial:
+        end_ns = handoff_ns + points[-1].time_from_start.to_nanoseconds()
+        stays = [i is not None for i in at]
+        suffix = [
+            shifted(_frozen(old.point(i), stays, new[-1]), time_ns)
+            for i, time_ns in enumerate(old.times_ns)
+            if time_ns > end_ns
+        ]
+    blended = JointTrajectory(joint_names=joints, points=(*prefix, *new, *suffix))
+    return Replacement(blended, len(prefix))
+
+
+def _places(message: JointTrajectory, joints: tuple[str, ...]) -> list[int | None]:
+    """Return where each joint stands in a message; None if it doesn't."""
+    at = {name: i for i, name in enumerate(message.joint_names)}
+    return [at.get(joint) for joint in joints]
+
+
+def _ordered(
+    point: JointTrajectoryPoint, at: list[int | None], missing: Missing
+) -> JointTrajectoryPoint:
+    """Return a point of all joints; a vector that is empty stays so."""
+    vectors = (point.positions, point.velocities, point.accelerations, point.effort)
+    ordered = (
+        tuple(fill(k) if i is None else vector[i] for k, i in enumerate(at))
+        if vector
+        else ()
+        for vector, fill in zip(vectors, missing, strict=True)
+    )
+    q, v, a, u = ordered
+    return JointTrajectoryPoint(q, v, a, u, point.time_from_start)
+
+
+def _follow_old(there: Sample | None, missing: Array) -> Missing:
+    """Return the values of joints that follow the old trajectory."""
+    if there is None:
+        return (lambda k: float(missing[k]), _zero, _zero, _zero)
+    vectors = (there.position, there.velocity, there.acceleration)
+
+    def value_of(vector: Array | None) -> Callable[[int], float]:
+        return _zero if vector is None else lambda k: float(vector[k])
+
+    return (*map(value_of, vectors), _zero)
+
+
+def _point_of(sample: Sample) -> JointTrajectoryPoint:
+    vectors = (sample.position, sample.velocity, sample.acceleration, sample.effort)
+    q, v, a, u = (() if x is None else tuple(x.tolist()) for x in vectors)
+    return JointTrajectoryPoint(q, v, a, u)
+
+
+def _frozen(
+    old: JointTrajectoryPoint, stays: list[bool], end: JointTrajectoryPoint
+) -> JointTrajectoryPoint:
+    """Return an old point where some joints stay at the end of the new trajectory."""
+
+    def mixed(vector: tuple[float, ...], still: tuple[float, ...]) -> tuple[float, ...]:
+        if not vector:
+            return ()
+        choices = zip(vector, stays, still, strict=True)
+        return tuple(rest if stay else value for value, stay, rest in choices)
+
+    zeros = (0.0,) * len(stays)
+    return JointTrajectoryPoint(
+        mixed(old.positions, end.positions),
+        mixed(old.velocities, zeros),
+        mixed(old.accelerations, zeros),
+        mixed(old.effort, zeros),
+    )
+
+
+def _zero(joint: int) -> float:
+    del joint
+    return 0.0
+
+
+def scaled(duration_ns: int, factor: float) -> int:
+    """Return a duration [ns] times a factor, cut to whole nanoseconds.
+
+    The product is exact before it is cut, for upstream multiplies in more digits than
+    a float has: 10 ms times 0.3 is 2 999 999 ns.
+    """
+    if factor == 1.0:
+        return duration_ns
+    numerator, denominator = factor.as_integer_ratio()
+    product = duration_ns * numerator
+    return product // denominator if product >= 0 else -(-product // denominator)
+
+
+def positions_or(present: Array | None, measured: Array) -> Array:
+    """Return commanded positions, and measured ones where there are none, (n,)."""
+    if present is None:
+        return measured
+    pairs = zip(present.tolist(), measured.tolist(), strict=True)
+    merged = measured.copy()
+    merged[:] = [q if math.isnan(command) else command for command, q in pairs]
+    return merged

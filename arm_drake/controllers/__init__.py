@@ -7,19 +7,21 @@ its row to `STANDARD_TYPES`.
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from arm_drake.controllers.controller_interface_part import (
+from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
 )
-from arm_drake.controllers.controller_type import (
+from arm_drake.controllers.registry import (
+    EQUIVALENTS,
+    STANDARD_TYPES,
     ControllerType,
+    ControllerTypes,
+    InstalledType,
     check_controller_type,
     check_controller_types,
+    installed_types,
+    parameters_of,
 )
-from arm_drake.controllers.installed_types import InstalledType, installed_types
-from arm_drake.controllers.lazy_types import ControllerTypes
-from arm_drake.controllers.registry import STANDARD_TYPES
-from arm_drake.controllers.vendor_types import EQUIVALENTS, parameters_of
 
 __all__ = [
     "CONTROLLER_TYPES",

@@ -2,42 +2,579 @@
 
 Source: ros2_controllers, `admittance_controller` (version 6.9.0); the law itself is
 `arm_drake.control.admittance`.
+
+Parameters of ``admittance_controller/AdmittanceController``.
+
+Source: ros2_controllers, `admittance_controller` (version 6.9.0).
 """
 
-from collections.abc import Mapping
-from typing import ClassVar, NamedTuple
+import dataclasses as dc
+import sys
+from collections.abc import Collection, Mapping
+from operator import attrgetter
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.math import RotationMatrix
+from pydrake.systems.framework import InputPort
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
-from arm_drake.control.admittance import AdmittanceFrames, AdmittanceState
-from arm_drake.controllers.admittance_inbox import (
-    AdmittanceInbox,
-    AdmittancePorts,
-    receive,
-    take_parameters,
+from arm_drake.control.admittance import (
+    AdmittanceFrames,
+    AdmittanceRule,
+    AdmittanceState,
+    ChainKinematics,
 )
-from arm_drake.controllers.admittance_parameters import AdmittanceControllerParameters
-from arm_drake.controllers.admittance_setup import (
-    AdmittanceSetup,
-    make_kinematics,
-    make_setup,
+from arm_drake.controllers.controller_interface import (
+    ControllerInterfaceParams,
+    TickingController,
 )
-from arm_drake.controllers.admittance_status import AdmittanceTick, make_status
-from arm_drake.controllers.controller_interface import TickingController
-from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Now
-from arm_drake.controllers.topics import CHAINED, INACTIVE
+from arm_drake.controllers.topics import (
+    CHAINED,
+    INACTIVE,
+    Events,
+    Rejection,
+    add_events,
+    new_messages,
+    new_parameters,
+)
+from arm_drake.description.parameters import (
+    Rule,
+    check_at_least,
+    check_finite,
+    check_length,
+    check_not_empty,
+    check_unique,
+    check_within,
+)
+from arm_drake.errors import ParameterError, suggest
 from arm_drake.messages import (
     NANOSECONDS,
     AdmittanceControllerState,
+    Float64MultiArray,
+    Header,
+    Int8MultiArray,
+    JointState,
     JointTrajectoryPoint,
     Message,
+    ParametersRejected,
+    Quaternion,
+    String,
+    TopicRejected,
+    Transform,
+    TransformStamped,
+    Twist,
+    TwistStamped,
+    Vector3,
+    Wrench,
     WrenchStamped,
 )
+
+# Any finite number is at most this.
+_LARGEST = sys.float_info.max
+
+Interface = Literal["position", "velocity", "acceleration"]
+
+
+@dc.dataclass(frozen=True)
+class Kinematics:
+    """Which chain of the robot it moves, by which solver."""
+
+    # Plugin that upstream solves with, and its package.
+    plugin_name: str
+    plugin_package: str
+
+    # First and last link of the chain.
+    base: str
+    tip: str
+
+    # Damping of the inverse of the Jacobian, at least 0.
+    alpha: float = 0.01
+
+    def __post_init__(self) -> None:
+        """Reject what the types alone can't express."""
+        check_at_least(self, 0.0, "alpha")
+
+
+@dc.dataclass(frozen=True)
+class Frame:
+    """A frame of the robot."""
+
+    # Name of its link.
+    id: str
+
+    # Whether it is not of the robot; without effect.
+    external: Annotated[bool, Rule(until="humble", is_harmless=True)] = False
+
+
+@dc.dataclass(frozen=True)
+class InFrame:
+    """Something that is given in a frame."""
+
+    frame: Frame
+
+
+@dc.dataclass(frozen=True)
+class FtSensor:
+    """The force and torque sensor."""
+
+    # Its name in the description.
+    name: str
+
+    frame: Frame
+
+    # Weight of a new measurement in the filter, 1 is no filter.
+    filter_coefficient: float = 0.05
+
+    def __post_init__(self) -> None:
+        """Reject what the types alone can't express."""
+        check_finite(self, "filter_coefficient")
+
+
+@dc.dataclass(frozen=True)
+class CoG:
+    """The centre of gravity of what the sensor carries."""
+
+    # Position in the frame [m].
+    pos: tuple[float, ...]
+
+    # Weight [N].
+    force: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Reject what the types alone can't express."""
+        check_length(self, 3, "pos")
+
+
+@dc.dataclass(frozen=True)
+class GravityCompensation:
+    """What the sensor carries."""
+
+    frame: Frame
+    CoG: CoG
+
+
+@dc.dataclass(frozen=True)
+class Admittance:
+    """How it gives way along and about x, y and z: six values each."""
+
+    # Whether it gives way.
+    selected_axes: tuple[bool, ...]
+
+    # Mass [kg] and inertia [kg·m^2], in [1e-4, 1e6].
+    mass: tuple[float, ...]
+
+    # Damping D of mass M and stiffness K as D / (2 sqrt(M K)).
+    damping_ratio: tuple[float, ...]
+
+    # Stiffness [N/m], [N·m/rad], in [0, 1e8].
+    stiffness: tuple[float, ...]
+
+    # Damping of the joints' own velocities, at least 0 [1/s].
+    joint_damping: float = 5.0
+
+    def __post_init__(self) -> None:
+        """Reject what the types alone can't express."""
+        check_length(self, 6, "selected_axes", "mass", "damping_ratio", "stiffness")
+        check_within(self, 1e-4, 1e6, "mass")
+        check_within(self, 0.0, 1e8, "stiffness")
+        check_at_least(self, 0.0, "joint_damping")
+        check_within(self, -_LARGEST, _LARGEST, "damping_ratio")
+
+
+@dc.dataclass(frozen=True)
+class AdmittanceControllerParameters:
+    """Parameters of an AdmittanceController."""
+
+    # Joints to move.
+    joints: tuple[str, ...]
+
+    # Interfaces to claim on each joint.
+    command_interfaces: tuple[Interface, ...]
+
+    # Interfaces to read of each joint; position is one of them.
+    state_interfaces: tuple[Interface, ...]
+
+    # Interfaces of the references that other controllers may claim.
+    chainable_command_interfaces: tuple[Literal["position", "velocity"], ...]
+
+    kinematics: Kinematics
+    ft_sensor: FtSensor
+
+    # Frame in which it gives way.
+    control: InFrame
+
+    # Frame in which gravity points along -z.
+    fixed_world_frame: InFrame
+
+    gravity_compensation: GravityCompensation
+    admittance: Admittance
+
+    # Joints to command, if by other names; () is `joints`.
+    command_joints: tuple[str, ...] = ()
+
+    # Whether parameters may change while it runs.
+    enable_parameter_update_without_reactivation: bool = True
+
+    def __post_init__(self) -> None:
+        """Reject what the types alone can't express."""
+        names = ("joints", "command_interfaces", "state_interfaces")
+        check_not_empty(self, *names)
+        check_unique(self, *names, "chainable_command_interfaces", "command_joints")
+        if "position" not in self.state_interfaces:
+            raise ValueError(
+                f"state_interfaces must have 'position', "
+                f"got {list(self.state_interfaces)}"
+            )
+        if self.command_joints and len(self.command_joints) != len(self.joints):
+            raise ValueError(
+                f"command_joints must be empty or as many as joints, "
+                f"{len(self.joints)}, got {len(self.command_joints)}: "
+                f"{list(self.command_joints)}"
+            )
+
+
+# Parameters that can't change while the controller runs. Upstream lets those of the
+# kinematics and the sensor's name change, without any effect.
+_READ_ONLY = (
+    "joints",
+    "command_joints",
+    "command_interfaces",
+    "state_interfaces",
+    "chainable_command_interfaces",
+    "kinematics",
+    "ft_sensor.name",
+)
+
+_LINKS = (
+    "kinematics.base",
+    "kinematics.tip",
+    "ft_sensor.frame.id",
+    "control.frame.id",
+    "fixed_world_frame.frame.id",
+    "gravity_compensation.frame.id",
+)
+
+
+class AdmittanceSetup(NamedTuple):
+    """What an AdmittanceController's parameters set."""
+
+    parameters: AdmittanceControllerParameters
+    rule: AdmittanceRule
+
+    # Links of the sensor, of the control frame, of the centre of gravity, and the one
+    # whose z axis points up.
+    sensor: str
+    control: str
+    center: str
+    world: str
+
+
+def make_setup(
+    given: AdmittanceControllerParameters, links: Collection[str]
+) -> AdmittanceSetup:
+    """Return what parameters set.
+
+    Args:
+        given: The parameters.
+        links: Links of the robot.
+
+    Raises:
+        ParameterError: If a link doesn't exist.
+    """
+    for name in _LINKS:
+        link = attrgetter(name)(given)
+        if link not in links:
+            raise ParameterError(
+                f"{name}: the robot has no link {link!r}; {suggest(link, links)}"
+            )
+    law, load = given.admittance, given.gravity_compensation
+    rule = AdmittanceRule(
+        selected_axes=law.selected_axes,
+        mass=np.array(law.mass),
+        damping_ratio=np.array(law.damping_ratio),
+        stiffness=np.array(law.stiffness),
+        joint_damping=law.joint_damping,
+        alpha=given.kinematics.alpha,
+        filter_coefficient=given.ft_sensor.filter_coefficient,
+        weight=load.CoG.force,
+        center_of_gravity=np.array(load.CoG.pos),
+    )
+    return AdmittanceSetup(
+        given,
+        rule,
+        given.ft_sensor.frame.id,
+        given.control.frame.id,
+        load.frame.id,
+        given.fixed_world_frame.frame.id,
+    )
+
+
+def make_kinematics(
+    given: AdmittanceControllerParameters, params: ControllerInterfaceParams
+) -> ChainKinematics:
+    """Return the kinematics of the joints, seen from the base of their chain.
+
+    Args:
+        given: The parameters; their links exist.
+        params: Surroundings of the controller.
+
+    Raises:
+        ParameterError: If a joint doesn't exist, or they make no chain.
+    """
+    if params.make_kinematics is None:
+        raise ParameterError("nothing is known of the robot's kinematics")
+    for joint in given.joints:
+        if joint not in params.joint_types:
+            raise ParameterError(
+                f"joints: the robot has no joint {joint!r}; "
+                f"{suggest(joint, params.joint_types)}"
+            )
+    base, tip = given.kinematics.base, given.kinematics.tip
+    kinematics = params.make_kinematics(given.joints, base)
+    chain, joints = kinematics.joints_to(tip), set(given.joints)
+    if not set(chain) - params.followed.keys() <= joints <= set(chain):
+        raise ParameterError(
+            f"joints: expected those from kinematics.base {base!r} to kinematics.tip "
+            f"{tip!r}, {list(chain)}, got {list(given.joints)}"
+        )
+    frame = given.ft_sensor.frame.id
+    if not joints & set(kinematics.joints_to(frame)):
+        raise ParameterError(
+            f"ft_sensor.frame.id: none of joints moves link {frame!r} against "
+            f"kinematics.base {base!r}"
+        )
+    return kinematics
+
+
+def check_change(
+    old: AdmittanceControllerParameters, new: object
+) -> AdmittanceControllerParameters:
+    """Return parameters that may take the place of others while a controller runs.
+
+    Args:
+        old: Parameters in effect.
+        new: What is to take their place.
+
+    Raises:
+        ValueError: If it can't.
+    """
+    if not isinstance(new, AdmittanceControllerParameters):
+        raise ValueError(f"expected AdmittanceControllerParameters, got {new!r}")
+    for name in _READ_ONLY:
+        if attrgetter(name)(new) != attrgetter(name)(old):
+            raise ValueError(f"{name} can't change while the controller runs")
+    return new
+
+
+class AdmittancePorts(NamedTuple):
+    """Input ports of an AdmittanceController."""
+
+    joint_references: InputPort
+    wrench_reference: InputPort
+    parameters: InputPort
+
+
+class AdmittanceInbox(NamedTuple):
+    """What came in on the ports of an AdmittanceController."""
+
+    # What the parameters in effect set, and those that were accepted last.
+    setup: AdmittanceSetup
+    accepted: AdmittanceSetup
+
+    # What is added to the measured wrench [N], [N·m], shape (6,).
+    wrench: Array
+
+    # What was on the ports at the last tick.
+    offered: object = ()
+    references: tuple[JointTrajectoryPoint, ...] = ()
+    wrenches: tuple[WrenchStamped, ...] = ()
+
+    # The latest of all that was not accepted.
+    events: Events = ()
+
+
+def take_parameters(
+    now: Now,
+    ports: AdmittancePorts,
+    inbox: AdmittanceInbox,
+    params: ControllerInterfaceParams,
+    *,
+    is_running: bool,
+) -> AdmittanceInbox:
+    """Return what has come in, with new parameters if they may take effect.
+
+    Args:
+        now: The time, and where the inputs are read.
+        ports: The inputs.
+        inbox: What had come in before.
+        params: Surroundings of the controller.
+        is_running: Whether the controller is active and not just being activated.
+    """
+    accepted, events = inbox.accepted, inbox.events
+    offered = new_parameters(ports.parameters, now.context, inbox.offered)
+    if offered is not inbox.offered and offered != ():
+        try:
+            changed = check_change(accepted.parameters, offered)
+            accepted = make_setup(changed, params.links)
+        except ValueError as error:
+            events = add_events(events, [ParametersRejected(str(error))])
+    if offered is not inbox.offered:
+        inbox = inbox._replace(accepted=accepted, offered=offered, events=events)
+    in_effect = inbox.setup.parameters
+    takes_changes = in_effect.enable_parameter_update_without_reactivation
+    if inbox.setup is not accepted and (takes_changes or not is_running):
+        inbox = inbox._replace(setup=accepted)
+    return inbox
+
+
+def receive(
+    now: Now,
+    ports: AdmittancePorts,
+    inbox: AdmittanceInbox,
+    params: ControllerInterfaceParams,
+    obstacle: str = "",
+) -> tuple[AdmittanceInbox, Array | None]:
+    """Return what has come in, and references to take, shape (3, n), NaN where none.
+
+    Args:
+        now: The time, and where the inputs are read.
+        ports: The inputs.
+        inbox: What had come in at the last tick.
+        params: Surroundings of the controller.
+        obstacle: Why no references of the topic are taken; empty if they are.
+    """
+    context = now.context
+    is_running = obstacle != INACTIVE
+    inbox = take_parameters(now, ports, inbox, params, is_running=is_running)
+    points, references = new_messages(
+        ports.joint_references, context, JointTrajectoryPoint, inbox.references
+    )
+    wrenches, seen = new_messages(
+        ports.wrench_reference, context, WrenchStamped, inbox.wrenches
+    )
+    if references is inbox.references and seen is inbox.wrenches:
+        return inbox, None
+    news: list[Rejection] = []
+    joints, asked = inbox.setup.parameters.joints, None
+    for point in points:
+        fault = obstacle or _find_fault(point, joints)
+        if fault:
+            news.append(TopicRejected(point, fault))
+            continue
+        asked = np.full((3, len(joints)), np.nan) if asked is None else asked
+        if point.positions:
+            asked[0] = point.positions
+        if point.velocities:
+            asked[1] = point.velocities
+    wrench = inbox.wrench
+    for message in wrenches:
+        values = _to_array(message)
+        frame, sensor = message.header.frame_id, inbox.setup.sensor
+        if frame not in ("", sensor):
+            fault = f"header.frame_id must be {sensor!r}, the sensor's, got {frame!r}"
+            news.append(TopicRejected(message, fault))
+        elif not np.isfinite(values).all():
+            news.append(TopicRejected(message, "wrench must be finite"))
+        else:
+            wrench = values
+    events = add_events(inbox.events, news)
+    inbox = inbox._replace(
+        wrench=wrench, references=references, wrenches=seen, events=events
+    )
+    return inbox, asked
+
+
+def _find_fault(point: JointTrajectoryPoint, joints: tuple[str, ...]) -> str:
+    """Return why references can't be taken; empty if they can."""
+    for name in ("positions", "velocities"):
+        size = len(getattr(point, name))
+        if size not in (0, len(joints)):
+            return (
+                f"{name} must have {len(joints)} elements ({', '.join(joints)}) or "
+                f"none, got {size}"
+            )
+    return ""
+
+
+def _to_array(message: WrenchStamped) -> Array:
+    """Return force and torque along x, y and z, shape (6,)."""
+    parts = (message.wrench.force, message.wrench.torque)
+    return np.array([value for part in parts for value in (part.x, part.y, part.z)])
+
+
+class AdmittanceTick(NamedTuple):
+    """What there is to tell of a tick."""
+
+    time_ns: int
+    setup: AdmittanceSetup
+    frames: AdmittanceFrames
+    control: AdmittanceState
+
+    # Pose of the sensor's frame at the references, shape (4, 4).
+    X_BR: Array
+
+
+def make_status(tick: AdmittanceTick) -> AdmittanceControllerState:
+    """Return the message of a tick.
+
+    Its stamps are times of the tick, and its position says where the sensor's frame is
+    moved; upstream leaves the first at 0 and the second at rest.
+
+    Args:
+        tick: The tick.
+    """
+    setup, control, frames = tick.setup, tick.control, tick.frames
+    rule, parameters = setup.rule, setup.parameters
+    header = Header.from_nanoseconds(tick.time_ns, parameters.kinematics.base)
+    moved = frames.R_BS @ tick.X_BR[:3, :3].T
+    return AdmittanceControllerState(
+        joint_state=JointState(
+            Header.from_nanoseconds(tick.time_ns),
+            parameters.joints,
+            tuple(control.position.tolist()),
+            tuple(control.velocity.tolist()),
+            tuple(control.acceleration.tolist()),
+        ),
+        damping=Float64MultiArray(rule.damping.tolist()),
+        mass=Float64MultiArray(rule.mass.tolist()),
+        selected_axes=Int8MultiArray(tuple(map(int, rule.selected_axes))),
+        stiffness=Float64MultiArray(rule.stiffness.tolist()),
+        wrench_base=WrenchStamped(header, Wrench(*_vectors(control.wrench_B))),
+        admittance_acceleration=TwistStamped(
+            header, Twist(*_vectors(control.twist_rate))
+        ),
+        admittance_velocity=TwistStamped(header, Twist(*_vectors(control.twist))),
+        admittance_position=TransformStamped(
+            header,
+            "admittance_offset",
+            Transform(_vectors(frames.displacement)[0], _quaternion(moved)),
+        ),
+        rot_base_control=_quaternion(frames.R_BC),
+        ref_trans_base_ft=TransformStamped(
+            header,
+            "ft_reference",
+            Transform(
+                Vector3(*tick.X_BR[:3, 3].tolist()), _quaternion(tick.X_BR[:3, :3])
+            ),
+        ),
+        ft_sensor_frame=String(setup.sensor),
+    )
+
+
+def _vectors(x: Array) -> tuple[Vector3, Vector3]:
+    """Return the halves of a vector of six."""
+    values = x.tolist()
+    return Vector3(*values[:3]), Vector3(*values[3:])
+
+
+def _quaternion(R: Array) -> Quaternion:
+    q = RotationMatrix(R).ToQuaternion()
+    return Quaternion(q.x(), q.y(), q.z(), q.w())
+
 
 # What a joint is commanded, in the order of rows of commands and references.
 _COMMANDS = (interfaces.POSITION, interfaces.VELOCITY, interfaces.ACCELERATION)

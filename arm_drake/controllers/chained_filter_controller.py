@@ -1,7 +1,7 @@
 """``chained_filter_controller/ChainedFilter``.
 
 Source: ros2_controllers, `chained_filter_controller` (version 6.9.0); the filters are
-in `arm_drake.control.filter_chains`.
+in `arm_drake.control.filters`.
 """
 
 import dataclasses as dc
@@ -11,13 +11,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from arm_drake.arrays import Array
-from arm_drake.control.filter_chains import ChainState, find_unused, make_filter_chain
-from arm_drake.controllers.controller_interface import TickingController
-from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
+from arm_drake.control.filters import ChainState, find_unused, make_filter_chain
+from arm_drake.controllers.controller_interface import (
+    ControllerInterfaceParams,
+    TickingController,
+)
 from arm_drake.controllers.cycles import Now
-from arm_drake.description.given import Given
-from arm_drake.description.parameters import per_element_of
-from arm_drake.description.validation import check_not_empty
+from arm_drake.description.parameters import Given, check_not_empty, per_element_of
 from arm_drake.errors import ParameterError
 
 # Group of a chain's parameters, and the one that makes it hold for several inputs.

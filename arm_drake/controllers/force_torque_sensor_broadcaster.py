@@ -12,14 +12,13 @@ from typing import Annotated, Any, Final, NamedTuple
 import numpy as np
 
 from arm_drake.arrays import Array
-from arm_drake.control.filter_chains import find_unused
-from arm_drake.control.filters import FilterState, LowPassFilter
-from arm_drake.controllers.controller_interface import TickingController
-from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
+from arm_drake.control.filters import FilterState, LowPassFilter, find_unused
+from arm_drake.controllers.controller_interface import (
+    ControllerInterfaceParams,
+    TickingController,
+)
 from arm_drake.controllers.cycles import Now
-from arm_drake.description.given import Given
-from arm_drake.description.parameters import Rule
-from arm_drake.description.validation import check_not_empty
+from arm_drake.description.parameters import Given, Rule, check_not_empty
 from arm_drake.errors import ParameterError
 from arm_drake.messages import Header, Vector3, Wrench, WrenchStamped
 

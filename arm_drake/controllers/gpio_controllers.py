@@ -10,15 +10,20 @@ import numpy as np
 from pydrake.common.value import AbstractValue
 
 from arm_drake.arrays import Array
-from arm_drake.controllers.controller_interface import TickingController
-from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
+from arm_drake.controllers.controller_interface import (
+    ControllerInterfaceParams,
+    TickingController,
+)
 from arm_drake.controllers.cycles import Now
 from arm_drake.controllers.topics import INACTIVE, Events, add_events, new_messages
-from arm_drake.description.parameters import per_element_of
-from arm_drake.description.validation import check_not_empty, check_unique
+from arm_drake.description.parameters import (
+    check_not_empty,
+    check_unique,
+    per_element_of,
+)
 from arm_drake.errors import ParameterError, suggest
 from arm_drake.messages import Header, InterfaceValue, Message, Time, TopicRejected
-from arm_drake.messages.dynamic_interfaces import DynamicInterfaceGroupValues
+from arm_drake.messages.control import DynamicInterfaceGroupValues
 
 
 @dc.dataclass(frozen=True)

@@ -14,14 +14,14 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context
 
 from arm_drake import interfaces
-from arm_drake.controllers.controller_interface_part import (
+from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
 )
 from arm_drake.description.parameters import Rule
 from arm_drake.errors import ParameterError
 from arm_drake.messages import DynamicJointState, Header, InterfaceValue, JointState
-from arm_drake.messages.lazy import make_lazy
+from arm_drake.messages.base import make_lazy
 
 Picker = Callable[[Sequence[float]], tuple[float, ...]]
 

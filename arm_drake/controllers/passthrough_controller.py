@@ -11,8 +11,10 @@ import numpy as np
 from pydrake.common.value import AbstractValue
 
 from arm_drake.arrays import Array
-from arm_drake.controllers.controller_interface import TickingController
-from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
+from arm_drake.controllers.controller_interface import (
+    ControllerInterfaceParams,
+    TickingController,
+)
 from arm_drake.controllers.cycles import Now
 from arm_drake.controllers.topics import (
     CHAINED,
@@ -21,7 +23,7 @@ from arm_drake.controllers.topics import (
     add_events,
     new_messages,
 )
-from arm_drake.description.validation import check_not_empty, check_unique
+from arm_drake.description.parameters import check_not_empty, check_unique
 from arm_drake.messages import Float64MultiArray, TopicRejected
 
 

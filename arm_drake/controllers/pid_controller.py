@@ -1,22 +1,43 @@
 """``pid_controller/PidController``.
 
 Source: ros2_controllers, `pid_controller` (version 6.9.0 and jazzy); the tick itself is
-`arm_drake.controllers.pid_control`.
+`arm_drake.controllers.pid_controller`.
+
+Parameters of a PidController.
+
+Source: ros2_controllers, `pid_controller` (version 6.9.0; defaults of jazzy, and by
+rule those of other distros).
+
+The tick of a PidController: n PIDs that take measurements to references.
+
+The rules are those of ros2_controllers' `pid_controller` (version 6.9.0). References
+and measurements are of one quantity, shape (n,), or of one and its rate, shape (2n,),
+all of the quantity first.
+
+Messages of several degrees of freedom, in the order that a controller has them.
+
+Source: ros2_controllers, `pid_controller` (version 6.9.0). Upstream takes the values in
+the order in which they come, whatever their names are; here the names count.
 """
 
-from typing import NamedTuple
+import dataclasses as dc
+import math
+from collections.abc import Sequence
+from typing import Annotated, Any, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
-from arm_drake.controllers.controller_interface import TickingController
-from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
+from arm_drake.control.pid import EPSILON, Pid, PidGains, PidState, adapt_saturation
+from arm_drake.control.trajectory import shortest_angular_distance
+from arm_drake.controllers.controller_interface import (
+    ControllerInterfaceParams,
+    TickingController,
+)
 from arm_drake.controllers.cycles import Now
-from arm_drake.controllers.dof_messages import find_fault, make_state, sort_values
-from arm_drake.controllers.pid_control import PidControl, PidControlState
-from arm_drake.controllers.pid_parameters import DofGains, PidControllerParameters
 from arm_drake.controllers.topics import (
     CHAINED,
     INACTIVE,
@@ -26,13 +47,350 @@ from arm_drake.controllers.topics import (
     new_messages,
     new_parameters,
 )
+from arm_drake.description.parameters import (
+    Given,
+    Rule,
+    check_not_empty,
+    check_unique,
+    per_element_of,
+)
 from arm_drake.messages import (
     NANOSECONDS,
+    Header,
+    Message,
     MultiDOFCommand,
+    MultiDOFState,
     MultiDOFStateStamped,
     ParametersRejected,
     TopicRejected,
 )
+from arm_drake.messages.base import make_lazy
+
+
+@dc.dataclass(frozen=True)
+class DofGains(PidGains):
+    """PID of one degree of freedom."""
+
+    # Errors up to this are not integrated.
+    error_deadband: Annotated[float, Rule(since="jazzy")] = 1e-16
+
+    # How much of the reference, or of its rate, is added to the output.
+    feedforward_gain: float = 0.0
+
+    # Whether errors are angles, which wrap.
+    angle_wraparound: bool = False
+
+    # Whether the integral term stays over a deactivation.
+    save_i_term: bool = True
+
+    # Whether the PID's own state is published; without effect, see controller_state.
+    activate_state_publisher: bool = False
+
+    @staticmethod
+    def adapt(given: Given) -> None:
+        """Take what older versions have, and `saturation`."""
+        PidGains.adapt(given)
+        adapt_saturation(given)
+
+
+@dc.dataclass(frozen=True)
+class PidControllerGains:
+    """PIDs by degree of freedom."""
+
+    dof: dict[str, DofGains] = per_element_of("dof_names")
+
+
+@dc.dataclass(frozen=True)
+class PidControllerParameters:
+    """Parameters of a PidController."""
+
+    # Joints, or other prefixes, to command; at least one, each once.
+    dof_names: tuple[str, ...]
+
+    # Interface to claim on each.
+    command_interface: str
+
+    # One interface of references and measurements, or two, the second its rate.
+    reference_and_state_interfaces: tuple[str, ...]
+
+    # Prefixes of references and measurements, as many, each once; () is dof_names.
+    reference_and_state_dof_names: tuple[str, ...] = ()
+
+    # Whether the first reference is what is measured at the start.
+    set_current_state_as_first_setpoint: bool = True
+
+    # Whether measurements come from a topic.
+    use_external_measured_states: bool = False
+
+    # Whether feedforward_gain acts; later it always does.
+    enable_feedforward: Annotated[
+        bool,
+        Rule(
+            kilted=True, rolling=True, until="jazzy", instead="feedforward_gain decides"
+        ),
+    ] = False
+
+    gains: PidControllerGains = PidControllerGains()
+
+    def __post_init__(self) -> None:
+        """Reject what the types alone can't express."""
+        check_not_empty(
+            self, "dof_names", "command_interface", "reference_and_state_interfaces"
+        )
+        check_unique(self, "dof_names", "reference_and_state_dof_names")
+        if len(self.reference_and_state_interfaces) > 2:
+            raise ValueError(
+                f"reference_and_state_interfaces must have 1 or 2 elements, "
+                f"got {list(self.reference_and_state_interfaces)}"
+            )
+        if len(self.reference_and_state_dof_names) not in (0, len(self.dof_names)):
+            raise ValueError(
+                f"reference_and_state_dof_names must be as many as dof_names, "
+                f"got {list(self.reference_and_state_dof_names)}"
+            )
+        for gains in self.gains.dof.values():
+            gains.check()
+
+
+Mask = NDArray[np.bool_]
+
+
+class PidControlState(NamedTuple):
+    """What a tick leaves behind; arrays that nobody changes. NaN is unknown."""
+
+    pid: PidState
+
+    # Shape (n,) or (2n,); errors are references minus measurements, angles wrapped.
+    references: Array
+    measured: Array
+    error: Array
+
+    # Commands, shape (n,); NaN where there is no reference or no measurement.
+    command: Array
+
+    # What the command interfaces hold then, shape (n,).
+    output: Array
+
+
+@dc.dataclass(frozen=True, eq=False)
+class PidControl(Message):
+    """The rules of n degrees of freedom, made by `from_gains`."""
+
+    pid: Pid
+
+    # How much of the references is added to the commands, of their rates if there are
+    # any; shape (n,), None if nothing is.
+    feedforward_gain: Array | None
+
+    # Which errors are angles, which wrap, shape (n,); None if none is.
+    angle_wraparound: Mask | None
+
+    # Which integral terms stay over a deactivation, shape (n,).
+    save_i_term: Mask
+
+    # Whether there are rates, too.
+    has_rate: bool
+
+    @classmethod
+    def from_gains(
+        cls,
+        gains: Sequence[Any],
+        *,
+        has_rate: bool,
+        enable_feedforward: bool = True,
+        is_humble: bool = False,
+    ) -> Self:
+        """Return the rules of degrees of freedom with these gains.
+
+        Args:
+            gains: One object for each of the n degrees of freedom, with the attributes
+                that `Pid.from_gains` reads, and feedforward_gain, angle_wraparound and
+                save_i_term.
+            has_rate: Whether references and measurements have rates.
+            enable_feedforward: Whether feedforward_gain acts.
+            is_humble: Whether the PIDs behave as those of ROS 2 Humble.
+
+        Raises:
+            ValueError: If a PID can't have its gains.
+        """
+        feedforward = np.array([one.feedforward_gain for one in gains], dtype=float)
+        wraps = np.array([one.angle_wraparound for one in gains], dtype=bool)
+        return cls(
+            pid=Pid.from_gains(gains, is_humble=is_humble),
+            feedforward_gain=(
+                feedforward if enable_feedforward and feedforward.any() else None
+            ),
+            angle_wraparound=wraps if wraps.any() else None,
+            save_i_term=np.array([one.save_i_term for one in gains], dtype=bool),
+            has_rate=has_rate,
+        )
+
+    def initial(self) -> PidControlState:
+        """Return the state before the first activation."""
+        n = len(self.save_i_term)
+        unknown, nothing = np.full(n * (1 + self.has_rate), np.nan), np.full(n, np.nan)
+        pid = self.pid.initial()
+        return PidControlState(pid, unknown, unknown, unknown, nothing, nothing)
+
+    def start(
+        self, state: PidControlState, references: Array, output: Array
+    ) -> PidControlState:
+        """Return the state at the start of an activation.
+
+        Args:
+            state: Where the PIDs are.
+            references: References until others come, shape (n,) or (2n,).
+            output: What the command interfaces hold, shape (n,).
+        """
+        pid = self.pid.reset(state.pid, self.save_i_term)
+        return state._replace(pid=pid, references=references, output=output)
+
+    def step(
+        self, state: PidControlState, references: Array, measured: Array, dt: float
+    ) -> PidControlState:
+        """Return the state after a tick; it holds the commands.
+
+        Where reference or measurement isn't finite, there is no command. Where only
+        their rates aren't, the difference to the last error is the error's rate.
+
+        Args:
+            state: Where the PIDs are.
+            references: Shape (n,) or (2n,).
+            measured: As many.
+            dt: Time since the last tick [s].
+        """
+        n, has_rate = len(self.save_i_term), self.has_rate
+        error = references - measured
+        if self.angle_wraparound is not None:
+            with np.errstate(invalid="ignore"):
+                turn = shortest_angular_distance(measured[:n], references[:n])
+            np.copyto(error[:n], turn, where=self.angle_wraparound)
+        # The quickest way to see that all are finite.
+        if not math.isfinite(sum(error.tolist())):
+            return self._step_some(state, references, measured, error, dt)
+        if has_rate and dt > EPSILON:
+            pid = self.pid.step_finite(state.pid, error[:n], dt, error[n:])
+        else:
+            rate = error[n:] if has_rate else None
+            pid = self.pid.step(state.pid, error[:n], dt, rate)
+        command = pid.command
+        if self.feedforward_gain is not None:
+            source = references[n:] if has_rate else references
+            command = command + self.feedforward_gain * source
+        return PidControlState(pid, references, measured, error, command, command)
+
+    def _step_some(
+        self,
+        state: PidControlState,
+        references: Array,
+        measured: Array,
+        error: Array,
+        dt: float,
+    ) -> PidControlState:
+        """Do a step where some references or measurements aren't finite."""
+        n = len(self.save_i_term)
+        is_known = np.isfinite(references[:n]) & np.isfinite(measured[:n])
+        has_rate = np.zeros(n, dtype=bool)
+        if self.has_rate:
+            has_rate = is_known & np.isfinite(error[n:])
+        pid = state.pid
+        for steps, rate in ((has_rate, error[n:]), (is_known & ~has_rate, None)):
+            if steps.any():
+                pid = self.pid.step(pid, error[:n], dt, rate, where=steps)
+        command = pid.command
+        if self.feedforward_gain is not None:
+            source = references[n:] if self.has_rate else references
+            known = np.where(np.isfinite(source), source, 0.0)
+            command = command + self.feedforward_gain * known
+        command = np.where(is_known, command, np.nan)
+        output = np.where(is_known, command, state.output)
+        return PidControlState(pid, references, measured, error, command, output)
+
+
+def find_fault(
+    message: MultiDOFCommand, dofs: Sequence[str], *, takes_rates: bool = True
+) -> str | None:
+    """Return why a message can't be taken, or None if it can.
+
+    Args:
+        message: The message.
+        dofs: Degrees of freedom, n of them.
+        takes_rates: Whether there may be rates.
+    """
+    n, names = len(dofs), message.dof_names
+    expected = ", ".join(dofs)
+    if names and sorted(names) != sorted(dofs):
+        return f"dof_names must be {expected}, got {', '.join(names)}"
+    if len(message.values) != n:
+        return f"values must have {n} elements ({expected}), got {len(message.values)}"
+    if len(message.values_dot) not in (0, n):
+        got = len(message.values_dot)
+        return f"values_dot must have {n} elements ({expected}) or none, got {got}"
+    if message.values_dot and not takes_rates:
+        return "values_dot needs a second one of reference_and_state_interfaces"
+    return None
+
+
+def sort_values(
+    message: MultiDOFCommand, dofs: Sequence[str], *, has_rate: bool
+) -> Array:
+    """Return the values of a message in our order, shape (n,); NaN is none.
+
+    Args:
+        message: One without a fault.
+        dofs: Degrees of freedom, n of them.
+        has_rate: Whether rates follow the values, shape (2n,). As upstream, there is
+            none without a value.
+    """
+    names = message.dof_names or tuple(dofs)
+    order = [names.index(dof) for dof in dofs]
+    values = np.array(message.values)[order]
+    if not has_rate:
+        return values
+    rates = np.full(len(values), np.nan)
+    if message.values_dot:
+        rates = np.where(np.isnan(values), np.nan, np.array(message.values_dot)[order])
+    return np.concatenate([values, rates])
+
+
+def make_state(
+    dofs: Sequence[str], state: PidControlState, time_ns: int, period_ns: int
+) -> MultiDOFStateStamped:
+    """Return the topic controller_state; rates that there aren't are 0.
+
+    It is made when a field is asked for.
+
+    Args:
+        dofs: Degrees of freedom, n of them.
+        state: What the tick left behind.
+        time_ns: Time of the tick [ns].
+        period_ns: Time since the last one [ns].
+    """
+    return make_lazy(
+        MultiDOFStateStamped, lambda: _make_state(dofs, state, time_ns, period_ns)
+    )
+
+
+def _make_state(
+    dofs: Sequence[str], state: PidControlState, time_ns: int, period_ns: int
+) -> MultiDOFStateStamped:
+    n = len(dofs)
+    measured, error = state.measured.tolist(), state.error.tolist()
+    zeros = [0.0] * n
+    columns = zip(
+        dofs,
+        state.references[:n].tolist(),
+        measured[:n],
+        measured[n:] or zeros,
+        error[:n],
+        error[n:] or zeros,
+        [period_ns / NANOSECONDS] * n,
+        state.output.tolist(),
+        strict=True,
+    )
+    states = tuple(MultiDOFState(*row) for row in columns)
+    return MultiDOFStateStamped(Header.from_nanoseconds(time_ns), states)
+
 
 # Parameters that can't change while the controller runs.
 _READ_ONLY = (

@@ -9,11 +9,10 @@ import typing
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from arm_drake.description.given import DISTROS, Given
-from arm_drake.description.parameters import Rule
+from arm_drake.description.parameters import DISTROS, Given, Rule
 
 if TYPE_CHECKING:
-    from arm_drake.controllers.controller_type import ControllerType
+    from arm_drake.controllers.registry import ControllerType
 
 # So many names are listed in a cell, of each kind.
 _MAX_NAMES = 3

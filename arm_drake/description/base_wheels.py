@@ -1,17 +1,31 @@
-"""Which joints drive and steer mobile bases, and which links are their wheels."""
+"""Which joints drive and steer mobile bases, and which links are their wheels.
+
+Axles for wheels of steered bases that have none, so that they roll and don't rub.
+
+Descriptions made for RViz may end at the steering joint: the wheel is part of the link
+that it turns, and on a ground it is a brake. Or one joint turns two wheels of an axle,
+of which in a curve one would have to be faster. In the plant such wheels get a part
+that turns about the wheel's axis: freely if it is steered, and through a differential,
+one against the other, if it is driven. The description, and so joint states and frames,
+stays as it is.
+"""
 
 import dataclasses as dc
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from arm_drake.description.controllers import ControllerManagerConfig
-from arm_drake.description.gazebo_drives import DiffDrive, GazeboRosDiffDrive
-from arm_drake.description.given import Parameter
-from arm_drake.description.joints import JointInfo
-from arm_drake.description.summary import total_mass
-from arm_drake.description.tree import last_master
-from arm_drake.description.urdf import RobotDescription
+from arm_drake.description.gazebo_plugins import DiffDrive, GazeboRosDiffDrive
+from arm_drake.description.inertia import link_solid, read_origin
+from arm_drake.description.joints import JointInfo, last_master
+from arm_drake.description.parameters import Parameter
+from arm_drake.description.report import LoadReport
+from arm_drake.description.urdf import RobotDescription, total_mass
 
 # Parameters of the types that name driven joints, and those that name steered ones.
 _STEERING = (("traction_joints_names",), ("steering_joints_names",))
@@ -199,3 +213,309 @@ def _radius(link: ET.Element) -> float:
     )
     radii = [float(shape.get("radius", "0")) for shape in shapes]
     return max((r for r in radii if math.isfinite(r)), default=0.0)
+
+
+def report_bases(
+    description: RobotDescription,
+    bases: Iterable[MobileBase],
+    friction: Mapping[str, float],
+    report: LoadReport,
+) -> None:
+    """Record driven wheels that can't touch the ground, or have no friction.
+
+    Args:
+        description: The robot.
+        bases: What its controllers drive.
+        friction: Friction coefficients that links state.
+        report: Where they are recorded.
+    """
+    root = ET.fromstring(description.urdf)  # noqa: S314  our own text.
+    solid = {
+        link.get("name", "")
+        for link in root.iterfind("link")
+        if link.find("collision") is not None
+    }
+
+    def add(what: str, done: str, where: str) -> None:
+        report.add("error", "invalid", what, done, where=where, file=description.file)
+
+    for joint in dict.fromkeys(joint for base in bases for joint in base.driven):
+        links = wheel_links(description, joint)
+        touching = [link for link in links if link in solid]
+        if not touching:
+            add(
+                "a driven wheel without a collision shape",
+                "it doesn't touch the ground; expected <collision> in link "
+                f"{' or '.join(map(repr, links))}",
+                f"joint {joint!r}",
+            )
+        for link in touching:
+            if friction.get(link) == 0.0:
+                add(
+                    "a driven wheel without friction, <mu1> is 0",
+                    "it spins and drives nothing; expected more than 0, such as 1",
+                    f"link {link!r}",
+                )
+
+
+Array = NDArray[Any]
+
+
+class LinkTree:
+    """The elements of a robot by name; directions with all joints at 0."""
+
+    def __init__(self, description: RobotDescription) -> None:
+        """Create it.
+
+        Args:
+            description: The robot.
+        """
+        root = ET.fromstring(description.urdf)  # noqa: S314  our own text.
+        self.links = {link.get("name", ""): link for link in root.iterfind("link")}
+        self._joints = {j.get("name", ""): j for j in root.iterfind("joint")}
+        self._carriers = {joint.child: joint for joint in description.joints}
+
+    def orientation(self, link: str) -> Array:
+        """Return the orientation of a link in its root, shape (3, 3)."""
+        R = np.eye(3)
+        while link in self._carriers:
+            carrier = self._carriers[link]
+            R = read_origin(self._joints[carrier.name])[0] @ R
+            link = carrier.parent
+        return R
+
+    def axis(self, joint: str) -> Array:
+        """Return the axis of a joint in its child link, of length 1, shape (3,)."""
+        element = self._joints[joint].find("axis")
+        xyz = "1 0 0" if element is None else element.get("xyz", "1 0 0")
+        direction = np.array([float(x) for x in xyz.split()])
+        return np.asarray(direction / np.linalg.norm(direction))
+
+
+def format_vector(vector: Array) -> str:
+    """Return a vector as URDF writes it, digit for digit."""
+    return " ".join(repr(float(x)) for x in vector)
+
+
+# Part of the link's mass that turns; the rest is what holds the axle.
+_TURNING = 0.5
+
+# Density of wheels on links without mass [kg/m^3], as of other links.
+_DENSITY = 1000.0
+
+# A shape whose axis is closer to the steering joint's is no wheel: a cosine.
+_PARALLEL = 0.5
+
+# Axes that differ less have one direction: a cosine.
+_SAME_DIRECTION = 0.999
+
+
+@dc.dataclass(frozen=True, eq=False)
+class Axle:
+    """Where a wheel turns against the link that it is part of."""
+
+    link: str
+
+    # Centre of the wheel [m], and direction of its axis, in the link. Shapes (3,).
+    center: Array
+    axis: Array
+
+    # Link of the wheel that turns the other way, if this one has a differential.
+    other: str = ""
+
+    @property
+    def wheel(self) -> str:
+        """Name of the body that turns."""
+        return f"{self.link}:wheel"
+
+
+def find_axles(
+    description: RobotDescription, bases: Iterable[MobileBase]
+) -> list[Axle]:
+    """Return the axles that wheels of a robot with a steered base lack.
+
+    A wheel is a link with a single collision shape, a cylinder or a sphere. One that is
+    steered lacks an axle if there is no joint below the steering one. It turns about
+    the axis of its cylinder; a sphere turns about what points to the left of the base,
+    across the steering joint. Wheels that are driven lack one if a joint and those that
+    follow it turn two of them, with axes in one direction.
+
+    Args:
+        description: The robot.
+        bases: What its controllers drive.
+    """
+    steering = [base for base in bases if base.steered]
+    if not steering:
+        return []
+    tree = _Tree(description)
+    steered = dict.fromkeys(name for base in steering for name in base.steered)
+    driven = dict.fromkeys(name for base in steering for name in base.driven)
+    free = [
+        axle
+        for name in steered
+        for joint in moved_joints(description, name)
+        for axle in tree.steered_axles(joint)
+    ]
+    return free + [axle for name in driven for axle in tree.differential(name)]
+
+
+class _Tree:
+    """Finds the wheels of a robot that lack an axle."""
+
+    def __init__(self, description: RobotDescription) -> None:
+        self._description = description
+        self._tree = LinkTree(description)
+        self._rotation = self._tree.orientation
+
+    def steered_axles(self, joint: JointInfo) -> Iterator[Axle]:
+        """Yield the axles that wheels below a steering joint lack."""
+        parts = rigid_links(self._description, joint.child)
+        below = [j for j in self._description.joints if j.parent in parts]
+        if any(j.type != "fixed" for j in below):
+            return
+        up = self._direction(joint)
+        for name in parts:
+            shape = self._shape(name)
+            if shape is None:
+                continue
+            center, axis = shape
+            if axis is None:
+                left = np.array([0.0, 1.0, 0.0])
+                axis = left - (left @ up) * up
+            if abs(axis @ up) < _PARALLEL < np.linalg.norm(axis):
+                yield self._axle(name, center, axis)
+
+    def differential(self, joint: str) -> list[Axle]:
+        """Return the axles of two wheels that one joint drives, if it is two."""
+        found = []
+        for moved in moved_joints(self._description, joint):
+            shape = self._shape(moved.child)
+            axis = self._direction(moved)
+            if shape is not None and (
+                shape[1] is None or abs(shape[1] @ axis) > _SAME_DIRECTION
+            ):
+                found.append((moved.child, shape[0], axis))
+        if len(found) != 2 or abs(found[0][2] @ found[1][2]) < _SAME_DIRECTION:
+            return []
+        first, second = (self._axle(*wheel) for wheel in found)
+        return [first, dc.replace(second, other=first.link)]
+
+    def _axle(self, link: str, center: Array, axis: Array) -> Axle:
+        """Return the axle of a link about an axis in the root."""
+        # A wheel that rolls forwards turns positively.
+        length = np.linalg.norm(axis) * (1.0 if axis[1] >= 0.0 else -1.0)
+        return Axle(link, center, self._rotation(link).T @ axis / length)
+
+    def _shape(self, name: str) -> tuple[Array, Array | None] | None:
+        """Return the centre of a wheel in its link, and its axis in the root.
+
+        The axis is None for a sphere, and all is None for what is no wheel.
+        """
+        shapes = self._tree.links[name].findall("collision")
+        if len(shapes) != 1:
+            return None
+        R_LS, center = read_origin(shapes[0])
+        if shapes[0].find("geometry/cylinder") is not None:
+            return center, self._rotation(name) @ R_LS[:, 2]
+        is_round = shapes[0].find("geometry/sphere") is not None
+        return (center, None) if is_round else None
+
+    def _direction(self, joint: JointInfo) -> Array:
+        """Return the axis of a joint in the root, of length 1."""
+        direction: Array = self._rotation(joint.child) @ self._tree.axis(joint.name)
+        return direction
+
+
+def with_axles(
+    description: RobotDescription, axles: Sequence[Axle]
+) -> RobotDescription:
+    """Return a description whose text has joints for wheels to roll on.
+
+    Only the text has them: the links and joints that it tells of are those of before.
+
+    Args:
+        description: The robot.
+        axles: What `find_axles` returns.
+    """
+    if not axles:
+        return description
+    root = ET.fromstring(description.urdf)  # noqa: S314  our own text.
+    links = {link.get("name", ""): link for link in root.iterfind("link")}
+    for axle in axles:
+        link = links[axle.link]
+        collision = link.find("collision")
+        solid = link_solid(link)
+        assert collision is not None
+        assert solid is not None
+        mass = _TURNING * _halve(link) or _DENSITY * solid[0].mass
+        wheel = ET.SubElement(root, "link", name=axle.wheel)
+        origin = collision.find("origin")
+        link.remove(collision)
+        if origin is not None:
+            origin.set("xyz", "0 0 0")
+        wheel.append(collision)
+        inertial = ET.SubElement(wheel, "inertial")
+        ET.SubElement(inertial, "mass", value=repr(float(mass)))
+        # In the link's axes, as `link_solid` gives it.
+        moments = solid[0].scaled(mass).inertia
+        ET.SubElement(
+            inertial,
+            "inertia",
+            {
+                f"i{a}{b}": repr(float(moments["xyz".index(a), "xyz".index(b)]))
+                for a, b in ("xx", "xy", "xz", "yy", "yz", "zz")
+            },
+        )
+        joint = ET.SubElement(
+            root, "joint", name=f"{axle.link}:axle", type="continuous"
+        )
+        ET.SubElement(joint, "parent", link=axle.link)
+        ET.SubElement(joint, "child", link=axle.wheel)
+        ET.SubElement(joint, "origin", xyz=format_vector(axle.center))
+        ET.SubElement(joint, "axis", xyz=format_vector(axle.axis))
+        if axle.other:
+            master = f"{axle.other}:axle"
+            ET.SubElement(joint, "mimic", joint=master, multiplier="-1", offset="0")
+    return dc.replace(description, urdf=ET.tostring(root, encoding="unicode"))
+
+
+def report_axles(
+    description: RobotDescription, axles: Sequence[Axle], report: LoadReport
+) -> None:
+    """Record wheels that get an axle.
+
+    Args:
+        description: The robot.
+        axles: What `find_axles` returns.
+        report: Where they are recorded.
+    """
+    others = {axle.other for axle in axles}
+    for axle in axles:
+        is_driven = bool(axle.other) or axle.link in others
+        report.add(
+            "info",
+            "repair",
+            "one joint drives two wheels of an axle"
+            if is_driven
+            else "a steered wheel without a joint to roll on",
+            "in the physics they have a differential"
+            if is_driven
+            else "in the physics it turns freely about its axis",
+            where=f"link {axle.link!r}",
+            file=description.file,
+        )
+
+
+def _halve(link: ET.Element) -> float:
+    """Take the wheel's part from a link's mass and inertia; return the whole mass."""
+    inertial = link.find("inertial")
+    mass = None if inertial is None else inertial.find("mass")
+    if inertial is None or mass is None:
+        return 0.0
+    whole = float(mass.get("value", "0"))
+    rest = 1.0 - _TURNING
+    mass.set("value", repr(rest * whole))
+    for inertia in inertial.iterfind("inertia"):
+        for name, value in inertia.items():
+            inertia.set(name, repr(rest * float(value)))
+    return whole

@@ -5,15 +5,14 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from arm_drake import interfaces
-from arm_drake.description.controller_manager import ControllerConfig
-from arm_drake.description.controllers import ControllerManagerConfig
-from arm_drake.description.hardware_info import (
+from arm_drake.description.controllers import ControllerConfig, ControllerManagerConfig
+from arm_drake.description.joints import JointInfo
+from arm_drake.description.report import LoadReport
+from arm_drake.description.ros2_control import (
     ComponentInfo,
     HardwareInfo,
     InterfaceInfo,
 )
-from arm_drake.description.joints import JointInfo
-from arm_drake.description.report import LoadReport
 
 _POSITION, _VELOCITY = interfaces.POSITION, interfaces.VELOCITY
 

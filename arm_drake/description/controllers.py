@@ -5,27 +5,273 @@ name space is taken, and every controller that has a type.
 """
 
 import dataclasses as dc
+import os
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from arm_drake.description.controller_manager import (
-    ControllerConfig,
-    ManagedControllers,
-)
-from arm_drake.description.controller_manager_nodes import PLUGIN_NODES, Nodes
 from arm_drake.description.controller_manager_parameters import (
+    CONTROLLER_KEYS,
     DEFAULT_UPDATE_RATE,
     MANAGER,
     MAX_UPDATE_RATE,
+    PLUGIN_NODES,
     ControllerManagerParameters,
     HardwareComponentsInitialState,
+    Nodes,
+    is_managers,
+    load_manager_parameters,
+    merge,
+    report_foreign,
+    texts_of,
 )
-from arm_drake.description.given import Parameters
 from arm_drake.description.packages import PackageFinder
-from arm_drake.description.report import LoadReport
+from arm_drake.description.parameters import Parameter, Parameters
+from arm_drake.description.report import Kind, LoadReport, Severity
 from arm_drake.description.ros_parameters import ParameterReader, Section
+from arm_drake.errors import PackageError, ParameterError, suggest
+
+# What becomes of a controller that can't be loaded.
+_IDLE = "the controller does not run"
+
+
+@dc.dataclass(frozen=True)
+class ControllerConfig:
+    """A controller as its YAML configures it."""
+
+    name: str
+
+    # ros2_control type, such as "forward_command_controller/ForwardCommandController".
+    # What is no type at all is kept as text.
+    type: str
+
+    # Its parameters by dotted name, without those that the manager reads.
+    parameters: dict[str, Parameter]
+
+    # Where its type is given.
+    file: Path
+    line: int
+
+    # Controllers to activate when an update of this one fails.
+    fallback_controllers: tuple[str, ...] = ()
+
+    # Why it can't be loaded, which the report says too; empty if it can.
+    problem: str = ""
+
+    # Tags of one kind of Gazebo's plugins that it stands for, if it isn't of a YAML.
+    plugins: tuple[Any, ...] = ()
+
+    # The joints that these move.
+    plugin_joints: frozenset[str] = frozenset()
+
+
+class ManagedControllers:
+    """What a controller manager is told: its parameters, its controllers by name."""
+
+    def __init__(
+        self,
+        namespace: str,
+        nodes: Nodes,
+        reader: ParameterReader,
+        packages: PackageFinder | None,
+        report: LoadReport,
+    ) -> None:
+        """Create it from what reaches its node.
+
+        Args:
+            namespace: Its name space.
+            nodes: The sections of all nodes.
+            reader: What reads further files.
+            packages: What resolves their names.
+            report: Where what has no effect is recorded.
+
+        Raises:
+            ParameterError: If a parameter of its own can't be used.
+        """
+        self.namespace = namespace
+        self.node = f"{namespace}/{MANAGER}".lstrip("/")
+        self.parameters = nodes.parameters(namespace, MANAGER)
+        self.files: list[Path] = []
+        self._nodes = nodes
+        self._reader = reader
+        self._packages = packages
+        self._report = report
+        self.settings = load_manager_parameters(self.parameters, self.node, report)
+        groups = (key.partition(".") for key in self.parameters)
+        listed = [group for group, _, rest in groups if rest in CONTROLLER_KEYS]
+        self._names = tuple(dict.fromkeys(listed + nodes.typed(namespace)))
+        loaded = {name: self._load(name) for name in self._names}
+        known = {n: c for n, c in loaded.items() if c is not None}
+        self.controllers = {
+            n: self._with_fallback(c, [k for k in known if k != n])
+            for n, c in known.items()
+        }
+        self._report_foreign()
+
+    @property
+    def section(self) -> Section:
+        """The first section that names it."""
+        return next(s for s in self._nodes.sections if self._is_named_by(s))
+
+    def _is_named_by(self, section: Section) -> bool:
+        return section.name == MANAGER and self._nodes.is_reached(
+            section, self.namespace, MANAGER
+        )
+
+    def _report_foreign(self) -> None:
+        own = merge(s for s in self._nodes.sections if self._is_named_by(s))
+        # A wildcard section is for all nodes; only its lists of controllers aren't.
+        own |= {
+            key: parameter
+            for key, parameter in self.parameters.items()
+            if key.partition(".")[0] in self._names
+        }
+        report_foreign(own, self.node, self._names, self._report)
+
+    def _load(self, name: str) -> ControllerConfig | None:
+        own = self._nodes.parameters(self.namespace, name)
+        sections, problem = self._further_sections(name)
+        own |= merge(sections)
+        parameters = {k: p for k, p in own.items() if not self._is_own(k, p)}
+        type_, where = self._choose(name, "type", parameters.pop("type", None))
+        if type_ is None:
+            members = (p for k, p in self.parameters.items() if _is_below(k, name))
+            what, where = "no 'type' is given", f"{self.node}.{name}"
+            self._complain(where, next(members), what, "warning", "it is not spawned")
+            return None
+        if not isinstance(type_.value, str):
+            what = f"expected a controller type, got {type_.value!r}"
+            self._complain(where, type_, what, "error", _IDLE)
+            problem = problem or what
+        remaps, where = self._choose(name, "node_options_args", None)
+        if remaps is not None:
+            what = "options of nodes are not simulated"
+            self._complain(where, remaps, what, "info", "it has no effect")
+        return ControllerConfig(
+            name,
+            str(type_.value),
+            parameters,
+            type_.file,
+            type_.line,
+            problem=problem,
+        )
+
+    def _choose(
+        self, name: str, key: str, own: Parameter | None
+    ) -> tuple[Parameter | None, str]:
+        """Return what the manager is told about a controller, and its full name.
+
+        Args:
+            name: Name of the controller.
+            key: Name of the parameter below it.
+            own: What the controller's own section says, which holds if that of the
+                manager says nothing.
+        """
+        given = self.parameters.get(f"{name}.{key}")
+        if given is None:
+            return own, f"{name}.{key}"
+        return given, f"{self.node}.{name}.{key}"
+
+    def _with_fallback(
+        self, controller: ControllerConfig, others: Collection[str]
+    ) -> ControllerConfig:
+        """Return a controller with its fallback controllers, of the names given."""
+        name, parameters = controller.name, dict(controller.parameters)
+        own = parameters.pop("fallback_controllers", None)
+        given, where = self._choose(name, "fallback_controllers", own)
+        if given is None:
+            return controller
+        names: tuple[str, ...] = ()
+        problem = ""
+        try:
+            names = texts_of(given, where)
+        except ParameterError as error:
+            problem = error.problem
+        if name in names:
+            problem = "it is its own fallback"
+        if problem:
+            self._complain(where, given, problem, "error", _IDLE)
+        for other in () if problem else names:
+            if other not in others:
+                what = f"no controller {other!r}; {suggest(other, others)}"
+                self._complain(where, given, what, "warning", "it is left out")
+        return dc.replace(
+            controller,
+            parameters=parameters,
+            fallback_controllers=tuple(n for n in names if n in others),
+            problem=controller.problem or problem,
+        )
+
+    def _is_own(self, key: str, parameter: Parameter) -> bool:
+        """Return whether a controller got a parameter of the manager, by a wildcard."""
+        if self.parameters.get(key) is not parameter:
+            return False
+        return is_managers(key) or key.partition(".")[0] in self._names
+
+    def _further_sections(self, name: str) -> tuple[list[Section], str]:
+        """Return what the files of a controller give it, and why it can't be loaded."""
+        given, where = self._choose(name, "params_file", None)
+        sections: list[Section] = []
+        if given is None:
+            return sections, ""
+        try:
+            texts = texts_of(given, where)
+        except ParameterError as error:
+            self._complain(where, given, error.problem, "error", "it is ignored")
+            return sections, ""
+        for text in texts:
+            try:
+                path = self._resolve(text, given.file.parent)
+                # Unlike that of Path, it takes names that no file can have.
+                is_file = os.path.isfile(path)
+                problem = "" if is_file else f"no such file: {text!r}"
+            except PackageError as error:
+                problem = error.problem
+            if problem:
+                self._complain(where, given, problem, "error", "it is left out")
+                continue
+            self.files.append(path)
+            try:
+                read = self._reader.read(path)
+            except ParameterError as error:
+                self._complain(where, given, str(error), "error", _IDLE)
+                return sections, str(error)
+            sections += [
+                section
+                for section in read
+                if self._nodes.is_reached(section, self.namespace, name)
+            ]
+        return sections, ""
+
+    def _resolve(self, text: str, folder: Path) -> Path:
+        if self._packages is None:
+            return folder / text
+        return self._packages.resolve(text, folder)
+
+    def _complain(
+        self,
+        where: str,
+        parameter: Parameter,
+        what: str,
+        severity: Severity,
+        done: str,
+    ) -> None:
+        kinds: dict[Severity, Kind] = {"info": "unsupported", "warning": "missing"}
+        self._report.add(
+            severity,
+            kinds.get(severity, "invalid"),
+            what,
+            done,
+            where=where,
+            file=parameter.file,
+            line=parameter.line,
+        )
+
+
+def _is_below(key: str, name: str) -> bool:
+    return key.startswith(f"{name}.")
+
 
 __all__ = [
     "DEFAULT_UPDATE_RATE",

@@ -31,11 +31,15 @@ from arm_drake.description.gazebo_nodes import (
     report_unread,
     simulator_of,
 )
-from arm_drake.description.given import NodeParameters, Parameter
-from arm_drake.description.hardware_info import ComponentInfo, HardwareInfo, PidGains
-from arm_drake.description.hardware_report import CLASSIC
+from arm_drake.description.parameters import NodeParameters, Parameter
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
+from arm_drake.description.ros2_control import (
+    CLASSIC,
+    ComponentInfo,
+    HardwareInfo,
+    PidGains,
+)
 from arm_drake.errors import ParameterError, suggest
 from arm_drake.interfaces import POSITION, VELOCITY
 

@@ -7,17 +7,16 @@ Gazebo Sim always the same (gz_ros2_control_plugin.cpp).
 from collections.abc import Iterator
 from pathlib import Path
 
-from arm_drake.description.controller_manager_nodes import (
+from arm_drake.description.controller_manager_parameters import (
     PLUGIN_NODES,
     PLUGIN_PARAMETERS,
 )
 from arm_drake.description.elements import parse_bool
 from arm_drake.description.gazebo import GazeboPlugin
-from arm_drake.description.given import Parameter, Parameters
-from arm_drake.description.hardware_info import HardwareInfo
-from arm_drake.description.hardware_report import CLASSIC, SIMULATOR_PLUGINS
+from arm_drake.description.parameters import Parameter, Parameters
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
+from arm_drake.description.ros2_control import CLASSIC, SIMULATOR_PLUGINS, HardwareInfo
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.errors import suggest
 

@@ -5,6 +5,7 @@ import math
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
+from arm_drake.description.elements import numbers
 from arm_drake.description.meshes.conversion import (
     Scale,
     convert_collision,
@@ -12,7 +13,6 @@ from arm_drake.description.meshes.conversion import (
 )
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import Kind, LoadReport, Severity
-from arm_drake.description.values import numbers
 from arm_drake.errors import PackageError
 
 # Attributes of primitives, and how many numbers each holds.

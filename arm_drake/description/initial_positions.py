@@ -5,10 +5,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from arm_drake.description.elements import ElementReader
-from arm_drake.description.hardware_info import ComponentInfo, HardwareInfo
-from arm_drake.description.joints import JointInfo
+from arm_drake.description.joints import JointInfo, last_master
 from arm_drake.description.report import LoadReport
-from arm_drake.description.tree import last_master
+from arm_drake.description.ros2_control import ComponentInfo, HardwareInfo
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.errors import InputError, suggest
 

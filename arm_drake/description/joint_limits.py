@@ -12,9 +12,9 @@ import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from arm_drake.description.hardware_info import ComponentInfo, InterfaceInfo
 from arm_drake.description.joints import JointInfo
 from arm_drake.description.report import LoadReport
+from arm_drake.description.ros2_control import ComponentInfo, InterfaceInfo
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.interfaces import ACCELERATION, EFFORT, POSITION, VELOCITY
 

@@ -4,22 +4,425 @@ A package is a folder with a `package.xml`. Source trees and install trees
 (`share/<package>`) are searched alike. First come the folders that the user names, the
 entry file's own package and what ROS has installed; then what lies around the entry
 file, the nearest first, for one repository may hold several copies of a package.
+
+What the setup.py of a Python package says about the places of its files.
+
+The file is read, never executed.
+
+Where a ROS package's files lie once it is installed.
+
+Descriptions name files by their place below `share/<package>`. In a source tree some
+of them lie elsewhere: `install(DIRECTORY ...)` in CMakeLists.txt, or `data_files` in
+setup.py, says where they go.
 """
 
+import ast
+import functools
+import glob
 import itertools
 import os
 import re
+import shlex
 import shutil
 import tempfile
 import weakref
-from collections.abc import Iterable, Iterator, Sequence
-from pathlib import Path
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path, PurePosixPath
 from urllib.parse import unquote
 
-from arm_drake.description.install_layout import installed_elsewhere, is_plain_name
-from arm_drake.description.install_links import show_as_installed
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import PackageError, suggest
+
+# An installed file or folder: its place below `share/<package>`, and where it lies.
+Installed = tuple[PurePosixPath, Path]
+
+# More than any package needs.
+_MAX_LINKS = 50_000
+
+
+def show_as_installed(package: Path, rules: list[Installed], shown: Path) -> None:
+    """Fill a folder with links to a package's files, in their installed places.
+
+    Args:
+        package: Folder of the package; what it doesn't install is shown in place.
+        rules: What is installed elsewhere.
+        shown: The folder to fill; it must not exist.
+
+    Raises:
+        OSError: If a file or folder can't be read, or stands where another must be.
+        ValueError: If a place lies outside the folder, or there are too many links.
+    """
+    shown.mkdir(parents=True)
+    links = _Links()
+    links.add_children(package, shown)
+    for place, source in rules:
+        if place.is_absolute() or ".." in place.parts:
+            raise ValueError(f"{str(place)!r} lies outside of the package")
+        folder = shown
+        for part in place.parts[:-1]:
+            folder = folder / part
+            links.open_folder(folder)
+        links.add(source, shown / place)
+
+
+class _Links:
+    """Makes links, and counts them."""
+
+    def __init__(self) -> None:
+        self._count = 0
+
+    def add(self, source: Path, shown: Path) -> None:
+        """Show a file or a folder; a folder that is shown already gets more content."""
+        if source.is_dir() and shown.is_dir():
+            self.open_folder(shown)
+            self.add_children(source, shown)
+            return
+        self._link(source, shown)
+
+    def add_children(self, source: Path, shown: Path) -> None:
+        """Show what is in a folder."""
+        for child in sorted(source.iterdir()):
+            place = shown / child.name
+            # A link to a folder may lead back to where we are.
+            if child.is_symlink() and place.is_dir():
+                if place.is_symlink():
+                    self._link(child, place)
+            else:
+                self.add(child, place)
+
+    def open_folder(self, shown: Path) -> None:
+        """Make a folder of its own of a link to a folder, with links to its content."""
+        if not shown.is_symlink():
+            shown.mkdir(exist_ok=True)
+            return
+        target = shown.resolve()
+        if not target.is_dir():
+            raise NotADirectoryError(f"{str(target)!r} is no folder")
+        shown.unlink()
+        shown.mkdir()
+        self.add_children(target, shown)
+
+    def _link(self, source: Path, shown: Path) -> None:
+        self._count += 1
+        if self._count > _MAX_LINKS:
+            raise ValueError(f"more than {_MAX_LINKS} links")
+        shown.unlink(missing_ok=True)
+        shown.symlink_to(source.resolve())
+
+
+# Bounds on how much of a setup.py is understood: expressions looked at, the length of
+# a text [characters], files that a pattern stands for.
+_MAX_EXPRESSIONS = 100_000
+_MAX_SETUP_TEXT = 10_000
+_MAX_FILES = 10_000
+
+
+def setup_rules(
+    package: Path, text: str, below_share: Callable[[str], PurePosixPath | None]
+) -> Iterator[Installed]:
+    """Yield what `data_files` of a setup.py says.
+
+    Args:
+        package: Folder of the package.
+        text: Content of its setup.py.
+        below_share: Returns the place in the package that a destination is, or None.
+
+    Raises:
+        ValueError: If there is more in the file than in any setup.py.
+    """
+    try:
+        tree = ast.parse(text)
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        return
+    reader = _SetupReader(package)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
+            reader.names[node.targets[0].id] = node.value
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.Tuple) or len(node.elts) != 2:
+            continue
+        destination, sources = map(reader.value, node.elts)
+        if isinstance(destination, str) and isinstance(sources, list):
+            place = below_share(destination)
+            if place is not None:
+                for source in sources:
+                    yield place / PurePosixPath(source).name, package / source
+
+
+class _SetupReader:
+    """Understands how setup.py files spell texts and lists of texts."""
+
+    def __init__(self, package: Path) -> None:
+        self._package = package
+        self._count = 0
+        self.names: dict[str, ast.expr] = {}
+
+    def value(self, node: ast.expr, depth: int = 0) -> str | list[str] | None:
+        """Return the text or texts that an expression stands for; None if unknown."""
+        self._count += 1
+        if self._count > _MAX_EXPRESSIONS:
+            raise ValueError(f"more than {_MAX_EXPRESSIONS} expressions in setup.py")
+        if depth > 10:
+            return None
+        match node:
+            case ast.Constant(value=str(text)):
+                return text if len(text) <= _MAX_SETUP_TEXT else None
+            case ast.Name(id=name) if name in self.names:
+                return self.value(self.names[name], depth + 1)
+        values = [self.value(child, depth + 1) for child in _operands(node)]
+        texts = [value for value in values if isinstance(value, str)]
+        are_texts = len(texts) == len(values)
+        if isinstance(node, ast.List):
+            return texts if are_texts else None
+        if sum(map(len, texts)) > _MAX_SETUP_TEXT:
+            return None
+        match node:
+            case ast.JoinedStr() if are_texts:
+                return "".join(texts)
+            case ast.BinOp(op=ast.Add()) if are_texts:
+                return "".join(texts)
+            case ast.BinOp(op=ast.Add()):
+                left, right = values
+                if isinstance(left, list) and isinstance(right, list):
+                    return left + right
+            case ast.Call(func=ast.Name(id=name) | ast.Attribute(attr=name)) if (
+                are_texts and texts
+            ):
+                if name == "join":
+                    return "/".join(texts)
+                if name in ("glob", "iglob"):
+                    found = glob.iglob(texts[0], root_dir=self._package)
+                    return sorted(itertools.islice(found, _MAX_FILES))
+        return None
+
+
+def _operands(node: ast.expr) -> list[ast.expr]:
+    match node:
+        case ast.List():
+            return node.elts
+        case ast.JoinedStr():
+            return [
+                part.value if isinstance(part, ast.FormattedValue) else part
+                for part in node.values
+            ]
+        case ast.BinOp():
+            return [node.left, node.right]
+        case ast.Call():
+            return node.args
+    return []
+
+
+# The first alternative holds a comment that never ends, too.
+_COMMENT = re.compile(r"#\[\[.*?(?:\]\]|\Z)|#[^\n]*", re.DOTALL)
+_COMMAND = re.compile(
+    r"\b(project|set|install|add_subdirectory|ament_auto_package|foreach|endforeach)"
+    r"\s*\(([^)]{0,20000})\)",
+    re.I,
+)
+_VARIABLE = re.compile(r"\$\{(\w+)\}")
+
+# Words of `install(DIRECTORY ...)` after which no folders are named.
+_OPTIONS = {
+    "COMPONENT",
+    "CONFIGURATIONS",
+    "DESTINATION",
+    "DIRECTORY_PERMISSIONS",
+    "FILES_MATCHING",
+    "FILE_PERMISSIONS",
+    "OPTIONAL",
+    "PATTERN",
+    "PERMISSIONS",
+    "REGEX",
+    "RENAME",
+    "TYPE",
+    "USE_SOURCE_PERMISSIONS",
+}
+
+# More than any package has: characters of a file, those of all commands with their
+# variables filled in, and rules.
+_MAX_TEXT = 256 * 2**10
+_MAX_EXPANDED = 2**20
+_MAX_RULES = 20_000
+
+
+def installed_elsewhere(package: Path, name: str) -> list[Installed]:
+    """Return what a source package installs to a place other than its own.
+
+    Args:
+        package: Folder of the package.
+        name: Name of the package.
+
+    Raises:
+        OSError: If something can't be read.
+        ValueError: If there is more to read than in any package.
+    """
+    below_share = functools.partial(_below_share, name=name)
+    setup = _read(package / "setup.py")
+    rules = itertools.chain(
+        _CMakeReader(package, name).rules(), setup_rules(package, setup, below_share)
+    )
+    found = []
+    for index, (place, source) in enumerate(rules):
+        if index >= _MAX_RULES:
+            raise ValueError(f"more than {_MAX_RULES} files and folders are installed")
+        if place.is_absolute() or ".." in place.parts:
+            continue  # It isn't below `share/<package>`.
+        there = package / place
+        if source.exists() and not (there.exists() and there.samefile(source)):
+            found.append((place, source))
+    return found
+
+
+class _CMakeReader:
+    """Follows the commands of a CMakeLists.txt that say where files are installed."""
+
+    def __init__(self, package: Path, name: str) -> None:
+        self._package = package
+        self._name = name
+        self._num_characters = 0
+        self._variables = {
+            "PROJECT_NAME": name,
+            "CMAKE_PROJECT_NAME": name,
+            "CMAKE_SOURCE_DIR": str(package),
+            "PROJECT_SOURCE_DIR": str(package),
+            "CMAKE_INSTALL_PREFIX": "",
+            "CMAKE_INSTALL_DATADIR": "share",
+            "CMAKE_INSTALL_DATAROOTDIR": "share",
+        }
+
+    def rules(self) -> Iterator[Installed]:
+        """Yield what is installed below `share/<package>`."""
+        yield from self._file(self._package, self._variables, depth=0)
+
+    def _file(
+        self, folder: Path, variables: dict[str, str], depth: int
+    ) -> Iterator[Installed]:
+        text = _read(folder / "CMakeLists.txt")
+        self._count(len(text))
+        variables = variables | {"CMAKE_CURRENT_SOURCE_DIR": str(folder)}
+        commands = [
+            (command.lower(), text)
+            for command, text in _COMMAND.findall(_COMMENT.sub("", text))
+        ]
+        yield from self._run(commands, folder, variables, depth)
+
+    def _run(
+        self,
+        commands: list[tuple[str, str]],
+        folder: Path,
+        variables: dict[str, str],
+        depth: int,
+    ) -> Iterator[Installed]:
+        waiting = iter(commands)
+        for command, text in waiting:
+            words = _words(self._expand(text, variables))
+            match command:
+                case "project" if words:
+                    variables["PROJECT_NAME"] = words[0]
+                case "set" if words:
+                    variables[words[0]] = " ".join(words[1:])
+                case "add_subdirectory" if words and depth < 3:
+                    yield from self._file(folder / words[0], variables, depth + 1)
+                case "install":
+                    yield from _install_command(words, folder, self._name)
+                case "ament_auto_package" if "INSTALL_TO_SHARE" in words:
+                    shared = words[words.index("INSTALL_TO_SHARE") + 1 :]
+                    shared += ["DESTINATION", f"share/{self._name}"]
+                    shared.insert(0, "DIRECTORY")
+                    yield from _install_command(shared, folder, self._name)
+                case "foreach":
+                    body = _loop_body(waiting)
+                    for item in _loop_items(words, variables):
+                        variables[words[0]] = item
+                        yield from self._run(body, folder, variables, depth)
+
+    def _expand(self, text: str, variables: dict[str, str]) -> str:
+        """Return a text with the values of variables, which may not become endless."""
+        values = (variables.get(name, "") for name in _VARIABLE.findall(text))
+        self._count(len(text) + sum(map(len, values)))
+        return _VARIABLE.sub(lambda match: variables.get(match[1], match[0]), text)
+
+    def _count(self, num_characters: int) -> None:
+        self._num_characters += num_characters
+        if self._num_characters > _MAX_EXPANDED:
+            raise ValueError("the commands of its CMakeLists.txt are too long")
+
+
+def _loop_body(commands: Iterator[tuple[str, str]]) -> list[tuple[str, str]]:
+    """Take the commands up to the end of a loop, whose start has been taken."""
+    body, num_open = [], 1
+    for command, text in commands:
+        num_open += {"foreach": 1, "endforeach": -1}.get(command, 0)
+        if num_open == 0:
+            break
+        body.append((command, text))
+    return body
+
+
+def _loop_items(words: list[str], variables: dict[str, str]) -> list[str]:
+    match words:
+        case [_, "IN", "LISTS", *lists]:
+            return [item for name in lists for item in _words(variables.get(name, ""))]
+        case [_, "IN", "ITEMS", *items]:
+            return items
+        case [_, "RANGE" | "IN", *_] | []:
+            return []
+    return words[1:]
+
+
+def _install_command(words: list[str], folder: Path, name: str) -> Iterator[Installed]:
+    if len(words) < 2 or words[0] not in ("DIRECTORY", "FILES", "PROGRAMS"):
+        return
+    sources = []
+    for word in words[1:]:
+        if word in _OPTIONS:
+            break
+        sources.append(word)
+    after = dict(itertools.pairwise(words))
+    place = _below_share(after.get("DESTINATION", ""), name)
+    if place is None:
+        return
+    for source in sources:
+        path = folder / source
+        if words[0] == "DIRECTORY" and source.endswith("/"):  # Its content.
+            children = sorted(path.iterdir()) if path.is_dir() else []
+            yield from ((place / child.name, child) for child in children)
+        elif words[0] == "FILES" and "RENAME" in after:
+            if is_plain_name(after["RENAME"]):
+                yield place / after["RENAME"], path
+        else:
+            yield place / path.name, path
+
+
+def is_plain_name(name: str) -> bool:
+    """Return whether a text names something in a folder, and nothing outside of it."""
+    return name not in ("", ".", "..") and "/" not in name and "\0" not in name
+
+
+def _below_share(destination: str, name: str) -> PurePosixPath | None:
+    """Return the place below `share/<name>` that a destination is, or None."""
+    parts = PurePosixPath(destination.lstrip("/")).parts
+    if parts[:2] != ("share", name) or ".." in parts:
+        return None
+    return PurePosixPath(*parts[2:])
+
+
+def _words(text: str) -> list[str]:
+    try:
+        return shlex.split(text.replace(";", " "))
+    except ValueError:  # An open quote.
+        return text.split()
+
+
+def _read(path: Path) -> str:
+    if not os.path.isfile(path):  # A pipe would be read for ever.
+        return ""
+    with path.open(encoding="utf-8", errors="replace") as file:
+        text = file.read(_MAX_TEXT + 1)
+    if len(text) > _MAX_TEXT:
+        raise ValueError(f"its {path.name} is larger than {_MAX_TEXT // 2**10} kB")
+    return text
+
 
 # How far below a searched folder a package may lie, and how far above the entry file's
 # package its workspace may begin.

@@ -3,21 +3,211 @@
 Drake stops at meshes it can't read, at duplicate transmissions, at moving bodies
 without mass; it takes an effort limit of 0 literally and ends the process at a
 primitive of size 0. What robots' authors got away with under ROS is mended here.
+
+Leave in a URDF only what Drake reads; say once what else there was.
+
+Drake answers every unknown attribute and tag with a warning of its own, per element.
 """
 
+import collections
 import math
+import os
 import xml.etree.ElementTree as ET
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from arm_drake.description.cleaning import clean
+from arm_drake.description.elements import numbers
 from arm_drake.description.geometry import repair_geometry
 from arm_drake.description.inertia import repair_inertials
-from arm_drake.description.materials import repair_materials
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
-from arm_drake.description.values import numbers
-from arm_drake.errors import DescriptionError
+from arm_drake.errors import DescriptionError, PackageError
+
+# Elements by their path below <robot>, with the attributes that are read.
+_READ: Mapping[str, tuple[str, ...]] = {
+    "material": ("name",),
+    "material/color": ("rgba",),
+    "material/texture": ("filename",),
+    "link": ("name",),
+    "link/inertial": (),
+    "link/inertial/origin": ("xyz", "rpy"),
+    "link/inertial/mass": ("value",),
+    "link/inertial/inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
+    **{
+        f"link/{tag}{path}": attributes
+        for tag in ("visual", "collision")
+        for path, attributes in {
+            "": ("name",),
+            "/origin": ("xyz", "rpy"),
+            "/geometry": (),
+            "/geometry/box": ("size",),
+            "/geometry/sphere": ("radius",),
+            "/geometry/cylinder": ("radius", "length"),
+            "/geometry/capsule": ("radius", "length"),
+            "/geometry/mesh": ("filename", "scale"),
+        }.items()
+    },
+    "link/visual/material": ("name",),
+    "link/visual/material/color": ("rgba",),
+    "link/visual/material/texture": ("filename",),
+    "joint": ("name", "type"),
+    "joint/origin": ("xyz", "rpy"),
+    "joint/parent": ("link",),
+    "joint/child": ("link",),
+    "joint/axis": ("xyz",),
+    "joint/limit": ("lower", "upper", "effort", "velocity"),
+    "joint/dynamics": ("damping", "friction"),
+    "joint/mimic": ("joint", "multiplier", "offset"),
+}
+
+# Read elsewhere, and reported there.
+_OTHERS = ("ros2_control", "gazebo", "joint/safety_controller")
+
+# What is done about tags that mean something to others.
+_MEANINGS = {
+    "transmission": "actuators come from <ros2_control>",
+    "joint/calibration": "joints are calibrated",
+    "link/collision_checking": "collisions come from <collision>",
+}
+
+_NOTHING = "it has no effect"
+
+# Paths of tags, and an attribute or "", with how often they were found.
+_Ignored = collections.Counter[tuple[str, str]]
+
+
+def clean(root: ET.Element, file: Path, report: LoadReport) -> None:
+    """Remove from a URDF what isn't read, and record each kind of thing once.
+
+    Args:
+        root: The `<robot>` element.
+        file: File it came from.
+        report: Where it is recorded.
+    """
+    ignored: _Ignored = collections.Counter()
+    for child in list(root):
+        _clean(root, child, "", ignored)
+    for (path, attribute), count in ignored.items():
+        what = f"<{path} {attribute}=...>" if attribute else f"<{path}>"
+        times = "" if count == 1 else f", {count} times"
+        done = _MEANINGS.get(path) if not attribute else None
+        report.add("info", "ignored", f"{what}{times}", done or _NOTHING, file=file)
+
+
+def _clean(
+    parent: ET.Element, element: ET.Element, above: str, ignored: _Ignored
+) -> None:
+    if not isinstance(element.tag, str):  # A comment.
+        return
+    path = f"{above}/{element.tag}" if above else element.tag
+    is_shape = above.endswith("/geometry")  # One that is unknown is a repair.
+    if path not in _READ and not is_shape:
+        parent.remove(element)
+        if path not in _OTHERS:
+            ignored[path, ""] += 1
+        return
+    if element.get("name") == "" and above == "link":
+        del element.attrib["name"]  # Drake takes no empty one.
+    for name in list(element.attrib):
+        if path in _READ and name not in _READ[path]:
+            del element.attrib[name]
+            if not name.startswith("{"):  # Of another name space.
+                ignored[path, name] += 1
+    for child in list(element):
+        _clean(element, child, path, ignored)
+
+
+def repair_materials(
+    root: ET.Element, file: Path, packages: PackageFinder, report: LoadReport
+) -> None:
+    """Spell the colour of every visual out; remove materials that have none.
+
+    Drake refuses two colours under one name, which ROS doesn't. A texture is replaced
+    by its mean colour: most meshes of a URDF's textures have no texture coordinates.
+
+    Args:
+        root: The `<robot>` element, changed in place.
+        file: File it came from; relative paths start in its folder.
+        packages: What resolves package URIs.
+        report: Where every change is recorded.
+
+    Raises:
+        DescriptionError: If a number is malformed.
+    """
+    colors: dict[str, str] = {}
+    for material in root.iter("material"):
+        name = material.get("name", "")
+        if (rgba := material.find("color")) is not None:
+            text = rgba.get("rgba", "")
+            values = numbers(text, file, f"material {name!r}")
+            if len(values) == 4 and all(0.0 <= value <= 1.0 for value in values):
+                colors.setdefault(name, text)
+            else:
+                material.remove(rgba)
+        for texture in material.findall("texture"):
+            material.remove(texture)
+            mean = _mean_color(
+                texture.get("filename", ""), name, file, packages, report
+            )
+            if mean is not None and material.find("color") is None:
+                ET.SubElement(material, "color", rgba=mean)
+            colors.setdefault(name, mean or "")
+    for material in root.findall("material"):
+        root.remove(material)
+    for visual in root.iter("visual"):
+        for material in visual.findall("material"):
+            _spell_out(visual, material, colors, file, report)
+
+
+def _spell_out(
+    visual: ET.Element,
+    material: ET.Element,
+    colors: dict[str, str],
+    file: Path,
+    report: LoadReport,
+) -> None:
+    name = material.attrib.pop("name", "")
+    color = colors.get(name)
+    if material.find("color") is not None:
+        return
+    if color:
+        ET.SubElement(material, "color", rgba=color)
+        return
+    visual.remove(material)
+    if color is None:
+        what = f"material {name!r} has no colour of 4 numbers from 0 to 1"
+        done = "the default colour is used"
+        report.add("warning", "missing", what, done, file=file)
+
+
+def _mean_color(
+    uri: str, material: str, file: Path, packages: PackageFinder, report: LoadReport
+) -> str | None:
+    """Return the mean colour of a texture as a text, or None and a report line."""
+    # Not at the top: few robots have textures.
+    from PIL import Image
+
+    place = f"material {material!r}"
+    try:
+        path = packages.resolve(uri, file.parent)
+        if os.path.exists(path) and not os.path.isfile(path):
+            raise OSError("not a regular file")  # A pipe would be read for ever.
+        with Image.open(path) as image:
+            pixel = image.convert("RGB").resize((1, 1), Image.Resampling.BOX)
+            mean = [channel / 255.0 for channel in pixel.tobytes()]
+    # What Pillow raises for a bad file is any of a dozen errors.
+    except Exception as error:
+        missing = isinstance(error, PackageError | FileNotFoundError)
+        problem = "doesn't exist" if missing else "can't be read"
+        what = f"the texture {uri!r} {problem}"
+        done = "drawn without it, unless its mesh has one of its own"
+        report.add("warning", "missing", what, done, where=place, file=file)
+        return None
+    what = f"the texture {uri!r}"
+    done = "its mean colour is used, unless a mesh has a texture of its own"
+    report.add("warning", "unsupported", what, done, where=place, file=file)
+    return " ".join(f"{value:.4g}" for value in (*mean, 1.0))
+
 
 # How many numbers the attributes of these elements hold.
 _COUNTS = {

@@ -3,27 +3,247 @@
 Follows `hardware_interface/src/component_parser.cpp` of ros2_control. What makes it
 reject a description is a line in the report here, and the element concerned is left
 out.
+
+`<ros2_control>` blocks as frozen dataclasses.
+
+Names of classes and fields follow `hardware_interface/hardware_info.hpp` of
+ros2_control.
 """
 
 import dataclasses as dc
+import math
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
+from arm_drake import interfaces
 from arm_drake.description.elements import (
     ElementReader,
     attribute,
     parse_number,
     text_of,
 )
-from arm_drake.description.hardware_info import (
-    ComponentInfo,
-    HardwareInfo,
-    InterfaceInfo,
-    PidGains,
-)
 from arm_drake.description.report import LoadReport
-from arm_drake.description.transmissions import read_transmissions
+from arm_drake.errors import suggest
+
+
+@dc.dataclass(frozen=True)
+class InterfaceInfo:
+    """A command or state interface of a component."""
+
+    # Such as "position".
+    name: str
+
+    # Limits of a command interface, in the unit of the interface.
+    min: float | None = None
+    max: float | None = None
+
+    # Value at the start.
+    initial_value: float | None = None
+
+    # All `<param>` values, as text.
+    parameters: dict[str, str] = dc.field(default_factory=dict)
+
+    # Type of its value in C++, such as "double", and how many it has.
+    data_type: str = "double"
+    size: int = 1
+
+    # Whether its limits hold, as `<limits enable>` says.
+    enable_limits: bool = True
+
+
+@dc.dataclass(frozen=True)
+class PidGains:
+    """Gains that `gazebo_ros2_control/GazeboSystem` gives a joint.
+
+    Upstream's lower limit of the integral is DBL_MIN where none is given, which is the
+    smallest positive number and no limit that was meant; here it is -inf.
+    """
+
+    kp: float = 0.0
+    ki: float = 0.0
+    kd: float = 0.0
+    max_integral_error: float = math.inf
+    min_integral_error: float = -math.inf
+
+
+@dc.dataclass(frozen=True)
+class ComponentInfo:
+    """A `<joint>`, `<sensor>` or `<gpio>` of a hardware block."""
+
+    name: str
+    command_interfaces: tuple[InterfaceInfo, ...] = ()
+    state_interfaces: tuple[InterfaceInfo, ...] = ()
+
+    # All `<param>` values, as text.
+    parameters: dict[str, str] = dc.field(default_factory=dict)
+
+    # Attribute `mimic` of a joint, None where it is not given.
+    is_mimic: bool | None = None
+
+    # Whether limits hold for any of its interfaces, as `<limits enable>` says.
+    enable_limits: bool = True
+
+    # Gains of joint parameters such as `pos_kp` and `vel_kp`, None without any.
+    position_pid: PidGains | None = None
+    velocity_pid: PidGains | None = None
+
+
+@dc.dataclass(frozen=True)
+class TransmissionJointInfo:
+    """A `<joint>` of a transmission."""
+
+    name: str
+
+    # Such as "joint1".
+    role: str
+
+    mechanical_reduction: float = 1.0
+
+    # [rad] or [m].
+    offset: float = 0.0
+
+    read_only: bool = False
+
+
+@dc.dataclass(frozen=True)
+class ActuatorInfo:
+    """An `<actuator>` of a transmission; fields as those of TransmissionJointInfo."""
+
+    name: str
+    role: str
+    mechanical_reduction: float = 1.0
+    offset: float = 0.0
+    read_only: bool = False
+
+
+@dc.dataclass(frozen=True)
+class TransmissionInfo:
+    """A `<transmission>` of a hardware block."""
+
+    name: str
+
+    # Plugin class, such as "transmission_interface/SimpleTransmission".
+    type: str
+
+    joints: tuple[TransmissionJointInfo, ...] = ()
+    actuators: tuple[ActuatorInfo, ...] = ()
+    parameters: dict[str, str] = dc.field(default_factory=dict)
+
+
+@dc.dataclass(frozen=True)
+class HardwareInfo:
+    """A `<ros2_control>` block."""
+
+    name: str
+
+    # "system", "actuator" or "sensor".
+    type: str
+
+    # Plugin class of the real or simulated driver; the simulator stands in for it.
+    plugin: str
+
+    joints: tuple[ComponentInfo, ...] = ()
+    sensors: tuple[ComponentInfo, ...] = ()
+    gpios: tuple[ComponentInfo, ...] = ()
+
+    # `<param>` values of `<hardware>`, as text.
+    parameters: dict[str, str] = dc.field(default_factory=dict)
+
+    transmissions: tuple[TransmissionInfo, ...] = ()
+
+    # Group of blocks whose errors concern each other.
+    group: str = ""
+
+    # Rate of reading and writing [Hz]; 0 is the manager's.
+    rw_rate: int = 0
+
+    # How the driver's thread runs.
+    is_async: bool = False
+    thread_priority: int = 50
+
+
+_END_ATTRIBUTES = ("name", "role", "read_only")
+_END_CHILDREN = ("mechanical_reduction", "offset")
+
+
+def read_transmissions(
+    block: ET.Element, block_type: str, joints: Sequence[str], reader: ElementReader
+) -> tuple[TransmissionInfo, ...]:
+    """Return the transmissions of a block.
+
+    Args:
+        block: The `<ros2_control>` element.
+        block_type: "system", "actuator" or "sensor".
+        joints: Joints of the block.
+        reader: What reports transmissions that are left out.
+    """
+    found = []
+    for element in block.iterfind("transmission"):
+        name = attribute(element, "name")
+        where = f"transmission {name!r}"
+        reader.check(element, ["name"], ["plugin", "joint", "actuator", "param"], where)
+        transmission = TransmissionInfo(
+            name=name,
+            type=text_of(element, "plugin"),
+            joints=tuple(
+                TransmissionJointInfo(*end) for end in _ends(element, "joint", reader)
+            ),
+            actuators=tuple(
+                ActuatorInfo(*end) for end in _ends(element, "actuator", reader)
+            ),
+            parameters=reader.parameters(element, where),
+        )
+        problem = _problem(transmission, block_type, joints)
+        if problem is None:
+            found.append(transmission)
+        else:
+            reader.note("warning", "invalid", problem, "it is left out", where)
+    return tuple(found)
+
+
+def _ends(
+    element: ET.Element, tag: str, reader: ElementReader
+) -> Iterator[tuple[str, str, float, float, bool]]:
+    for end in element.iterfind(tag):
+        name = attribute(end, "name")
+        where = f"transmission {attribute(element, 'name')!r}, {tag} {name!r}"
+        reader.check(end, _END_ATTRIBUTES, _END_CHILDREN, where)
+        reduction, offset = (
+            reader.finite(end.findtext(child), child, where) for child in _END_CHILDREN
+        )
+        if reduction == 0.0:
+            what = "mechanical_reduction: expected a number other than 0"
+            reader.note("warning", "invalid", what, "taken as not given", where)
+        is_read_only = reader.boolean(end, "read_only", where) or False
+        yield (
+            name,
+            attribute(end, "role"),
+            reduction or 1.0,
+            offset or 0.0,
+            is_read_only,
+        )
+
+
+def _problem(
+    transmission: TransmissionInfo, block_type: str, joints: Sequence[str]
+) -> str | None:
+    """Return why ros2_control refuses a transmission, or None."""
+    if not transmission.name:
+        return "a <transmission> has no name"
+    if not transmission.type:
+        return "no <plugin>"
+    names = [(end.name, end.role) for end in transmission.joints]
+    names += [(end.name, end.role) for end in transmission.actuators]
+    if not all(name and role for name, role in names):
+        return "each joint and actuator needs a name and a role"
+    for end in transmission.joints:
+        if end.name not in joints:
+            return f"the block has no joint {end.name!r}; {suggest(end.name, joints)}"
+    if block_type == "actuator" and len(transmission.joints) != 1:
+        return f"an actuator has one joint, got {len(transmission.joints)}"
+    return None
+
 
 _TYPES = ("system", "actuator", "sensor")
 
@@ -263,3 +483,118 @@ class _BlockReader(ElementReader):
                 return None
             values[name] = number
         return PidGains(**values)
+
+
+# The simulator whose blocks give joints PID gains.
+CLASSIC = "Gazebo Classic"
+
+# Plugins that are simulators themselves.
+SIMULATOR_PLUGINS = {
+    "gz_ros2_control/GazeboSimSystem": "Gazebo Sim",
+    "ign_ros2_control/IgnitionSystem": "Ignition Gazebo",
+    "gazebo_ros2_control/GazeboSystem": CLASSIC,
+    "mock_components/GenericSystem": "mock hardware",
+    "fake_components/GenericSystem": "mock hardware",
+}
+
+_NUMBERS = ("initial_position", "initial_velocity", "initial_effort")
+_GAINS = ("kp", "ki", "kd", "max_integral_error", "min_integral_error")
+
+# Parameters of joints that are read.
+_READ = {"mimic", "multiplier", *_NUMBERS}
+_READ |= {prefix + gain for prefix in ("pos_", "vel_") for gain in _GAINS}
+
+# What a joint can be commanded.
+_COMMANDS = (*interfaces.STATE_INTERFACES, interfaces.ACCELERATION)
+
+# What it can report.
+_STATES = _COMMANDS
+
+
+def report_hardware(
+    hardware: Sequence[HardwareInfo], report: LoadReport, file: Path
+) -> None:
+    """Report what the blocks say that has no effect here, a line per sort and block.
+
+    Args:
+        hardware: Blocks of the description.
+        report: Where the lines are added.
+        file: File to name in them.
+    """
+    for block in hardware:
+        reader = ElementReader(f"ros2_control {block.name!r}", report, file)
+        _report_plugin(block, reader)
+        for what, done in _remarks(block):
+            reader.note("info", "unsupported", what, done)
+
+
+def _report_plugin(block: HardwareInfo, reader: ElementReader) -> None:
+    done = "the simulator stands in for it"
+    if not block.plugin:
+        what = "no hardware plugin is named; expected <hardware><plugin>"
+        reader.note("warning", "missing", what, done)
+        return
+    if block.plugin in SIMULATOR_PLUGINS and not block.parameters:
+        return  # Another simulator's: no hardware is replaced.
+    what = f"hardware plugin {block.plugin!r}"
+    if block.plugin in SIMULATOR_PLUGINS:
+        what += f" ({SIMULATOR_PLUGINS[block.plugin]})"
+    if block.parameters:
+        done += f", without its parameters {_listed(block.parameters)}"
+    reader.note("info", "ignored", what, done)
+
+
+def _remarks(block: HardwareInfo) -> Iterable[tuple[str, str]]:
+    kept = "kept as plain values, not simulated"
+    custom = {
+        interface.name
+        for joint in block.joints
+        for names, known in (
+            (joint.command_interfaces, _COMMANDS),
+            (joint.state_interfaces, _STATES),
+        )
+        for interface in names
+        if interface.name not in known
+    }
+    if custom:
+        yield f"interfaces {_listed(sorted(custom))}", kept
+    # Of the others `find_sensors` says what becomes of them.
+    stored = [s for s in block.sensors if not _is_measured(s)]
+    for kind, components in (("sensors", stored), ("gpios", block.gpios)):
+        if components:
+            yield f"{kind} {_listed(c.name for c in components)}", kept
+    if block.transmissions:
+        names = _listed(transmission.name for transmission in block.transmissions)
+        yield f"transmissions {names}", "joints are driven without them"
+    gains = [joint.name for joint in block.joints if _has_gains(joint)]
+    # Those of Gazebo Classic drive the joints, see drive_gains.
+    if gains and SIMULATOR_PLUGINS.get(block.plugin) != CLASSIC:
+        yield f"PID gains of joints {_listed(gains)}", "the joint servo has its own"
+    others = {name for joint in block.joints for name in joint.parameters} - _READ
+    if others:
+        yield f"joint parameters {_listed(sorted(others))}", kept
+    timing = [
+        name
+        for name, is_given in (
+            ("rw_rate", block.rw_rate != 0),
+            ("is_async", block.is_async),
+            ("thread_priority", block.thread_priority != 50),
+            ("group", bool(block.group)),
+        )
+        if is_given
+    ]
+    if timing:
+        done = "the hardware is read and written at every tick of the manager"
+        yield ", ".join(timing), done
+
+
+def _is_measured(sensor: ComponentInfo) -> bool:
+    return any(i.name in interfaces.MEASURED for i in sensor.state_interfaces)
+
+
+def _has_gains(joint: ComponentInfo) -> bool:
+    return joint.position_pid is not None or joint.velocity_pid is not None
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(map(repr, names))

@@ -15,8 +15,7 @@ from arm_drake.description.packages import PackageFinder
 from arm_drake.description.robot import Robot
 from arm_drake.description.srdf import find_srdf_files
 from arm_drake.description.urdf import RobotDescription
-from arm_drake.description.xacro import expand_xacro
-from arm_drake.description.xacro_sources import read_sources
+from arm_drake.description.xacro import expand_xacro, read_sources
 from arm_drake.errors import ArmDrakeError, InputError, PackageError
 
 # Times of files come from a clock that may be late by so much [ns].

@@ -9,24 +9,18 @@ import math
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-from arm_drake.description.elements import ElementReader, parse_xml
+from arm_drake.description.elements import ElementReader, parse_float, parse_xml
 from arm_drake.description.gazebo import (
+    CONTACT,
+    SIMULATED,
     GazeboPlugin,
+    GazeboSensor,
+    JointPlugin,
     read_gazebo_plugins,
+    read_gazebo_sensors,
+    read_joint_plugins,
     report_gazebo,
 )
-from arm_drake.description.gazebo_fields import (
-    SIMULATED,
-    JointPlugin,
-    read_joint_plugins,
-)
-from arm_drake.description.gazebo_sensors import (
-    CONTACT,
-    GazeboSensor,
-    read_gazebo_sensors,
-)
-from arm_drake.description.hardware_info import HardwareInfo
-from arm_drake.description.hardware_report import report_hardware
 from arm_drake.description.joints import (
     FREE_TYPES,
     JOINT_TYPES,
@@ -37,14 +31,18 @@ from arm_drake.description.joints import (
     SafetyController,
     check_structure,
     drop_bad_mimics,
+    find_mimics,
+    links_on,
+    write_mimics,
 )
-from arm_drake.description.mimic import find_mimics, write_mimics
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.repairs import normalise
 from arm_drake.description.report import LoadReport
-from arm_drake.description.ros2_control import read_hardware
-from arm_drake.description.tree import links_on
-from arm_drake.description.values import parse_number
+from arm_drake.description.ros2_control import (
+    HardwareInfo,
+    read_hardware,
+    report_hardware,
+)
 from arm_drake.errors import DescriptionError
 
 
@@ -293,7 +291,43 @@ def _number(element: ET.Element | None, attribute: str, default: float) -> float
     text = None if element is None else element.get(attribute)
     if text is None:
         return default
-    number = parse_number(text)
+    number = parse_float(text)
     if number is None or math.isnan(number):
         raise ValueError(f"{attribute}: expected a number, got {text!r}")
     return number
+
+
+def total_mass(description: RobotDescription) -> float:
+    """Return the mass of all links together [kg], as it is simulated."""
+    root = ET.fromstring(description.urdf)  # noqa: S314  our own text.
+    masses = (mass.get("value", "0") for mass in root.iterfind("link/inertial/mass"))
+    return math.fsum(map(float, masses))
+
+
+def reach(description: RobotDescription) -> float:
+    """Return how far the last link can be from the first movable joint [m].
+
+    That is the length of the longest stretched chain of links; a prismatic joint adds
+    its travel. Limits and geometry may allow less.
+    """
+    root = ET.fromstring(description.urdf)  # noqa: S314  our own text.
+    origins = {joint.get("name"): joint.find("origin") for joint in root.iter("joint")}
+    children: dict[str, list[str]] = {}
+    for joint in description.joints:
+        children.setdefault(joint.parent, []).append(joint.name)
+    longest = 0.0
+    # Link, length up to it, and whether a movable joint lies before it.
+    waiting = [(name, 0.0, False) for name in (*description.roots, "world")]
+    while waiting:
+        link, length, has_moved = waiting.pop()
+        longest = max(longest, length)
+        for name in children.get(link, ()):
+            joint, origin = description.joint(name), origins[name]
+            text = "" if origin is None else origin.get("xyz", "")
+            step = math.hypot(*map(float, text.split())) if has_moved else 0.0
+            if joint.type == "prismatic":
+                ends = (joint.limits.lower or 0.0, joint.limits.upper or 0.0)
+                step += max(map(abs, ends))
+            moved = has_moved or joint.is_movable
+            waiting.append((joint.child, length + step, moved))
+    return longest

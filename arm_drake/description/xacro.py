@@ -4,12 +4,31 @@ xacro keeps its arguments and its stacks of files in module globals and asks
 `ament_index_python` for packages. Both are replaced for the time of one expansion, so
 that nothing leaks from one load into the next. So is the evaluation of expressions, for
 a description must not run programs.
+
+Evaluate the expressions of xacro files, and nothing that leaves the expression.
+
+xacro looks for names with two underscores in the outermost code alone, and `$(eval)`
+has all of Python's functions. Here the whole expression is searched, and what can
+reach such names by other ways is replaced: `vars`, `type`, `str.format`.
+
+What xacro files ask for, read without expanding them.
+
+xacro stops at the first thing that is missing. Here all files that can be reached are
+read, so that one message lists everything.
 """
 
+import ast
+import builtins
 import contextlib
+import dataclasses as dc
+import errno
+import functools
 import io
 import os
+import re
+import string
 import threading
+import types
 import xml.parsers.expat
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -20,15 +39,374 @@ from xacro import substitution_args
 
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
-from arm_drake.description.xacro_evaluation import (
-    eval_argument,
-    eval_expression,
-    make_symbols,
-    open_regular,
-    replaced,
-)
-from arm_drake.description.xacro_sources import missing_packages, read_sources
 from arm_drake.errors import ArmDrakeError, DescriptionError, PackageError, suggest
+
+# Attributes of frames, generators and code, which lead to everything else.
+_INNER = {
+    name
+    for kind in (
+        types.AsyncGeneratorType,
+        types.CodeType,
+        types.CoroutineType,
+        types.FrameType,
+        types.GeneratorType,
+        types.TracebackType,
+    )
+    for name in dir(kind)
+    if re.match("(ag|co|cr|f|gi|tb)_", name)
+} | {"mro"}
+
+# What `$(eval ...)` may call.
+_FUNCTIONS = [
+    "abs",
+    "all",
+    "any",
+    "bool",
+    "complex",
+    "dict",
+    "divmod",
+    "enumerate",
+    "filter",
+    "float",
+    "frozenset",
+    "int",
+    "isinstance",
+    "len",
+    "list",
+    "map",
+    "max",
+    "min",
+    "ord",
+    "range",
+    "repr",
+    "reversed",
+    "round",
+    "set",
+    "sorted",
+    "str",
+    "sum",
+    "tuple",
+    "zip",
+]
+
+# Larger numbers [bits] and longer texts and lists are a mistake, or meant to last.
+_MAX_BITS = 100_000
+_MAX_LENGTH = 10_000_000
+
+
+def eval_expression(
+    expression: str,
+    symbols: dict[str, Any],
+    local_symbols: Mapping[str, Any] | None = None,
+) -> Any:
+    """Return what `${expression}` stands for; takes the place of `xacro.safe_eval`.
+
+    Args:
+        expression: Text of the expression.
+        symbols: Values by name.
+        local_symbols: Further values by name, which come first.
+
+    Raises:
+        Exception: Of any type, if the expression is malformed or forbidden.
+    """
+    code = _compile(expression)
+    symbols.update(__builtins__=dict(_HELPERS))
+    return eval(code, symbols, local_symbols)  # noqa: S307 What it reaches is checked.
+
+
+def eval_argument(
+    expression: str, symbols: dict[str, Any], local_symbols: Mapping[str, Any]
+) -> Any:
+    """Return what `$(eval expression)` stands for; takes the place of `eval`.
+
+    Args:
+        expression: Text of the expression.
+        symbols: Values by name.
+        local_symbols: Further values by name, which come first.
+
+    Raises:
+        Exception: Of any type, if the expression is malformed or forbidden.
+    """
+    functions = {name: getattr(builtins, name) for name in _FUNCTIONS}
+    symbols.update(__builtins__=functions | _HELPERS)
+    return eval(_compile(expression), symbols, local_symbols)  # noqa: S307
+
+
+def make_symbols() -> dict[str, Any]:
+    """Return what the names in `${}` stand for at first, as xacro defines it."""
+    symbols: dict[str, Any] = xacro.create_global_symbols()
+    # What it returns holds names with underscores.
+    del symbols["python"]["vars"]
+    # With more arguments it makes classes.
+    symbols["python"]["type"] = lambda value: type(value)
+    return symbols
+
+
+def open_regular(path: str | Path, mode: str = "r") -> Any:
+    """Open a file; refuse a pipe or device, which would be read for ever.
+
+    Args:
+        path: The file.
+        mode: As that of `open`.
+
+    Raises:
+        OSError: If it can't be opened.
+    """
+    if os.path.exists(path) and not (os.path.isfile(path) or os.path.isdir(path)):
+        raise OSError(errno.EINVAL, "Not a regular file", str(path))
+    return open(path, mode)
+
+
+@contextlib.contextmanager
+def replaced(names: dict[str, Any], **values: Any) -> Iterator[None]:
+    """Give names other values for a while.
+
+    Args:
+        names: Values by name, such as those of a module.
+        **values: The other values.
+    """
+    saved = {name: names[name] for name in values if name in names}
+    names.update(values)
+    try:
+        yield
+    finally:
+        for name in values:
+            del names[name]
+        names.update(saved)
+
+
+# A macro's expressions are the same at every call.
+@functools.lru_cache(maxsize=1000)
+def _compile(expression: str) -> types.CodeType:
+    tree = ast.parse(expression.strip(), "<expression>", "eval")
+    names = dict.fromkeys(name for node in ast.walk(tree) for name in _names(node))
+    if refused := [name for name in names if name.startswith("__")]:
+        raise xacro.XacroException("Use of invalid name(s): ", ", ".join(refused))
+    attributes = [node for node in ast.walk(tree) if isinstance(node, ast.Attribute)]
+    for node in attributes:
+        # One that is stored is the target of a comprehension.
+        if _is_inner(node.attr) or isinstance(node.ctx, ast.Store):
+            raise xacro.XacroException("Use of invalid name(s): ", node.attr)
+    tree = ast.fix_missing_locations(_Guard().visit(tree))
+    code: types.CodeType = compile(tree, "<expression>", "eval")
+    return code
+
+
+def _names(node: ast.AST) -> list[str]:
+    match node:
+        case ast.Name(id=name) | ast.Attribute(attr=name) | ast.arg(arg=name):
+            return [name]
+    return []
+
+
+def _is_inner(name: str) -> bool:
+    return name.startswith("__") or name in _INNER
+
+
+class _Guard(ast.NodeTransformer):
+    """Lets helpers do what may lead out of an expression, or never end."""
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
+        self.generic_visit(node)
+        helpers = {ast.Pow: "__pow", ast.Mult: "__mul", ast.LShift: "__lshift"}
+        name = helpers.get(type(node.op))
+        if name is None:
+            return node
+        return ast.copy_location(_call(name, node.left, node.right), node)
+
+    def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
+        self.generic_visit(node)
+        if node.attr not in ("format", "format_map"):
+            return node
+        call = _call("__format", node.value, ast.Constant(node.attr))
+        return ast.copy_location(call, node)
+
+
+def _call(helper: str, *arguments: ast.expr) -> ast.Call:
+    return ast.Call(ast.Name(helper, ast.Load()), list(arguments), [])
+
+
+class _Formatter(string.Formatter):
+    """Formats texts without names that an expression may not have."""
+
+    def get_field(self, field_name: str, args: Any, kwargs: Any) -> Any:
+        if any(map(_is_inner, re.split(r"[.\[\]]", field_name))):
+            raise xacro.XacroException("Use of invalid name(s): ", field_name)
+        return super().get_field(field_name, args, kwargs)
+
+
+def _format(owner: Any, name: str) -> Any:
+    """Return the `format` or `format_map` of a value."""
+    formatter = _Formatter()
+    # As in `map(str.format, texts)`.
+    if isinstance(owner, type) and issubclass(owner, str):
+        return lambda text, *args, **kwargs: _format(text, name)(*args, **kwargs)
+    if not isinstance(owner, str):
+        return getattr(owner, name)
+    if name == "format_map":
+        return lambda mapping: formatter.vformat(owner, (), mapping)
+    return lambda *args, **kwargs: formatter.format(owner, *args, **kwargs)
+
+
+def _pow(base: Any, exponent: Any) -> Any:
+    if isinstance(base, int) and isinstance(exponent, int) and abs(base) > 1:
+        _check_bits(base.bit_length() * exponent)
+    return base**exponent
+
+
+def _lshift(value: Any, shift: Any) -> Any:
+    if isinstance(value, int) and isinstance(shift, int):
+        _check_bits(value.bit_length() + shift)
+    return value << shift
+
+
+def _mul(left: Any, right: Any) -> Any:
+    if isinstance(left, int) and isinstance(right, int):
+        _check_bits(left.bit_length() + right.bit_length())
+    for value, times in ((left, right), (right, left)):
+        is_repeated = isinstance(value, str | bytes | list | tuple)
+        if is_repeated and isinstance(times, int) and len(value) * times > _MAX_LENGTH:
+            raise ValueError(f"more than {_MAX_LENGTH} items or characters")
+    return left * right
+
+
+def _check_bits(number: int) -> None:
+    if number > _MAX_BITS:
+        raise OverflowError(f"a number of more than {_MAX_BITS} bits")
+
+
+_HELPERS: dict[str, Callable[..., Any]] = {
+    "__format": _format,
+    "__lshift": _lshift,
+    "__mul": _mul,
+    "__pow": _pow,
+}
+
+
+_COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
+_ARGUMENT = re.compile(r"<xacro:arg\s([^>]*)>")
+_INCLUDE = re.compile(r"<xacro:include\s([^>]*)>")
+_ATTRIBUTE = re.compile(r"(\w+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
+_FIND = re.compile(r"\$\(find\s+([^)\s]+)\s*\)")
+_PACKAGE_URI = re.compile(r"package://([^/\"'$<>\s]+)/")
+
+# A bound on the files read for one message.
+_MAX_FILES = 1000
+
+
+@dc.dataclass
+class XacroSources:
+    """What the files of a description declare, and what they lack."""
+
+    # The files that were read, the entry file first.
+    files: list[Path] = dc.field(default_factory=list)
+
+    # Arguments that are declared, with their defaults.
+    arguments: dict[str, str | None] = dc.field(default_factory=dict)
+
+    # Places that include a file that doesn't exist, by its path.
+    missing_files: dict[str, list[str]] = dc.field(default_factory=dict)
+
+
+def read_sources(entry: Path, packages: PackageFinder) -> XacroSources:
+    """Return what a file and all that it includes declare and lack.
+
+    Args:
+        entry: The description's entry file.
+        packages: What resolves `$(find <package>)`.
+    """
+    sources = XacroSources()
+    waiting, seen = [entry], {entry.resolve()}
+    while waiting and len(seen) < _MAX_FILES:
+        path = waiting.pop(0)
+        if not os.path.isfile(path):  # A pipe would be read for ever.
+            continue
+        sources.files.append(packages.real(path))
+        for included in _read_declarations(path, packages, sources):
+            if included.resolve() not in seen:
+                seen.add(included.resolve())
+                waiting.append(included)
+    return sources
+
+
+def missing_packages(entry: Path, packages: PackageFinder) -> dict[str, list[str]]:
+    """Return the places that ask for a package that isn't found, by its name.
+
+    Args:
+        entry: The description's entry file.
+        packages: What resolves `$(find <package>)`.
+    """
+    missing: dict[str, list[str]] = {}
+    for path in read_sources(entry, packages).files:
+        text = _text(path)
+        for match in (*_FIND.finditer(text), *_PACKAGE_URI.finditer(text)):
+            if _folder(match[1], packages) is None:
+                places, place = missing.setdefault(match[1], []), _place(path, match)
+                places += [place] * (place not in places)
+    return missing
+
+
+def _read_declarations(
+    path: Path, packages: PackageFinder, sources: XacroSources
+) -> list[Path]:
+    """Add what one file declares and lacks; return the files that it includes."""
+    text = _text(path)
+    for name, default in declared_arguments(text).items():
+        sources.arguments.setdefault(name, default)
+    found = []
+    for match in _INCLUDE.finditer(text):
+        attributes = _attributes(match[1])
+        name = _FIND.sub(
+            lambda m: str(_folder(m[1], packages) or m[0]),
+            attributes.get("filename", ""),
+        )
+        if "$" in name or "*" in name or not name:
+            continue
+        included = path.parent / name
+        if os.path.isfile(included):
+            found.append(included)
+        elif attributes.get("optional", "").lower() not in ("true", "1"):
+            real, place = (
+                str(packages.real(included)),
+                _place(packages.real(path), match),
+            )
+            sources.missing_files.setdefault(real, []).append(place)
+    return found
+
+
+def _text(path: Path) -> str:
+    """Return a file's text without comments, line by line as it was."""
+    try:
+        text = path.read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return ""
+    return _COMMENT.sub(lambda match: "\n" * match[0].count("\n"), text)
+
+
+def _place(path: Path, match: re.Match[str]) -> str:
+    return f"{path}:{match.string.count(chr(10), 0, match.start()) + 1}"
+
+
+def _folder(name: str, packages: PackageFinder) -> Path | None:
+    try:
+        return packages.find(name)
+    except PackageError:
+        return None
+
+
+def declared_arguments(text: str) -> dict[str, str | None]:
+    """Return the arguments that a xacro text declares, with their defaults."""
+    declared = {}
+    for match in _ARGUMENT.finditer(text):
+        attributes = _attributes(match[1])
+        if "name" in attributes:
+            declared[attributes["name"]] = attributes.get("default")
+    return declared
+
+
+def _attributes(text: str) -> dict[str, str]:
+    return {name: double or single for name, double, single in _ATTRIBUTE.findall(text)}
+
 
 # xacro's globals serve one expansion at a time.
 _LOCK = threading.RLock()

@@ -8,9 +8,8 @@ import numpy as np
 from arm_drake import interfaces
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
-from arm_drake.hardware.drives import RobotDrive
+from arm_drake.hardware.drives import RobotDrive, claimed_interfaces
 from arm_drake.hardware.joint_friction import find_friction
-from arm_drake.hardware.robot_commands import claimed_interfaces
 from arm_drake.manager.loaded_controllers import LoadedController
 from arm_drake.options import SimulationOptions
 from arm_drake.plant.couplings import sum_friction

@@ -2,33 +2,52 @@
 
 import dataclasses as dc
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 
+from arm_drake import interfaces
+from arm_drake.control.drive_commands import DriveCommands
+from arm_drake.control.joint_limits import CommandLimits
 from arm_drake.control.servo import (
     CAREFUL_OBSERVER_GAIN,
     OBSERVER_GAIN,
     DriveLimits,
     DynamicsSamples,
     ServoGains,
+    compute_carried_inertia,
     compute_rotor_inertia,
     compute_servo_gains,
 )
-from arm_drake.control.wheel_drive import compute_carried_inertia
 from arm_drake.description.drive_gains import DriveGains
+from arm_drake.description.joint_limits import find_joint_limits
 from arm_drake.description.joints import JointInfo
 from arm_drake.description.report import LoadReport
-from arm_drake.description.robot import Pose
-from arm_drake.description.summary import reach, total_mass
-from arm_drake.description.urdf import RobotDescription
-from arm_drake.hardware.pid import DrivePid
+from arm_drake.description.robot import Pose, Robot
+from arm_drake.description.urdf import RobotDescription, reach, total_mass
+from arm_drake.hardware.servo import DrivePid
+from arm_drake.manager.hardware_interfaces import Surroundings
+from arm_drake.manager.loaded_controllers import (
+    LoadedController,
+    command_order,
+    enforces_limits,
+)
 from arm_drake.options import SimulationOptions
-from arm_drake.plant.couplings import find_followers, sum_friction, velocity_map
-from arm_drake.plant.dynamics_samples import sample_dynamics
-from arm_drake.plant.plant import add_actuators, add_robot_model, set_gravity
+from arm_drake.plant.couplings import (
+    find_followers,
+    sample_dynamics,
+    sample_gravity,
+    sum_friction,
+    velocity_map,
+)
+from arm_drake.plant.plant import (
+    add_actuators,
+    add_robot_model,
+    set_gravity,
+    set_initial_positions,
+)
 
 # Standard gravity [m/s^2].
 _GRAVITY = 9.81
@@ -281,3 +300,191 @@ def add_rotors(
         actuator.set_default_rotor_inertia(
             actuator.default_rotor_inertia() + float(inertia)
         )
+
+
+def find_bare_joints(
+    robot: Robot, controllers: Iterable[LoadedController]
+) -> frozenset[str]:
+    """Return the joints that follow efforts and nothing else.
+
+    Args:
+        robot: The robot.
+        controllers: Its controllers, also those that are inactive.
+    """
+    claimed = claimed_interfaces(robot, controllers)
+    moved = {name.rpartition("/")[0] for name in claimed if not _is_effort(name)}
+    return frozenset(name.rpartition("/")[0] for name in claimed) - moved
+
+
+def may_let_go(robot: Robot, controllers: Iterable[LoadedController]) -> bool:
+    """Return whether a joint may be commanded nothing but an effort.
+
+    Args:
+        robot: The robot.
+        controllers: Its controllers, also those that are inactive.
+    """
+    return any(find_bare_joints(robot, [controller]) for controller in controllers)
+
+
+def make_drive_commands(
+    robot: Robot,
+    surroundings: Surroundings,
+    controllers: Sequence[LoadedController],
+    drive: RobotDrive,
+    *,
+    holds: bool = True,
+) -> DriveCommands:
+    """Return what turns commands of controllers into what the servo is told.
+
+    Args:
+        robot: The robot.
+        surroundings: Its interfaces.
+        controllers: Its controllers, also those that are inactive.
+        drive: What drives its joints.
+        holds: Whether joints that nobody commands hold their position.
+    """
+    positions = set(interfaces.interface_names(drive.names, [interfaces.POSITION]))
+    return DriveCommands(
+        drive.names,
+        command_order(surroundings, controllers),
+        velocity_lead=drive.rest_time,
+        has_modes=not (
+            holds
+            and drive.pid is None
+            and claimed_interfaces(robot, controllers) <= positions
+        ),
+        has_limits=any(c.system and c.system.limit_interfaces for c in controllers),
+        holds=holds,
+        stops=(drive.gains.lower, drive.gains.upper),
+    )
+
+
+def claimed_interfaces(
+    robot: Robot, controllers: Iterable[LoadedController]
+) -> set[str]:
+    """Return the command interfaces by which controllers move driven joints.
+
+    Args:
+        robot: The robot.
+        controllers: Controllers, whether they are active or not.
+    """
+    joints = {joint.name for joint in commanded_joints(robot.description)}
+    return {
+        name
+        for controller in controllers
+        if controller.system is not None
+        for name in controller.system.command_interfaces
+        if name.rpartition("/")[0] in joints
+        and name not in controller.system.limit_interfaces
+    }
+
+
+def _is_effort(name: str) -> bool:
+    return name.rpartition("/")[2] == interfaces.EFFORT
+
+
+def make_command_limits(
+    robot: Robot,
+    surroundings: Surroundings,
+    controllers: Iterable[LoadedController],
+    report: LoadReport,
+) -> CommandLimits | None:
+    """Return what commands are held to, or None if they aren't.
+
+    Args:
+        robot: The robot.
+        surroundings: Its interfaces.
+        controllers: Its controllers, also those that are inactive.
+        report: Where limits that can't be used are recorded.
+    """
+    if not enforces_limits(robot):
+        return None
+    return CommandLimits(
+        find_joint_limits(robot.description, report),
+        command_order(surroundings, controllers),
+        surroundings.measured,
+    )
+
+
+# Poses in which a joint's effort limit is compared with gravity.
+_NUM_POSES = 200
+
+
+def check_model(robot: Robot) -> None:
+    """Build a robot's model on trial, and record what is the matter with it.
+
+    That is what Drake warns about, and joints whose effort limit is less than what
+    gravity and dry friction ask for: in the initial pose, or in random ones within the
+    limits.
+
+    Raises:
+        DescriptionError: If Drake refuses the description.
+    """
+    description, options = robot.description, SimulationOptions()
+    joints = commanded_joints(description)
+    efforts, frictions = _loads(robot, options, robot.report)
+    for joint, at_start, anywhere, friction, limit in zip(
+        joints,
+        efforts[0],
+        efforts.max(axis=0),
+        frictions,
+        effort_limits(joints),
+        strict=True,
+    ):
+        unit = "N" if joint.type == "prismatic" else "N·m"
+        if anywhere <= limit < anywhere + friction:
+            robot.report.add(
+                "warning",
+                "invalid",
+                f"gravity asks for up to {anywhere:.2g} {unit} and dry friction for "
+                f"{friction:.2g} {unit}, the effort limit is {limit:.3g} {unit}",
+                "the joint may stick",
+                where=f"joint {joint.name!r}",
+                file=description.file,
+            )
+        if anywhere <= limit:
+            continue
+        sinks = at_start > limit
+        where = "at the start" if sinks else "in some poses"
+        effort = at_start if sinks else anywhere
+        robot.report.add(
+            "warning",
+            "invalid",
+            f"gravity asks for {effort:.2g} {unit} {where}, the effort limit is "
+            f"{limit:.3g} {unit}",
+            "the joint sinks" if sinks else "it can't hold those poses",
+            where=f"joint {joint.name!r}",
+            file=description.file,
+        )
+
+
+def can_move(robot: Robot, options: SimulationOptions) -> bool:
+    """Return whether effort limits exceed weight and friction in all poses.
+
+    Args:
+        robot: The robot.
+        options: How to simulate: with what gravity, and whether with friction.
+    """
+    limits = effort_limits(commanded_joints(robot.description))
+    efforts, frictions = _loads(robot, options)
+    return bool((efforts.max(axis=0) + frictions <= np.array(limits)).all())
+
+
+def _loads(
+    robot: Robot, options: SimulationOptions, report: LoadReport | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return what holds n joints in some poses, the first one first, and friction.
+
+    Both are of the commanded joints [N·m], of shapes (poses, n) and (n,).
+    """
+    description = robot.description
+    joints = commanded_joints(description)
+    plant = make_servo_plant(
+        description, robot.pose, options, options.largest_step, report
+    )
+    model = plant.GetModelInstanceByName("robot")
+    set_initial_positions(plant, model, dict(robot.initial_positions))
+    N = velocity_map(plant, description, joints)
+    at = find_followers(plant, description)
+    friction = sum_friction(plant, description, joints) * options.friction
+    return np.abs(sample_gravity(plant, N, _NUM_POSES, at)), friction

@@ -9,6 +9,7 @@ import dataclasses as dc
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
@@ -19,12 +20,16 @@ from pydrake.systems.primitives import (
     Multiplexer,
 )
 
+from arm_drake.description.report import LoadReport
+from arm_drake.description.robot import Robot
+from arm_drake.description.sensors import accelerating_joints
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.hardware.drives import RobotDrive, add_rotors
 from arm_drake.hardware.joint_friction import make_robot_friction
 from arm_drake.hardware.servo import make_joint_servo
 from arm_drake.options import SimulationOptions
 from arm_drake.plant.plant import state_indices
+from arm_drake.plant.sensor_readings import ContactReadings, SensorReadings
 
 
 @dc.dataclass(frozen=True)
@@ -245,3 +250,51 @@ def add_state_interfaces(
         efforts = _gain(builder, f"{prefix}joint_efforts", E, effort)
         builder.Connect(efforts, states.get_input_port(1))
     return motions, states.get_output_port()
+
+
+def add_sensors(
+    hardware: Hardware,
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    model: ModelInstanceIndex,
+    robot: Robot,
+    prefix: str,
+) -> Hardware:
+    """Add a robot's sensors, export its contacts, and return the hardware with them.
+
+    Args:
+        hardware: The robot's hardware, in the builder.
+        builder: Where the plant is.
+        plant: The finalized plant.
+        scene_graph: Its scene graph.
+        model: The robot's model instance.
+        robot: The robot.
+        prefix: Start of the names of its systems and ports.
+    """
+    felt = ContactReadings(plant, scene_graph, model, robot.description.links)
+    builder.AddNamedSystem(f"{prefix}contacts", felt)
+    felt.connect(builder)
+    contacts = felt.get_output_port()
+    # It costs nothing until somebody asks.
+    builder.ExportOutput(contacts, f"{prefix}contacts")
+    joints = accelerating_joints(robot.description)
+    if not robot.sensors and not joints:
+        return dc.replace(hardware, contacts=contacts)
+    readings = SensorReadings(plant, scene_graph, model, robot.sensors, joints)
+    builder.AddNamedSystem(f"{prefix}sensors", readings)
+    readings.connect(builder)
+    return dc.replace(hardware, contacts=contacts, readings=readings.get_output_port())
+
+
+def report_blind(robot: Robot, report: LoadReport) -> None:
+    """Record the sensors of a robot that has no physics to measure.
+
+    Args:
+        robot: The robot.
+        report: Where they are recorded.
+    """
+    for sensor in robot.sensors:
+        what = f"sensor {sensor.name!r} measures nothing without physics"
+        done = "its states keep their initial values, or follow their commands"
+        report.add("info", "unsupported", what, done, file=robot.description.file)

@@ -6,14 +6,67 @@ from typing import NamedTuple
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.symbolic import Expression, Variable
 from pydrake.systems.primitives import SymbolicVectorSystem
 
-from arm_drake.control.friction import FrictionGains, compute_friction_gains
+from arm_drake.arrays import Array
+from arm_drake.control.servo import FrictionGains, compute_friction_gains
 from arm_drake.description.urdf import RobotDescription
-from arm_drake.hardware.friction import make_dry_friction
-from arm_drake.plant.couplings import find_followers, sum_friction, velocity_map
-from arm_drake.plant.dynamics_samples import sample_dynamics
+from arm_drake.hardware.servo import clamp
+from arm_drake.plant.couplings import (
+    find_followers,
+    sample_dynamics,
+    sum_friction,
+    velocity_map,
+)
 from arm_drake.plant.plant import state_indices
+
+
+def make_dry_friction(
+    friction: Array,
+    gains: FrictionGains,
+    initial: Array,
+    num_states: int,
+    positions_at: list[int],
+    velocities_at: list[int],
+    num_velocities: int,
+    h: float,
+) -> SymbolicVectorSystem:
+    """Return elastoplastic dry friction with true sticking.
+
+    The joint is held at an anchor a by a PD law that gives way at the friction f::
+
+        tau  = clamp(kf (a - q) - df v, ±f)         a[+] = q + (tau + df v) / kf
+
+    The input is the robot's state, the output the generalized forces on the robot's
+    velocities. The state is a less the initial positions, so that it starts at zero.
+
+    Args:
+        friction: f of the k joints that have friction [N·m], shape (k,).
+        gains: kf and df.
+        initial: Initial positions of those joints [rad], shape (k,).
+        num_states: Size of the robot's state [q; v].
+        positions_at: Indices of the joints' positions in the state.
+        velocities_at: Indices of their velocities in the state.
+        num_velocities: Size of v.
+        h: Step of the plant [s].
+    """
+    x = [Variable(f"x{i}") for i in range(num_states)]
+    a = [Variable(f"a{i}") for i in range(len(friction))]
+    forces = [Expression(0.0)] * num_velocities
+    updates = []
+    for i, f in enumerate(friction):
+        q, v = x[positions_at[i]] - initial[i], x[velocities_at[i]]
+        tau = clamp(gains.kf[i] * (a[i] - q) - gains.df[i] * v, float(f))
+        forces[velocities_at[i] - (num_states - num_velocities)] = tau
+        updates.append(q + (tau + gains.df[i] * v) / gains.kf[i])
+    return SymbolicVectorSystem(
+        state=np.array(a),
+        input=np.array(x),
+        dynamics=np.array(updates),
+        output=np.array(forces),
+        time_period=h,
+    )
 
 
 class JointFriction(NamedTuple):

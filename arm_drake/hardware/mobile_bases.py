@@ -1,26 +1,511 @@
 """What a diagram does for robots that stand on wheels."""
 
 import dataclasses as dc
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
 
+import numpy as np
+from pydrake.common.value import AbstractValue
 from pydrake.geometry import SceneGraph
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.math import SpatialVelocity
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import ModelInstanceIndex
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, RigidBody
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    DiagramBuilder,
+    OutputPort,
+)
 
-from arm_drake.description.axles import Axle, find_axles, report_axles, with_axles
-from arm_drake.description.base_report import report_bases
-from arm_drake.description.base_wheels import MobileBase, carried_inertia, find_bases
+from arm_drake.arrays import Array
+from arm_drake.controllers.controller_interface import ControllerInterface
+from arm_drake.description.base_wheels import (
+    Axle,
+    LinkTree,
+    MobileBase,
+    carried_inertia,
+    find_axles,
+    find_bases,
+    moved_joints,
+    report_axles,
+    report_bases,
+    rigid_links,
+    with_axles,
+)
 from arm_drake.description.contact_surfaces import find_friction, for_drake
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
-from arm_drake.description.roller_bodies import report_rollers, with_rollers
-from arm_drake.description.rollers import Rollers, find_rollers
+from arm_drake.description.rollers import (
+    Rollers,
+    find_rollers,
+    report_rollers,
+    with_rollers,
+)
 from arm_drake.description.urdf import RobotDescription
-from arm_drake.hardware.ground_check import report_ground
-from arm_drake.hardware.wheel_slip import add_base_truths
 from arm_drake.manager.loaded_controllers import LoadedController
-from arm_drake.plant.contact import set_friction
+from arm_drake.messages import (
+    NANOSECONDS,
+    Header,
+    Odometry,
+    Point,
+    Pose,
+    PoseWithCovariance,
+    Quaternion,
+    Twist,
+    TwistWithCovariance,
+    Vector3,
+)
+from arm_drake.plant.contact import GROUND, set_friction
+from arm_drake.plant.initial_poses import (
+    PlacedShape,
+    find_shapes,
+    lowest_height,
+    lowest_points,
+    placed_shape,
+)
+from arm_drake.python_system import PythonSystem
+
+# Directions across a wheel's axis in which its radius is looked for.
+_NUM_DIRECTIONS = 64
+
+
+class Wheel(NamedTuple):
+    """A driven wheel of a base, in the frame of the body that turns."""
+
+    # Joint that turns it.
+    joint: str
+
+    # Index of the body.
+    body: int
+
+    # Middle of the wheel [m], and its axis, to the left of the base. Shapes (3,).
+    center: Array
+    axis: Array
+
+    # [m].
+    radius: float
+
+    # Indices of the bodies that touch the ground.
+    touching: tuple[int, ...] = ()
+
+    # Where the axis of a roller that is down points: forwards, and to the left of the
+    # wheel. None without rollers.
+    roller: tuple[float, float] | None = None
+
+
+def find_wheels(
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    model: ModelInstanceIndex,
+    description: RobotDescription,
+    base: MobileBase,
+    axles: Sequence[Axle],
+    rollers: Sequence[Rollers] = (),
+) -> list[Wheel]:
+    """Return the driven wheels of a base: what its joints turn, and what can collide.
+
+    They are in the order of the joints, mimic joints where their masters are.
+
+    Args:
+        plant: The finalized plant.
+        scene_graph: Its scene graph.
+        model: The robot's model instance.
+        description: The robot.
+        base: The base.
+        axles: Axles that the plant has besides.
+        rollers: Rollers likewise.
+    """
+    turning = {axle.link: axle.wheel for axle in axles}
+    tree = LinkTree(description)
+    context = plant.CreateDefaultContext()
+    link = plant.GetBodyByName(base.link, model)
+    left = plant.EvalBodyPoseInWorld(context, link).rotation().matrix()[:, 1]
+    wheels = []
+    for moved in (j for name in base.driven for j in moved_joints(description, name)):
+        parts = rigid_links(description, moved.child)
+        rolling = [rim for rim in rollers if rim.link in parts]
+        if rolling:
+            wheels.append(_with_rollers(plant, model, moved.name, rolling[0], left))
+            continue
+        body = plant.GetBodyByName(turning.get(moved.child, moved.child), model)
+        shapes = _shapes(plant, scene_graph, body)
+        if not shapes:
+            continue
+        axis = tree.axis(moved.name)
+        R_WB = plant.EvalBodyPoseInWorld(context, body).rotation()
+        if R_WB @ axis @ left < 0.0:
+            axis = -axis
+        radius = max(_reach(shapes, direction) for direction in _across(axis))
+        center = (_reach(shapes, axis) - _reach(shapes, -axis)) / 2.0 * axis
+        index = int(body.index())
+        wheels.append(Wheel(moved.name, index, center, axis, radius, (index,)))
+    return wheels
+
+
+def _with_rollers(
+    plant: MultibodyPlant,
+    model: ModelInstanceIndex,
+    joint: str,
+    rim: Rollers,
+    left: Array,
+) -> Wheel:
+    """Return a wheel with rollers.
+
+    Args:
+        plant: The finalized plant.
+        model: The robot's model instance.
+        joint: Joint that turns the wheel.
+        rim: Its rollers.
+        left: To the left of the base, in the world.
+    """
+    body = plant.GetBodyByName(rim.link, model)
+    X_WB = plant.EvalBodyPoseInWorld(plant.CreateDefaultContext(), body)
+    axis = rim.axis * (1.0 if X_WB.rotation() @ rim.axis @ left >= 0.0 else -1.0)
+    forwards = np.cross(axis, -rim.down)
+    return Wheel(
+        joint,
+        int(body.index()),
+        rim.center,
+        axis,
+        rim.radius,
+        tuple(int(plant.GetBodyByName(n, model).index()) for n in rim.wheels),
+        (float(rim.roller @ forwards), float(rim.roller @ axis)),
+    )
+
+
+def _shapes(
+    plant: MultibodyPlant, scene_graph: SceneGraph, body: RigidBody
+) -> list[PlacedShape]:
+    inspector = scene_graph.model_inspector()
+    return [
+        placed_shape(inspector, geometry, inspector.GetPoseInFrame(geometry))
+        for geometry in plant.GetCollisionGeometriesForBody(body)
+    ]
+
+
+def _reach(shapes: Sequence[PlacedShape], direction: Array) -> float:
+    """Return how far shapes reach in a direction from the origin [m]."""
+    points = np.vstack([lowest_points(shape, -direction) for shape in shapes])
+    return float((points @ direction).max())
+
+
+def _across(axis: Array) -> Iterator[Array]:
+    """Yield directions across an axis."""
+    first = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
+    first /= np.linalg.norm(first)
+    second = np.cross(axis, first)
+    for angle in np.linspace(0.0, 2.0 * np.pi, _NUM_DIRECTIONS, endpoint=False):
+        yield np.cos(angle) * first + np.sin(angle) * second
+
+
+_UP = np.array([0.0, 0.0, 1.0])
+
+
+class BaseTruth(PythonSystem):
+    """Measures a base and its wheels against the ground z = 0, which is at rest.
+
+    .. pydrake_system::
+
+        name: BaseTruth
+        input_ports:
+        - body_poses
+        - body_velocities
+        - odometry
+        output_ports:
+        - wheel_slip
+        - ground_truth
+
+    ===============  ====  =====  =====================================================
+    port             size  unit   meaning
+    ===============  ====  =====  =====================================================
+    body_poses       --    --     list of RigidTransform: pose of every body
+    body_velocities  --    --     list of SpatialVelocity: that of every body
+    odometry         --    --     Odometry as the controller publishes it; its frames
+                                  are those of ground_truth. May be unconnected
+    wheel_slip       2n    m/s    velocity of the lowest point of each of n wheels:
+                                  forwards along them, then across them to the left.
+                                  Of wheels with rollers: along the axis of the roller
+                                  that is down; then 0
+    ground_truth     --    --     Odometry: pose of the base from where it started, on
+                                  the ground below it; its velocity in its own frame
+    ===============  ====  =====  =====================================================
+
+    It has no state.
+    """
+
+    def __init__(
+        self, link: str, body: int, start: RigidTransform, wheels: Sequence[Wheel]
+    ) -> None:
+        """Create the system.
+
+        Args:
+            link: Name of the base's link.
+            body: Index of its body.
+            start: Pose of the base in the world at the start.
+            wheels: The driven wheels.
+        """
+        super().__init__()
+        self._link, self._body, self.wheels = link, body, tuple(wheels)
+        yaw = RollPitchYaw(start.rotation()).yaw_angle()
+        x, y, _ = start.translation()
+        self._X_OW = RigidTransform(RollPitchYaw(0.0, 0.0, yaw), [x, y, 0.0]).inverse()
+        poses = AbstractValue.Make([RigidTransform()])
+        velocities = AbstractValue.Make([SpatialVelocity()])
+        odometry = AbstractValue.Make(Odometry())
+        self._poses = self.DeclareAbstractInputPort("body_poses", poses)
+        self._velocities = self.DeclareAbstractInputPort("body_velocities", velocities)
+        self._odometry = self.DeclareAbstractInputPort("odometry", odometry)
+        motion = {self._poses.ticket(), self._velocities.ticket()}
+        self.DeclareVectorOutputPort(
+            "wheel_slip", 2 * len(self.wheels), self._calc_wheel_slip, motion
+        )
+        self.DeclareAbstractOutputPort(
+            "ground_truth",
+            lambda: AbstractValue.Make(Odometry()),
+            self._calc_ground_truth,
+            {*motion, self._odometry.ticket(), self.time_ticket()},
+        )
+
+    def _calc_wheel_slip(self, context: Context, output: BasicVector) -> None:
+        poses, velocities = self._poses.Eval(context), self._velocities.Eval(context)
+        slips = [
+            _slip(wheel, poses[wheel.body], velocities[wheel.body])
+            for wheel in self.wheels
+        ]
+        output.SetFromVector(np.array(slips).reshape(-1, 2).T.ravel())
+
+    def _calc_ground_truth(self, context: Context, output: AbstractValue) -> None:
+        X_WB = self._poses.Eval(context)[self._body]
+        V_WB = self._velocities.Eval(context)[self._body]
+        X_OB, R_BW = self._X_OW @ X_WB, X_WB.rotation().inverse()
+        q = X_OB.rotation().ToQuaternion()
+        v, w = R_BW @ V_WB.translational(), R_BW @ V_WB.rotational()
+        known = Odometry()
+        if self._odometry.HasValue(context):
+            known = self._odometry.Eval(context)
+        output.set_value(
+            Odometry(
+                Header.from_nanoseconds(
+                    round(context.get_time() * NANOSECONDS),
+                    known.header.frame_id or "odom",
+                ),
+                known.child_frame_id or self._link,
+                PoseWithCovariance(
+                    Pose(
+                        Point(*map(float, X_OB.translation())),
+                        Quaternion(q.x(), q.y(), q.z(), q.w()),
+                    )
+                ),
+                TwistWithCovariance(
+                    Twist(Vector3(*map(float, v)), Vector3(*map(float, w)))
+                ),
+            )
+        )
+
+
+def _slip(
+    wheel: Wheel, X_WB: RigidTransform, V_WB: SpatialVelocity
+) -> tuple[float, float]:
+    """Return the velocity of a wheel's lowest point, along and across it [m/s]."""
+    R_WB = X_WB.rotation()
+    axis = R_WB @ wheel.axis
+    forwards = np.cross(axis, _UP)
+    forwards /= np.linalg.norm(forwards)
+    down = np.cross(forwards, axis)
+    # From the body's origin to the lowest point.
+    p = R_WB @ wheel.center - wheel.radius * down * np.sign(down[2])
+    v = V_WB.translational() + np.cross(V_WB.rotational(), p)
+    along, across = float(v @ forwards), float(v @ np.cross(_UP, forwards))
+    if wheel.roller is None:
+        return along, across
+    return along * wheel.roller[0] + across * wheel.roller[1], 0.0
+
+
+def add_base_truths(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    model: ModelInstanceIndex,
+    description: RobotDescription,
+    controllers: Sequence[LoadedController],
+    *,
+    bases: Sequence[MobileBase],
+    axles: Sequence[Axle],
+    rollers: Sequence[Rollers],
+    prefix: str,
+) -> None:
+    """Add what measures the bases of a robot, and export its ports.
+
+    They are called `<controller>.wheel_slip` and `<controller>.ground_truth`.
+
+    Args:
+        builder: Where the plant and the controllers are.
+        plant: The finalized plant; bases stand where they start.
+        scene_graph: Its scene graph.
+        model: The robot's model instance.
+        description: The robot.
+        controllers: Its controllers.
+        bases: What they drive.
+        axles: Axles that the plant has besides.
+        rollers: Rollers likewise.
+        prefix: Start of the names of systems and ports.
+    """
+    systems = {c.name: c.system for c in controllers if c.system is not None}
+    for base in bases:
+        if base.controller not in systems:
+            continue
+        context, body = plant.CreateDefaultContext(), plant.GetBodyByName
+        link = body(base.link, model)
+        start = plant.EvalBodyPoseInWorld(context, link)
+        wheels = find_wheels(
+            plant, scene_graph, model, description, base, axles, rollers
+        )
+        name = f"{prefix}{base.controller}:truth"
+        truth = builder.AddNamedSystem(
+            name, BaseTruth(base.link, int(link.index()), start, wheels)
+        )
+        for port, wanted in (
+            (plant.get_body_poses_output_port(), "body_poses"),
+            (plant.get_body_spatial_velocities_output_port(), "body_velocities"),
+            (_odometry(systems[base.controller]), "odometry"),
+        ):
+            if port is not None:
+                builder.Connect(port, truth.GetInputPort(wanted))
+        for port_name in ("wheel_slip", "ground_truth"):
+            exported = f"{prefix}{base.controller}.{port_name}"
+            builder.ExportOutput(truth.GetOutputPort(port_name), exported)
+
+
+def _odometry(system: ControllerInterface) -> OutputPort | None:
+    """Return the port on which a controller publishes its odometry."""
+    for index in range(system.num_output_ports()):
+        port = system.get_output_port(index)
+        if port.get_name().rpartition("/")[2] in ("odom", "odometry"):
+            return port
+    return None
+
+
+# So far above or below the ground a base doesn't stand on it [m].
+_OFF_GROUND = 0.01
+
+# Heights that differ less are one [m].
+_TOUCHING = 1e-6
+
+# So far above the lowest point of the robot a wheel doesn't touch the ground [m].
+_GAP = 1e-3
+
+
+def report_ground(
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    model: ModelInstanceIndex,
+    robot: Robot,
+    report: LoadReport,
+    *,
+    bases: Sequence[MobileBase],
+    axles: Sequence[Axle],
+    rollers: Sequence[Rollers],
+) -> None:
+    """Record a base that has no ground, or isn't on it, or whose wheels aren't.
+
+    Heights are known above a ground at z = 0 alone, as the built-in worlds have it.
+    Wheels with springs reach what they reach by themselves.
+
+    Args:
+        plant: The finalized plant; robots stand where they start.
+        scene_graph: Its scene graph.
+        model: The robot's model instance.
+        robot: The robot.
+        report: Where it is recorded.
+        bases: What the robot's controllers drive.
+        axles: Axles that the plant has besides.
+        rollers: Rollers likewise.
+    """
+    if not robot.has_free_base:
+        return
+    file = robot.description.file
+    standing = _what_stands(plant, scene_graph)
+    if not standing:
+        what = "a mobile base in a world without a ground"
+        done = "it falls; expected world='empty', or one that has something to stand on"
+        report.add("error", "missing", what, done, file=file)
+        return
+    shapes = find_shapes(
+        plant, scene_graph, plant.GetBodyIndices(model), RigidTransform()
+    )
+    grounds = [shape for name, shape in standing if name == GROUND]
+    if not shapes or not any(map(_is_at_zero, grounds)):
+        return
+    lowest = min(lowest_height(shape) for shape in shapes)
+    if abs(lowest) > _OFF_GROUND:
+        z = 0.0 if robot.pose is None else robot.pose[2]
+        is_above = lowest > 0.0
+        side, does = ("above", "falls") if is_above else ("below", "is pushed out")
+        report.add(
+            "warning",
+            "invalid",
+            f"the base starts {abs(lowest):.3g} m {side} the ground",
+            f"it {does}; expected z = {z - lowest:.3g} m",
+            where="pose",
+            file=file,
+        )
+    for base in bases:
+        wheels = find_wheels(
+            plant, scene_graph, model, robot.description, base, axles, rollers
+        )
+        gaps = {}
+        for wheel in wheels:
+            if not _is_sprung(robot, wheel.joint, base.link):
+                indices = map(BodyIndex, wheel.touching)
+                own = find_shapes(plant, scene_graph, indices, RigidTransform())
+                gaps[wheel.joint] = min(map(lowest_height, own)) - lowest
+        off = {joint: gap for joint, gap in gaps.items() if gap > _GAP}
+        for joint, gap in off.items():
+            drives_nothing = len(off) == len(wheels)
+            report.add(
+                "error" if drives_nothing else "warning",
+                "invalid",
+                f"a driven wheel ends {gap:.3g} m above what the robot stands on",
+                "it turns in the air; expected a wheel that reaches the ground",
+                where=f"joint {joint!r}",
+                file=file,
+            )
+
+
+def _what_stands(
+    plant: MultibodyPlant, scene_graph: SceneGraph
+) -> list[tuple[str, PlacedShape]]:
+    """Return the collision shapes that are fixed in the world, with their names."""
+    context, inspector = plant.CreateDefaultContext(), scene_graph.model_inspector()
+    found = []
+    for index in range(plant.num_bodies()):
+        body = plant.get_body(BodyIndex(index))
+        if not plant.IsAnchored(body):
+            continue
+        X_WB = plant.EvalBodyPoseInWorld(context, body)
+        for geometry in plant.GetCollisionGeometriesForBody(body):
+            X_WG = X_WB @ inspector.GetPoseInFrame(geometry)
+            name = inspector.GetName(geometry).rpartition("::")[2]
+            found.append((name, placed_shape(inspector, geometry, X_WG)))
+    return found
+
+
+def _is_at_zero(shape: PlacedShape) -> bool:
+    """Return whether the top of a shape is at z = 0."""
+    highest = lowest_points(shape, np.array([0.0, 0.0, -1.0]))[:, 2].max()
+    return bool(abs(highest) < _TOUCHING)
+
+
+def _is_sprung(robot: Robot, joint: str, base: str) -> bool:
+    """Return whether another joint than its own lets a wheel move up and down."""
+    carriers = {j.child: j for j in robot.description.joints}
+    link = robot.description.joint(joint).parent
+    while link in carriers and link != base:
+        if carriers[link].type not in ("fixed", "revolute", "continuous"):
+            return True
+        link = carriers[link].parent
+    return False
 
 
 @dc.dataclass(frozen=True)

@@ -20,9 +20,8 @@ from pydrake.systems.framework import (
 from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.control.generic_system import GenericSystem, GenericSystemState
-from arm_drake.description.joints import JointInfo
+from arm_drake.description.joints import JointInfo, last_master
 from arm_drake.description.robot import Robot
-from arm_drake.description.tree import last_master
 from arm_drake.hardware.hardware import Hardware
 from arm_drake.interfaces import CLAIMED_PORT
 from arm_drake.manager.hardware_interfaces import Surroundings

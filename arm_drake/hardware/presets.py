@@ -10,12 +10,10 @@ from arm_drake import interfaces
 from arm_drake.description.drive_gains import find_drive_gains, holds_joints
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
-from arm_drake.hardware.drives import commanded_joints
-from arm_drake.hardware.model_check import can_move
-from arm_drake.hardware.robot_commands import claimed_interfaces
+from arm_drake.hardware.drives import can_move, claimed_interfaces, commanded_joints
 from arm_drake.manager.loaded_controllers import LoadedController
 from arm_drake.options import SimulationOptions
-from arm_drake.plant.ground import GROUND
+from arm_drake.plant.contact import GROUND
 
 # Place that the report's lines name.
 PRESET: Final = "preset"

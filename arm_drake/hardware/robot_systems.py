@@ -9,23 +9,22 @@ from pydrake.systems.primitives import Multiplexer, VectorLogSink, ZeroOrderHold
 
 from arm_drake import interfaces
 from arm_drake.control.drive_commands import DriveCommands
-from arm_drake.controllers.controller_interface_part import ControllerInterface
-from arm_drake.description.gazebo_joints import Ros2ControlPlugin
+from arm_drake.controllers.controller_interface import ControllerInterface
+from arm_drake.description.gazebo_plugins import Ros2ControlPlugin
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
+from arm_drake.hardware.drives import make_command_limits
 from arm_drake.hardware.hardware import Hardware
-from arm_drake.hardware.robot_commands import make_command_limits
 from arm_drake.manager import MANAGER, STORED_PORT, SWITCH_PORT, ControllerManager
-from arm_drake.manager.chains import connect_chains
+from arm_drake.manager.chains import SampledStates, connect_chains
 from arm_drake.manager.exports import export_topics
 from arm_drake.manager.hardware_interfaces import Surroundings
 from arm_drake.manager.loaded_controllers import LoadedController
 from arm_drake.manager.reference_log import log_references
 from arm_drake.manager.robot_controllers import find_surroundings
-from arm_drake.manager.sampled_states import SampledStates
 from arm_drake.options import SimulationOptions
-from arm_drake.plant.contact_log import CONTACT_LOG, ContactForces
-from arm_drake.plant.frames import LinkFrames
+from arm_drake.plant.contact import CONTACT_LOG, ContactForces
+from arm_drake.plant.kinematics import LinkFrames
 from arm_drake.timing import fit_period, has_rate
 
 if TYPE_CHECKING:

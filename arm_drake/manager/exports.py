@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pydrake.systems.framework import DiagramBuilder
 
 from arm_drake import interfaces
-from arm_drake.controllers.controller_interface_part import ControllerInterface
+from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.description.report import LoadReport
 
 

@@ -3,21 +3,116 @@
 Follows ros2_control's controller_manager (6.8.0): requests are judged by `switching`, a
 controller whose update fails is deactivated with its chain, and its fallback
 controllers take over.
+
+Which ticks of the manager a controller with a lower update rate runs in.
+
+The rules are those of ros2_control's controller_manager (6.8.0,
+``ControllerManager::update`` and ``configure_controller``). Times are integer
+nanoseconds, rates are [Hz].
 """
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+import math
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import (
+    Context,
+    DiagramBuilder,
+    InputPort,
+    LeafSystem,
+    OutputPort,
+    PortDataType,
+)
+
+from arm_drake import interfaces
 from arm_drake.arrays import Array
-from arm_drake.control.drive_commands import DriveCommands
-from arm_drake.control.drive_mode import DriveMode
-from arm_drake.controllers.cycles import Cycle, Tick
-from arm_drake.manager.plan import SwitchPlan, plan_switch
+from arm_drake.control.drive_commands import DriveCommands, DriveMode, Mask
+from arm_drake.control.joint_limits import Previous
+from arm_drake.controllers.controller_interface import (
+    ControllerInterface,
+    TickingController,
+)
+from arm_drake.controllers.cycles import Cycle, Given, Tick
+from arm_drake.description.parameters import DISTROS
+from arm_drake.errors import ParameterError
 from arm_drake.manager.state import ControllerFailure, Event, ManagerState
-from arm_drake.manager.switching import ControllerInfo, chain_of, chained
-from arm_drake.manager.update_schedule import due_period
+from arm_drake.manager.switching import (
+    ControllerInfo,
+    SwitchPlan,
+    chain_of,
+    chained,
+    plan_switch,
+)
 from arm_drake.messages import NANOSECONDS, SwitchController, SwitchControllerResult
+
+
+def effective_rate(asked: int, manager_rate: int, *, distro: str = "jazzy") -> int:
+    """Return the rate [Hz] that a controller gets.
+
+    It is never above the manager's. From kilted on, one that doesn't divide the
+    manager's is the manager's divided by a whole number, cut to whole Hz; up to jazzy
+    it stays as it is, and the controller runs in the nearest ticks.
+
+    Args:
+        asked: The controller's parameter `update_rate` [Hz]; 0 is the manager's.
+        manager_rate: Update rate of the manager [Hz].
+        distro: Distribution whose rule holds.
+
+    Raises:
+        ParameterError: If ``asked`` is negative.
+    """
+    if asked < 0:
+        problem = f"expected a rate above 0, or 0 for the manager's, got {asked}"
+        raise ParameterError(problem, where="update_rate")
+    if asked == 0 or asked >= manager_rate:
+        return manager_rate
+    if DISTROS.index(distro) < DISTROS.index("kilted"):
+        return asked
+    # The nearest whole number, half rounded up as C++ does; Python's round doesn't.
+    divisor = (2 * manager_rate + asked) // (2 * asked)
+    return manager_rate // divisor
+
+
+def due_period(
+    time_ns: int,
+    last_ns: int | None,
+    update_rate: int,
+    manager_rate: int,
+    manager_period_ns: int,
+) -> int | None:
+    """Return the period of the update due at a tick of the manager, or None.
+
+    An update is due at the tick that is nearest to one period after the last update;
+    of two as near, floating-point rounding decides, as it does upstream. The first
+    tick after the activation always is.
+
+    Args:
+        time_ns: Time of the manager's tick [ns].
+        last_ns: Time of the controller's last update [ns]; None if there is none yet.
+        update_rate: Rate of the controller [Hz].
+        manager_rate: Rate of the manager [Hz].
+        manager_period_ns: Period of the manager's tick [ns].
+
+    Returns:
+        Time since the last update [ns]. In the first one it is the manager's period if
+        the controller is as fast, else the controller's own, cut to whole nanoseconds.
+    """
+    if last_ns is None:
+        if update_rate >= manager_rate:
+            return manager_period_ns
+        return int(1.0 / update_rate * NANOSECONDS)
+    period_ns = time_ns - last_ns
+    if update_rate >= manager_rate:
+        return period_ns
+    period = period_ns / NANOSECONDS
+    error_now = abs(period * update_rate - 1.0)
+    error_later = abs((period + 1.0 / manager_rate) * update_rate - 1.0)
+    return period_ns if error_now <= error_later else None
+
 
 # Why hardware can't start and stop these command interfaces; "" if it can.
 Refusal = Callable[[Collection[str], Collection[str]], str]
@@ -235,3 +330,333 @@ class Lifecycle:
             for name, kind in self._infos[controller].limit_interfaces.items()
         }
         return self._drive.mode(self.claims(names), limits)
+
+
+_NOTHING = object()
+
+
+def add_inbox(system: LeafSystem) -> OutputPort:
+    """Add an output port with all that lies on the topics of a controller.
+
+    Drake computes it anew only when something is put on one of them, so to see that
+    nothing has come takes one look instead of one for each port.
+
+    Args:
+        system: A controller with all its topics.
+    """
+    ports = [
+        port
+        for port in map(system.get_input_port, range(system.num_input_ports()))
+        if port.get_data_type() == PortDataType.kAbstractValued and _is_topic(port)
+    ]
+
+    def calc(context: Context, output: AbstractValue) -> None:
+        output.set_value(
+            tuple(
+                port.Eval(context) if port.HasValue(context) else _NOTHING
+                for port in ports
+            )
+        )
+
+    return system.DeclareAbstractOutputPort(
+        interfaces.INBOX_PORT,
+        lambda: AbstractValue.Make(()),
+        calc,
+        prerequisites_of_calc={
+            system.nothing_ticket(),
+            *(system.input_port_ticket(port.get_index()) for port in ports),
+        },
+    )
+
+
+def _is_topic(port: InputPort) -> bool:
+    name = port.get_name()
+    return name == interfaces.PARAMETERS_PORT or not interfaces.is_internal(name)
+
+
+Ticks = Mapping[str, Tick[Any]]
+
+
+class News(NamedTuple):
+    """What lies on the ports of a manager and of its controllers."""
+
+    requests: tuple[SwitchController, ...]
+    inboxes: tuple[object, ...]
+
+
+class _Member(NamedTuple):
+    """A controller that ticks."""
+
+    name: str
+    system: TickingController[Any]
+
+    # Where its ticks and what lies on its ports come in.
+    ticks: InputPort
+    inbox: InputPort
+
+    # Whether it needs no Context in a cycle in which nothing comes.
+    is_direct: bool
+
+    # Whether its `rests` counts.
+    may_rest: bool
+
+
+class TickKeeper:
+    """Keeps the ticks of all controllers of a manager, and lets them tick."""
+
+    def __init__(
+        self,
+        systems: Mapping[str, ControllerInterface],
+        motions: InputPort,
+        declare: Callable[[str], InputPort],
+    ) -> None:
+        """Create it.
+
+        Args:
+            systems: The controllers, by name.
+            motions: Where positions and velocities of all joints come in.
+            declare: Declares an abstract input port of the manager.
+        """
+        self._motions = motions
+        self._members = {
+            name: _Member(
+                name,
+                system,
+                declare(f"{interfaces.COMMAND_PORT}:{name}"),
+                declare(f"{interfaces.INBOX_PORT}:{name}"),
+                system.is_direct,
+                system.may_rest,
+            )
+            for name, system in systems.items()
+            if isinstance(system, TickingController) and system.params.is_managed
+        }
+        self.inboxes = [member.inbox for member in self._members.values()]
+        self.are_direct = all(member.is_direct for member in self._members.values())
+
+    def connect(self, builder: DiagramBuilder, system: TickingController[Any]) -> None:
+        """Connect the ports of a controller that is in the builder.
+
+        Args:
+            builder: Where manager and controller are.
+            system: The controller.
+        """
+        member = self._members.get(system.params.controller_name)
+        if member is not None:
+            builder.Connect(system.GetOutputPort(interfaces.COMMAND_PORT), member.ticks)
+            builder.Connect(add_inbox(system), member.inbox)
+
+    def start(self) -> Ticks:
+        """Return what there is before the first cycle."""
+        return {name: m.system.first_tick for name, m in self._members.items()}
+
+    def read_news(
+        self, context: Context, requests: tuple[SwitchController, ...]
+    ) -> News:
+        """Return what lies on all ports.
+
+        Args:
+            context: Context of the manager.
+            requests: What lies on its own port.
+        """
+        return News(requests, tuple(port.Eval(context) for port in self.inboxes))
+
+    def run(
+        self,
+        context: Context,
+        cycle: Cycle,
+        held: ManagerState,
+    ) -> tuple[Ticks, frozenset[str]]:
+        """Return what a cycle leaves behind, and who has nothing to do after it.
+
+        Args:
+            context: Context of the manager.
+            cycle: The cycle, with what the last one left behind.
+            held: What the manager holds.
+        """
+        news, asleep = cycle.news, held.asleep
+        ticks: dict[str, Tick[Any]] = {}
+        given: Given | None = None
+        if cycle.commands is not None or news is not held.cycle.news:
+            asleep = frozenset()
+        for name, member in self._members.items():
+            tick = cycle.ticks[name]
+            if name not in asleep:
+                if member.is_direct and cycle.commands is None and tick.news is news:
+                    if given is None:
+                        given = Given(self._motions.Eval(context), held.values)
+                    tick = member.system.tick(cycle, given)
+                else:
+                    tick = member.ticks.Eval(context)
+            ticks[name] = tick
+        return ticks, self._find_asleep(ticks, cycle.active, asleep)
+
+    def _find_asleep(
+        self, ticks: Ticks, active: Collection[str], last: frozenset[str]
+    ) -> frozenset[str]:
+        """Return the controllers that have nothing to do until something comes.
+
+        Args:
+            ticks: What a cycle has left behind.
+            active: Controllers that were active in it.
+            last: Those that had nothing to do in it.
+        """
+        if all(name in active or name in last for name in ticks):
+            return last
+        return frozenset(
+            name
+            for name, member in self._members.items()
+            if name not in active
+            and ticks[name].activation is None
+            and member.may_rest
+            and member.system.rests(ticks[name].state)
+        )
+
+
+class _Claimant(NamedTuple):
+    """A controller that writes command interfaces, or whose update can fail."""
+
+    name: str
+
+    # Where its commands stand among the values, shape (k,), and which joints of the
+    # drive they are for, shape (n,).
+    at: NDArray[np.intp]
+    joints: Mask
+
+    # All joints that they are for.
+    names: frozenset[str]
+
+
+class Claimants:
+    """All controllers of a robot that write command interfaces or can fail."""
+
+    def __init__(
+        self,
+        systems: Mapping[str, ControllerInterface],
+        order: Sequence[str],
+        joints: Sequence[str],
+    ) -> None:
+        """Create it.
+
+        Args:
+            systems: The controllers, by name.
+            order: Names of the command values.
+            joints: Joints of the drive, n of them.
+        """
+        self._joints = tuple(joints)
+        at = {name: index for index, name in enumerate(order)}
+        self._claimants = []
+        for name, system in systems.items():
+            claims = system.command_interfaces
+            if claims or (isinstance(system, TickingController) and system.can_fail):
+                claimed = {claim.rpartition("/")[0] for claim in claims}
+                # One that claims what isn't there never becomes active.
+                indices = [at.get(claim, 0) for claim in claims]
+                claimant = _Claimant(
+                    name,
+                    np.array(indices, dtype=np.intp),
+                    self._mask(claimed),
+                    frozenset(claimed),
+                )
+                self._claimants.append(claimant)
+
+    def write(
+        self, ticks: Ticks, cycle: Cycle, last: Cycle, values: Array
+    ) -> dict[str, str]:
+        """Write what controllers command in a cycle; return those that failed.
+
+        A controller that doesn't tick leaves what it wrote, which may be limited since.
+
+        Args:
+            ticks: What the controllers' ticks leave behind.
+            cycle: The cycle.
+            last: The one before; what a controller commands when it ends counts too.
+            values: Command values, shape (k,), changed in place.
+
+        Returns:
+            Names of controllers whose update failed, and why.
+        """
+        failed = {}
+        claimants: Iterable[_Claimant] = self._claimants
+        if cycle.commands is not None:  # Those that end are first.
+            claimants = sorted(claimants, key=lambda c: c.name in cycle.active)
+        for name, at, _, _ in claimants:
+            if name not in cycle.active and name not in last.active:
+                continue
+            if cycle.periods and cycle.periods.get(name) == 0:
+                continue
+            tick = ticks[name]
+            command = tick.command
+            # A sum is finite only if all its terms are; quicker than in numpy.
+            if math.isfinite(sum(command.tolist())):
+                values[at] = command
+            else:
+                written = np.isfinite(command)
+                values[at[written]] = command[written]
+            if not tick.is_ok:
+                failed[name] = tick.fault
+        return failed
+
+    def restore(self, values: Array, before: Array, names: Collection[str]) -> None:
+        """Undo what controllers have written.
+
+        Args:
+            values: Command values, shape (k,), changed in place.
+            before: Command values before the cycle.
+            names: The controllers.
+        """
+        for claimant in self._claimants:
+            if claimant.name in names:
+                values[claimant.at] = before[claimant.at]
+
+    def owners(
+        self, active: Collection[str], joints: Mapping[str, str]
+    ) -> dict[str, str]:
+        """Return the active controllers that command joints, and a joint's text.
+
+        Args:
+            active: Controllers that are active.
+            joints: Texts by the names of joints.
+        """
+        return {
+            claimant.name: text
+            for claimant in self._claimants
+            for joint, text in joints.items()
+            if claimant.name in active and joint in claimant.names
+        }
+
+    def fresh(self, cycle: Cycle, last: Cycle) -> Mask:
+        """Return the joints of the drive whose controller has just started."""
+        fresh = self._mask(())
+        for claimant in self._claimants:
+            if cycle.active.get(claimant.name) != last.active.get(claimant.name):
+                fresh |= claimant.joints
+        return fresh
+
+    def skipped(self, cycle: Cycle) -> Mask | None:
+        """Return the joints of the drive whose controller doesn't tick, if any."""
+        if not cycle.periods:
+            return None
+        skipped = self._mask(())
+        for claimant in self._claimants:
+            if cycle.periods.get(claimant.name) == 0:
+                skipped |= claimant.joints
+        return skipped
+
+    def forget(self, previous: Previous, cycle: Cycle, last: Cycle) -> Previous:
+        """Return what is remembered of joints that keep their controller.
+
+        Args:
+            previous: What is remembered, by joint.
+            cycle: The cycle.
+            last: The one before.
+        """
+        new = {
+            joint
+            for claimant in self._claimants
+            if cycle.active.get(claimant.name) != last.active.get(claimant.name)
+            for joint in claimant.names
+        }
+        return {j: data for j, data in previous.items() if j not in new}
+
+    def _mask(self, joints: Collection[str]) -> Mask:
+        return np.array([joint in joints for joint in self._joints], dtype=bool)

@@ -4,7 +4,7 @@ import dataclasses as dc
 from collections.abc import Collection, Iterable
 from typing import Literal, NamedTuple
 
-from arm_drake.controllers.controller_interface_part import ControllerInterface
+from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.description.robot import Robot
 from arm_drake.manager.hardware_interfaces import Surroundings
 from arm_drake.manager.switching import ControllerInfo

@@ -8,7 +8,7 @@ from pydrake.systems.framework import BasicVector, Context, DiagramBuilder
 from pydrake.systems.primitives import VectorLogSink
 
 from arm_drake import interfaces
-from arm_drake.controllers.controller_interface_part import ControllerInterface
+from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.controllers.joint_trajectory.controller import JointTrajectoryController
 from arm_drake.messages import JointTrajectoryControllerState
 from arm_drake.python_system import PythonSystem

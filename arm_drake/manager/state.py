@@ -6,8 +6,8 @@ from types import MappingProxyType
 from typing import Any, NamedTuple, Self
 
 from arm_drake.arrays import Array
-from arm_drake.control.command_limits import Previous
-from arm_drake.control.drive_mode import DriveMode
+from arm_drake.control.drive_commands import DriveMode
+from arm_drake.control.joint_limits import Previous
 from arm_drake.controllers.cycles import Cycle, Tick
 from arm_drake.messages import SwitchController, SwitchControllerResult
 

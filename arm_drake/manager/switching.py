@@ -2,11 +2,20 @@
 
 The rules are those of ros2_control's controller_manager. A controller that claims a
 reference interface of another is its predecessor, the other one its follower.
+
+Which controllers a switch activates and deactivates.
+
+The rules are those of ros2_control's controller_manager (``switch_controller``,
+``check_following_controllers_for_activate``,
+``check_preceeding_controllers_for_deactivate``), and of its service
+``controller_manager_msgs/SwitchController``.
 """
 
 import dataclasses as dc
 import itertools
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+
+from arm_drake.errors import suggest
 
 
 @dc.dataclass(frozen=True)
@@ -191,3 +200,221 @@ def _predecessors(controllers: Mapping[str, ControllerInfo]) -> dict[str, list[s
             if owner:
                 found[owner].append(name)
     return found
+
+
+@dc.dataclass(frozen=True)
+class SwitchPlan:
+    """What a switch does."""
+
+    # Controllers to activate, followers before their predecessors, and to deactivate,
+    # predecessors before their followers; one that is in both restarts.
+    activate: tuple[str, ...]
+    deactivate: tuple[str, ...]
+
+    # What the service returns.
+    ok: bool
+
+    # What could not be done, and why.
+    problems: tuple[str, ...]
+
+    # Controllers that stay active, but enter or leave the chained mode: upstream
+    # deactivates and activates them in the same switch.
+    restart: tuple[str, ...] = ()
+
+
+def plan_switch(
+    controllers: Mapping[str, ControllerInfo],
+    active: Collection[str],
+    activate: Sequence[str],
+    deactivate: Sequence[str],
+    *,
+    strict: bool,
+) -> SwitchPlan:
+    """Return what happens if a switch of controllers is asked for.
+
+    Strict: if there is any problem, nothing happens, and the result isn't ok.
+
+    Best effort: controllers with a problem are left out, also those that need one that
+    is left out. Being active or inactive already is no failure. As the service says
+    since jazzy, the result is not ok if all controllers to activate fail, or all to
+    deactivate, even if something was done; if all of either are unknown, nothing is
+    done. Of two that claim the same interface the first gets it.
+
+    A follower can be deactivated only if none of its predecessors stays active, also if
+    it is activated again in the same switch. Nothing asked for is ok.
+
+    Args:
+        controllers: All controllers that are loaded, by name.
+        active: Names of those that are active.
+        activate: Names of those to activate.
+        deactivate: Names of those to deactivate; one that is in both restarts.
+        strict: Whether all or nothing is to be done; else best effort.
+    """
+    switch = _Switch(controllers, active, activate, deactivate)
+    if strict:
+        switch.find_problems()
+    else:
+        switch.take_out_problems()
+    problems = tuple(switch.problems)
+    if switch.has_unknown_list or (strict and problems):
+        return SwitchPlan((), (), False, problems)
+    owners = interface_owners(controllers)
+    needs = {name: tuple(needs_of(c, owners)) for name, c in controllers.items()}
+    users = {
+        name: [user for user, needed in needs.items() if name in needed]
+        for name in controllers
+    }
+    after = switch.active_after
+    changed = chained(controllers, active) ^ chained(controllers, after)
+    stay = set(active) & after - set(switch.activate)
+    return SwitchPlan(
+        activate=order(switch.activate, needs),
+        deactivate=order(switch.deactivate, users),
+        ok=switch.is_ok,
+        problems=problems,
+        restart=tuple(name for name in controllers if name in changed & stay),
+    )
+
+
+class _Switch:
+    """A request, from which is taken what can't be done."""
+
+    def __init__(
+        self,
+        controllers: Mapping[str, ControllerInfo],
+        active: Collection[str],
+        activate: Sequence[str],
+        deactivate: Sequence[str],
+    ) -> None:
+        self._controllers = controllers
+        self._active = set(active)
+        self._owners = interface_owners(controllers)
+        self.problems: list[str] = []
+        # Asked for, and what of it is still to be done.
+        self._asked = (activate, deactivate)
+        self.activate, self.deactivate = (
+            [name for name in dict.fromkeys(names) if name in controllers]
+            for names in self._asked
+        )
+        self.has_unknown_list = any(
+            names and not known
+            for names, known in zip(
+                self._asked, (self.activate, self.deactivate), strict=True
+            )
+        )
+        for name in dict.fromkeys((*activate, *deactivate)):
+            if name not in controllers:
+                hint = suggest(name, controllers)
+                self.problems.append(f"no controller {name!r}; {hint}")
+
+    @property
+    def active_after(self) -> set[str]:
+        """Controllers that are active after the switch."""
+        return self._active - set(self.deactivate) | set(self.activate)
+
+    @property
+    def is_ok(self) -> bool:
+        """Whether something of each list is done, or was so already."""
+        activate, deactivate = self._asked
+        idle = {
+            name
+            for name, info in self._controllers.items()
+            if name not in self._active and info.is_configured
+        }
+        return not self.has_unknown_list and all(
+            not asked or any(name in done for name in asked)
+            for asked, done in (
+                (activate, self.active_after),
+                (deactivate, {*self.deactivate, *idle}),
+            )
+        )
+
+    def find_problems(self) -> None:
+        """Find what is wrong with the request as a whole."""
+        for names, check in self._checks():
+            for name in names:
+                self.problems += check(name)
+
+    def take_out_problems(self) -> None:
+        """Take out what can't be done, one after the other.
+
+        What is taken out can make something else impossible.
+        """
+        while self._take_out_one():
+            pass
+
+    def _take_out_one(self) -> bool:
+        for names, check in self._checks():
+            for name in names:
+                problems = list(check(name))
+                if problems:
+                    self.problems += problems
+                    names.remove(name)
+                    return True
+        return False
+
+    def _checks(self) -> Iterator[tuple[list[str], Callable[[str], Iterator[str]]]]:
+        # What stays active matters to what is activated, but not the other way round;
+        # and only what could be activated by itself takes an interface from another.
+        yield self.deactivate, self._objections_to_deactivate
+        yield self.activate, self._objections_to_activate
+        yield self.activate, self._objections_within_request
+
+    def _objections_to_deactivate(self, name: str) -> Iterator[str]:
+        what = f"could not deactivate {name!r}"
+        if name not in self._active:
+            state = "active" if self._controllers[name].is_configured else "configured"
+            yield f"{what}: it is not {state}"
+        for other in self._controllers:
+            if other in self._active and other not in self.deactivate:
+                for owner, interface in self._needs_of(other).items():
+                    if owner == name and other != name:
+                        yield (
+                            f"{what}: {other!r}, which uses {interface!r}, stays active"
+                        )
+
+    def _objections_to_activate(self, name: str) -> Iterator[str]:
+        what, info = f"could not activate {name!r}", self._controllers[name]
+        if not info.is_configured:
+            yield f"{what}: it is not configured"
+            return
+        if name in self._active and name not in self.deactivate:
+            yield f"{what}: it is already active"
+            return
+        for text in info.missing:
+            yield f"{what}: {text}"
+        after = self.active_after
+        for owner, interface in self._needs_of(name).items():
+            if owner not in after:
+                is_active = owner in self._active
+                state = "is to be deactivated" if is_active else "is not active"
+                yield f"{what}: {interface!r} belongs to {owner!r}, which {state}"
+        for other in self._controllers:
+            if other in self._active and other not in self.deactivate:
+                yield from self._conflicts(name, other, "which stays active")
+
+    def _objections_within_request(self, name: str) -> Iterator[str]:
+        for other in self.activate[: self.activate.index(name)]:
+            yield from self._conflicts(name, other, "which is activated too")
+
+    def _conflicts(self, name: str, other: str, state: str) -> Iterator[str]:
+        claimed = self._controllers[other].command_interfaces
+        for interface in self._controllers[name].command_interfaces:
+            if interface in claimed:
+                yield (
+                    f"could not activate {name!r}: {interface!r} is claimed by "
+                    f"{other!r}, {state}"
+                )
+                return
+        joints = self._controllers[other].joints
+        for joint in self._controllers[name].joints:
+            if joint in joints:
+                yield (
+                    f"could not activate {name!r}: joint {joint!r} is commanded by "
+                    f"{other!r}, {state}"
+                )
+                return
+
+    def _needs_of(self, name: str) -> dict[str, str]:
+        """Return whom a controller needs, and by which interface."""
+        return needs_of(self._controllers[name], self._owners)

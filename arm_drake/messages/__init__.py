@@ -12,20 +12,6 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from arm_drake.messages.actions import ActionRequest as ActionRequest
-    from arm_drake.messages.actions import CancelGoal as CancelGoal
-    from arm_drake.messages.actions import CancelResponse as CancelResponse
-    from arm_drake.messages.actions import Goal as Goal
-    from arm_drake.messages.actions import GoalEvent as GoalEvent
-    from arm_drake.messages.actions import GoalStatus as GoalStatus
-    from arm_drake.messages.actions import Result as Result
-    from arm_drake.messages.actions import SendGoal as SendGoal
-    from arm_drake.messages.actions import TopicRejected as TopicRejected
-    from arm_drake.messages.admittance import (
-        AdmittanceControllerState as AdmittanceControllerState,
-    )
-    from arm_drake.messages.admittance import Int8MultiArray as Int8MultiArray
-    from arm_drake.messages.admittance import String as String
     from arm_drake.messages.base import NANOSECONDS as NANOSECONDS
     from arm_drake.messages.base import Duration as Duration
     from arm_drake.messages.base import Header as Header
@@ -33,20 +19,45 @@ if TYPE_CHECKING:
     from arm_drake.messages.base import Message as Message
     from arm_drake.messages.base import Time as Time
     from arm_drake.messages.base import TimeLike as TimeLike
+    from arm_drake.messages.control import AckermannDrive as AckermannDrive
+    from arm_drake.messages.control import (
+        AdmittanceControllerState as AdmittanceControllerState,
+    )
+    from arm_drake.messages.control import Bool as Bool
+    from arm_drake.messages.control import (
+        DynamicInterfaceGroupValues as DynamicInterfaceGroupValues,
+    )
     from arm_drake.messages.control import DynamicJointState as DynamicJointState
+    from arm_drake.messages.control import Float32 as Float32
+    from arm_drake.messages.control import Float64 as Float64
     from arm_drake.messages.control import Float64MultiArray as Float64MultiArray
+    from arm_drake.messages.control import GripperCommand as GripperCommand
+    from arm_drake.messages.control import GripperCommandGoal as GripperCommandGoal
+    from arm_drake.messages.control import GripperCommandResult as GripperCommandResult
+    from arm_drake.messages.control import Int8MultiArray as Int8MultiArray
     from arm_drake.messages.control import InterfaceValue as InterfaceValue
+    from arm_drake.messages.control import (
+        MecanumDriveControllerState as MecanumDriveControllerState,
+    )
     from arm_drake.messages.control import MultiDOFCommand as MultiDOFCommand
     from arm_drake.messages.control import MultiDOFState as MultiDOFState
     from arm_drake.messages.control import MultiDOFStateStamped as MultiDOFStateStamped
+    from arm_drake.messages.control import (
+        ParallelGripperCommandGoal as ParallelGripperCommandGoal,
+    )
+    from arm_drake.messages.control import (
+        ParallelGripperCommandResult as ParallelGripperCommandResult,
+    )
     from arm_drake.messages.control import ParametersRejected as ParametersRejected
+    from arm_drake.messages.control import ResetOdometry as ResetOdometry
+    from arm_drake.messages.control import (
+        SteeringControllerStatus as SteeringControllerStatus,
+    )
     from arm_drake.messages.control import Strictness as Strictness
+    from arm_drake.messages.control import String as String
     from arm_drake.messages.control import SwitchController as SwitchController
     from arm_drake.messages.control import (
         SwitchControllerResult as SwitchControllerResult,
-    )
-    from arm_drake.messages.dynamic_interfaces import (
-        DynamicInterfaceGroupValues as DynamicInterfaceGroupValues,
     )
     from arm_drake.messages.geometry import Odometry as Odometry
     from arm_drake.messages.geometry import Point as Point
@@ -64,21 +75,6 @@ if TYPE_CHECKING:
     from arm_drake.messages.geometry import Vector3 as Vector3
     from arm_drake.messages.geometry import Wrench as Wrench
     from arm_drake.messages.geometry import WrenchStamped as WrenchStamped
-    from arm_drake.messages.grippers import Bool as Bool
-    from arm_drake.messages.grippers import Float32 as Float32
-    from arm_drake.messages.grippers import Float64 as Float64
-    from arm_drake.messages.grippers import GripperCommand as GripperCommand
-    from arm_drake.messages.grippers import GripperCommandGoal as GripperCommandGoal
-    from arm_drake.messages.grippers import GripperCommandResult as GripperCommandResult
-    from arm_drake.messages.grippers import (
-        ParallelGripperCommandGoal as ParallelGripperCommandGoal,
-    )
-    from arm_drake.messages.grippers import (
-        ParallelGripperCommandResult as ParallelGripperCommandResult,
-    )
-    from arm_drake.messages.mecanum import (
-        MecanumDriveControllerState as MecanumDriveControllerState,
-    )
     from arm_drake.messages.sensors import BatteryState as BatteryState
     from arm_drake.messages.sensors import BatteryStateArray as BatteryStateArray
     from arm_drake.messages.sensors import Float64Values as Float64Values
@@ -88,11 +84,9 @@ if TYPE_CHECKING:
     from arm_drake.messages.sensors import NavSatFix as NavSatFix
     from arm_drake.messages.sensors import NavSatStatus as NavSatStatus
     from arm_drake.messages.sensors import Range as Range
-    from arm_drake.messages.steering import AckermannDrive as AckermannDrive
-    from arm_drake.messages.steering import ResetOdometry as ResetOdometry
-    from arm_drake.messages.steering import (
-        SteeringControllerStatus as SteeringControllerStatus,
-    )
+    from arm_drake.messages.trajectories import ActionRequest as ActionRequest
+    from arm_drake.messages.trajectories import CancelGoal as CancelGoal
+    from arm_drake.messages.trajectories import CancelResponse as CancelResponse
     from arm_drake.messages.trajectories import (
         FollowJointTrajectoryErrorCode as FollowJointTrajectoryErrorCode,
     )
@@ -105,6 +99,9 @@ if TYPE_CHECKING:
     from arm_drake.messages.trajectories import (
         FollowJointTrajectoryResult as FollowJointTrajectoryResult,
     )
+    from arm_drake.messages.trajectories import Goal as Goal
+    from arm_drake.messages.trajectories import GoalEvent as GoalEvent
+    from arm_drake.messages.trajectories import GoalStatus as GoalStatus
     from arm_drake.messages.trajectories import JointTolerance as JointTolerance
     from arm_drake.messages.trajectories import JointTrajectory as JointTrajectory
     from arm_drake.messages.trajectories import (
@@ -116,39 +113,42 @@ if TYPE_CHECKING:
     from arm_drake.messages.trajectories import (
         QueryTrajectoryState as QueryTrajectoryState,
     )
+    from arm_drake.messages.trajectories import Result as Result
+    from arm_drake.messages.trajectories import SendGoal as SendGoal
     from arm_drake.messages.trajectories import SpeedScalingFactor as SpeedScalingFactor
+    from arm_drake.messages.trajectories import TopicRejected as TopicRejected
 
 # Where each is defined. A module is imported when one of its names is first used: a
 # robot needs few, and classes take a while to make.
 _MODULES = {
-    "AckermannDrive": "steering",
-    "ActionRequest": "actions",
-    "AdmittanceControllerState": "admittance",
+    "AckermannDrive": "control",
+    "ActionRequest": "trajectories",
+    "AdmittanceControllerState": "control",
     "BatteryState": "sensors",
     "BatteryStateArray": "sensors",
-    "Bool": "grippers",
-    "CancelGoal": "actions",
-    "CancelResponse": "actions",
+    "Bool": "control",
+    "CancelGoal": "trajectories",
+    "CancelResponse": "trajectories",
     "Duration": "base",
-    "DynamicInterfaceGroupValues": "dynamic_interfaces",
+    "DynamicInterfaceGroupValues": "control",
     "DynamicJointState": "control",
-    "Float32": "grippers",
-    "Float64": "grippers",
+    "Float32": "control",
+    "Float64": "control",
     "Float64MultiArray": "control",
     "Float64Values": "sensors",
     "FollowJointTrajectoryErrorCode": "trajectories",
     "FollowJointTrajectoryFeedback": "trajectories",
     "FollowJointTrajectoryGoal": "trajectories",
     "FollowJointTrajectoryResult": "trajectories",
-    "Goal": "actions",
-    "GoalEvent": "actions",
-    "GoalStatus": "actions",
-    "GripperCommand": "grippers",
-    "GripperCommandGoal": "grippers",
-    "GripperCommandResult": "grippers",
+    "Goal": "trajectories",
+    "GoalEvent": "trajectories",
+    "GoalStatus": "trajectories",
+    "GripperCommand": "control",
+    "GripperCommandGoal": "control",
+    "GripperCommandResult": "control",
     "Header": "base",
     "Imu": "sensors",
-    "Int8MultiArray": "admittance",
+    "Int8MultiArray": "control",
     "InterfaceValue": "control",
     "JointState": "base",
     "JointTolerance": "trajectories",
@@ -157,7 +157,7 @@ _MODULES = {
     "JointTrajectoryPoint": "trajectories",
     "Keys": "sensors",
     "MagneticField": "sensors",
-    "MecanumDriveControllerState": "mecanum",
+    "MecanumDriveControllerState": "control",
     "Message": "base",
     "MultiDOFCommand": "control",
     "MultiDOFState": "control",
@@ -166,8 +166,8 @@ _MODULES = {
     "NavSatFix": "sensors",
     "NavSatStatus": "sensors",
     "Odometry": "geometry",
-    "ParallelGripperCommandGoal": "grippers",
-    "ParallelGripperCommandResult": "grippers",
+    "ParallelGripperCommandGoal": "control",
+    "ParallelGripperCommandResult": "control",
     "ParametersRejected": "control",
     "Point": "geometry",
     "Pose": "geometry",
@@ -176,20 +176,20 @@ _MODULES = {
     "Quaternion": "geometry",
     "QueryTrajectoryState": "trajectories",
     "Range": "sensors",
-    "ResetOdometry": "steering",
-    "Result": "actions",
-    "SendGoal": "actions",
+    "ResetOdometry": "control",
+    "Result": "trajectories",
+    "SendGoal": "trajectories",
     "SetOdometry": "geometry",
     "SpeedScalingFactor": "trajectories",
-    "SteeringControllerStatus": "steering",
+    "SteeringControllerStatus": "control",
     "Strictness": "control",
-    "String": "admittance",
+    "String": "control",
     "SwitchController": "control",
     "SwitchControllerResult": "control",
     "TFMessage": "geometry",
     "Time": "base",
     "TimeLike": "base",
-    "TopicRejected": "actions",
+    "TopicRejected": "trajectories",
     "Transform": "geometry",
     "TransformStamped": "geometry",
     "Twist": "geometry",

@@ -3,8 +3,23 @@
 import dataclasses as dc
 from typing import Literal
 
-from arm_drake.messages.base import Header, Message
-from arm_drake.messages.checks import to_floats, to_names
+from arm_drake.messages.base import (
+    Header,
+    JointState,
+    Message,
+    check_type,
+    to_float,
+    to_floats,
+    to_message,
+    to_names,
+)
+from arm_drake.messages.geometry import (
+    Quaternion,
+    TransformStamped,
+    Twist,
+    TwistStamped,
+    WrenchStamped,
+)
 
 Strictness = Literal["strict", "best_effort"]
 _STRICTNESS = ("strict", "best_effort", "")
@@ -123,3 +138,257 @@ class SwitchControllerResult(Message):
 
     # Why not, or what was left out; empty if there is nothing to say.
     message: str = ""
+
+
+@dc.dataclass(frozen=True, eq=False)
+class Float64(Message):
+    """A number (`std_msgs`); each message is one of its own."""
+
+    data: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Take numbers as they come."""
+        object.__setattr__(self, "data", to_float(self.data, "data"))
+
+
+@dc.dataclass(frozen=True, eq=False)
+class Float32(Float64):
+    """A number (`std_msgs`), kept with the digits that it is given."""
+
+
+@dc.dataclass(frozen=True, eq=False)
+class Bool(Message):
+    """Yes or no (`std_msgs`); each message is one of its own."""
+
+    data: bool = False
+
+    def __post_init__(self) -> None:
+        """Take nothing else."""
+        check_type(self.data, bool, "data")
+
+
+@dc.dataclass(frozen=True)
+class GripperCommand(Message):
+    """Where a gripper is to go (`control_msgs/GripperCommand`)."""
+
+    # [rad] or [m].
+    position: float = 0.0
+
+    # Largest effort on the way [N·m] or [N].
+    max_effort: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Take numbers as they come."""
+        for field in ("position", "max_effort"):
+            number = to_float(getattr(self, field), field)
+            object.__setattr__(self, field, number)
+
+
+@dc.dataclass(frozen=True)
+class GripperCommandGoal(Message):
+    """Goal of the action `control_msgs/GripperCommand`."""
+
+    command: GripperCommand = GripperCommand()
+
+    def __post_init__(self) -> None:
+        """Refuse anything but a command."""
+        check_type(self.command, GripperCommand, "command")
+
+
+@dc.dataclass(frozen=True)
+class GripperCommandResult(Message):
+    """Result of the action `control_msgs/GripperCommand`."""
+
+    # [rad] or [m].
+    position: float = 0.0
+
+    # [N·m] or [N].
+    effort: float = 0.0
+
+    # Whether the gripper stopped on the way, or got where it should.
+    stalled: bool = False
+    reached_goal: bool = False
+
+
+@dc.dataclass(frozen=True)
+class ParallelGripperCommandGoal(Message):
+    """Goal of the action `control_msgs/ParallelGripperCommand`."""
+
+    # One position [rad] or [m]; at most one velocity and one effort, which limit the
+    # motion [rad/s], [N·m] or [m/s], [N].
+    command: JointState = dc.field(default_factory=JointState)
+
+    def __post_init__(self) -> None:
+        """Take sequences as they come."""
+        given = self.command
+        check_type(given, JointState, "command")
+        name = to_names(given.name, "command.name")
+        position, velocity, effort = (
+            to_floats(getattr(given, field), f"command.{field}")
+            for field in ("position", "velocity", "effort")
+        )
+        checked = JointState(given.header, name, position, velocity, effort)
+        object.__setattr__(self, "command", checked)
+
+
+@dc.dataclass(frozen=True)
+class ParallelGripperCommandResult(Message):
+    """Result of the action `control_msgs/ParallelGripperCommand`."""
+
+    # Position [rad] or [m] of the joint, if its controller knows it.
+    state: JointState = dc.field(default_factory=JointState)
+
+    # Whether the gripper stopped on the way, or got where it should.
+    stalled: bool = False
+    reached_goal: bool = False
+
+
+@dc.dataclass(frozen=True)
+class Int8MultiArray(Message):
+    """Small numbers in an agreed order (`std_msgs`)."""
+
+    data: tuple[int, ...] = ()
+
+
+@dc.dataclass(frozen=True)
+class String(Message):
+    """A text (`std_msgs`)."""
+
+    data: str = ""
+
+
+@dc.dataclass(frozen=True)
+class AdmittanceControllerState(Message):
+    """How an AdmittanceController gives way (`control_msgs`).
+
+    What is given for six axes is along, then about x, y and z of the control frame.
+    """
+
+    # What joints are moved by beside their references; the efforts are accelerations.
+    joint_state: JointState = dc.field(default_factory=JointState)
+
+    # [N·s/m] and [N·m·s/rad], [kg] and [kg·m^2], each of six values.
+    damping: Float64MultiArray = dc.field(default_factory=Float64MultiArray)
+    mass: Float64MultiArray = dc.field(default_factory=Float64MultiArray)
+
+    # 1 where the wrench counts.
+    selected_axes: Int8MultiArray = dc.field(default_factory=Int8MultiArray)
+
+    # [N/m] and [N·m/rad], six values.
+    stiffness: Float64MultiArray = dc.field(default_factory=Float64MultiArray)
+
+    # Filtered wrench, and how it moves the sensor's frame, in the base of the chain.
+    wrench_base: WrenchStamped = dc.field(default_factory=WrenchStamped)
+    admittance_acceleration: TwistStamped = dc.field(default_factory=TwistStamped)
+    admittance_velocity: TwistStamped = dc.field(default_factory=TwistStamped)
+    admittance_position: TransformStamped = dc.field(default_factory=TransformStamped)
+
+    # Orientation of the control frame in the base.
+    rot_base_control: Quaternion = dc.field(default_factory=Quaternion)
+
+    # Where the sensor's frame is at the references.
+    ref_trans_base_ft: TransformStamped = dc.field(default_factory=TransformStamped)
+
+    ft_sensor_frame: String = dc.field(default_factory=String)
+
+
+@dc.dataclass(frozen=True)
+class MecanumDriveControllerState(Message):
+    """State of a MecanumDriveController (`control_msgs`)."""
+
+    header: Header = Header()
+
+    # Measured velocities of the wheels [rad/s].
+    front_left_wheel_velocity: float = 0.0
+    front_right_wheel_velocity: float = 0.0
+    back_right_wheel_velocity: float = 0.0
+    back_left_wheel_velocity: float = 0.0
+
+    # What is asked for, before limits; NaN if there is nothing.
+    reference_velocity: Twist = dc.field(default_factory=Twist)
+
+
+@dc.dataclass(frozen=True)
+class SteeringControllerStatus(Message):
+    """What a steering controller measures and commands (`control_msgs`).
+
+    Of two wheels the right one comes first.
+    """
+
+    header: Header = Header()
+
+    # Of the driven wheels: [rad] where positions are read, else (), and [rad/s] where
+    # velocities are read, else ().
+    traction_wheels_position: tuple[float, ...] = ()
+    traction_wheels_velocity: tuple[float, ...] = ()
+
+    # Of the steered wheels [rad].
+    steer_positions: tuple[float, ...] = ()
+
+    # Commands of the driven [rad/s] and of the steered wheels [rad]; NaN where there
+    # was none yet.
+    traction_command: tuple[float, ...] = ()
+    steering_angle_command: tuple[float, ...] = ()
+
+
+@dc.dataclass(frozen=True)
+class AckermannDrive(Message):
+    """How a steered base is to drive (`ackermann_msgs`)."""
+
+    # [rad], and its rate of change [rad/s].
+    steering_angle: float = 0.0
+    steering_angle_velocity: float = 0.0
+
+    # [m/s]; upstream's tricycle_controller puts the wheel's velocity here [rad/s].
+    speed: float = 0.0
+
+    # [m/s^2].
+    acceleration: float = 0.0
+
+    # [m/s^3].
+    jerk: float = 0.0
+
+
+@dc.dataclass(frozen=True, eq=False)
+class ResetOdometry(Message):
+    """Request of the service `reset_odometry` (`std_srvs/Empty`), one of its own."""
+
+
+@dc.dataclass(frozen=True, eq=False)
+class DynamicInterfaceGroupValues(Message):
+    """Values of interfaces by group; each message is one of its own.
+
+    Header and values may be given as mappings of their fields. Whether there are as
+    many values as names is for who receives it to judge.
+    """
+
+    header: Header = Header()
+
+    # Such as GPIOs.
+    interface_groups: tuple[str, ...] = ()
+
+    # Of each group.
+    interface_values: tuple[InterfaceValue, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Take sequences and mappings as they come."""
+        values = self.__dict__
+        values["header"] = to_message(self.header, Header, "header")
+        values["interface_groups"] = to_names(self.interface_groups, "interface_groups")
+        values["interface_values"] = _to_values(self.interface_values)
+
+
+def _to_values(values: object) -> tuple[InterfaceValue, ...]:
+    field = "interface_values"
+    if not isinstance(values, list | tuple):
+        raise ValueError(
+            f"{field}: expected a sequence of InterfaceValue, got {values!r}"
+        )
+    taken = []
+    for index, value in enumerate(values):
+        place = f"{field}[{index}]"
+        message = to_message(value, InterfaceValue, place)
+        names = to_names(message.interface_names, f"{place}.interface_names")
+        numbers = to_floats(message.values, f"{place}.values")
+        taken.append(InterfaceValue(names, numbers))
+    return tuple(taken)

@@ -6,8 +6,7 @@ What a user sends, twists and wrenches, may be given as mappings of their fields
 import dataclasses as dc
 import math
 
-from arm_drake.messages.base import Header, Message
-from arm_drake.messages.checks import to_float, to_message
+from arm_drake.messages.base import Header, Message, to_float, to_message
 
 
 def _take_numbers(message: Message, fields: tuple[str, ...]) -> None:

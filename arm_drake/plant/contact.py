@@ -2,9 +2,12 @@
 
 from collections.abc import Collection, Mapping, Sequence
 
+import numpy as np
+from pydrake.common.value import AbstractValue
 from pydrake.geometry import (
     AddCompliantHydroelasticProperties,
     AddRigidHydroelasticProperties,
+    Box,
     CollisionFilterDeclaration,
     GeometryId,
     GeometrySet,
@@ -16,6 +19,7 @@ from pydrake.geometry import (
     RoleAssign,
     SceneGraph,
 )
+from pydrake.math import RigidTransform
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import (
     BodyIndex,
@@ -23,7 +27,10 @@ from pydrake.multibody.tree import (
     RigidBody,
     world_index,
 )
-from pydrake.systems.framework import Diagram
+from pydrake.systems.framework import BasicVector, Context, Diagram
+
+from arm_drake.messages.sensors import ContactsState
+from arm_drake.python_system import PythonSystem
 
 # What overlaps less than this only touches [m].
 _SMALLEST_OVERLAP = 1e-3
@@ -190,3 +197,77 @@ def _is_carried(
     free = [b.name() in free_links.get(b.model_instance(), ()) for b in bodies]
     robots = [b.model_instance() in free_links for b in bodies]
     return any(free) and not all(robots)
+
+
+# Name of the log, after the prefix of its robot.
+CONTACT_LOG = "contact_forces"
+
+
+class ContactForces(PythonSystem):
+    """Adds up the contact forces on each link.
+
+    .. pydrake_system::
+
+        name: ContactForces
+        input_ports:
+        - contacts
+        output_ports:
+        - force
+
+    ========  ====  ====  ============================================================
+    port      size  unit  meaning
+    ========  ====  ====  ============================================================
+    contacts  --    --    ContactsState: what touches the robot
+    force     3L    [N]   total force on each link in the world, x, y, z
+    ========  ====  ====  ============================================================
+
+    It has no state.
+    """
+
+    def __init__(self, links: Sequence[str]) -> None:
+        """Create the system.
+
+        Args:
+            links: Names of the L links.
+        """
+        super().__init__()
+        self._rows = {link: row for row, link in enumerate(links)}
+        nothing = AbstractValue.Make(ContactsState())
+        self._contacts = self.DeclareAbstractInputPort("contacts", nothing)
+        self.DeclareVectorOutputPort(
+            "force",
+            3 * len(links),
+            self._calc_force,
+            prerequisites_of_calc={self._contacts.ticket()},
+        )
+
+    def _calc_force(self, context: Context, output: BasicVector) -> None:
+        total = np.zeros((len(self._rows), 3))
+        for state in self._contacts.Eval(context).states:
+            # "<robot>::<link>::<shape>".
+            link = state.collision1_name.split("::")[-2]
+            if link in self._rows:
+                force = state.total_wrench.force
+                total[self._rows[link]] += (force.x, force.y, force.z)
+        output.SetFromVector(total.ravel())
+
+
+# Name of its shape, also of the ground plane of an SDF file.
+GROUND = "ground"
+
+# Friction of the ground, static and dynamic.
+GROUND_FRICTION = 1.0
+
+# A box, for Drake warns about half spaces [m].
+_SIZE = (100.0, 100.0, 1.0)
+
+
+def add_ground(plant: MultibodyPlant) -> None:
+    """Add the ground plane z = 0, as Gazebo's empty world has it."""
+    plant.RegisterCollisionGeometry(
+        plant.world_body(),
+        RigidTransform([0.0, 0.0, -_SIZE[2] / 2.0]),
+        Box(*_SIZE),
+        GROUND,
+        CoulombFriction(GROUND_FRICTION, GROUND_FRICTION),
+    )

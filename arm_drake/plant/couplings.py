@@ -1,14 +1,98 @@
 """Mimic joints: what moves them in the end, and by how much."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import Context
 
-from arm_drake.description.joints import JointInfo
-from arm_drake.description.tree import last_master
+from arm_drake.arrays import Array
+from arm_drake.control.servo import DynamicsSamples
+from arm_drake.description.joints import JointInfo, last_master
 from arm_drake.description.urdf import RobotDescription
-from arm_drake.plant.dynamics_samples import Followers
+
+# Configurations at which the dynamics is sampled, and the seed that picks them.
+_NUM_SAMPLES = 100
+_SEED = 20_260_101
+
+# Continuous joints, and joints with several turns, are sampled within one turn.
+_TURN = np.pi
+
+
+# Mimic joints: index of the position, of its last master's, factor, offset.
+Followers = Sequence[tuple[int, int, float, float]]
+
+
+def sample_gravity(
+    plant: MultibodyPlant, N: Array, num_samples: int, followers: Followers = ()
+) -> Array:
+    """Return the efforts that hold the commanded joints against gravity.
+
+    Args:
+        plant: A finalized plant that holds this robot alone.
+        N: As for `sample_dynamics`.
+        num_samples: How many poses; the first one is the default configuration.
+        followers: The mimic joints.
+
+    Returns:
+        Efforts [N·m] or [N], shape (num_samples, n).
+    """
+    return np.array(
+        [
+            -N.T @ plant.CalcGravityGeneralizedForces(context)
+            for context in _poses(plant, num_samples, followers)
+        ]
+    )
+
+
+def _poses(
+    plant: MultibodyPlant, num_samples: int, followers: Followers
+) -> Iterator[Context]:
+    """Yield a context in the default configuration, then in random ones."""
+    context, random = plant.CreateDefaultContext(), np.random.default_rng(_SEED)
+    limits = plant.GetPositionLowerLimits(), plant.GetPositionUpperLimits()
+    lower, upper = _sampled_ranges(*limits)
+    for sample in range(num_samples):
+        if sample:
+            q = random.uniform(lower, upper)
+            for follower, master, factor, offset in followers:
+                q[follower] = factor * q[master] + offset
+            plant.SetPositions(context, q)
+        yield context
+
+
+def _sampled_ranges(lower: Array, upper: Array) -> tuple[Array, Array]:
+    """Return the limits, but for ranges of more than a turn: the turn in the middle."""
+    low = np.where(np.isfinite(lower), lower, np.minimum(-_TURN, upper - 2.0 * _TURN))
+    high = np.where(np.isfinite(upper), upper, np.maximum(_TURN, lower + 2.0 * _TURN))
+    low = np.where(np.isfinite(low), low, -_TURN)
+    high = np.where(np.isfinite(high), high, _TURN)
+    middle, half = (low + high) / 2.0, np.minimum((high - low) / 2.0, _TURN)
+    return middle - half, middle + half
+
+
+def sample_dynamics(
+    plant: MultibodyPlant, N: Array, followers: Followers = ()
+) -> DynamicsSamples:
+    """Return the dynamics of the commanded joints at random configurations.
+
+    Args:
+        plant: A finalized plant that holds this robot alone.
+        N: Velocities of all joints per velocity of a commanded joint, shape (m, n).
+        followers: The mimic joints.
+    """
+    masses, gravities = [], []
+    for context in _poses(plant, _NUM_SAMPLES, followers):
+        masses.append(N.T @ plant.CalcMassMatrixViaInverseDynamics(context) @ N)
+        gravities.append(-N.T @ plant.CalcGravityGeneralizedForces(context))
+    damping = np.zeros(plant.num_velocities())
+    for index in plant.GetJointIndices():
+        joint = plant.get_joint(index)
+        for k in range(joint.num_velocities()):
+            damping[joint.velocity_start() + k] = joint.default_damping_vector()[k]
+    return DynamicsSamples(
+        np.array(masses), np.array(gravities), np.square(N.T) @ damping
+    )
 
 
 def find_followers(plant: MultibodyPlant, description: RobotDescription) -> Followers:

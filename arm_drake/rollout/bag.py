@@ -1,13 +1,399 @@
 """Rollouts as bags of ROS 2 messages, in an `.mcap` file."""
 
+import functools
+import itertools
+import json
+import math
+import re
+import xml.etree.ElementTree as ET
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_drake.arrays import Array
+from arm_drake.description.joints import WORLD
+from arm_drake.errors import InputError, suggest
 from arm_drake.messages import NANOSECONDS
-from arm_drake.rollout.bag_messages import LATCHED, BagMessage, stamp
-from arm_drake.rollout.bag_topics import RobotTopics
-from arm_drake.rollout.mcap import McapFile
-from arm_drake.rollout.rollout import Rollout
-from arm_drake.rollout.ros_types import load_types
+from arm_drake.rollout.link_poses import (
+    LinkTransform,
+    base_pose,
+    fixed_pose,
+    read_transforms,
+    root_links,
+)
+from arm_drake.rollout.mcap import MAGIC, McapFile, load_types, type_of
+from arm_drake.rollout.npz import AS_THEY_ARE, make_static, read_static
+from arm_drake.rollout.rollout import GoalRecord, Rollout, SentMessage, to_plain
+
+# Names of topics that are ours; in front of them stands the robot's namespace.
+STATIC, GOALS = "/arm_drake/rollout", "/arm_drake/goals"
+MESSAGES, ACTIVE = "/arm_drake/messages", "/arm_drake/active_controllers"
+COMMANDS, POSES = "/arm_drake/command_interfaces", "/arm_drake/pose/"
+CONTACTS = "/arm_drake/contact_force/"
+
+JOINT_STATES, DESCRIPTION = "/joint_states", "/robot_description"
+CONTROLLER_STATE = "/controller_state"
+
+JOINT_STATE_TYPE = "sensor_msgs/msg/JointState"
+STRING_TYPE = "std_msgs/msg/String"
+STATE_TYPE = "control_msgs/msg/JointTrajectoryControllerState"
+COMMANDS_TYPE = "control_msgs/msg/DynamicJointState"
+NUMBERS_TYPE = "std_msgs/msg/Float64MultiArray"
+POSE_TYPE = "geometry_msgs/msg/PoseStamped"
+WRENCH_TYPE = "geometry_msgs/msg/WrenchStamped"
+_TF_TYPE = "tf2_msgs/msg/TFMessage"
+_LOG_TYPE = "rcl_interfaces/msg/Log"
+
+# What names of topics can't have.
+_NOT_IN_NAMES = re.compile(r"[^A-Za-z0-9_/]")
+
+# Topics that tell a late listener their last message.
+LATCHED = (DESCRIPTION, "/tf_static", STATIC, ACTIVE)
+
+# Levels of rcl_interfaces/msg/Log.
+_INFO, _ERROR = 20, 40
+
+
+class BagMessage(NamedTuple):
+    """A message, its topic and time."""
+
+    topic: str
+    type: str
+    time_ns: int
+    fields: Mapping[str, Any]
+
+
+def stamp(time_ns: int) -> dict[str, int]:
+    """Return a time as the fields of builtin_interfaces/Time."""
+    sec, nanosec = divmod(time_ns, NANOSECONDS)
+    return {"sec": sec, "nanosec": nanosec}
+
+
+def pose_topic(namespace: str, link: str) -> str:
+    """Return the topic with the poses of a free link."""
+    return f"{namespace}{POSES}{_topic_part(link)}"
+
+
+def contact_topic(namespace: str, link: str) -> str:
+    """Return the topic with the contact forces on a link."""
+    return f"{namespace}{CONTACTS}{_topic_part(link)}"
+
+
+def _topic_part(link: str) -> str:
+    """Return the name of a link as topics may have it, another one for each link."""
+    name = _NOT_IN_NAMES.sub("_", link)
+    return name if name == link else f"{name}_{zlib.crc32(link.encode()):08x}"
+
+
+@functools.lru_cache(maxsize=16)  # Every row asks.
+def group_commands(names: tuple[str, ...]) -> Mapping[str, list[tuple[str, int]]]:
+    """Return the command interfaces of each joint or other component.
+
+    Args:
+        names: "<joint>/<interface>" of each.
+
+    Returns:
+        Names of interfaces with their places among all, by joint.
+    """
+    groups: dict[str, list[tuple[str, int]]] = {}
+    for index, name in enumerate(names):
+        joint, _, interface = name.rpartition("/")
+        groups.setdefault(joint, []).append((interface, index))
+    return groups
+
+
+def tell_row(
+    rollout: Rollout, row: int, time_ns: int, prefix: str
+) -> Iterator[BagMessage]:
+    """Yield what a row says, but for frames."""
+    header = {"stamp": stamp(time_ns)}
+    position, velocity = rollout.position[row], rollout.velocity[row]
+    fields: dict[str, Any] = {
+        "header": header,
+        "name": rollout.joint_names,
+        "position": position,
+        "velocity": velocity,
+        "effort": rollout.effort[row],
+    }
+    yield BagMessage(f"{prefix}{JOINT_STATES}", JOINT_STATE_TYPE, time_ns, fields)
+    if rollout.command_names:
+        values = rollout.command[row]
+        groups = group_commands(rollout.command_names)
+        fields = {
+            "header": header,
+            "joint_names": list(groups),
+            "interface_values": [
+                {
+                    "interface_names": [name for name, _ in parts],
+                    "values": [values[index] for _, index in parts],
+                }
+                for parts in groups.values()
+            ],
+        }
+        yield BagMessage(f"{prefix}{COMMANDS}", COMMANDS_TYPE, time_ns, fields)
+    for name, reference in rollout.references.items():
+        wanted = reference.position[row]
+        if np.all(np.isnan(wanted)):
+            continue
+        columns = [rollout.joint_names.index(joint) for joint in reference.joint_names]
+        fields = {
+            "header": header,
+            "joint_names": reference.joint_names,
+            "reference": {"positions": wanted},
+            "feedback": {
+                "positions": position[columns],
+                "velocities": velocity[columns],
+            },
+            "error": {"positions": wanted - position[columns]},
+            "output": _output(rollout, row, reference.joint_names, wanted),
+            "speed_scaling_factor": 1.0,
+        }
+        topic = f"{prefix}/{name}{CONTROLLER_STATE}"
+        yield BagMessage(topic, STATE_TYPE, time_ns, fields)
+    for link, poses in rollout.free_poses.items():
+        if np.all(np.isfinite(poses[row])):
+            placed = {"stamp": stamp(time_ns), "frame_id": WORLD}
+            fields = {"header": placed, "pose": _pose(poses[row])}
+            yield BagMessage(pose_topic(prefix, link), POSE_TYPE, time_ns, fields)
+    for link, forces in rollout.contact_forces.items():
+        # Where nothing touches there is nothing to tell.
+        if np.any(force := np.nan_to_num(forces[row])):
+            fields = {"header": header, "wrench": {"force": _vector(force)}}
+            yield BagMessage(contact_topic(prefix, link), WRENCH_TYPE, time_ns, fields)
+
+
+def _output(
+    rollout: Rollout, row: int, joints: Sequence[str], wanted: Array
+) -> dict[str, Any]:
+    """Return what a controller commands, if that is the positions that it wants."""
+    names = [f"{joint}/position" for joint in joints]
+    if not set(names) <= set(rollout.command_names):
+        return {}
+    columns = [rollout.command_names.index(name) for name in names]
+    is_same = np.array_equal(rollout.command[row, columns], wanted, equal_nan=True)
+    return {"positions": wanted} if is_same else {}
+
+
+def tell_sent(message: SentMessage, prefix: str) -> Iterator[BagMessage]:
+    """Yield a message on its own topic, if there is one, and as text in any case."""
+    time_ns = round(message.time * NANOSECONDS)
+    type_ = type_of(message.type)
+    if type_ is not None:
+        yield BagMessage(message.topic, type_, time_ns, message.data)
+    yield make_string(f"{prefix}{MESSAGES}", time_ns, _json(message))
+
+
+def tell_goal(
+    goal: GoalRecord, number: int, *, is_new: bool, rollout: Rollout
+) -> Iterator[BagMessage]:
+    """Yield what is new about a goal."""
+    prefix, sent_ns = rollout.namespace, round(goal.sent_at * NANOSECONDS)
+    trajectory = goal.goal.get("trajectory")
+    if is_new and trajectory:
+        topic = f"/{goal.controller}/follow_joint_trajectory/trajectory"
+        type_ = "trajectory_msgs/msg/JointTrajectory"
+        yield BagMessage(topic, type_, sent_ns, trajectory)
+    time_ns = sent_ns
+    if goal.ended_at is not None:
+        time_ns = round(goal.ended_at * NANOSECONDS)
+    elif not is_new and len(rollout.time):
+        time_ns = round(float(rollout.time[-1]) * NANOSECONDS)
+    yield make_string(
+        f"{prefix}{GOALS}", time_ns, _json({"number": number, "goal": goal})
+    )
+    text = f"goal {goal.status}"
+    if goal.error_code is not None:
+        text += f", error code {goal.error_code}"
+    fields = {
+        "stamp": stamp(time_ns),
+        "level": _ERROR if goal.status in ("REJECTED", "ABORTED") else _INFO,
+        "name": goal.controller,
+        "msg": f"{text}: {goal.error_string}" if goal.error_string else text,
+    }
+    yield BagMessage("/rosout", _LOG_TYPE, time_ns, fields)
+
+
+def fixed_frames(
+    rollout: Rollout, transforms: Sequence[LinkTransform]
+) -> list[tuple[str, str, Array]]:
+    """Return the frames that never move: parent, child, pose."""
+    nothing = np.zeros(1)
+    found = [
+        (t.parent, t.child, t.poses(nothing)[0]) for t in transforms if not t.joint
+    ]
+    roots = root_links(rollout.description, transforms)
+    found += [
+        (WORLD, root, np.hstack(fixed_pose(base_pose(rollout.info))))
+        for root in roots
+        if root not in rollout.free_poses
+    ]
+    return found
+
+
+def make_tf(
+    topic: str,
+    frames: Sequence[tuple[str, str, Array]],
+    time_ns: int,
+    namespace: str,
+) -> BagMessage:
+    """Return frames as a message; those of several robots have the robot's name."""
+    prefix = f"{namespace.strip('/')}/" if namespace else ""
+
+    def name(link: str) -> str:
+        return link if link == WORLD else f"{prefix}{link}"
+
+    transforms = []
+    for parent, child, pose in frames:
+        parts = _pose(pose)
+        transforms.append(
+            {
+                "header": {"stamp": stamp(time_ns), "frame_id": name(parent)},
+                "child_frame_id": name(child),
+                "transform": {
+                    "translation": parts["position"],
+                    "rotation": parts["orientation"],
+                },
+            }
+        )
+    return BagMessage(topic, _TF_TYPE, time_ns, {"transforms": transforms})
+
+
+def _vector(values: Array) -> dict[str, float]:
+    return dict(zip("xyz", values.tolist(), strict=True))
+
+
+def _pose(pose: Array) -> dict[str, dict[str, float]]:
+    """Return x, y, z, quaternion w, x, y, z as the fields of a pose."""
+    x, y, z, w, i, j, k = pose.tolist()
+    orientation = {"x": i, "y": j, "z": k, "w": w}
+    return {"position": {"x": x, "y": y, "z": z}, "orientation": orientation}
+
+
+def make_string(topic: str, time_ns: int, text: str) -> BagMessage:
+    """Return a text as a message."""
+    return BagMessage(topic, STRING_TYPE, time_ns, {"data": text})
+
+
+def _json(value: Any) -> str:
+    return json.dumps(to_plain(value), ensure_ascii=False)
+
+
+# Frames are told at most so often [Hz], as robot_state_publisher does.
+_TF_RATE = 50.0
+
+
+class RobotTopics:
+    """Tells the messages of one robot, part by part; nothing twice."""
+
+    def __init__(self) -> None:
+        """Create it, with nothing told."""
+        self._last_ns = -1
+        self._last_tf_ns = -NANOSECONDS
+        self._static = self._active = ""
+        self._description = ""
+        self._transforms: tuple[LinkTransform, ...] = ()
+        # Status of each goal as it was told last.
+        self._goals: dict[int, str] = {}
+        # Time of the last messages that were sent, and how many of that time are told.
+        self._sent_at, self._num_sent = -math.inf, 0
+
+    def tell(self, rollout: Rollout) -> Iterator[BagMessage]:
+        """Yield the messages of what is new, not in the order of their times.
+
+        Args:
+            rollout: Goes on where the last one ended; rows that it had are left out.
+        """
+        times = np.round(rollout.time * NANOSECONDS).astype(np.int64)
+        new = np.flatnonzero(times > self._last_ns)
+        start = max(int(times[new[0]]) if len(new) else self._last_ns, 0)
+        yield from self._tell_static(rollout, start)
+        yield from self._tell_messages(rollout)
+        yield from self._tell_goals(rollout)
+        prefix = rollout.namespace
+        for row in new:
+            time_ns = int(times[row])
+            yield from tell_row(rollout, int(row), time_ns, prefix)
+            yield from self._tell_active(rollout, int(row), time_ns)
+        yield from self._tell_tf(rollout, times, new)
+        if len(new):
+            self._last_ns = int(times[new[-1]])
+
+    def _tell_static(self, rollout: Rollout, time_ns: int) -> Iterator[BagMessage]:
+        prefix = rollout.namespace
+        text = make_static(rollout, is_whole=False)
+        if text != self._static:
+            self._static = text
+            yield make_string(f"{prefix}{STATIC}", time_ns, text)
+        if rollout.description != self._description:
+            self._description = rollout.description
+            yield make_string(f"{prefix}{DESCRIPTION}", time_ns, rollout.description)
+            try:
+                pose = base_pose(rollout.info)
+                self._transforms = read_transforms(rollout.description, pose)
+            except ET.ParseError:
+                return
+            fixed = fixed_frames(rollout, self._transforms)
+            if fixed:
+                yield make_tf("/tf_static", fixed, time_ns, rollout.namespace)
+
+    def _tell_messages(self, rollout: Rollout) -> Iterator[BagMessage]:
+        known = [m for m in rollout.messages if m.time == self._sent_at]
+        later = [m for m in rollout.messages if m.time > self._sent_at]
+        for message in known[self._num_sent :] + later:
+            yield from tell_sent(message, rollout.namespace)
+        if rollout.messages:
+            times = [message.time for message in rollout.messages]
+            self._sent_at, self._num_sent = times[-1], times.count(times[-1])
+
+    def _tell_goals(self, rollout: Rollout) -> Iterator[BagMessage]:
+        for number, goal in enumerate(rollout.goals):
+            known = self._goals.get(number, "")
+            if known == goal.status:
+                continue
+            self._goals[number] = goal.status
+            yield from tell_goal(goal, number, is_new=not known, rollout=rollout)
+
+    def _tell_active(
+        self, rollout: Rollout, row: int, time_ns: int
+    ) -> Iterator[BagMessage]:
+        active = rollout.active[row].tolist()
+        if active and str(active) != self._active:
+            self._active = str(active)
+            yield BagMessage(
+                f"{rollout.namespace}{ACTIVE}", NUMBERS_TYPE, time_ns, {"data": active}
+            )
+
+    def _tell_tf(
+        self, rollout: Rollout, times: NDArray[np.int64], new: NDArray[np.int64]
+    ) -> Iterator[BagMessage]:
+        rows = []
+        for row in new:
+            if times[row] - self._last_tf_ns >= NANOSECONDS / _TF_RATE - 1:
+                self._last_tf_ns = int(times[row])
+                rows.append(int(row))
+        frames = [
+            (WORLD, link, poses[rows]) for link, poses in rollout.free_poses.items()
+        ]
+        columns = {name: column for column, name in enumerate(rollout.joint_names)}
+        frames += [
+            (
+                each.parent,
+                each.child,
+                each.poses(rollout.position[rows, columns[each.joint]]),
+            )
+            for each in self._transforms
+            if each.joint in columns
+        ]
+        for index, row in enumerate(rows):
+            parts = [(parent, child, poses[index]) for parent, child, poses in frames]
+            parts = [part for part in parts if np.all(np.isfinite(part[2]))]
+            if parts:
+                yield make_tf("/tf", parts, int(times[row]), rollout.namespace)
+
 
 _CLOCK_TYPE = "rosgraph_msgs/msg/Clock"
 
@@ -103,3 +489,151 @@ def write_mcap(rollout: Rollout, path: Path) -> None:
         writer.write(rollout)
     finally:
         writer.close()
+
+
+# Messages of a topic with their times [ns].
+_Messages = list[tuple[int, Any]]
+
+
+def read_mcap(path: Path, robot: str | None = None) -> dict[str, Any]:
+    """Return the fields of a rollout.
+
+    Args:
+        path: File of a BagWriter.
+        robot: Name of the robot; by default the first one.
+
+    Raises:
+        InputError: If it is something else, or has no such robot.
+        MissingExtraError: If rosbags isn't installed.
+    """
+    types = load_types()
+    from rosbags.rosbag2 import Reader
+    from rosbags.rosbag2.errors import ReaderError
+
+    topics: dict[str, _Messages] = {}
+    try:
+        with Reader(path) as reader:
+            ours = [c for c in reader.connections if _is_ours(c.topic)]
+            for connection in ours:
+                topics[connection.topic] = []
+            for connection, time_ns, data in reader.messages(connections=ours):
+                message = types.decode(connection.msgtype, data)
+                topics[connection.topic].append((time_ns, message))
+        return _read(topics, robot)
+    except (ReaderError, ValueError, KeyError, TypeError, AssertionError) as error:
+        if isinstance(error, InputError):
+            raise InputError(error.problem, file=path) from None
+        problem = f"no rollout; expected a bag of Rollout.save ({error})"
+        with path.open("rb") as file:
+            if isinstance(error, ReaderError) and file.read(len(MAGIC)) == MAGIC:
+                problem += "; `mcap recover` mends a bag that was cut"
+        raise InputError(problem, file=path) from None
+
+
+def _is_ours(topic: str) -> bool:
+    ours = (STATIC, GOALS, MESSAGES, ACTIVE, COMMANDS, JOINT_STATES, DESCRIPTION)
+    return topic.endswith((*ours, CONTROLLER_STATE)) or any(
+        part in topic for part in (POSES, CONTACTS)
+    )
+
+
+def _read(topics: Mapping[str, _Messages], robot: str | None) -> dict[str, Any]:
+    statics = {
+        topic.removesuffix(STATIC): read_static(messages[-1][1].data)
+        for topic, messages in topics.items()
+        if topic.endswith(STATIC)
+    }
+    names = {static["robot_name"]: prefix for prefix, static in statics.items()}
+    if not names:
+        raise KeyError(f"no topic {STATIC}")
+    if robot is None:
+        robot = next(iter(names))
+    if robot not in names:
+        raise InputError(f"no robot {robot!r}; {suggest(robot, names)}")
+    prefix = names[robot]
+    return _read_robot(topics, prefix, statics[prefix])
+
+
+def _read_robot(
+    topics: Mapping[str, _Messages], prefix: str, static: dict[str, Any]
+) -> dict[str, Any]:
+    def messages(topic: str) -> _Messages:
+        return topics.get(f"{prefix}{topic}", [])
+
+    states = messages(JOINT_STATES)
+    rows = {time_ns: row for row, (time_ns, _) in enumerate(states)}
+    num_joints = len(static["joint_names"])
+
+    def fill(topic: str, size: int, read: Any) -> Array:
+        """Return a value for each row, NaN where there is no message."""
+        values = np.full((len(rows), size), np.nan)
+        for time_ns, message in messages(topic):
+            values[rows[time_ns]] = read(message)
+        return values
+
+    groups = group_commands(static["command_names"])
+    order = [index for parts in groups.values() for _, index in parts]
+    command = np.full((len(rows), len(order)), np.nan)
+    command[:, order] = fill(
+        COMMANDS,
+        len(order),
+        lambda m: [value for part in m.interface_values for value in part.values],
+    )
+    active = fill(ACTIVE, len(static["controllers"]), lambda m: m.data)
+    changes = sorted(rows[time_ns] for time_ns, _ in messages(ACTIVE))
+    for start, end in itertools.pairwise([*changes, len(rows)]):
+        active[start:end] = active[start]
+    goals = {}
+    for _, message in messages(GOALS):
+        each = json.loads(message.data)
+        goals[each["number"]] = GoalRecord(**each["goal"])
+    references = {
+        name: (
+            joints,
+            fill(
+                f"/{name}{CONTROLLER_STATE}",
+                len(joints),
+                lambda m: m.reference.positions,
+            ),
+        )
+        for name, joints in static["references"].items()
+        # Of one that never was active there are no messages.
+        if messages(f"/{name}{CONTROLLER_STATE}") or not rows
+    }
+    description = messages(DESCRIPTION)
+    return {
+        # Goals, messages and description are in topics of their own.
+        **{name: static[name] for name in AS_THEY_ARE if name in static},
+        "time": np.array([time_ns for time_ns, _ in states], dtype=float) / 1e9,
+        **{
+            name: fill(JOINT_STATES, num_joints, lambda m, n=name: getattr(m, n))
+            for name in ("position", "velocity", "effort")
+        },
+        "effort_limit": np.array(static["effort_limit"], dtype=float),
+        "command": command,
+        "active": active,
+        "references": references,
+        "free_poses": {
+            link: fill(pose_topic("", link), 7, _pose_numbers)
+            for link in static["free_poses"]
+        },
+        "contact_forces": {
+            link: np.nan_to_num(fill(contact_topic("", link), 3, _force))
+            for link in static["contact_forces"]
+        },
+        "goals": tuple(goals[number] for number in sorted(goals)),
+        "messages": tuple(
+            SentMessage(**json.loads(message.data)) for _, message in messages(MESSAGES)
+        ),
+        "description": description[-1][1].data if description else "",
+    }
+
+
+def _force(message: Any) -> list[float]:
+    force = message.wrench.force
+    return [force.x, force.y, force.z]
+
+
+def _pose_numbers(message: Any) -> list[float]:
+    p, q = message.pose.position, message.pose.orientation
+    return [p.x, p.y, p.z, q.w, q.x, q.y, q.z]

@@ -1,35 +1,70 @@
-"""What a program holds of a controller."""
+"""What a program holds of a controller.
+
+Parameters of a controller that change while it runs.
+
+They are read as the loader reads a YAML. Which ones may change is that of
+ros2_controllers' parameter declarations (version 6.9.0, `read_only`).
+"""
 
 import dataclasses as dc
-from collections.abc import Mapping, Sequence
-from typing import Any
+import fnmatch
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import Context
 
 from arm_drake import interfaces
-from arm_drake.controllers.controller_interface_part import ControllerInterface
+from arm_drake.controllers import find_controller_type
+from arm_drake.controllers.controller_interface import ControllerInterface
+from arm_drake.controllers.joint_trajectory.parameters import (
+    JointTrajectoryControllerParameters,
+)
+from arm_drake.controllers.pid_controller import PidControllerParameters
+from arm_drake.description.controllers import ControllerConfig
+from arm_drake.description.parameters import Parameter, Parameters, load_parameters
+from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
-from arm_drake.errors import InputError
+from arm_drake.errors import InputError, ParameterError
 from arm_drake.messages import (
+    Bool,
     CancelGoal,
+    Float32,
+    Float64,
     Float64MultiArray,
     Goal,
     GripperCommand,
     JointTrajectory,
     Message,
+    MultiDOFCommand,
     QueryTrajectoryState,
     SendGoal,
     SpeedScalingFactor,
     SwitchController,
+    TFMessage,
     Time,
     TimeLike,
     Twist,
+    TwistStamped,
 )
-from arm_drake.simulation.controller_topics import (
+from arm_drake.messages.base import to_message
+from arm_drake.simulation.directory import TopicInfo, TopicList
+from arm_drake.simulation.mailbox import GoalHandle, Mailbox
+from arm_drake.simulation.motion import StepMessage
+from arm_drake.simulation.topics import (
+    COMMANDS,
+    REFERENCE,
     SPEED_SCALING,
     TOPIC,
     ControllerTopics,
+    Topic,
+    TopicNames,
+    TopicPort,
+    message_type,
 )
-from arm_drake.simulation.mailbox import GoalHandle, Mailbox
-from arm_drake.simulation.motion import StepMessage
 
 
 class ControllerHandle:
@@ -182,9 +217,6 @@ class ControllerHandle:
                 f"controller {self.name!r} of type {self._type!r}: no parameter can "
                 "change while it runs"
             )
-        from arm_drake.simulation.parameter_changes import (
-            publish_parameters,  # Rarely needed.
-        )
 
         root = self._mailbox.simulator.get_mutable_context()
         context = self._system.GetMyMutableContextFromRoot(root)
@@ -230,3 +262,398 @@ class ControllerHandle:
             self._mailbox.add_message(message, where)
         period = 1.0 / self._system.params.update_rate
         self._mailbox.publish(self._topics.exported_as(port), message, period)
+
+
+# What is expected on ports of controllers that don't say it.
+_TYPES: dict[str, type[Message]] = {
+    TOPIC: JointTrajectory,
+    COMMANDS: Float64MultiArray,
+    REFERENCE: MultiDOFCommand,
+    "measured_state": MultiDOFCommand,
+    SPEED_SCALING: SpeedScalingFactor,
+}
+
+# Messages of one number.
+_NUMBERS: dict[type[Message], Callable[[float], Message]] = {
+    Float64: Float64,
+    Float32: Float32,
+    SpeedScalingFactor: SpeedScalingFactor,
+}
+
+# Ports whose messages are numbers for what the controller commands, in its order.
+_VALUES = (COMMANDS, REFERENCE)
+
+
+class TopicHandle:
+    """Sends to one topic, or reads it."""
+
+    def __init__(self, mailbox: Mailbox, topic: Topic) -> None:
+        """Create the handle; `Simulation.topic` does that.
+
+        Args:
+            mailbox: Of the simulation where the topic is.
+            topic: Who takes its messages, and who publishes them.
+        """
+        self.name = topic.name
+        self._mailbox = mailbox
+        self._topic = topic
+
+    @property
+    def controllers(self) -> tuple[str, ...]:
+        """Names of the controllers that take its messages."""
+        return tuple(port.controller for port in self._topic.inputs)
+
+    def check(self, data: Any) -> None:
+        """Raise InputError if the topic takes no such data, see `publish`.
+
+        Args:
+            data: What is to be published.
+        """
+        self._make(data)
+
+    def publish(self, data: Any, *, where: str = "") -> None:
+        """Publish a message, which controllers see at their next tick.
+
+        Args:
+            data: A number for a topic of numbers, a sequence for one of several, or the
+                message itself.
+            where: Where it comes from, for messages.
+
+        Raises:
+            InputError: If nobody takes messages of the topic, or others.
+        """
+        made = self._make(data)
+        # Of several readers of one port, none may miss a message.
+        periods: dict[str, float] = {}
+        messages: dict[str, Message] = {}
+        for reader, port, message in made:
+            name, period = (
+                reader.exported_as(port),
+                1.0 / reader.system.params.update_rate,
+            )
+            periods[name] = max(period, periods.get(name, 0.0))
+            messages.setdefault(name, message)
+            if isinstance(message, SendGoal):
+                self._mailbox.add_goal(GoalHandle(reader.controller, message, where))
+        for name, message in messages.items():
+            if where:
+                self._mailbox.add_message(message, where)
+            self._mailbox.publish(name, message, periods[name])
+
+    def value(self) -> Any:
+        """Return the latest message that was published on the topic.
+
+        Of frames it is the latest of each that anybody tells.
+
+        Raises:
+            InputError: If nobody publishes on it.
+        """
+        outputs = self._topic.outputs
+        if not outputs:
+            self._check_direction("GZ_TO_ROS", "reading")
+            raise InputError(
+                f"nobody publishes on topic {self.name!r}; "
+                f"{_list(self.controllers)} takes its messages"
+            )
+        values = [
+            self._mailbox.eval_output(port.exported_as(port.port)) for port in outputs
+        ]
+        if all(isinstance(value, TFMessage) for value in values):
+            return _merge(values)
+        # Without a stamp they are all as new; the first of equals is taken.
+        return max(values, key=_stamp)
+
+    def _make(self, data: Any) -> list[tuple[TopicPort, str, Message]]:
+        """Return a message for each controller, and on which of its ports it goes."""
+        if not self._topic.inputs:
+            self._check_direction("ROS_TO_GZ", "publishing")
+            names = [port.controller for port in self._topic.outputs]
+            raise InputError(
+                f"nobody takes messages of topic {self.name!r}; "
+                f"{_list(names)} publishes on it"
+            )
+        return [self._make_for(reader, data) for reader in self._topic.inputs]
+
+    def _make_for(self, reader: TopicPort, data: Any) -> tuple[TopicPort, str, Message]:
+        if reader.virtual is not None:
+            message = self._message(reader.virtual.message_type, data)
+            return (reader, *reader.virtual.make(reader.system, message))
+        expected = input_type(reader)
+        is_named = expected in (Float64MultiArray, MultiDOFCommand)
+        if reader.port in _VALUES and is_named and _is_sequence(data):
+            type_ = type(reader.system).__name__
+            topics = ControllerTopics(reader.controller, type_, reader.system)
+            return (reader, *topics.make_command(data))
+        return reader, reader.port, self._message(expected, data)
+
+    def _message(self, expected: type[Message], data: Any) -> Message:
+        """Return data as a message of a class, always a new one."""
+        takes = f"a {expected.__name__}"
+        if expected is Twist and self._topic.aliases:
+            # Bridges take stamped ones, and leave the stamp out.
+            if isinstance(data, Mapping) and "twist" in data:
+                data = self._message(TwistStamped, data)
+            if isinstance(data, TwistStamped):
+                data = data.twist
+        if isinstance(data, expected):
+            return dc.replace(data)  # type: ignore[type-var]
+        if isinstance(data, Mapping) and expected is not Message:
+            try:
+                return to_message(data, expected, f"topic {self.name!r}")
+            except ValueError as error:
+                raise InputError(str(error)) from None
+        try:
+            if expected in _NUMBERS:
+                takes = f"a finite number or {takes}"
+                message = _NUMBERS[expected](data)
+                if all(map(math.isfinite, vars(message).values())):
+                    return message
+            elif expected is Bool:
+                takes = "true, false or a Bool"
+                return Bool(data)
+            elif expected is Float64MultiArray:
+                takes = f"a list of finite numbers or {takes}"
+                if _is_sequence(data):
+                    message = Float64MultiArray(data)
+                    if all(map(math.isfinite, message.data)):
+                        return message
+        except ValueError:
+            pass
+        given = f"a {type(data).__name__}" if dc.is_dataclass(data) else repr(data)
+        raise InputError(f"topic {self.name!r} takes {takes}, got {given}")
+
+    def _check_direction(self, needed: str, doing: str) -> None:
+        """Raise InputError if bridges of the topic go the other way alone."""
+        for alias in self._topic.aliases:
+            if alias.direction not in (needed, "BIDIRECTIONAL"):
+                raise InputError(
+                    f"topic {self.name!r} is bridged {alias.direction} "
+                    f"({alias.place}); {doing} needs {needed} or BIDIRECTIONAL"
+                )
+
+
+def input_type(port: TopicPort) -> type[Message]:
+    """Return what is expected on a port.
+
+    Args:
+        port: An input.
+    """
+    if port.virtual is not None:
+        return port.virtual.message_type
+    return message_type(port.system, port.port) or _TYPES.get(port.port, Message)
+
+
+def list_topics(names: TopicNames, eval_output: Callable[[str], Any]) -> TopicList:
+    """Return the topics, with the classes of their messages.
+
+    Args:
+        names: The topics.
+        eval_output: Returns the value of an output port of the diagram.
+    """
+    rows = TopicList()
+    for topic in names.all():
+        bridged_to = tuple(alias.gz_name for alias in topic.aliases)
+        for port in topic.inputs[:1]:
+            kind = input_type(port).__name__
+            rows.append(TopicInfo(topic.name, kind, "input", bridged_to))
+        for port in topic.outputs[:1]:
+            kind = type(eval_output(port.exported_as(port.port))).__name__
+            rows.append(TopicInfo(topic.name, kind, "output", bridged_to))
+    return rows
+
+
+def _merge(messages: Sequence[TFMessage]) -> TFMessage:
+    """Return one message with all frames, of equal ones the latest."""
+    if len(messages) == 1:
+        return messages[0]
+    told = (transform for message in messages for transform in message.transforms)
+    return TFMessage(
+        tuple({t.child_frame_id: t for t in sorted(told, key=_stamp)}.values())
+    )
+
+
+def _stamp(message: Any) -> tuple[int, int]:
+    header = getattr(message, "header", None)
+    return (header.stamp.sec, header.stamp.nanosec) if header else (0, 0)
+
+
+def _is_sequence(data: Any) -> bool:
+    """Return whether data is several numbers, and not a text or a message."""
+    if isinstance(data, str | bytes) or dc.is_dataclass(data):
+        return False
+    return isinstance(data, Sequence) or getattr(data, "ndim", 0) > 0
+
+
+def _list(names: Sequence[str]) -> str:
+    return ", ".join(repr(name) for name in dict.fromkeys(names))
+
+
+# Of a type that isn't here the controller itself decides.
+_CHANGEABLE: dict[type, tuple[str, ...]] = {
+    PidControllerParameters: (
+        "enable_feedforward",
+        "gains.*",
+        "set_current_state_as_first_setpoint",
+    ),
+    JointTrajectoryControllerParameters: (
+        "allow_integration_in_goal_trajectories",
+        "allow_nonzero_velocity_at_trajectory_end",
+        "allow_partial_joints_goal",
+        "allow_trajectory_replacement",
+        "cmd_timeout",
+        "constraints.*.goal",
+        "constraints.*.trajectory",
+        "constraints.goal_time",
+        "constraints.stopped_velocity_tolerance",
+        "gains.*",
+        "set_last_command_interface_value_as_state_on_activation",
+    ),
+}
+
+# What the manager takes from a controller's parameters, once.
+_OF_THE_MANAGER = ("update_rate", "use_sim_time")
+
+_FIXED = "can't change while the controller runs"
+
+# Where values come from that no file holds.
+_NO_FILE = Path()
+
+
+def publish_parameters(
+    robot: Robot,
+    system: ControllerInterface,
+    context: Context,
+    changes: Mapping[str, Any],
+) -> None:
+    """Put changed parameters on a controller's port, upon what was changed before.
+
+    Args:
+        robot: Whose controller it is.
+        system: The controller.
+        context: Its Context; it alone knows what was changed before.
+        changes: New values by their names, dotted or nested.
+
+    Raises:
+        ParameterError: If a parameter is unknown, can't change, or has a bad value.
+    """
+    name = system.params.controller_name
+    config = next(c for c in robot.controllers.controllers if c.name == name)
+    port = system.GetInputPort(interfaces.PARAMETERS_PORT)
+    present = port.Eval(context) if port.HasValue(context) else None
+    parameters = change_parameters(
+        config, present, changes, distro=robot.distro, types=robot.controller_types
+    )
+    port.FixValue(context, AbstractValue.Make(parameters))
+
+
+def change_parameters(
+    config: ControllerConfig,
+    present: Any,
+    changes: Mapping[str, Any],
+    *,
+    distro: str,
+    types: Mapping[str, Any] | None = None,
+) -> Any:
+    """Return a controller's parameters with some changed.
+
+    Args:
+        config: What the YAML configures.
+        present: Its parameters as they are; None is as the YAML configures them.
+        changes: New values by their names, dotted or nested.
+        distro: Distribution whose parameters and defaults hold.
+        types: Types of the robot alone, by name.
+
+    Raises:
+        ParameterError: If a parameter is unknown, can't change, or has a bad value.
+    """
+    if not isinstance(changes, Mapping):
+        problem = f"expected parameters by name, got {changes!r}"
+        raise ParameterError(problem, where=config.name)
+    new = _as_parameters(_flatten(changes, ""))
+    for name in _OF_THE_MANAGER:
+        if name in new:
+            raise ParameterError(_FIXED, where=f"{config.name}.{name}")
+    base = {n: p for n, p in config.parameters.items() if n not in _OF_THE_MANAGER}
+    row = find_controller_type(config.type, types or {})
+    assert row is not None  # It could be loaded.
+    schema = row.parameters
+    first, _ = _load(schema, config, base, distro)
+    present = first if present is None else present
+    old = dict(_leaves(first, ""))
+    earlier = _as_parameters(
+        (name, _plain(value))
+        for name, value in _leaves(present, "")
+        if name in old and value != old[name]
+    )
+    changed, report = _load(schema, config, {**base, **earlier, **new}, distro)
+    for entry in report:
+        name = entry.where.removeprefix(f"{config.name}.")
+        if name in new and entry.kind != "repair":
+            raise ParameterError(entry.what, where=entry.where)
+    _check_changes(config.name, present, changed)
+    return changed
+
+
+def _as_parameters(values: Iterable[tuple[str, Any]]) -> dict[str, Parameter]:
+    return {name: Parameter(value, _NO_FILE, 0) for name, value in values}
+
+
+def _load(
+    schema: type, config: ControllerConfig, parameters: Parameters, distro: str
+) -> tuple[Any, LoadReport]:
+    report = LoadReport()
+    try:
+        loaded: Any = load_parameters(
+            schema, parameters, config.name, config.file, report, distro=distro
+        )
+    except ParameterError as error:  # What is in the file is as it was.
+        raise ParameterError(error.problem, where=error.where) from None
+    return loaded, report
+
+
+def _check_changes(controller: str, before: Any, after: Any) -> None:
+    """Raise ParameterError if something changes that mustn't."""
+    old, new = dict(_leaves(before, "")), dict(_leaves(after, ""))
+    for schema, changeable in _CHANGEABLE.items():
+        if not isinstance(after, schema):
+            continue
+        for name, value in new.items():
+            if value != old.get(name) and not any(
+                fnmatch.fnmatchcase(name, pattern) for pattern in changeable
+            ):
+                raise ParameterError(
+                    f"{_FIXED}; these can: {', '.join(changeable)}",
+                    where=f"{controller}.{name}",
+                )
+
+
+def _flatten(changes: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
+    """Yield the values of nested mappings by their dotted names."""
+    for name, value in changes.items():
+        if isinstance(value, Mapping):
+            yield from _flatten(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", _plain(value)
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as a YAML would give it."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return value
+
+
+def _leaves(value: Any, name: str) -> Iterator[tuple[str, Any]]:
+    """Yield the values of a parameters dataclass by their dotted names."""
+    if dc.is_dataclass(value):
+        for field in dc.fields(value):
+            # The name of a group per element isn't part of its elements' names.
+            own = "" if "per_element_of" in field.metadata else f".{field.name}"
+            yield from _leaves(getattr(value, field.name), f"{name}{own}")
+    elif isinstance(value, dict):
+        for key, below in cast("dict[str, Any]", value).items():
+            yield from _leaves(below, f"{name}.{key}")
+    else:
+        yield name.lstrip("."), value

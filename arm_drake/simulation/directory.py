@@ -5,7 +5,7 @@ from typing import Any, Literal, NamedTuple, get_args
 
 from pydrake.systems.framework import Context, Diagram
 
-from arm_drake.controllers.controller_interface_part import ControllerInterface
+from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.errors import InputError, suggest
 from arm_drake.manager import ControllerManager
 from arm_drake.manager.loaded_controllers import ControllerState, LoadedController

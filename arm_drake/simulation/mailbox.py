@@ -30,7 +30,7 @@ from arm_drake.messages import (
     SwitchControllerResult,
     TopicRejected,
 )
-from arm_drake.simulation.controller_topics import describe_grip
+from arm_drake.simulation.topics import describe_grip
 
 
 class GoalHandle:

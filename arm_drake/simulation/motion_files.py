@@ -1,15 +1,641 @@
 """A motion from its file, or from a list as in one."""
 
-from collections.abc import Mapping
+import csv
+import dataclasses as dc
+import itertools
+import math
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from arm_drake import yaml_files
-from arm_drake.errors import MotionError
-from arm_drake.simulation.fields import Fields
-from arm_drake.simulation.motion import Motion
-from arm_drake.simulation.parameters import fill_in
-from arm_drake.simulation.steps import REPEAT, parse_step
+from arm_drake.bundled import bundled_motions
+from arm_drake.description.robot import Robot
+from arm_drake.errors import MotionError, suggest
+from arm_drake.messages import (
+    Duration,
+    Float64MultiArray,
+    FollowJointTrajectoryGoal,
+    GripperCommand,
+    Header,
+    JointTolerance,
+    JointTrajectory,
+    JointTrajectoryPoint,
+    SpeedScalingFactor,
+    SwitchController,
+    Time,
+    Twist,
+)
+from arm_drake.simulation.motion import Motion, MotionStep, StepMessage, TopicMessage
+
+T = TypeVar("T", bound=Time)
+
+
+class Fields:
+    """Checks the fields of one step; places are given from the step on."""
+
+    def __init__(self, step: str, file: Path | None) -> None:
+        """Create it.
+
+        Args:
+            step: Place of the step, such as "[0]".
+            file: File of the step.
+        """
+        self.step = step
+        self._file = file
+
+    def error(self, where: str, problem: str) -> MotionError:
+        """Return an error about a field; "" is the step itself."""
+        place = f"{self.step}.{where}" if where else self.step
+        return MotionError(problem, file=self._file, where=place)
+
+    def mapping(
+        self, value: Any, where: str, known: Iterable[str] | None = None
+    ) -> Mapping[str, Any]:
+        """Return a mapping, with no other keys than those known, if any are."""
+        if not isinstance(value, Mapping):
+            raise self.error(where, f"expected a mapping, got {value!r}")
+        names = list(known or ())
+        for key in value if known is not None else ():
+            if key not in names:
+                hint = suggest(str(key), names)
+                raise self.error(where, f"unknown key {key!r}; {hint}")
+        return value
+
+    def list(self, value: Any, where: str) -> Sequence[Any]:
+        """Return a list."""
+        if not isinstance(value, list):
+            raise self.error(where, f"expected a list, got {value!r}")
+        return value
+
+    def names(self, value: Any, where: str) -> tuple[str, ...]:
+        """Return a list of names."""
+        names = self.list(value, where)
+        for name in names:
+            if not isinstance(name, str):
+                raise self.error(where, f"expected names, got {name!r}")
+        return tuple(names)
+
+    def number(self, value: Any, where: str) -> float:
+        """Return a finite number."""
+        if type(value) not in (int, float) or not abs(value) < math.inf:
+            raise self.error(where, f"expected a finite number, got {value!r}")
+        try:
+            return float(value)
+        except OverflowError:
+            raise self.error(where, "the number is out of range") from None
+
+    def numbers(self, value: Any, where: str) -> tuple[float, ...]:
+        """Return a list of finite numbers."""
+        return tuple(
+            self.number(number, f"{where}[{index}]")
+            for index, number in enumerate(self.list(value, where))
+        )
+
+    def time(self, kind: type[T], value: Any, where: str) -> T:
+        """Return a time, given in seconds or as {sec, nanosec}."""
+        try:
+            return kind.of(value)
+        except ValueError as error:
+            raise self.error(where, str(error)) from None
+        except OverflowError:
+            raise self.error(where, f"{value!r} s is out of range") from None
+
+    def seconds(self, value: Any, where: str) -> float:
+        """Return a duration of at least 0 s [s]."""
+        seconds = self.time(Duration, value, where).to_seconds()
+        if seconds < 0.0:
+            raise self.error(where, f"expected at least 0 s, got {value!r}")
+        return seconds
+
+    def build(self, kind: Callable[..., Any], value: Any, where: str) -> Any:
+        """Return a message whose fields are numbers, vectors, a time and a name."""
+        fields = [field.name for field in dc.fields(kind)]  # type: ignore[arg-type]
+        data = self.mapping(value, where, fields)
+        for name in set(data) & {"position", "velocity", "acceleration"}:
+            self.number(data[name], f"{where}.{name}")
+        for name in set(data) & {"positions", "velocities", "accelerations", "effort"}:
+            self.numbers(data[name], f"{where}.{name}")
+        try:
+            return kind(**data)
+        except (TypeError, ValueError, OverflowError) as error:
+            raise self.error(where, str(error)) from None
+
+
+# Keys of a motion with parameters.
+PARAMETERS, STEPS = "parameters", "steps"
+
+_REFERENCE = re.compile(r"\$\(\s*([^()]*?)\s*\)")
+
+
+def fill_in(data: Any, given: Mapping[str, Any], file: Path | None) -> Any:
+    """Return the list of a motion's steps, with the values of its parameters.
+
+    A text that is nothing but `$(name)` becomes the value, whatever it is; inside a
+    text the value's own text stands.
+
+    Args:
+        data: A list of steps, or a mapping of `parameters` and `steps`.
+        given: Values that take the place of the defaults.
+        file: File it came from, for messages.
+
+    Raises:
+        MotionError: If a parameter isn't declared.
+    """
+    declared: Mapping[str, Any] = {}
+    steps = data
+    if isinstance(data, Mapping):
+        for key in data:
+            if key not in (PARAMETERS, STEPS):
+                hint = suggest(str(key), (PARAMETERS, STEPS))
+                raise MotionError(f"unknown key {key!r}; {hint}", file=file)
+        declared, steps = data.get(PARAMETERS) or {}, data.get(STEPS)
+        if not isinstance(declared, Mapping):
+            problem = f"expected names with defaults, got {declared!r}"
+            raise MotionError(problem, file=file, where=PARAMETERS)
+        for name in declared:
+            if not isinstance(name, str):
+                problem = f"expected names, got {name!r}"
+                raise MotionError(problem, file=file, where=PARAMETERS)
+        if not isinstance(steps, list):
+            problem = f"expected a list of steps, got {type(steps).__name__}"
+            raise MotionError(problem, file=file, where=STEPS)
+    for name in given:
+        if name not in declared:
+            raise _unknown(name, declared, file)
+    values = {**declared, **given}
+    if not isinstance(steps, list):
+        return steps
+    return [_filled(step, values, f"[{n}]", file) for n, step in enumerate(steps)]
+
+
+def _filled(
+    value: Any, values: Mapping[str, Any], where: str, file: Path | None
+) -> Any:
+    """Return a part of a step with the values of parameters."""
+    if isinstance(value, list):
+        return [_filled(v, values, f"{where}[{n}]", file) for n, v in enumerate(value)]
+    if isinstance(value, Mapping):
+        return {
+            key: _filled(item, values, f"{where}.{key}", file)
+            for key, item in value.items()
+        }
+    if not isinstance(value, str):
+        return value
+    for name in _REFERENCE.findall(value):
+        if name not in values:
+            raise _unknown(name, values, file, where)
+    whole = _REFERENCE.fullmatch(value)
+    if whole:
+        return values[whole[1]]
+    return _REFERENCE.sub(lambda match: str(values[match[1]]), value)
+
+
+def _unknown(
+    name: str, known: Mapping[str, Any], file: Path | None, where: str = ""
+) -> MotionError:
+    hint = suggest(name, known) if known else "the motion declares none"
+    return MotionError(f"no parameter {name!r}; {hint}", file=file, where=where)
+
+
+def read_goal(fields: Fields, value: Any, where: str) -> FollowJointTrajectoryGoal:
+    """Return a goal of the action.
+
+    Args:
+        fields: What checks the step's fields.
+        value: The goal as the file has it.
+        where: Its place in the step.
+
+    Raises:
+        MotionError: If it is malformed.
+    """
+    goal = dict(fields.mapping(value, where))
+    tolerances = {
+        name: _read_tolerances(fields, goal.pop(name, []), f"{where}.{name}")
+        for name in ("path_tolerance", "goal_tolerance")
+    }
+    late = goal.pop("goal_time_tolerance", 0.0)
+    # The action nests the trajectory; leaving that level out is fine.
+    trajectory = goal.pop("trajectory", None)
+    if trajectory is None:
+        trajectory, goal = goal, {}
+    if goal:
+        raise fields.error(where, f"unknown key {next(iter(goal))!r}")
+    time = fields.time(Duration, late, f"{where}.goal_time_tolerance")
+    return FollowJointTrajectoryGoal(
+        trajectory=read_trajectory(fields, trajectory, where),
+        goal_time_tolerance=time,
+        **tolerances,
+    )
+
+
+def read_trajectory(fields: Fields, value: Any, where: str) -> JointTrajectory:
+    """Return a trajectory.
+
+    Args:
+        fields: What checks the step's fields.
+        value: The trajectory as the file has it.
+        where: Its place in the step.
+
+    Raises:
+        MotionError: If it is malformed.
+    """
+    data = dict(fields.mapping(value, where))
+    header = fields.mapping(
+        data.pop("header", {}), f"{where}.header", ("stamp", "frame_id")
+    )
+    names = fields.names(data.pop("joint_names", []), f"{where}.joint_names")
+    points = fields.list(data.pop("points", []), f"{where}.points")
+    if data:
+        key = str(next(iter(data)))
+        known = ["header", "joint_names", "points"]
+        raise fields.error(where, f"unknown key {key!r}; {suggest(key, known)}")
+    stamp = fields.time(Time, header.get("stamp", 0.0), f"{where}.header.stamp")
+    return JointTrajectory(
+        header=Header(stamp=stamp, frame_id=str(header.get("frame_id", ""))),
+        joint_names=names,
+        points=tuple(
+            fields.build(JointTrajectoryPoint, point, f"{where}.points[{index}]")
+            for index, point in enumerate(points)
+        ),
+    )
+
+
+def _read_tolerances(
+    fields: Fields, value: Any, where: str
+) -> tuple[JointTolerance, ...]:
+    return tuple(
+        fields.build(JointTolerance, item, f"{where}[{index}]")
+        for index, item in enumerate(fields.list(value, where))
+    )
+
+
+KIND = "trajectory_table"
+
+# Column with the time after which a row's point is to be reached [s].
+_TIME = "time_from_start"
+
+# A larger table is a slip, and would fill the memory.
+_MAX_ROWS = 100_000
+
+
+def read_table(
+    fields: Fields, value: Any, every: float, file: Path | None
+) -> list[JointTrajectory]:
+    """Return the trajectories of a table, one of one point for each row.
+
+    Args:
+        fields: What checks the step.
+        value: A CSV file, seen from the motion's folder, whose first row names the
+            joints and may have a column `time_from_start`; or a mapping of
+            `joint_names`, `points` (a list of lists of positions) and, perhaps,
+            `time_from_start`. Without one it is ``every``.
+        every: Time from row to row [s].
+        file: The motion's file.
+
+    Raises:
+        MotionError: If it can't be used.
+    """
+    if isinstance(value, str):
+        names, rows, times = _read_csv(fields, value, file)
+    else:
+        names, rows, times = _read_inline(fields, value)
+    if not rows:
+        raise fields.error(KIND, "expected at least one row")
+    return [
+        read_trajectory(
+            fields,
+            {
+                "joint_names": list(names),
+                "points": [{"positions": row, _TIME: every if t is None else t}],
+            },
+            f"{KIND}[{index}]",
+        )
+        for index, (row, t) in enumerate(zip(rows, times, strict=True))
+    ]
+
+
+_Table = tuple[Sequence[str], list[list[float]], list[float | None]]
+
+
+def _read_inline(fields: Fields, value: Any) -> _Table:
+    data: Mapping[str, Any] = fields.mapping(
+        value, KIND, ("joint_names", "points", _TIME)
+    )
+    names = fields.names(data.get("joint_names"), f"{KIND}.joint_names")
+    rows = [
+        list(fields.numbers(row, f"{KIND}.points[{index}]"))
+        for index, row in enumerate(fields.list(data.get("points"), f"{KIND}.points"))
+    ]
+    time = data.get(_TIME)
+    if time is not None:
+        time = fields.seconds(time, f"{KIND}.{_TIME}")
+    return names, rows, [time] * len(rows)
+
+
+def _read_csv(fields: Fields, name: str, file: Path | None) -> _Table:
+    path = Path(name) if file is None else file.parent / name
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as stream:
+            reader = csv.reader(stream)
+            filled = (
+                (reader.line_num, row) for row in reader if any(map(str.strip, row))
+            )
+            lines = list(itertools.islice(filled, _MAX_ROWS + 2))
+    except (OSError, ValueError, csv.Error) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise fields.error(KIND, f"{name}: {reason}") from None
+    if len(lines) > _MAX_ROWS + 1:
+        raise fields.error(KIND, f"{name}: more than {_MAX_ROWS} rows")
+    header = [cell.strip() for cell in lines[0][1]] if lines else []
+    joints = [column for column in header if column != _TIME]
+    if not joints or "" in header or len(set(header)) < len(header):
+        problem = f"expected distinct names of joints in the first row, got {header}"
+        raise fields.error(KIND, f"{name}: {problem}")
+    rows, times = [], []
+    for number, line in lines[1:]:
+        place = f"{name}, line {number}"
+        if len(line) != len(header):
+            problem = f"expected {len(header)} values, got {len(line)}"
+            raise fields.error(KIND, f"{place}: {problem}")
+        values = dict(zip(header, map(_number, line), strict=True))
+        for column, cell in zip(header, line, strict=True):
+            if values[column] is None:
+                problem = f"{column}: expected a number, got {cell.strip()!r}"
+                raise fields.error(KIND, f"{place}: {problem}")
+        rows.append(
+            [fields.number(values[joint], f"{KIND}, {place}") for joint in joints]
+        )
+        times.append(values.get(_TIME))
+    return joints, rows, times
+
+
+def _number(text: str) -> float | None:
+    try:
+        return None if "_" in text else float(text)
+    except ValueError:
+        return None
+
+
+# Key of the last item of a motion that starts over.
+REPEAT = "repeat"
+
+# More repetitions than this are a slip, and would fill the memory.
+_MAX_COUNT = 100_000
+
+# Keys that say whom a step is for.
+_RECEIVERS = ("controller", "topic", "topics")
+
+# Whom each kind of step may be for; that without any is for the controller manager.
+_KINDS: Mapping[str, tuple[str, ...]] = {
+    "goal": ("controller",),
+    "trajectory": ("controller", "topic"),
+    KIND: ("controller", "topic"),
+    "cancel": ("controller",),
+    "commands": ("controller",),
+    "gripper_command": ("controller",),
+    "cmd_vel": ("controller",),
+    "speed_scaling": ("controller",),
+    "switch_controllers": (),
+    "data": ("topic",),
+    "commands_from_to": ("controller",),
+    "data_from_to": ("topics",),
+}
+
+_RAMPS = ("commands_from_to", "data_from_to")
+
+_COMMON_KEYS = ("at", "every", "count", "ping_pong", *_RECEIVERS)
+
+_SWITCH_KEYS = ("activate", "deactivate", "strictness")
+_STRICTNESS = ("strict", "best_effort")
+
+
+def parse_step(item: Any, index: int, file: Path | None) -> list[MotionStep]:
+    """Return what a step sends: one message, or several one after the other.
+
+    Args:
+        item: The step as the file has it.
+        index: Its number in the file, counted from 0.
+        file: The file, for messages.
+
+    Raises:
+        MotionError: If it is malformed.
+    """
+    fields = Fields(f"[{index}]", file)
+    return list(_Step(fields.mapping(item, ""), fields, file).parse())
+
+
+class _Step:
+    """One step of a motion file on its way to messages."""
+
+    def __init__(
+        self, item: Mapping[str, Any], fields: Fields, file: Path | None
+    ) -> None:
+        self._item = item
+        self._fields = fields
+        self._file = file
+
+    def parse(self) -> Iterator[MotionStep]:
+        fields, item = self._fields, self._item
+        if REPEAT in item:
+            raise fields.error(REPEAT, "it is the last item of a motion")
+        fields.mapping(item, "", (*_KINDS, *_COMMON_KEYS, REPEAT))
+        chosen = [key for key in _KINDS if key in item]
+        if len(chosen) != 1:
+            raise fields.error("", f"expected one of {sorted(_KINDS)}, got {chosen}")
+        (kind,) = chosen
+        names = self._receivers(kind)
+        controller = item.get("controller")
+        if kind in _RAMPS:
+            rows = self._ramp(kind, item[kind])
+            times = self._times(len(rows))
+            sent = [self._row_messages(kind, names, row) for row in rows]
+        elif kind == KIND:
+            sent = self._table(item[kind])
+            times = self._times(len(sent))
+        else:
+            if "ping_pong" in item:
+                problem = f"only {' and '.join(_RAMPS)} have it"
+                raise fields.error("ping_pong", problem)
+            message = self._message(kind, item[kind])
+            times = self._times()
+            sent = [[message]] * len(times)
+        every = fields.seconds(item.get("every", 0.0), "every")
+        for at, messages in zip(times, sent, strict=True):
+            for each in messages:
+                where = f"{fields.step}.{kind}"
+                yield MotionStep(at, controller, each, where, every)
+
+    def _receivers(self, kind: str) -> tuple[str, ...]:
+        """Return the names of whom the step is for; none is the controller manager."""
+        fields, item, allowed = self._fields, self._item, _KINDS[kind]
+        given = [key for key in _RECEIVERS if key in item]
+        for key in given:
+            if not allowed:
+                problem = f"{kind} is for the controller manager; leave it out"
+                raise fields.error(key, problem)
+            if key not in allowed:
+                problem = f"{kind} goes with {' or '.join(allowed)}; leave it out"
+                raise fields.error(key, problem)
+        if len(given) > 1:
+            problem = f"the step is for a {given[0]} already; leave it out"
+            raise fields.error(given[1], problem)
+        if not allowed:
+            return ()
+        key = given[0] if given else allowed[0]
+        value = item.get(key)
+        if key == "topics":
+            return self._topics(value)
+        if not isinstance(value, str):
+            raise fields.error(key, f"expected a name, got {value!r}")
+        return (value,)
+
+    def _topics(self, value: Any) -> tuple[str, ...]:
+        names = self._fields.names(value, "topics")
+        if not names:
+            raise self._fields.error("topics", "expected at least one name")
+        return names
+
+    def _message(self, kind: str, value: Any) -> StepMessage | TopicMessage:
+        """Return what a step sends that isn't a ramp."""
+        fields = self._fields
+        topic = self._item.get("topic")
+        if topic is not None:
+            if kind == "trajectory":
+                return TopicMessage(topic, read_trajectory(fields, value, kind))
+            return TopicMessage(topic, self._data(value))
+        read: Mapping[str, Callable[[Any], StepMessage]] = {
+            "goal": lambda value: read_goal(fields, value, kind),
+            "trajectory": lambda value: read_trajectory(fields, value, kind),
+            "cancel": self._cancel,
+            "commands": lambda v: Float64MultiArray(fields.numbers(v, kind)),
+            "gripper_command": self._gripper_command,
+            "cmd_vel": self._cmd_vel,
+            "speed_scaling": self._speed_scaling,
+            "switch_controllers": self._switch,
+        }
+        return read[kind](value)
+
+    def _table(self, value: Any) -> list[list[StepMessage | TopicMessage]]:
+        """Return what a table sends, row by row."""
+        fields, item = self._fields, self._item
+        for key in ("count", "ping_pong"):
+            if key in item:
+                raise fields.error(key, f"a {KIND} has its rows; leave it out")
+        every = fields.seconds(item.get("every"), "every")
+        rows = read_table(fields, value, every, self._file)
+        topic = item.get("topic")
+        return [[row if topic is None else TopicMessage(topic, row)] for row in rows]
+
+    def _row_messages(
+        self, kind: str, names: Sequence[str], row: tuple[float, ...]
+    ) -> list[StepMessage | TopicMessage]:
+        """Return what a ramp sends at one time."""
+        if kind == "commands_from_to":
+            return [Float64MultiArray(row)]
+        return [TopicMessage(*pair) for pair in zip(names, row, strict=True)]
+
+    def _times(self, count: int = 0) -> list[float]:
+        """Return when the step's messages are sent [s]; ``count`` of them if given."""
+        fields, item = self._fields, self._item
+        start = fields.seconds(item.get("at", 0.0), "at")
+        if "every" not in item and "count" not in item:
+            return [start]
+        every = fields.seconds(item.get("every"), "every")
+        count = count or self._count(1)
+        if every == 0.0:
+            raise fields.error("every", "expected a positive number of seconds, got 0")
+        return [start + every * index for index in range(count)]
+
+    def _count(self, smallest: int) -> int:
+        count = self._item.get("count")
+        if type(count) is not int or not smallest <= count <= _MAX_COUNT:
+            expected = f"expected an integer from {smallest} to {_MAX_COUNT}"
+            raise self._fields.error("count", f"{expected}, got {count!r}")
+        return count
+
+    def _cancel(self, value: Any) -> None:
+        if value is not True:
+            raise self._fields.error("cancel", f"expected true, got {value!r}")
+
+    def _data(self, value: Any) -> float | tuple[float, ...] | Mapping[str, Any]:
+        """Return what goes to a topic: a number, a list of them, a bool, or fields."""
+        if isinstance(value, Mapping | bool):
+            return value
+        if isinstance(value, list):
+            return self._fields.numbers(value, "data")
+        return self._fields.number(value, "data")
+
+    def _ramp(self, where: str, value: Any) -> list[tuple[float, ...]]:
+        """Return values from one list to another, and back if asked."""
+        fields = self._fields
+        ends = fields.list(value, where)
+        if len(ends) != 2:
+            problem = f"expected two lists of values, got {len(ends)}"
+            raise fields.error(where, problem)
+        first, last = (
+            fields.numbers(end, f"{where}[{index}]") for index, end in enumerate(ends)
+        )
+        topics = self._item.get("topics")
+        if topics is not None and len(first) != len(topics):
+            problem = f"expected a value for each of {len(topics)} topics"
+            raise fields.error(f"{where}[0]", f"{problem}, got {len(first)}")
+        if len(first) != len(last):
+            problem = f"expected as many values as in the first list, {len(first)}"
+            raise fields.error(f"{where}[1]", f"{problem}, got {len(last)}")
+        is_back_and_forth = self._item.get("ping_pong", False)
+        if type(is_back_and_forth) is not bool:
+            problem = f"expected true or false, got {is_back_and_forth!r}"
+            raise fields.error("ping_pong", problem)
+        count = self._count(2)
+        parts = [index / (count - 1) for index in range(count)]
+        if is_back_and_forth:
+            parts += reversed(parts)
+        return [
+            tuple((1.0 - s) * a + s * b for a, b in zip(first, last, strict=True))
+            for s in parts
+        ]
+
+    def _gripper_command(self, value: Any) -> GripperCommand:
+        fields, where = self._fields, "gripper_command"
+        data = fields.mapping(value, where, ("position", "max_effort"))
+        if "position" not in data:
+            raise fields.error(where, "expected a position")
+        numbers = {key: fields.number(v, f"{where}.{key}") for key, v in data.items()}
+        return GripperCommand(**numbers)
+
+    def _cmd_vel(self, value: Any) -> Twist:
+        fields, where = self._fields, "cmd_vel"
+        for part, vector in fields.mapping(value, where, ("linear", "angular")).items():
+            place = f"{where}.{part}"
+            for axis, number in fields.mapping(vector, place, ("x", "y", "z")).items():
+                fields.number(number, f"{place}.{axis}")
+        return Twist(**value)
+
+    def _speed_scaling(self, value: Any) -> SpeedScalingFactor:
+        factor = self._fields.number(value, "speed_scaling")
+        if factor < 0.0:
+            problem = f"expected at least 0, got {value!r}"
+            raise self._fields.error("speed_scaling", problem)
+        return SpeedScalingFactor(factor)
+
+    def _switch(self, value: Any) -> SwitchController:
+        fields, where = self._fields, "switch_controllers"
+        data = fields.mapping(value, where, _SWITCH_KEYS)
+        activate, deactivate = (
+            fields.names(data.get(key, []), f"{where}.{key}")
+            for key in _SWITCH_KEYS[:2]
+        )
+        if not activate and not deactivate:
+            problem = "expected controllers to activate or to deactivate, got none"
+            raise fields.error(where, problem)
+        strictness = data.get("strictness", "strict")
+        if strictness not in _STRICTNESS:
+            hint = suggest(str(strictness), _STRICTNESS)
+            problem = f"unknown strictness {strictness!r}; {hint}"
+            raise fields.error(f"{where}.strictness", problem)
+        return SwitchController(activate, deactivate, strictness)
 
 
 def load_motion(
@@ -84,3 +710,41 @@ def _check_repeat(item: Mapping[str, Any], motion: Motion, fields: Fields) -> No
             f"its place; `every` and `count` of {last.where} give it time"
         )
         raise fields.error(REPEAT, problem)
+
+
+# How long to simulate without a motion, and what follows one [s].
+_WITHOUT_MOTION = 10.0
+_AFTER_MOTION = 1.0
+
+
+def default_duration(motion: Motion | None) -> float:
+    """Return how long to simulate where nobody says it [s].
+
+    Args:
+        motion: What is played, if anything; of one that repeats it is one round.
+    """
+    return _WITHOUT_MOTION if motion is None else motion.duration + _AFTER_MOTION
+
+
+def find_motion(
+    name: str | Path, robot: Robot, parameters: Mapping[str, Any] | None = None
+) -> Motion:
+    """Return the motion of a name or a file.
+
+    Args:
+        name: Name of a motion that comes with a bundled robot, or a file.
+        robot: The robot.
+        parameters: Values of its parameters, in place of their defaults.
+
+    Raises:
+        MotionError: If there is no such motion, or its file can't be used.
+    """
+    known = bundled_motions(robot.bundled) if robot.bundled else {}
+    if str(name) in known:
+        return load_motion(known[str(name)], parameters)
+    if not Path(name).suffix and not Path(name).is_file():
+        owner = robot.bundled or robot.name
+        hint = suggest(str(name), known) if known else "give the file of a motion"
+        text = f"no motion {str(name)!r} of {owner!r}, and no such file; {hint}"
+        raise MotionError(text)
+    return load_motion(name, parameters)

@@ -13,10 +13,9 @@ from arm_drake.messages import (
     SwitchController,
     Twist,
 )
-from arm_drake.simulation.clients import ControllerHandle
+from arm_drake.simulation.clients import ControllerHandle, TopicHandle
 from arm_drake.simulation.directory import ControllerList, Directory
 from arm_drake.simulation.motion import Motion, MotionStep, TopicMessage
-from arm_drake.simulation.topic_clients import TopicHandle
 
 
 class Runner(Protocol):

@@ -8,15 +8,13 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from arm_drake.errors import InputError, OutputError
-from arm_drake.interrupts import unbroken
-from arm_drake.output_files import writing
+from arm_drake.output_files import unbroken, writing
 from arm_drake.rollout.formats import stream_writer_for
 from arm_drake.rollout.rollout import Rollout
 from arm_drake.simulation.directory import Directory
-from arm_drake.simulation.happenings import collect_rollout
-from arm_drake.simulation.history import History
 from arm_drake.simulation.mailbox import Mailbox
 from arm_drake.simulation.motion import Motion
+from arm_drake.simulation.recording import History, collect_rollout
 
 # Times of rows are rounded to nanoseconds [s].
 _SAME_TIME = 1e-9

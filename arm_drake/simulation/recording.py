@@ -1,23 +1,46 @@
 """What the logs in a diagram hold as a Rollout."""
 
+import dataclasses as dc
+import functools
+import hashlib
+import importlib.metadata
 import math
-from collections.abc import Mapping
-from typing import NamedTuple, cast
+import platform
+import weakref
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.systems.framework import Context, Diagram, OutputPort
-from pydrake.systems.primitives import VectorLogSink
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.primitives import ConstantValueSource, VectorLogSink
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.description.joints import WORLD
-from arm_drake.manager import ControllerManager
+from arm_drake.description.robot import Robot, name_portably
+from arm_drake.manager import MANAGER, ControllerManager
 from arm_drake.manager.reference_log import log_name, wanted_joints
-from arm_drake.messages import JointState
-from arm_drake.plant.contact_log import CONTACT_LOG
+from arm_drake.messages import (
+    ActionRequest,
+    FollowJointTrajectoryResult,
+    GoalStatus,
+    JointState,
+)
+from arm_drake.options import SimulationOptions
+from arm_drake.plant.contact import CONTACT_LOG
 from arm_drake.plant.initial_poses import read_free_poses
-from arm_drake.rollout.rollout import Reference, Rollout
+from arm_drake.rollout.rollout import (
+    GoalRecord,
+    Reference,
+    Rollout,
+    SentMessage,
+    to_plain,
+)
+from arm_drake.simulation.mailbox import GoalHandle, Mailbox, Sent
+from arm_drake.simulation.motion import Motion
 
 Ticks = NDArray[np.int64]
 
@@ -298,3 +321,268 @@ def _references(
             joints = tuple(name.rpartition("/")[0] for name in names)
             references[controller.name] = Reference(joints, wanted)
     return references
+
+
+# Name of the system that keeps it.
+_NAME = "build_info"
+
+
+class BuildInfo(NamedTuple):
+    """Options and world of a diagram."""
+
+    options: SimulationOptions
+
+    # Name of the world.
+    world: str
+
+
+def add_build_info(builder: DiagramBuilder, info: BuildInfo) -> None:
+    """Keep in a diagram how it is built.
+
+    Args:
+        builder: Where to keep it.
+        info: What to keep.
+    """
+    builder.AddNamedSystem(_NAME, ConstantValueSource(AbstractValue.Make(info)))
+
+
+def find_build_info(diagram: Diagram) -> BuildInfo | None:
+    """Return how a diagram was built, or None if it doesn't say."""
+    if not diagram.HasSubsystemNamed(_NAME):
+        return None
+    source = diagram.GetSubsystemByName(_NAME)
+    info: BuildInfo = source.get_output_port().Eval(source.CreateDefaultContext())
+    return info
+
+
+def describe_provenance(
+    robot: Robot, diagram: Diagram, motions: Sequence[Motion]
+) -> dict[str, Any]:
+    """Return what made a rollout, as plain data without folders of this machine.
+
+    Args:
+        robot: The robot.
+        diagram: Its diagram.
+        motions: The motions that were played, in order.
+    """
+    found: dict[str, Any] = {
+        "versions": dict(_versions()),
+        "robot": dict(_describe_robot(robot)),
+        "motions": [_describe_motion(motion) for motion in motions],
+    }
+    build = find_build_info(diagram)
+    if build is not None:
+        found["world"] = build.world
+        found["options"] = to_plain(build.options)
+    return found
+
+
+@functools.cache
+def _versions() -> dict[str, str]:
+    return {
+        "arm_drake": importlib.metadata.version("arm-drake"),
+        "drake": importlib.metadata.version("drake"),
+        "numpy": np.__version__,
+        "python": platform.python_version(),
+    }
+
+
+@functools.lru_cache(maxsize=8)
+def _describe_robot(robot: Robot) -> dict[str, Any]:
+    """Return what a robot was made of; a hash is of a file as it is now."""
+    return {
+        "name": robot.name,
+        "bundled": robot.bundled,
+        "distro": robot.distro,
+        "description": {
+            "file": robot.description.file.name,
+            "sha256": _hash(robot.portable_source.encode()),
+        },
+        "pose": to_plain(robot.pose),
+        "initial_positions": to_plain(robot.initial_positions),
+        "files": [
+            {"file": _name(file), "sha256": _hash_file(file)}
+            for file in robot.source_files
+        ],
+    }
+
+
+def _describe_motion(motion: Motion) -> dict[str, Any]:
+    file = motion.file
+    return {
+        "file": file.name if file else None,
+        "sha256": _hash_file(file) if file else None,
+        "parameters": to_plain(motion.parameters),
+    }
+
+
+def _name(file: Path) -> str:
+    """Return the package URI of a file, or its name if it is in no package."""
+    name = name_portably(str(file))
+    return file.name if name == str(file) else name
+
+
+def _hash_file(file: Path) -> str | None:
+    try:
+        known = file.stat()
+        return _hash_content(file, known.st_mtime_ns, known.st_size)
+    except OSError:  # It has gone since it was loaded.
+        return None
+
+
+@functools.lru_cache(maxsize=1000)
+def _hash_content(file: Path, time_ns: int, size: int) -> str:
+    """Return the hash of a file that was changed last at this time."""
+    return _hash(file.read_bytes())
+
+
+def _hash(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
+
+
+_FAILED = (GoalStatus.REJECTED, GoalStatus.ABORTED)
+
+# Goals that are done, which stay as they are.
+_done: "weakref.WeakKeyDictionary[GoalHandle, GoalRecord]" = weakref.WeakKeyDictionary()
+
+
+def list_failures(mailbox: Mailbox) -> list[str]:
+    """Return a line for all that failed: goals, messages, switches, controllers.
+
+    Args:
+        mailbox: Of a simulation that has run.
+    """
+    lines = []
+    for goal in mailbox.goals:
+        if goal.status in _FAILED:
+            place = f"{goal.where}: " if goal.where else ""
+            lines.append(f"{place}{goal.controller}: goal {goal.describe()}")
+    events = (*mailbox.rejected, *mailbox.failures)
+    return lines + [mailbox.describe(event) for event in events]
+
+
+def collect_rollout(
+    mailbox: Mailbox,
+    manager: ControllerManager,
+    motions: Sequence[Motion],
+    since: float = -math.inf,
+) -> Rollout:
+    """Return what was recorded of a robot so far.
+
+    Args:
+        mailbox: Of the simulation.
+        manager: The robot's controller manager.
+        motions: What was played, in order.
+        since: From when on rows and messages are wanted [s], as `read_rollout`.
+    """
+    diagram, context = mailbox.diagram, mailbox.simulator.get_context()
+    sent = (each for each in mailbox.sent if each.time >= since)
+    return dc.replace(
+        read_rollout(diagram, context, manager, since),
+        goals=record_goals(mailbox.goals, manager),
+        messages=record_messages(sent, manager),
+        info=describe_provenance(manager.robot, diagram, motions),
+    )
+
+
+def record_goals(
+    goals: Iterable[GoalHandle], manager: ControllerManager
+) -> tuple[GoalRecord, ...]:
+    """Return the goals of a robot, in order.
+
+    Args:
+        goals: Goals of all robots.
+        manager: The robot's controller manager.
+    """
+    names = {f"{manager.prefix}{c.name}" for c in manager.controllers}
+    return tuple(_record_goal(goal) for goal in goals if goal.controller in names)
+
+
+def record_messages(
+    sent: Iterable[Sent], manager: ControllerManager
+) -> tuple[SentMessage, ...]:
+    """Return the messages for a robot but for goals, in order.
+
+    Args:
+        sent: What was sent to all robots.
+        manager: The robot's controller manager.
+    """
+    return tuple(
+        SentMessage(
+            each.time,
+            topic_of(each.port, manager),
+            type(each.message).__name__,
+            to_plain(each.message),
+        )
+        for each in sent
+        if each.port.startswith(manager.prefix)
+        and not isinstance(each.message, ActionRequest)
+    )
+
+
+def topic_of(port: str, manager: ControllerManager) -> str:
+    """Return the name in ROS of an input port of the diagram.
+
+    Args:
+        port: Name of the port, such as "arm.joint_trajectory".
+        manager: The controller manager of its robot.
+    """
+    own = port.removeprefix(manager.prefix)
+    for name in (MANAGER, *(c.name for c in manager.controllers)):
+        if own.startswith(f"{name}."):
+            return f"/{manager.prefix}{name}/{own[len(name) + 1 :]}"
+    return f"/{manager.prefix}{own.removeprefix('/')}"
+
+
+def _record_goal(handle: GoalHandle) -> GoalRecord:
+    if handle in _done:
+        return _done[handle]
+    record = _make_record(handle)
+    if handle.status.is_terminal:
+        _done[handle] = record
+    return record
+
+
+def _make_record(handle: GoalHandle) -> GoalRecord:
+    result, code, text = handle.result, None, handle.note
+    if isinstance(result, FollowJointTrajectoryResult):
+        code, text = int(result.error_code), result.error_string
+    return GoalRecord(
+        handle.controller,
+        type(handle.request.goal).__name__,
+        handle.sent_at,
+        handle.ended_at,
+        handle.status.value,
+        code,
+        text,
+        to_plain(handle.request.goal),
+        to_plain(result) if dc.is_dataclass(result) else None,
+    )
+
+
+class History:
+    """Keeps the logs of a simulation from growing for ever."""
+
+    def __init__(self, mailbox: Mailbox, duration: float) -> None:
+        """Create it.
+
+        Args:
+            mailbox: Of the simulation.
+            duration: How much of the past is kept at least [s], and no more than twice
+                as much.
+        """
+        self._mailbox = mailbox
+        self._duration = duration
+        self._start = mailbox.time
+
+    def trim(self) -> None:
+        """Forget what is too old, if there is much of it."""
+        now = self._mailbox.time
+        # A simulation that was reset has logged nothing of before.
+        self._start = min(self._start, now)
+        if now - self._start <= 2.0 * self._duration:
+            return
+        self._start = now - self._duration
+        self._mailbox.forget_before(self._start)
+        root = self._mailbox.simulator.get_mutable_context()
+        forget_rows(self._mailbox.diagram, root, self._start)

@@ -11,26 +11,43 @@ from pydrake.systems.framework import Diagram
 
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
-from arm_drake.errors import InputError
+from arm_drake.errors import InputError, SimulationError
 from arm_drake.manager import MANAGER, SWITCH_PORT
 from arm_drake.messages import JointState, Message, Strictness, SwitchController
 from arm_drake.rollout.rollout import Rollout
-from arm_drake.simulation.clients import ControllerHandle
+from arm_drake.simulation.clients import ControllerHandle, TopicHandle, list_topics
 from arm_drake.simulation.directory import (
     ControllerList,
     Directory,
     TopicList,
     make_switch,
 )
-from arm_drake.simulation.happenings import collect_rollout
 from arm_drake.simulation.mailbox import Failure, GoalHandle, Mailbox, News, Rejection
 from arm_drake.simulation.motion import Motion
 from arm_drake.simulation.playback import Player
 from arm_drake.simulation.recorder import Recorder
-from arm_drake.simulation.recording import read_joint_states
-from arm_drake.simulation.stepping import advance
-from arm_drake.simulation.topic_clients import TopicHandle, list_topics
+from arm_drake.simulation.recording import collect_rollout, read_joint_states
 from arm_drake.simulation.topics import TopicNames
+
+
+def advance(simulator: Simulator, time: float) -> None:
+    """Simulate up to a time.
+
+    Args:
+        simulator: What to advance.
+        time: Simulated time to stop at [s].
+
+    Raises:
+        SimulationError: If Drake can't go on, as with a state beyond all numbers.
+    """
+    try:
+        simulator.AdvanceTo(time)
+    # Drake's own checks end in a SystemExit.
+    except (RuntimeError, SystemExit) as error:
+        now, reason = simulator.get_context().get_time(), " ".join(str(error).split())
+        text = f"the simulation can't go on at {now:.4f} s: {reason}"
+        raise SimulationError(text) from error
+
 
 # Ticks between two looks at the controllers' news; they keep the latest 64.
 _TICKS_AT_A_TIME = 50

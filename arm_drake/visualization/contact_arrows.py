@@ -4,8 +4,8 @@ import numpy as np
 from pydrake.geometry import Cylinder, Meshcat, Rgba, Sphere
 
 from arm_drake.arrays import Array
-from arm_drake.messages.contacts import ContactsState
 from arm_drake.messages.geometry import Vector3
+from arm_drake.messages.sensors import ContactsState
 
 _PATH = "/drake/contact_forces"
 

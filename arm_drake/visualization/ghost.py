@@ -11,12 +11,15 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex, RigidBody
 from pydrake.systems.framework import Context
 
-from arm_drake.description.tree import last_master, links_on
+from arm_drake.description.joints import last_master, links_on
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.errors import InputError, suggest
-from arm_drake.visualization.drawn_robot import DrawnRobot
-from arm_drake.visualization.link_drawings import path_below
-from arm_drake.visualization.solids import draw_solid, visual_solid
+from arm_drake.visualization.link_drawings import (
+    DrawnRobot,
+    draw_solid,
+    path_below,
+    visual_solid,
+)
 
 _BLUE = (0.1, 0.5, 1.0)
 _ALPHA = 0.35

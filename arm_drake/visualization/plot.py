@@ -59,12 +59,15 @@ def draw_rollout(
     if path is not None:
         check_plot_path(path)
     # Not at the top: a simulation without pictures must not wait for matplotlib.
-    from arm_drake.visualization.effort import plot_effort
-    from arm_drake.visualization.overview import plot_overview
-    from arm_drake.visualization.path import plot_path
-    from arm_drake.visualization.phase import plot_phase
     from arm_drake.visualization.plot_panels import say_if_empty
-    from arm_drake.visualization.tracking import plot_error, plot_tracking
+    from arm_drake.visualization.plots import (
+        plot_effort,
+        plot_error,
+        plot_overview,
+        plot_path,
+        plot_phase,
+        plot_tracking,
+    )
 
     by_joint = {
         "tracking": plot_tracking,

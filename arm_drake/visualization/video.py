@@ -16,7 +16,7 @@ from pydrake.geometry import Meshcat
 from arm_drake.arrays import Array
 from arm_drake.errors import InputError, MissingExtraError, OutputError
 from arm_drake.output_files import check_suffix, check_writable, writing
-from arm_drake.visualization.framing import View
+from arm_drake.visualization.meshcat import View
 from arm_drake.visualization.screenshot import (
     FIELD_OF_VIEW,
     Photographer,

@@ -6,6 +6,7 @@ AWS RoboMaker's residential furniture in it; shapes are our own.
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, partial
+from math import atan2, hypot, pi
 from typing import NamedTuple
 
 import numpy as np
@@ -14,12 +15,458 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame
 
-from arm_drake.plant.ground import GROUND_FRICTION, add_ground
-from arm_drake.worlds import furniture, ornaments
-from arm_drake.worlds.furniture import BLACK, IVORY, MUSTARD, NAVY, RUST, SAGE, TEAL
-from arm_drake.worlds.furniture_parts import Parts, drawing
-from arm_drake.worlds.house_walls import floor, room_wall, walls, window
-from arm_drake.worlds.pictures import desk_picture, picture
+from arm_drake.plant.contact import GROUND_FRICTION, add_ground
+from arm_drake.worlds import furniture
+from arm_drake.worlds.furniture import (
+    BLACK,
+    DARK,
+    IVORY,
+    MUSTARD,
+    NAVY,
+    OAK,
+    RUST,
+    SAGE,
+    STEEL,
+    TEAL,
+    WALNUT,
+    WHITE,
+    Part,
+    Parts,
+    ball,
+    block,
+    cushion,
+    drawing,
+    lathed,
+    moved,
+    post,
+)
+
+# Height of the walls; there is no ceiling, so that one can look in [m].
+HEIGHT = 2.6
+
+# Thickness of outer and of inner walls [m].
+_OUTER, _INNER = 0.16, 0.22
+
+# Windows: width, lower and upper edge [m].
+_WIDTH, _SILL, _TOP = 1.7, 0.5, 2.1
+
+# Doors: width and height [m].
+_DOOR, _LINTEL = 1.0, 2.16
+
+_PAINT, _BASE = "d9cfbc", "fbfaf7"
+
+Point = tuple[float, float]
+
+# An opening: its middle along the wall, width, lower and upper edge [m].
+Opening = tuple[float, float, float, float]
+
+
+def walls() -> Parts:
+    """Return the walls, in the frame of the house."""
+    left, right, south, north = -9.5, 9.5, -5.62, 3.2
+    west, east, balcony = -2.48, 4.8, 5.68
+
+    def windows(*places: float) -> list[Opening]:
+        return [(place, _WIDTH, _SILL, _TOP) for place in places]
+
+    def doors(*places: float) -> list[Opening]:
+        return [(place, _DOOR, 0.0, _LINTEL) for place in places]
+
+    outer = [
+        ((left, south), (left, north), windows(-0.026 - south, -2.374 - south)),
+        ((right, south), (right, north), windows(-3.374 - south, 0.969 - south)),
+        ((left, south), (right, south), [(6.0 - left, 1.04, 0.0, 2.12)]),
+        ((left, north), (west, north), []),
+        ((east, north), (right, north), []),
+        ((west, north), (west, balcony), windows(4.388 - north)),
+        ((east, north), (east, balcony), windows(4.47 - north)),
+        (
+            (west, balcony),
+            (east, balcony),
+            windows(*(x - west for x in (3.489, 1.141, -1.199))),
+        ),
+    ]
+    inner = [
+        ((-2.58, south), (-2.58, north), doors(1.844 - south, -4.053 - south)),
+        ((4.78, south), (4.78, north), doors(2.465 - south, -4.85 - south)),
+    ]
+    return [
+        *(part for wall in outer for part in _wall(*wall, _OUTER)),
+        *(part for wall in inner for part in _wall(*wall, _INNER)),
+    ]
+
+
+def room_wall() -> Parts:
+    """Return a wall along x that parts a room, with a way around both its ends."""
+    return [
+        block((4.6, 0.14, HEIGHT - 0.03), (0, 0, -0.028), "9fb1a8"),
+        block((4.64, 0.18, 0.1), (0, 0, -0.028), _BASE),
+    ]
+
+
+def window() -> Parts:
+    """Return a window with two panes along y, its lower edge at 0."""
+    height = _TOP - _SILL
+    bars = [block((0.1, 0.06, height), (0, y, 0), WHITE) for y in (-0.82, 0, 0.82)]
+    return [
+        *bars,
+        *(block((0.1, _WIDTH, 0.06), (0, 0, z), WHITE) for z in (0.0, height - 0.06)),
+        block((0.012, 1.6, height - 0.1), (0, 0, 0.05), "a9d4e6", alpha=0.35),
+        block((0.26, 1.8, 0.04), (0, 0, -0.03), WHITE),
+    ]
+
+
+def floor() -> Parts:
+    """Return boards, tiles in the kitchen, and a terrace; the ground carries them."""
+    tones = ("ab7c4c", "a27345", "b38553", "996b3f")
+    boards = [
+        block(
+            (14.2, 0.29, 0.01),
+            (-2.35, -5.46 + 0.3 * i, -0.011),
+            tones[(3 * i) % 4],
+            is_solid=False,
+        )
+        for i in range(29)
+    ]
+    terrace = [
+        block(
+            (7.16, 0.29, 0.01),
+            (1.16, 3.24 + 0.285 * i, -0.011),
+            tones[(3 * i + 1) % 4],
+            is_solid=False,
+        )
+        for i in range(9)
+    ]
+    tiles = [
+        block(
+            (0.73, 0.71, 0.01),
+            (5.26 + 0.75 * i, -5.25 + 0.735 * k, -0.011),
+            "b4b8b3" if (i + k) % 2 else "868f93",
+            is_solid=False,
+        )
+        for i in range(6)
+        for k in range(12)
+    ]
+    under = [
+        block((19.1, 8.9, 0.02), (0, -1.21, -0.04), "6f6a62", is_solid=False),
+        block((7.4, 2.6, 0.02), (1.16, 4.4, -0.04), "6f6a62", is_solid=False),
+    ]
+    return [*under, *boards, *terrace, *tiles]
+
+
+def _wall(start: Point, end: Point, openings: list[Opening], thickness: float) -> Parts:
+    """Return a wall from one point to another one, with openings in it."""
+    across, along = end[0] - start[0], end[1] - start[1]
+    length = hypot(across, along)
+    parts: Parts = []
+
+    def fill(left: float, right: float, bottom: float, top: float) -> None:
+        if right - left > 1e-6 and top - bottom > 1e-6:
+            size = (right - left, thickness, top - bottom)
+            parts.append(block(size, ((left + right) / 2.0, 0.0, bottom), _PAINT))
+
+    done = -thickness / 2.0
+    for middle, width, bottom, top in sorted(openings):
+        fill(done, middle - width / 2.0, 0.0, HEIGHT)
+        fill(middle - width / 2.0, middle + width / 2.0, 0.0, bottom)
+        fill(middle - width / 2.0, middle + width / 2.0, top, HEIGHT)
+        done = middle + width / 2.0
+    fill(done, length + thickness / 2.0, 0.0, HEIGHT)
+    return moved(parts, (*start, 0.0), atan2(along, across))
+
+
+def air_conditioner() -> Parts:
+    """Return one that hangs on a wall at -x."""
+    return [
+        cushion((0.24, 0.95, 0.3), (-0.08, 0, 0), WHITE, radius=0.05),
+        block((0.02, 0.8, 0.03), (0.03, 0, 0.05), STEEL, is_solid=False),
+    ]
+
+
+def standing_air_conditioner() -> Parts:
+    """Return one that stands on the floor."""
+    return [
+        post(0.2, 1.7, (0, 0, 0), WHITE),
+        block((0.06, 0.18, 0.7), (0.17, 0.0, 0.85), DARK, is_solid=False),
+        post(0.21, 0.04, (0, 0, 0), STEEL),
+    ]
+
+
+def gym_ball() -> Parts:
+    """Return a large ball, its centre at 0."""
+    return [ball(0.315, (0, 0, 0), TEAL)]
+
+
+def board() -> Parts:
+    """Return a shelf on a wall."""
+    return [
+        block((1.1, 0.24, 0.025), (0.02, 0, 0), OAK),
+        *(block((0.02, 0.2, 0.1), (x, -0.01, -0.1), BLACK) for x in (-0.4, 0.44)),
+    ]
+
+
+def chandelier() -> Parts:
+    """Return a lamp that hangs on a cord."""
+    arms = [
+        part
+        for i in range(5)
+        for part in moved(
+            [
+                block((0.34, 0.02, 0.02), (0.19, 0, 0.2), MUSTARD, is_solid=False),
+                post(0.02, 0.07, (0.36, 0, 0.2), MUSTARD, is_solid=False),
+                ball(0.065, (0.36, 0, 0.32), "fff3d0"),
+            ],
+            (0, 0, 0),
+            0.4 * pi * i,
+        )
+    ]
+    return [post(0.03, 0.16, (0, 0, 0.14), MUSTARD), *arms, _cord(0.3, 0.85)]
+
+
+def carpet() -> Parts:
+    """Return a carpet, 3.6 m by 2.4 m, thin enough to stand on."""
+    return [
+        block((3.6, 2.4, 0.004), (0, 0, -0.001), "8a3b2e", is_solid=False),
+        block((3.36, 2.16, 0.002), (0, 0, 0.003), "d9c7a3", is_solid=False),
+        block((3.2, 2.0, 0.002), (0, 0, 0.005), "9c4a3a", is_solid=False),
+        *(
+            block(
+                (0.5, 0.5, 0.002),
+                (x, y, 0.007),
+                "d9c7a3",
+                turn=(0, 0, pi / 4),
+                is_solid=False,
+            )
+            for x in (-1.1, 0, 1.1)
+            for y in (-0.45, 0.45)
+        ),
+    ]
+
+
+def security_camera() -> Parts:
+    """Return a camera on a foot, looking to +y."""
+    return [
+        post(0.05, 0.015, (0, 0, 0), WHITE),
+        ball(0.045, (0, 0, 0.06), WHITE),
+        post(0.02, 0.01, (0, 0.038, 0.06), BLACK, turn=(-pi / 2, 0, 0), is_solid=False),
+    ]
+
+
+def cooking_bench() -> Parts:
+    """Return a stove top with a pot, in a counter."""
+    rings = [
+        post(0.09, 0.008, (x, y, 0.012), "55595e", is_solid=False)
+        for x in (-0.13, 0.13)
+        for y in (-0.17, 0.17)
+    ]
+    return [
+        block((0.5, 0.7, 0.012), (0, 0, 0), BLACK),
+        *rings,
+        lathed([(0, 0), (0.1, 0), (0.105, 0.13)], (-0.13, 0.17, 0.02), RUST),
+        post(0.108, 0.012, (-0.13, 0.17, 0.15), STEEL, is_solid=False),
+        ball(0.018, (-0.13, 0.17, 0.175), BLACK, is_solid=False),
+    ]
+
+
+def curtain() -> Parts:
+    """Return drawn-back curtains on a rod along y."""
+    folds = [
+        post(0.045, 2.2, (0.0, y, 0.12), "b9cdc9" if i % 2 else "a6bfba")
+        for side in (-1, 1)
+        for i, y in enumerate(side * (1.05 + 0.06 * k) - 0.23 for k in range(6))
+    ]
+    rod = post(0.015, 3.0, (0, -1.73, 2.35), DARK, turn=(-pi / 2, 0, 0))
+    return [*folds, rod]
+
+
+def front_door() -> Parts:
+    """Return a closed door in a frame, along x."""
+    return [
+        block((0.9, 0.06, 2.05), (0, 0, 0), WALNUT),
+        *(
+            block((0.6, 0.07, h), (0, 0, z), "7d5a42", is_solid=False)
+            for h, z in ((0.8, 0.15), (0.9, 1.05))
+        ),
+        *(block((0.07, 0.14, 2.12), (x, 0, 0), WHITE) for x in (-0.485, 0.485)),
+        block((1.04, 0.14, 0.07), (0, 0, 2.05), WHITE),
+    ]
+
+
+def folding_door() -> Parts:
+    """Return a doorway along y, its door folded away."""
+    leaves = [
+        block(
+            (0.32, 0.03, 2.0),
+            (0.15 * k, 0.4 + 0.04 * k, 0.0),
+            "cdb28d",
+            turn=(0, 0, 0.1 - 0.2 * k),
+        )
+        for k in (0, 1)
+    ]
+    return [
+        *(block((0.28, 0.06, 2.1), (-0.12, y, 0), OAK) for y in (-0.47, 0.47)),
+        block((0.28, 1.0, 0.06), (-0.12, 0, 2.1), OAK),
+        *moved(leaves, (-0.05, 0, 0)),
+    ]
+
+
+def handle() -> Parts:
+    """Return the handle of a door, seen from -y."""
+    return [
+        block((0.05, 0.01, 0.2), (0, 0, -0.1), STEEL),
+        block((0.15, 0.02, 0.02), (-0.05, -0.04, 0), STEEL),
+    ]
+
+
+def dumbbells() -> Parts:
+    """Return a pair of dumbbells on the floor."""
+    one: Parts = [
+        post(0.015, 0.3, (0, -0.15, 0.08), STEEL, turn=(-pi / 2, 0, 0)),
+        *(
+            post(0.08, 0.08, (0, y, 0.08), DARK, turn=(-pi / 2, 0, 0))
+            for y in (-0.16, 0.08)
+        ),
+    ]
+    return [*moved(one, (-0.12, 0, 0)), *moved(one, (0.12, 0.03, 0), 0.2)]
+
+
+def tablet() -> Parts:
+    """Return a tablet computer that lies on a table."""
+    return [
+        block((0.18, 0.25, 0.01), (0, 0, -0.002), BLACK),
+        block((0.16, 0.22, 0.001), (0, 0, 0.008), "4f7fa0", is_solid=False),
+    ]
+
+
+def kitchen_utensils() -> Parts:
+    """Return spoons and ladles that hang on a rail, at a wall at +x."""
+    tools = [
+        part
+        for i, color in enumerate((STEEL, OAK, STEEL, RUST))
+        for part in (
+            block((0.012, 0.02, 0.26), (0, 0.1 * i - 0.15, -0.06), color),
+            cushion(
+                (0.02, 0.06, 0.09), (0, 0.1 * i - 0.15, -0.12), color, is_solid=False
+            ),
+        )
+    ]
+    return [*tools, block((0.02, 0.5, 0.02), (0.02, 0, 0.2), DARK)]
+
+
+def wall_lamp() -> Parts:
+    """Return a lamp on a wall at -y."""
+    return [
+        block((0.1, 0.03, 0.16), (0, -0.02, -0.08), MUSTARD),
+        block((0.02, 0.14, 0.02), (0, 0.05, -0.02), MUSTARD),
+        lathed([(0.1, 0), (0.06, 0.16)], (0, 0.12, -0.03), "f6e3b4"),
+    ]
+
+
+def range_hood() -> Parts:
+    """Return a hood above a stove."""
+    return [
+        lathed([(0.42, 0), (0.42, 0.05), (0.14, 0.24), (0.14, 0.3)], (0, 0, 0), STEEL),
+        block((0.26, 0.26, 0.8), (0, 0, 0.28), STEEL),
+    ]
+
+
+def seasoning_box() -> Parts:
+    """Return a row of jars."""
+    jars = [
+        part
+        for i, color in enumerate((RUST, MUSTARD, SAGE))
+        for part in (
+            post(0.03, 0.09, (0, 0.08 * i - 0.08, 0.01), color),
+            post(0.031, 0.02, (0, 0.08 * i - 0.08, 0.1), WHITE),
+        )
+    ]
+    return [block((0.1, 0.28, 0.012), (0, 0, 0), OAK), *jars]
+
+
+def tableware() -> Parts:
+    """Return plates, glasses and a bowl of fruit on a table, its top 35 mm below."""
+    places = [
+        part
+        for x, y in ((-0.04, -0.3), (-0.12, 0.25), (-0.9, -0.3), (-1.08, 0.25))
+        for part in (
+            lathed([(0, 0), (0.07, 0), (0.12, 0.018)], (x, y, 0), WHITE),
+            lathed(
+                [(0.0, 0), (0.03, 0), (0.035, 0.12)],
+                (x + 0.16, 0.6 * y, 0),
+                "bfe0ea",
+                alpha=0.5,
+            ),
+        )
+    ]
+    fruit = [
+        ball(0.04, (-0.6 + x, -0.03 + y, 0.08), color, is_solid=False)
+        for x, y, color in (
+            (0, 0.04, "c8402f"),
+            (0.05, -0.03, "e08a2c"),
+            (-0.05, -0.02, "7fa83c"),
+        )
+    ]
+    bowl = lathed([(0, 0), (0.07, 0), (0.15, 0.08)], (-0.6, -0.03, 0), TEAL)
+    # They stand along the table, whatever the yaw of 1.025 rad of the piece.
+    return moved([*places, bowl, *fruit], (0, 0, -0.029), -1.025)
+
+
+def trash() -> Parts:
+    """Return a waste bin."""
+    return [
+        lathed([(0, 0), (0.12, 0), (0.15, 0.34)], (0, 0, -0.01), STEEL),
+        post(0.152, 0.02, (0, 0, 0.32), DARK),
+    ]
+
+
+def vase() -> Parts:
+    """Return a vase with flowers."""
+    flowers = [
+        part
+        for x, y, color in (
+            (0, 0, RUST),
+            (0.05, 0.02, MUSTARD),
+            (-0.05, 0.02, "f0e6ef"),
+        )
+        for part in (
+            post(0.006, 0.2, (x / 2, y / 2, 0.16), "4f7a4a", is_solid=False),
+            ball(0.035, (x, y, 0.37), color, is_solid=False),
+        )
+    ]
+    profile = [(0, 0), (0.04, 0), (0.07, 0.08), (0.03, 0.17), (0.04, 0.2)]
+    return [lathed(profile, (0, 0, 0), NAVY), *flowers]
+
+
+def _cord(z: float, height: float) -> Part:
+    return post(0.006, height, (0, 0, z), BLACK, is_solid=False)
+
+
+def picture(width: float, height: float, *colors: str, frame: str = WALNUT) -> Parts:
+    """Return a framed picture that is seen from -y, its bottom at 0.
+
+    Args:
+        width: Of the frame [m].
+        height: Of the frame [m].
+        colors: Of the paper, and of what is painted on it.
+        frame: Colour of the frame.
+    """
+    paper, *paints = colors
+    w, h = width * 0.84, height * 0.84
+    parts = [
+        block((width, 0.03, height), (0, 0, 0), frame),
+        block((w, 0.01, h), (0, -0.013, 0.08 * height), paper, is_solid=False),
+    ]
+    for i, paint in enumerate(paints):
+        size = (w * (0.62 - 0.17 * i), 0.004, h * (0.24 + 0.1 * i))
+        at = (w * (0.16 - 0.17 * i), -0.02 - 0.002 * i, height * (0.16 + 0.17 * i))
+        parts.append(block(size, at, paint, is_solid=False))
+    return parts
+
+
+def desk_picture(color: str, frame: str = OAK) -> Parts:
+    """Return a picture that stands, seen from -y, its middle at 0."""
+    return moved(picture(0.15, 0.2, IVORY, color, NAVY, frame=frame), (0, 0, -0.09))
+
 
 # Model instance of the pieces' frames.
 HOUSE = "house"
@@ -131,19 +578,19 @@ PLACES: Mapping[str, Sequence[tuple[float, ...]]] = {
 }
 
 _PIECES: Mapping[str, Callable[[], Parts]] = {
-    "AirconditionerA_01": ornaments.air_conditioner,
-    "AirconditionerB_01": ornaments.standing_air_conditioner,
+    "AirconditionerA_01": air_conditioner,
+    "AirconditionerB_01": standing_air_conditioner,
     "BalconyTable_01": furniture.balcony_table,
-    "Ball_01": ornaments.gym_ball,
+    "Ball_01": gym_ball,
     "Bed_01": furniture.bed,
-    "Board_01": ornaments.board,
-    "Carpet_01": ornaments.carpet,
+    "Board_01": board,
+    "Carpet_01": carpet,
     "ChairA_01": furniture.dining_chair,
     "ChairD_01": furniture.armchair,
-    "Chandelier_01": ornaments.chandelier,
+    "Chandelier_01": chandelier,
     "CoffeeTable_01": furniture.coffee_table,
-    "CookingBench_01": ornaments.cooking_bench,
-    "Curtain_01": ornaments.curtain,
+    "CookingBench_01": cooking_bench,
+    "Curtain_01": curtain,
     "DeskPortraitA_01": partial(desk_picture, RUST),
     "DeskPortraitA_02": partial(desk_picture, TEAL),
     "DeskPortraitB_01": partial(picture, 0.5, 0.7, IVORY, SAGE, RUST, NAVY),
@@ -154,18 +601,18 @@ _PIECES: Mapping[str, Callable[[], Parts]] = {
     "DeskPortraitD_02": partial(desk_picture, RUST, BLACK),
     "DeskPortraitD_03": partial(desk_picture, TEAL, BLACK),
     "DeskPortraitD_04": partial(desk_picture, SAGE),
-    "Door_01": ornaments.front_door,
-    "Dumbbell_01": ornaments.dumbbells,
+    "Door_01": front_door,
+    "Dumbbell_01": dumbbells,
     "FitnessEquipment_01": furniture.fitness_equipment,
     "FloorB_01": floor,
-    "FoldingDoor_01": ornaments.folding_door,
-    "FoldingDoor_02": ornaments.folding_door,
-    "Handle_01": ornaments.handle,
+    "FoldingDoor_01": folding_door,
+    "FoldingDoor_02": folding_door,
+    "Handle_01": handle,
     "HouseWallB_01": walls,
     "KitchenCabinet_01": furniture.kitchen_cabinet,
     "KitchenTable_01": furniture.kitchen_table,
-    "KitchenUtensils_01": ornaments.kitchen_utensils,
-    "LightC_01": ornaments.wall_lamp,
+    "KitchenUtensils_01": kitchen_utensils,
+    "LightC_01": wall_lamp,
     "NightStand_01": furniture.night_stand,
     "PortraitA_01": partial(picture, 0.4, 0.6, IVORY, NAVY, MUSTARD),
     "PortraitA_02": partial(picture, 0.6, 0.9, IVORY, RUST, TEAL),
@@ -177,22 +624,22 @@ _PIECES: Mapping[str, Callable[[], Parts]] = {
     "PortraitD_02": partial(picture, 0.9, 0.6, IVORY, MUSTARD, RUST, frame=BLACK),
     "PortraitE_01": partial(picture, 1.4, 0.8, IVORY, NAVY, TEAL, MUSTARD),
     "PortraitE_02": partial(picture, 0.7, 1.0, IVORY, RUST, SAGE),
-    "Rangehood_01": ornaments.range_hood,
+    "Rangehood_01": range_hood,
     "ReadingDesk_01": furniture.reading_desk,
     "Refrigerator_01": furniture.refrigerator,
     "RoomWall_01": room_wall,
     "RoomWindow_01": window,
-    "SeasoningBox_01": ornaments.seasoning_box,
-    "SecurityCamera_01": ornaments.security_camera,
+    "SeasoningBox_01": seasoning_box,
+    "SecurityCamera_01": security_camera,
     "ShoeRack_01": furniture.shoe_rack,
     "SofaC_01": furniture.sofa,
     "TV_01": furniture.television,
     "TV_02": furniture.television,
     "TVCabinet_01": furniture.tv_cabinet,
-    "Tablet_01": ornaments.tablet,
-    "Tableware_01": ornaments.tableware,
-    "Trash_01": ornaments.trash,
-    "Vase_01": ornaments.vase,
+    "Tablet_01": tablet,
+    "Tableware_01": tableware,
+    "Trash_01": trash,
+    "Vase_01": vase,
     "Wardrobe_01": furniture.wardrobe,
 }
 

@@ -2,14 +2,69 @@
 
 import dataclasses as dc
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
-from arm_drake.description.values import parse_number
-from arm_drake.worlds.loaded_world import Vector
-from arm_drake.worlds.sdf_files import SdfFile, name_of, read_sdf, text_of
+from pydrake.geometry import Meshcat
+from pydrake.multibody.plant import MultibodyPlant
+
+from arm_drake.description.elements import parse_float
+from arm_drake.description.report import LoadReport
+from arm_drake.worlds.sdf_files import Notes, SdfFile, name_of, read_sdf, text_of
 from arm_drake.worlds.sdf_models import Cleaner
-from arm_drake.worlds.sdf_notes import Notes
+
+Vector = tuple[float, float, float]
+
+
+def _add_nothing(plant: MultibodyPlant) -> None:
+    del plant
+
+
+@dc.dataclass(frozen=True, eq=False)
+class LoadedWorld:
+    """A world as loaded."""
+
+    # Its name, which topics of Gazebo contain.
+    name: str = "empty"
+
+    # Adds it to a plant that isn't finalized.
+    add_to: Callable[[MultibodyPlant], None] = _add_nothing
+
+    # Whether it may have things that move, and can be held.
+    has_things: bool = False
+
+    # Acceleration [m/s^2]; None is Earth's, 9.81 along -z.
+    gravity: Vector | None = None
+
+    # Whether the page shows its grid.
+    has_grid: bool = True
+
+    # Colour of the page behind everything, red, green and blue from 0 to 1.
+    background: Vector | None = None
+
+    # What was not taken as written.
+    report: LoadReport = dc.field(default_factory=LoadReport)
+
+
+def show_backdrop(
+    meshcat: Meshcat,
+    *,
+    has_grid: bool = True,
+    background: tuple[float, float, float] | None = None,
+) -> None:
+    """Show a page as a world wants it.
+
+    Args:
+        meshcat: The page.
+        has_grid: Whether it has its grid.
+        background: Colour behind everything, red, green and blue from 0 to 1; None
+            leaves Meshcat's own.
+    """
+    meshcat.SetProperty("/Grid", "visible", has_grid)
+    if background is not None:
+        for end in ("top_color", "bottom_color"):
+            meshcat.SetProperty("/Background", end, list(background))
+
 
 # Plugins of a world that do what arm_drake does without them.
 _BUILT_IN = ("physics", "user-commands", "scene-broadcaster", "gazebo_ros_state")
@@ -235,7 +290,7 @@ def _read_background(scene: ET.Element | None) -> Vector | None:
 
 
 def _vector(text: str) -> Vector | None:
-    values = [parse_number(word) for word in text.split()]
+    values = [parse_float(word) for word in text.split()]
     if len(values) != 3 or any(x is None or not abs(x) < float("inf") for x in values):
         return None
     x, y, z = (float(value or 0.0) for value in values)

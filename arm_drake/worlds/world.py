@@ -1,14 +1,24 @@
 """Worlds: what a robot stands on, bumps into and picks up."""
 
 import os
+import re
+import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from xml.etree.ElementTree import Element
 
+from pydrake.geometry import SceneGraph
+from pydrake.math import RigidTransform
+from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import BodyIndex, FixedOffsetFrame, ModelInstanceIndex
 
 from arm_drake.errors import InputError, suggest
-from arm_drake.plant.ground import add_ground
-from arm_drake.worlds.loaded_world import LoadedWorld
+from arm_drake.plant.contact import add_ground
+from arm_drake.plant.drake_log import drake_messages
+from arm_drake.worlds.sdf_files import name_of
+from arm_drake.worlds.sdf_models import FOLDER
+from arm_drake.worlds.sdf_world import LoadedWorld, SdfWorld, read_world
 
 
 def _add_house(plant: MultibodyPlant) -> None:
@@ -53,7 +63,6 @@ def load_world(world: World, package_paths: Sequence[Path] = ()) -> LoadedWorld:
         return WORLDS[world]
     if isinstance(world, Path) or (isinstance(world, str) and _is_file_name(world)):
         # Not at the top, as the house.
-        from arm_drake.worlds.sdf_plant import load_sdf_world
 
         return load_sdf_world(Path(world).expanduser(), package_paths)
     if not isinstance(world, str):
@@ -94,3 +103,180 @@ def _checked(
             )
 
     return add_to
+
+
+def load_sdf_world(path: Path, package_paths: Sequence[Path] = ()) -> LoadedWorld:
+    """Return the world of an SDF file.
+
+    What stands still becomes shapes of the world body, with a frame for each link, in
+    a model instance for each model: bodies that are welded to the world would cost time
+    in every step.
+
+    Args:
+        path: The file.
+        package_paths: Folders to search first for models.
+
+    Raises:
+        InputError: If the file can't be used.
+    """
+    world = read_world(path, package_paths)
+    is_linked = _is_linked(world)
+    static = [] if is_linked else list(world.static)
+    moving = [*world.static, *world.moving] if is_linked else list(world.moving)
+    _check_empty(world)
+    frames = _keep_what_drake_takes(world, static)
+    moved = _keep_what_drake_takes(world, moving)
+
+    def add_to(plant: MultibodyPlant) -> None:
+        if static and frames is not None:
+            _add_standing(plant, *frames)
+        if moving:
+            _parse(plant, world, moving)
+
+    has_things = moved is not None and any(
+        not moved[0].IsAnchored(moved[0].get_body(BodyIndex(i)))
+        for i in range(moved[0].num_bodies())
+    )
+    return LoadedWorld(
+        world.name,
+        add_to,
+        has_things=has_things,
+        gravity=world.gravity,
+        has_grid=world.has_grid,
+        background=world.background,
+        report=world.notes.report,
+    )
+
+
+def _is_linked(world: SdfWorld) -> bool:
+    """Return whether one model may be placed by, or joined to, another one."""
+    poses = [e.find("pose") for e in (*world.static, *world.moving)]
+    is_relative = any(p is not None and p.get("relative_to") for p in poses)
+    return is_relative or bool(world.frames)
+
+
+def _check_empty(world: SdfWorld) -> None:
+    """Raise InputError if Drake doesn't take the file whatever is in its world."""
+    try:
+        _try_to_parse(world, [])
+    except RuntimeError as error:
+        raise world.file.error(str(error), world.file.root) from None
+
+
+def _keep_what_drake_takes(
+    world: SdfWorld, elements: list[Element]
+) -> tuple[MultibodyPlant, SceneGraph] | None:
+    """Leave out of some elements what Drake refuses; return a plant with the rest."""
+    if not elements:
+        return None
+    try:
+        return _try_to_parse(world, elements)
+    except RuntimeError as error:
+        problem = str(error)
+    refused = 0
+    for element in list(elements):
+        try:
+            _try_to_parse(world, [element])
+        except RuntimeError as error:
+            elements.remove(element)
+            refused += 1
+            world.notes.add(
+                "error",
+                "invalid",
+                f"Drake refuses it: {error}",
+                "left out",
+                file=world.file,
+                element=element,
+                where=name_of(element),
+            )
+    if not refused:
+        raise world.file.error(f"Drake refuses the world: {problem}", world.file.root)
+    return _keep_what_drake_takes(world, elements)
+
+
+def _try_to_parse(
+    world: SdfWorld, elements: Sequence[Element]
+) -> tuple[MultibodyPlant, SceneGraph]:
+    """Return a plant of its own with some elements.
+
+    Raises:
+        RuntimeError: If Drake refuses them.
+    """
+    plant, scene_graph = MultibodyPlant(time_step=1e-3), SceneGraph()
+    plant.RegisterAsSourceForSceneGraph(scene_graph)
+    _parse(plant, world, elements)
+    plant.Finalize()
+    return plant, scene_graph
+
+
+def _parse(plant: MultibodyPlant, world: SdfWorld, elements: Sequence[Element]) -> None:
+    """Add elements to a plant, and what Drake says of them to the report.
+
+    Raises:
+        RuntimeError: If Drake refuses them.
+    """
+    parser = Parser(plant)
+    parser.SetAutoRenaming(True)
+    text = world.text([*world.frames, *elements])
+    with tempfile.TemporaryDirectory(prefix="arm_drake_") as folder:
+        for name, included in world.included.items():
+            content = included.replace(FOLDER, folder)
+            (Path(folder) / name).write_text(content, encoding="utf-8")
+        try:
+            with drake_messages() as messages:
+                parser.AddModelsFromString(text.replace(FOLDER, folder), "sdf")
+        except (RuntimeError, ValueError, SystemExit) as error:
+            # The reason is often what Drake warned about before.
+            said = map(_without_place, [*messages, " ".join(str(error).split())])
+            raise RuntimeError("; ".join(dict.fromkeys(said))) from None
+    for message in messages:
+        what = _without_place(message)
+        file = world.file.path
+        world.notes.report.add("info", "ignored", what, "so says Drake", file=file)
+
+
+def _without_place(message: str) -> str:
+    """Return a message of Drake without its place, which is one in our text."""
+    return re.sub(r"^.*?\b(warning|error): ", "", message, count=1).rstrip(".")
+
+
+def _add_standing(
+    plant: MultibodyPlant, parsed: MultibodyPlant, scene_graph: SceneGraph
+) -> None:
+    """Add the shapes of a parsed plant's bodies to the world body of another one."""
+    instances: dict[str, ModelInstanceIndex] = {}
+    context, inspector = parsed.CreateDefaultContext(), scene_graph.model_inspector()
+    for index in range(1, parsed.num_bodies()):
+        body = parsed.get_body(BodyIndex(index))
+        X_WB = parsed.EvalBodyPoseInWorld(context, body)
+        model = parsed.GetModelInstanceName(body.model_instance())
+        if model not in instances:
+            instances[model] = plant.AddModelInstance(_free_name(plant, model))
+        name, instance = str(body.name()), instances[model]
+        plant.AddFrame(FixedOffsetFrame(name, plant.world_frame(), X_WB, instance))
+        frame_id = parsed.GetBodyFrameIdOrThrow(body.index())
+        for geometry in inspector.GetGeometries(frame_id):
+            clone = inspector.CloneGeometryInstance(geometry)
+            clone.set_pose(X_WB @ RigidTransform(clone.pose()))
+            last = inspector.GetName(geometry).rpartition("::")[2]
+            clone.set_name(f"{model}::{name}::{last}")
+            properties = inspector.GetProximityProperties(geometry)
+            if properties is None:
+                plant.RegisterVisualGeometry(plant.world_body(), clone)
+            else:
+                plant.RegisterCollisionGeometry(
+                    plant.world_body(),
+                    clone.pose(),
+                    clone.shape(),
+                    clone.name(),
+                    properties,
+                )
+
+
+def _free_name(plant: MultibodyPlant, name: str) -> str:
+    """Return a name that no model instance of a plant has, the given one if it can."""
+    number, free = 1, name
+    while plant.HasModelInstanceNamed(free):
+        number += 1
+        free = f"{name}_{number}"
+    return free

@@ -22,7 +22,7 @@ from arm_drake.hardware.drives import (
     make_robot_drive,
 )
 from arm_drake.hardware.hardware import add_hardware, connect_forces
-from arm_drake.plant.gripper_ranges import find_gripper_joints
+from arm_drake.plant.joint_ranges import find_gripper_joints
 from arm_drake.plant.plant import (
     add_actuators,
     add_plant,

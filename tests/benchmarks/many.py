@@ -22,8 +22,8 @@ import numpy as np
 import psutil
 
 import arm_drake as ad
-from arm_drake.batch.cores import available_cores
-from arm_drake.batch.forking import close_server
+from arm_drake.batch.api import available_cores
+from arm_drake.batch.processes import close_server
 
 # Two workers against one: how many times as quick.
 GOAL = 1.8

@@ -68,7 +68,7 @@ def open_chromium(url: str) -> Iterator[psutil.Process]:
 
 def show_until_told(url: str) -> None:
     """Be that process."""
-    from arm_drake.visualization.browser import open_browser
+    from arm_drake.visualization.screenshot import open_browser
 
     with open_browser() as browser:
         page = browser.new_page()

@@ -52,7 +52,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 import arm_drake as ad
 from arm_drake.control.drive_commands import NUM_PARTS, NUM_PARTS_OF_POSITIONS
-from arm_drake.description.tree import last_master
+from arm_drake.description.joints import last_master
 from arm_drake.hardware.drives import (
     RobotDrive,
     add_rotors,
@@ -60,8 +60,7 @@ from arm_drake.hardware.drives import (
     make_robot_drive,
 )
 from arm_drake.hardware.hardware import add_hardware, connect_forces
-from arm_drake.plant.couplings import find_followers
-from arm_drake.plant.dynamics_samples import sample_dynamics
+from arm_drake.plant.couplings import find_followers, sample_dynamics
 from arm_drake.plant.plant import (
     add_actuators,
     add_plant,

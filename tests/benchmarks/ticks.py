@@ -42,15 +42,14 @@ from pydrake.systems.primitives import (
 import arm_drake as ad
 from arm_drake import interfaces
 from arm_drake.controllers import CONTROLLER_TYPES
-from arm_drake.controllers.controller_interface import TickingController
-from arm_drake.controllers.controller_interface_part import (
+from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
+    TickingController,
 )
 from arm_drake.controllers.cycles import Cycle
-from arm_drake.hardware.drives import make_robot_drive
+from arm_drake.hardware.drives import make_drive_commands, make_robot_drive
 from arm_drake.hardware.hardware import Hardware
-from arm_drake.hardware.robot_commands import make_drive_commands
 from arm_drake.hardware.robot_systems import RobotSystems
 from arm_drake.manager.robot_controllers import find_surroundings, load_controllers_of
 from arm_drake.messages import (

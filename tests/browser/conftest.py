@@ -10,7 +10,7 @@ from playwright.sync_api import Browser, Page
 from pydrake.geometry import Meshcat
 
 import arm_drake as ad
-from arm_drake.visualization.browser import BrowserError, open_browser
+from arm_drake.visualization.screenshot import BrowserError, open_browser
 from tests.browser.pictures import VIEWPORT
 from tests.robots import real_robot, skip_or_fail
 

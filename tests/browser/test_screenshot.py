@@ -18,8 +18,11 @@ from pydrake.geometry import Meshcat
 import arm_drake as ad
 from arm_drake.cli import main
 from arm_drake.errors import OutputError
-from arm_drake.visualization.browser import BrowserError
-from arm_drake.visualization.screenshot import Photographer, save_screenshot
+from arm_drake.visualization.screenshot import (
+    BrowserError,
+    Photographer,
+    save_screenshot,
+)
 from tests.browser.pictures import difference, grow
 from tests.models import GRIPPER, LENGTH, bob
 from tests.robots import skip_or_fail

@@ -14,8 +14,7 @@ from pydrake.math import RigidTransform
 
 from arm_drake.cli import main
 from arm_drake.errors import InputError
-from arm_drake.visualization.browser import BrowserError
-from arm_drake.visualization.screenshot import Photographer
+from arm_drake.visualization.screenshot import BrowserError, Photographer
 from arm_drake.visualization.video import Film, save_video
 from tests.browser.test_screenshot import assert_framed, read, red_arm, red_of
 from tests.robots import skip_or_fail

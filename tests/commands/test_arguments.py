@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from arm_drake.arguments import make_parser, parse_arguments
-from arm_drake.command_arguments import add_page_arguments
+from arm_drake.cli import add_page_arguments, make_parser, parse_arguments
 
 A_B = [("a", "1"), ("b", "2")]
 

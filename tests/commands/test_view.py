@@ -133,7 +133,7 @@ def test_a_simulation_does_not_start_without_the_extra_for_its_picture(
 def test_without_chromium_the_message_says_where_it_is_to_be_had(
     run, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr("arm_drake.visualization.browser._NAMES", ())
+    monkeypatch.setattr("arm_drake.visualization.screenshot._NAMES", ())
     monkeypatch.setenv("PLAYWRIGHT_BROWSERS_PATH", str(tmp_path / "none"))
 
     code, out, err = run("doosan_a0912", "--screenshot", tmp_path / "robot.png")

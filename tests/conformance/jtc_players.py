@@ -15,30 +15,27 @@ from xml.etree import ElementTree
 import numpy as np
 from pydrake.common.value import AbstractValue
 
-from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Cycle
-from arm_drake.controllers.joint_trajectory.controller import JointTrajectoryController
-from arm_drake.controllers.joint_trajectory.goals import receive
-from arm_drake.controllers.joint_trajectory.joint_trajectory import (
+from arm_drake.controllers.joint_trajectory.controller import (
+    JointTrajectoryController,
     activate,
     deactivate,
     idle,
     query,
     tick,
 )
-from arm_drake.controllers.joint_trajectory.joint_trajectory_report import (
-    make_controller_state,
-)
-from arm_drake.controllers.joint_trajectory.joint_trajectory_setup import make_rules
+from arm_drake.controllers.joint_trajectory.goals import receive
 from arm_drake.controllers.joint_trajectory.parameters import (
     JointTrajectoryControllerParameters,
+    make_rules,
 )
 from arm_drake.controllers.joint_trajectory.state import (
     JointTrajectoryState,
     TickInputs,
+    make_controller_state,
 )
-from arm_drake.description.given import Parameter
-from arm_drake.description.parameters import load_parameters
+from arm_drake.description.parameters import Parameter, load_parameters
 from arm_drake.description.report import LoadReport
 from arm_drake.interfaces import STATE_INTERFACES, interface_names
 from arm_drake.messages import (

@@ -26,14 +26,13 @@ from pydrake.systems.analysis import Simulator
 
 from arm_drake import interfaces
 from arm_drake.controllers import CONTROLLER_TYPES
-from arm_drake.controllers.controller_interface import TickingController
-from arm_drake.controllers.controller_interface_part import (
+from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
+    TickingController,
 )
 from arm_drake.controllers.cycles import Cycle, Tick
-from arm_drake.description.given import Parameter
-from arm_drake.description.parameters import load_parameters
+from arm_drake.description.parameters import Parameter, load_parameters
 from arm_drake.description.report import LoadReport
 from arm_drake.messages import (
     Float64MultiArray,

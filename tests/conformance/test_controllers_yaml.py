@@ -6,8 +6,7 @@ from typing import Any
 
 import pytest
 
-from arm_drake.description.controller_manager import ControllerConfig
-from arm_drake.description.controllers import load_controllers
+from arm_drake.description.controllers import ControllerConfig, load_controllers
 from arm_drake.description.report import LoadReport
 from tests.robots import read_index, robot_names, robots_folder
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from arm_drake.control.odometry import PlanarPose
-from arm_drake.controllers.bases.mecanum import (
+from arm_drake.controllers.bases.mecanum_drive_controller import (
     MecanumKinematics,
     MecanumOdometry,
     MecanumWheels,
 )
-from arm_drake.controllers.bases.omni_wheel import (
+from arm_drake.controllers.bases.omni_wheel_drive_controller import (
     OmniWheelKinematics,
     OmniWheelOdometry,
 )

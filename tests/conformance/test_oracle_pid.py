@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm_drake.control.pid import Pid
-from arm_drake.control.pid_rules import find_fault
+from arm_drake.control.pid import Pid, find_fault
 from tests.oracle import number, oracle_cases, oracle_folder
 
 NAMES = ("pid", "pid_jazzy_legacy_antiwindup")

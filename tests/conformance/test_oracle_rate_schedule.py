@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from arm_drake.manager.update_schedule import due_period
+from arm_drake.manager.lifecycle import due_period
 from tests.oracle import oracle_cases
 
 CASES = oracle_cases("controller_manager_rate_schedule")

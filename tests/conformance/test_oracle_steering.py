@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from arm_drake.messages import Odometry, SetOdometry, TwistStamped
-from arm_drake.messages.steering import SteeringControllerStatus
+from arm_drake.messages.control import SteeringControllerStatus
 from tests.conformance.open_loop import Event, OpenLoop, assert_close
 from tests.oracle import oracle_cases
 

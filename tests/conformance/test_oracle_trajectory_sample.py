@@ -5,11 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm_drake.control.trajectory import Trajectory, wrap_state_before
-from arm_drake.control.trajectory_segments import StateBefore
-from arm_drake.controllers.joint_trajectory.trajectory_upsampling import (
-    fill_cubic_spline_velocities,
-)
+from arm_drake.control.trajectory import StateBefore, Trajectory, wrap_state_before
+from arm_drake.controllers.joint_trajectory.goals import fill_cubic_spline_velocities
 from arm_drake.messages import (
     NANOSECONDS,
     Header,

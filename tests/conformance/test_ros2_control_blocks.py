@@ -8,18 +8,19 @@ from typing import Any
 
 import pytest
 
-from arm_drake.description.gazebo import read_gazebo_plugins
-from arm_drake.description.gazebo_fields import read_joint_plugins
-from arm_drake.description.gazebo_joints import (
+from arm_drake.description.gazebo import read_gazebo_plugins, read_joint_plugins
+from arm_drake.description.gazebo_plugins import (
     JointPositionController,
     JointStatePublisher,
 )
-from arm_drake.description.hardware_info import ComponentInfo, HardwareInfo
-from arm_drake.description.joints import JointInfo, Mimic
-from arm_drake.description.mimic import find_mimics
+from arm_drake.description.joints import JointInfo, Mimic, find_mimics
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
-from arm_drake.description.ros2_control import read_hardware
+from arm_drake.description.ros2_control import (
+    ComponentInfo,
+    HardwareInfo,
+    read_hardware,
+)
 from arm_drake.description.xacro import expand_xacro
 from tests.robots import read_index, real_robot, robot_names, robots_folder
 

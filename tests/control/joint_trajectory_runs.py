@@ -8,15 +8,13 @@ from typing import Any
 import numpy as np
 
 from arm_drake.control.tolerances import make_default_tolerances
-from arm_drake.controllers.joint_trajectory.joint_trajectory import tick
-from arm_drake.controllers.joint_trajectory.joint_trajectory_rules import (
-    JointTrajectoryRules,
-)
+from arm_drake.controllers.joint_trajectory.controller import tick
 from arm_drake.controllers.joint_trajectory.state import (
+    JointTrajectoryRules,
     JointTrajectoryState,
     TickInputs,
+    TrajectoryRules,
 )
-from arm_drake.controllers.joint_trajectory.trajectory_validation import TrajectoryRules
 from arm_drake.messages import (
     ActionRequest,
     FollowJointTrajectoryGoal,

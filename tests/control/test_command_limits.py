@@ -6,8 +6,11 @@ from collections.abc import Collection, Mapping
 import numpy as np
 import pytest
 
-from arm_drake.control.command_limits import CommandLimits, LimitedCommands
-from arm_drake.control.joint_limits import JointControlInterfacesData
+from arm_drake.control.joint_limits import (
+    CommandLimits,
+    JointControlInterfacesData,
+    LimitedCommands,
+)
 from arm_drake.description.joint_limits import JointLimits, SoftJointLimits
 
 Data = JointControlInterfacesData

@@ -2,8 +2,12 @@ import numpy as np
 import pytest
 
 from arm_drake.control.pid import PidState
-from arm_drake.controllers.dof_messages import find_fault, make_state, sort_values
-from arm_drake.controllers.pid_control import PidControlState
+from arm_drake.controllers.pid_controller import (
+    PidControlState,
+    find_fault,
+    make_state,
+    sort_values,
+)
 from arm_drake.messages import (
     Header,
     MultiDOFCommand,

@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm_drake.control.drive_commands import NUM_PARTS, DriveCommands
-from arm_drake.control.drive_mode import DriveMode
+from arm_drake.control.drive_commands import NUM_PARTS, DriveCommands, DriveMode
 
 JOINTS = ("a", "b")
 KINDS = ("position", "velocity", "acceleration", "effort")

@@ -3,8 +3,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm_drake.control.filter_chains import FILTERS, find_unused, make_filter_chain
-from arm_drake.control.filters import RateLimiterFilter
+from arm_drake.control.filters import (
+    FILTERS,
+    RateLimiterFilter,
+    find_unused,
+    make_filter_chain,
+)
 
 MEAN = "filters/MeanFilterDouble"
 SMOOTH = "control_filters/ExponentialFilterDouble"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from arm_drake.control.friction import compute_friction_gains
+from arm_drake.control.servo import compute_friction_gains
 from tests.control.test_servo import SAMPLES, alone
 
 

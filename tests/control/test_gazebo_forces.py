@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from arm_drake.controllers.gazebo.gazebo_forces import JointForces
+from arm_drake.controllers.gazebo.plugin import JointForces
 
 
 def test_forces_go_to_their_joints() -> None:

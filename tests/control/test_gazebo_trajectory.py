@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from arm_drake.controllers.gazebo.gazebo_trajectory import (
+from arm_drake.controllers.gazebo.joint_trajectory import (
     Following,
     Targets,
     advance,

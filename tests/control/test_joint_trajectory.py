@@ -5,7 +5,7 @@ from math import inf, pi
 import numpy as np
 import pytest
 
-from arm_drake.controllers.joint_trajectory.joint_trajectory import tick
+from arm_drake.controllers.joint_trajectory.controller import tick
 from arm_drake.controllers.joint_trajectory.state import (
     JointTrajectoryState,
     TickInputs,
@@ -17,7 +17,7 @@ from arm_drake.messages import (
     JointTolerance,
     TopicRejected,
 )
-from arm_drake.messages.news import NUM_KEPT
+from arm_drake.messages.base import NUM_KEPT
 from tests.control.joint_trajectory_runs import (
     JOINTS,
     PERIOD_NS,

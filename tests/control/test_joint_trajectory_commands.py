@@ -10,20 +10,12 @@ import numpy as np
 import pytest
 
 from arm_drake.control.pid import Pid
-from arm_drake.controllers.joint_trajectory.joint_trajectory import (
-    activate,
-    deactivate,
-    tick,
-)
-from arm_drake.controllers.joint_trajectory.joint_trajectory_report import (
-    make_controller_state,
-)
-from arm_drake.controllers.joint_trajectory.joint_trajectory_rules import (
-    JointTrajectoryRules,
-)
+from arm_drake.controllers.joint_trajectory.controller import activate, deactivate, tick
 from arm_drake.controllers.joint_trajectory.state import (
+    JointTrajectoryRules,
     JointTrajectoryState,
     TickInputs,
+    make_controller_state,
 )
 from arm_drake.messages import JointTrajectory, JointTrajectoryPoint
 from tests.control.joint_trajectory_runs import (

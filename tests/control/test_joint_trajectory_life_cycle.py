@@ -7,22 +7,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm_drake.controllers.joint_trajectory.joint_trajectory import (
+from arm_drake.controllers.joint_trajectory.controller import (
     activate,
     deactivate,
     idle,
     query,
     tick,
 )
-from arm_drake.controllers.joint_trajectory.joint_trajectory_report import (
-    make_controller_state,
-)
-from arm_drake.controllers.joint_trajectory.joint_trajectory_rules import (
-    JointTrajectoryRules,
-)
 from arm_drake.controllers.joint_trajectory.state import (
+    JointTrajectoryRules,
     JointTrajectoryState,
     TickInputs,
+    make_controller_state,
 )
 from arm_drake.messages import (
     CancelGoal,

@@ -5,8 +5,8 @@ from math import inf, nan
 import numpy as np
 import pytest
 
-from arm_drake.control.trajectory_replacement import scaled
-from arm_drake.controllers.joint_trajectory.joint_trajectory import tick
+from arm_drake.control.trajectory import scaled
+from arm_drake.controllers.joint_trajectory.controller import tick
 from arm_drake.controllers.joint_trajectory.state import (
     JointTrajectoryState,
     TickInputs,

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from arm_drake.controllers.joint_trajectory.joint_trajectory import tick
-from arm_drake.controllers.joint_trajectory.joint_trajectory_rules import Deceleration
-from arm_drake.controllers.joint_trajectory.joint_trajectory_stop import min_stop_points
+from arm_drake.controllers.joint_trajectory.controller import tick
+from arm_drake.controllers.joint_trajectory.goals import min_stop_points
 from arm_drake.controllers.joint_trajectory.state import (
+    Deceleration,
     JointTrajectoryState,
     TickInputs,
 )

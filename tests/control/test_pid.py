@@ -11,9 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm_drake.control.pid import Pid, PidState
-from arm_drake.control.pid_gains import PidGains
-from arm_drake.control.pid_rules import find_fault
+from arm_drake.control.pid import Pid, PidGains, PidState, find_fault
 
 INF, NAN = math.inf, math.nan
 

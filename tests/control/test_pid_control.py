@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from arm_drake.controllers.pid_control import PidControl
-from arm_drake.controllers.pid_parameters import DofGains
+from arm_drake.controllers.pid_controller import DofGains, PidControl
 
 NAN = np.nan
 

@@ -4,11 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from arm_drake.control.sample_filters import (
-    MeanFilter,
-    MedianFilter,
-    TransferFunctionFilter,
-)
+from arm_drake.control.filters import MeanFilter, MedianFilter, TransferFunctionFilter
 
 # Of upstream's tests: coefficients, samples of each channel, and the last outputs.
 LOW_PASS = ((1.0, -0.509525449494429), (0.245237275252786, 0.245237275252786))

@@ -7,14 +7,12 @@ import numpy as np
 import pytest
 
 from arm_drake.control.trajectory import (
+    StateBefore,
     Trajectory,
     shortest_angular_distance,
     wrap_state_before,
 )
-from arm_drake.control.trajectory_segments import StateBefore
-from arm_drake.controllers.joint_trajectory.trajectory_upsampling import (
-    fill_cubic_spline_velocities,
-)
+from arm_drake.controllers.joint_trajectory.goals import fill_cubic_spline_velocities
 from arm_drake.messages import Header, JointTrajectory, JointTrajectoryPoint, Time
 
 S = 1_000_000_000

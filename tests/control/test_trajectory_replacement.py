@@ -6,14 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm_drake.control.trajectory import Trajectory
-from arm_drake.control.trajectory_replacement import (
+from arm_drake.control.trajectory import (
     Replacement,
+    StateBefore,
+    Trajectory,
     blend,
     in_joint_order,
     positions_or,
 )
-from arm_drake.control.trajectory_segments import StateBefore
 from arm_drake.messages import GoalStatus, JointTrajectory, JointTrajectoryPoint
 from tests.control.joint_trajectory_runs import (
     JOINTS,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from arm_drake.controllers.joint_trajectory.trajectory_upsampling import (
+from arm_drake.controllers.joint_trajectory.goals import (
     fill_cubic_spline_velocities,
     upsample,
 )

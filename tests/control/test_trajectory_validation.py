@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from arm_drake.controllers.joint_trajectory.trajectory_validation import (
+from arm_drake.controllers.joint_trajectory.state import (
     TrajectoryRules,
     find_fault,
     needed_fields,

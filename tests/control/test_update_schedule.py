@@ -1,7 +1,7 @@
 import pytest
 
 from arm_drake.errors import ParameterError
-from arm_drake.manager.update_schedule import due_period, effective_rate
+from arm_drake.manager.lifecycle import due_period, effective_rate
 
 MS = 1_000_000
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from arm_drake.control.wheel_drive import compute_carried_inertia
+from arm_drake.control.servo import compute_carried_inertia
 
 BANDWIDTH = 40.0
 

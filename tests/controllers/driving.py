@@ -7,10 +7,10 @@ import numpy as np
 from pydrake.systems.analysis import Simulator
 
 from arm_drake import interfaces
-from arm_drake.controllers.controller_interface import TickingController
-from arm_drake.controllers.controller_interface_part import (
+from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
+    TickingController,
 )
 from arm_drake.controllers.cycles import Cycle, Tick
 

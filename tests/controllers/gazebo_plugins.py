@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.messages import Float64
 from tests.controllers.driving import Driven, make_params
 

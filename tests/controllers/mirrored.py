@@ -13,8 +13,10 @@ from pydrake.systems.analysis import Simulator
 
 from arm_drake import interfaces
 from arm_drake.controllers import CONTROLLER_TYPES
-from arm_drake.controllers.controller_interface import TickingController
-from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
+from arm_drake.controllers.controller_interface import (
+    ControllerInterfaceParams,
+    TickingController,
+)
 from arm_drake.controllers.cycles import Cycle, Tick
 from arm_drake.messages import NANOSECONDS, GoalStatus, Message, SendGoal
 from tests.controllers.parameters import load

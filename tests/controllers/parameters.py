@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from arm_drake.controllers import CONTROLLER_TYPES
-from arm_drake.description.given import Parameter
-from arm_drake.description.parameters import load_parameters
+from arm_drake.description.parameters import Parameter, load_parameters
 from arm_drake.description.report import LoadReport
 
 JTC = "joint_trajectory_controller/JointTrajectoryController"

@@ -12,9 +12,11 @@ from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 from scipy.spatial.transform import Rotation
 
 import arm_drake as ad
-from arm_drake.controllers.admittance_controller import AdmittanceController
-from arm_drake.controllers.admittance_parameters import AdmittanceControllerParameters
-from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
+from arm_drake.controllers.admittance_controller import (
+    AdmittanceController,
+    AdmittanceControllerParameters,
+)
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.errors import ParameterError
 from arm_drake.manager.robot_controllers import find_surroundings
 from arm_drake.messages import (

@@ -13,8 +13,10 @@ from arm_drake.controllers.chained_filter_controller import (
     ChainedFilterParameters,
     InputFilters,
 )
-from arm_drake.controllers.controller_interface import TickingController
-from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
+from arm_drake.controllers.controller_interface import (
+    ControllerInterfaceParams,
+    TickingController,
+)
 from arm_drake.controllers.cycles import Now
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import ParameterError

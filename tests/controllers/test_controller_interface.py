@@ -5,14 +5,14 @@ import pytest
 from pydrake.common.value import AbstractValue
 from pydrake.systems.analysis import Simulator
 
-from arm_drake.controllers.controller_interface_part import (
+from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
 )
 from arm_drake.controllers.cycles import Cycle
-from arm_drake.controllers.pid_controller import PidController
-from arm_drake.controllers.pid_parameters import (
+from arm_drake.controllers.pid_controller import (
     DofGains,
+    PidController,
     PidControllerGains,
     PidControllerParameters,
 )

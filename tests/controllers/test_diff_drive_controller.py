@@ -13,8 +13,8 @@ from arm_drake.control.diff_drive import (
     from_commands,
 )
 from arm_drake.control.odometry import RollingMean
-from arm_drake.controllers.bases.diff_drive_controller import DiffDriveController
-from arm_drake.controllers.bases.diff_drive_parameters import (
+from arm_drake.controllers.bases.diff_drive_controller import (
+    DiffDriveController,
     DiffDriveControllerParameters,
     DiffDriveLinear,
     DiffDriveSpeedLimits,

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from arm_drake.controllers import CONTROLLER_TYPES
-from arm_drake.description.given import DISTROS
+from arm_drake.description.parameters import DISTROS
 from arm_drake.errors import ParameterError
 from tests.controllers.parameters import (
     ACKERMANN,

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 import arm_drake as ad
-from arm_drake.description.given import DISTROS
+from arm_drake.description.parameters import DISTROS
 from arm_drake.messages import (
     CancelGoal,
     Float64MultiArray,

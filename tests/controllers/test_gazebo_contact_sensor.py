@@ -11,7 +11,7 @@ from pydrake.multibody.tree import SpatialInertia
 
 import arm_drake as ad
 from arm_drake.messages import Vector3
-from arm_drake.messages.contacts import ContactsState
+from arm_drake.messages.sensors import ContactsState
 from tests import models
 from tests.robots import read_index, robots_folder
 

@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm_drake.controllers.gazebo.diff_drive import DiffDrive
-from arm_drake.controllers.gazebo.gazebo_diff_drive import SpeedLimits
-from arm_drake.description import gazebo_drives
+from arm_drake.controllers.gazebo.diff_drive import DiffDrive, SpeedLimits
+from arm_drake.description import gazebo_plugins
 from arm_drake.messages import Bool, Odometry, Twist, Vector3
 from tests.controllers.driving import Driven
 from tests.controllers.gazebo_plugins import commands, make_surroundings
@@ -30,7 +29,7 @@ def drive(
     **fields: Any,
 ) -> Driven:
     fields = {"wheel_separation": SEPARATION, "wheel_radius": RADIUS, **fields}
-    tag = gazebo_drives.DiffDrive(left, right, **fields)
+    tag = gazebo_plugins.DiffDrive(left, right, **fields)
     params = make_surroundings(*dict.fromkeys((*left, *right)), rate=rate)
     return Driven(DiffDrive(tag, params))
 

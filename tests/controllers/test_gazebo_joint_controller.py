@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from arm_drake.controllers.gazebo.gazebo_joint_controller import JointController
-from arm_drake.description import gazebo_joints
+from arm_drake.controllers.gazebo.joint_controllers import JointController
+from arm_drake.description import gazebo_plugins
 from arm_drake.messages import Float64
 from tests.controllers.driving import Driven
 from tests.controllers.gazebo_plugins import commands, make_surroundings, push, send
@@ -12,16 +12,16 @@ from tests.controllers.gazebo_plugins import commands, make_surroundings, push, 
 A, B = "/model/arm/joint/a/cmd_vel", "/model/arm/joint/b/cmd_vel"
 
 
-def make_tag(*joints: str, **fields: float) -> gazebo_joints.JointController:
-    return gazebo_joints.JointController(joints, **fields)  # type: ignore[arg-type]
+def make_tag(*joints: str, **fields: float) -> gazebo_plugins.JointController:
+    return gazebo_plugins.JointController(joints, **fields)  # type: ignore[arg-type]
 
 
-def make_force_tag(*joints: str, **fields: float) -> gazebo_joints.JointController:
+def make_force_tag(*joints: str, **fields: float) -> gazebo_plugins.JointController:
     return make_tag(*joints, use_force_commands=True, **fields)
 
 
 def drive(
-    *tags: gazebo_joints.JointController,
+    *tags: gazebo_plugins.JointController,
     joints: tuple[str, ...] = ("a", "b"),
     rate: int = 1000,
     **more: object,

@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
-from arm_drake.controllers.gazebo.gazebo_joint_pose_trajectory import (
-    GazeboRosJointPoseTrajectory,
-)
-from arm_drake.description import gazebo_joints
+from arm_drake.controllers.gazebo.joint_trajectory import GazeboRosJointPoseTrajectory
+from arm_drake.description import gazebo_plugins
 from arm_drake.messages import Header, JointTrajectory, JointTrajectoryPoint, Time
 from tests.controllers.driving import Driven
 from tests.controllers.gazebo_plugins import commands, make_surroundings
@@ -24,7 +22,7 @@ def make_system(
     rate: int = 100,
     **more: object,
 ) -> GazeboRosJointPoseTrajectory:
-    tag = gazebo_joints.GazeboRosJointPoseTrajectory(update_rate)
+    tag = gazebo_plugins.GazeboRosJointPoseTrajectory(update_rate)
     surroundings = {"links": ("base", "hand"), **more}
     return GazeboRosJointPoseTrajectory(
         tag, make_surroundings(*joints, rate=rate, **surroundings)
@@ -95,7 +93,7 @@ def test_points_come_no_faster_than_the_update_rate(
 
 
 def test_by_default_points_come_at_100_hz_at_most() -> None:
-    tag = gazebo_joints.GazeboRosJointPoseTrajectory()
+    tag = gazebo_plugins.GazeboRosJointPoseTrajectory()
     system = GazeboRosJointPoseTrajectory(
         tag, make_surroundings("a", rate=1000, links=("base",))
     )
@@ -258,7 +256,7 @@ def test_a_message_that_cannot_be_set_is_dropped(
 
 
 def test_namespace_and_remappings_make_the_topic() -> None:
-    tag = gazebo_joints.GazeboRosJointPoseTrajectory(
+    tag = gazebo_plugins.GazeboRosJointPoseTrajectory(
         namespace="/ns", remappings=("set_joint_trajectory:=go",)
     )
 

@@ -3,10 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from arm_drake.controllers.gazebo.gazebo_joint_position_controller import (
-    JointPositionController,
-)
-from arm_drake.description import gazebo_joints
+from arm_drake.controllers.gazebo.joint_controllers import JointPositionController
+from arm_drake.description import gazebo_plugins
 from arm_drake.messages import Float64, TopicRejected
 from tests.controllers.driving import Driven
 from tests.controllers.gazebo_plugins import commands, make_surroundings, push, send
@@ -17,12 +15,12 @@ A, B = "/model/arm/joint/a/cmd_pos", "/model/arm/joint/b/cmd_pos"
 P_ONLY = {"i_gain": 0.0, "d_gain": 0.0}
 
 
-def make_tag(*joints: str, **fields: float) -> gazebo_joints.JointPositionController:
-    return gazebo_joints.JointPositionController(joints, **fields)  # type: ignore[arg-type]
+def make_tag(*joints: str, **fields: float) -> gazebo_plugins.JointPositionController:
+    return gazebo_plugins.JointPositionController(joints, **fields)  # type: ignore[arg-type]
 
 
 def drive(
-    *tags: gazebo_joints.JointPositionController,
+    *tags: gazebo_plugins.JointPositionController,
     joints: tuple[str, ...] = ("a", "b"),
     rate: int = 1000,
     **more: object,

@@ -6,13 +6,13 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, ZeroOrderHold
 
-from arm_drake.controllers.controller_interface_part import ControllerInterface
+from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.controllers.cycles import Cycle
 from arm_drake.controllers.gazebo.joint_state_publisher import (
     GazeboRosJointStatePublisher,
     JointStatePublisher,
 )
-from arm_drake.description import gazebo_joints
+from arm_drake.description import gazebo_plugins
 from arm_drake.messages import Header, JointState, Time
 from tests.controllers.driving import NAME
 from tests.controllers.gazebo_plugins import make_surroundings
@@ -36,7 +36,7 @@ def publish(
     joints: tuple[str, ...] = (), until: float = 0.005, cycle: Cycle | None = None
 ) -> JointState:
     """Return what Gazebo Sim's publisher shows at a time, of samples at 100 Hz."""
-    tag = gazebo_joints.JointStatePublisher(joints)
+    tag = gazebo_plugins.JointStatePublisher(joints)
     system = JointStatePublisher(tag, make_surroundings(*JOINTS, rate=100))
     builder = DiagramBuilder()
     builder.AddSystem(system)
@@ -92,7 +92,7 @@ def test_before_the_first_tick_and_inactive_the_message_is_empty() -> None:
 
 
 def test_it_runs_no_python_in_the_loop_and_has_no_state() -> None:
-    tag = gazebo_joints.JointStatePublisher(topic="states")
+    tag = gazebo_plugins.JointStatePublisher(topic="states")
     system = JointStatePublisher(tag, make_surroundings(*JOINTS))
 
     assert system.is_sampled
@@ -104,7 +104,7 @@ def test_it_runs_no_python_in_the_loop_and_has_no_state() -> None:
 def make_classic(
     rate: float, *joints: str, manager_rate: int = 1000
 ) -> GazeboRosJointStatePublisher:
-    tag = gazebo_joints.GazeboRosJointStatePublisher(joints or ("a",), rate)
+    tag = gazebo_plugins.GazeboRosJointStatePublisher(joints or ("a",), rate)
     return GazeboRosJointStatePublisher(
         tag, make_surroundings(*JOINTS, rate=manager_rate)
     )
@@ -183,7 +183,7 @@ def test_classic_takes_the_time_of_the_manager_and_publishes_while_active() -> N
 
 
 def test_classic_makes_its_topic_of_namespace_and_remappings() -> None:
-    tag = gazebo_joints.GazeboRosJointStatePublisher(
+    tag = gazebo_plugins.GazeboRosJointStatePublisher(
         ("a",), namespace="ns", remappings=("joint_states:=here",)
     )
 

@@ -3,7 +3,7 @@ import math
 import pytest
 
 from arm_drake.controllers.gazebo.joint_trajectory import JointTrajectoryController
-from arm_drake.description import gazebo_joints
+from arm_drake.description import gazebo_plugins
 from arm_drake.messages import Header, JointTrajectory, JointTrajectoryPoint, Time
 from tests.controllers.driving import Driven
 from tests.controllers.gazebo_plugins import commands, make_surroundings, push
@@ -12,15 +12,17 @@ TOPIC = "/model/arm/joint_trajectory"
 DROPPED = "; the trajectory is dropped"
 
 # The effort is the target position, where a joint stands at 0.
-SHOWING = gazebo_joints.JointTrajectoryController(("a",), position_p_gain=(1.0,))
+SHOWING = gazebo_plugins.JointTrajectoryController(("a",), position_p_gain=(1.0,))
 
 
-def make_tag(*joints: str, **fields: object) -> gazebo_joints.JointTrajectoryController:
-    return gazebo_joints.JointTrajectoryController(joints, **fields)  # type: ignore[arg-type]
+def make_tag(
+    *joints: str, **fields: object
+) -> gazebo_plugins.JointTrajectoryController:
+    return gazebo_plugins.JointTrajectoryController(joints, **fields)  # type: ignore[arg-type]
 
 
 def drive(
-    tag: gazebo_joints.JointTrajectoryController = SHOWING,
+    tag: gazebo_plugins.JointTrajectoryController = SHOWING,
     *,
     joints: tuple[str, ...] = ("a", "b"),
     rate: int = 100,

@@ -9,8 +9,8 @@ import pytest
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from arm_drake.controllers.gazebo.gazebo_ros_diff_drive import GazeboRosDiffDrive
-from arm_drake.description import gazebo_drives
+from arm_drake.controllers.gazebo.diff_drive import GazeboRosDiffDrive
+from arm_drake.description import gazebo_plugins
 from arm_drake.messages import Odometry, TFMessage, Twist, Vector3
 from tests.controllers.driving import Driven
 from tests.controllers.gazebo_plugins import commands, make_surroundings
@@ -31,7 +31,7 @@ def drive(
     rate: int = 1000,
     **fields: Any,
 ) -> Driven:
-    tag = gazebo_drives.GazeboRosDiffDrive(
+    tag = gazebo_plugins.GazeboRosDiffDrive(
         left,
         right,
         len(left),

@@ -2,7 +2,7 @@
 
 import pytest
 
-from arm_drake.controllers.gazebo.gazebo_topics import (
+from arm_drake.controllers.gazebo.plugin import (
     GazeboTag,
     drive_topics,
     find_unsupported,
@@ -12,8 +12,9 @@ from arm_drake.controllers.gazebo.gazebo_topics import (
     trajectory_topic,
     velocity_topic,
 )
-from arm_drake.description.gazebo_drives import DiffDrive, GazeboRosDiffDrive
-from arm_drake.description.gazebo_joints import (
+from arm_drake.description.gazebo_plugins import (
+    DiffDrive,
+    GazeboRosDiffDrive,
     GazeboRosJointPoseTrajectory,
     GazeboRosJointStatePublisher,
     JointController,

@@ -15,7 +15,7 @@ from arm_drake.controllers.gpio_controllers import (
 )
 from arm_drake.errors import ParameterError
 from arm_drake.messages import InterfaceValue, TopicRejected
-from arm_drake.messages.dynamic_interfaces import DynamicInterfaceGroupValues
+from arm_drake.messages.control import DynamicInterfaceGroupValues
 from tests import models
 from tests.controllers.driving import Driven, make_params
 

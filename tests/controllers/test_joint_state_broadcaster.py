@@ -9,7 +9,7 @@ from pydrake.systems.primitives import ConstantVectorSource, ZeroOrderHold
 
 import arm_drake as ad
 from arm_drake import interfaces
-from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Cycle
 from arm_drake.controllers.joint_state_broadcaster import (
     InterfaceMap,

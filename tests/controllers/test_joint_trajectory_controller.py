@@ -11,18 +11,13 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantValueSource
 
 from arm_drake.controllers.joint_trajectory.controller import JointTrajectoryController
-from arm_drake.controllers.joint_trajectory.joint_trajectory_rules import (
-    JointTrajectoryRules,
-)
-from arm_drake.controllers.joint_trajectory.joint_trajectory_setup import (
+from arm_drake.controllers.joint_trajectory.parameters import (
+    JointTrajectoryControllerParameters,
     check_change,
     make_rules,
 )
-from arm_drake.controllers.joint_trajectory.parameters import (
-    JointTrajectoryControllerParameters,
-)
-from arm_drake.description.given import Parameter
-from arm_drake.description.parameters import load_parameters
+from arm_drake.controllers.joint_trajectory.state import JointTrajectoryRules
+from arm_drake.description.parameters import Parameter, load_parameters
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import ParameterError
 from arm_drake.messages import (

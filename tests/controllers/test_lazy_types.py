@@ -5,13 +5,17 @@ import sys
 
 import pytest
 
-from arm_drake.controllers.controller_type import ControllerType, check_controller_type
 from arm_drake.controllers.joint_state_broadcaster import (
     JointStateBroadcaster,
     JointStateBroadcasterParameters,
 )
-from arm_drake.controllers.lazy_types import ControllerTypes, LazyType
-from arm_drake.controllers.registry import STANDARD_TYPES
+from arm_drake.controllers.registry import (
+    STANDARD_TYPES,
+    ControllerType,
+    ControllerTypes,
+    LazyType,
+    check_controller_type,
+)
 
 BROADCASTER = LazyType(
     "JointStateBroadcasterParameters",

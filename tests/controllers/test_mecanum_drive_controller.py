@@ -7,21 +7,18 @@ import numpy as np
 import pytest
 
 from arm_drake.control.odometry import PlanarPose
-from arm_drake.controllers.bases.mecanum import (
+from arm_drake.controllers.bases.base import SpeedLimits
+from arm_drake.controllers.bases.mecanum_drive_controller import (
+    MecanumAngular,
+    MecanumDriveController,
+    MecanumDriveControllerParameters,
     MecanumKinematics,
+    MecanumKinematicsParameters,
+    MecanumLinear,
     MecanumOdometry,
     MecanumWheels,
 )
-from arm_drake.controllers.bases.mecanum_drive_controller import MecanumDriveController
-from arm_drake.controllers.bases.mecanum_drive_parameters import (
-    MecanumAngular,
-    MecanumDriveControllerParameters,
-    MecanumKinematicsParameters,
-    MecanumLinear,
-)
-from arm_drake.controllers.bases.speed_limits import SpeedLimits
-from arm_drake.description.given import Parameter
-from arm_drake.description.parameters import load_parameters
+from arm_drake.description.parameters import Parameter, load_parameters
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import ParameterError
 from arm_drake.messages import (
@@ -34,7 +31,7 @@ from arm_drake.messages import (
     TwistStamped,
     Vector3,
 )
-from arm_drake.messages.mecanum import MecanumDriveControllerState
+from arm_drake.messages.control import MecanumDriveControllerState
 from tests.controllers.driving import Driven, make_params
 
 # In the order of the commands.

@@ -6,16 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm_drake.controllers.bases.omni_wheel import (
+from arm_drake.controllers.bases.omni_wheel_drive_controller import (
+    DiagonalCovariance,
+    OmniWheelDriveController,
+    OmniWheelDriveControllerParameters,
     OmniWheelKinematics,
     OmniWheelOdometry,
-)
-from arm_drake.controllers.bases.omni_wheel_drive_controller import (
-    OmniWheelDriveController,
-)
-from arm_drake.controllers.bases.omni_wheel_drive_parameters import (
-    DiagonalCovariance,
-    OmniWheelDriveControllerParameters,
 )
 from arm_drake.messages import (
     Header,

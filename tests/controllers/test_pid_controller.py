@@ -4,9 +4,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm_drake.controllers.pid_controller import PidController
-from arm_drake.controllers.pid_parameters import (
+from arm_drake.controllers.pid_controller import (
     DofGains,
+    PidController,
     PidControllerGains,
     PidControllerParameters,
 )

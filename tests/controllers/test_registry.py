@@ -12,10 +12,10 @@ import pytest
 import arm_drake as ad
 from arm_drake import controllers
 from arm_drake.controllers import ControllerType, find_controller_type
-from arm_drake.controllers.controller_interface import TickingController
-from arm_drake.controllers.controller_interface_part import (
+from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
+    TickingController,
 )
 from arm_drake.controllers.cycles import Now
 from arm_drake.controllers.other_types import describe_unknown

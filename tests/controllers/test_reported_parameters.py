@@ -8,15 +8,13 @@ import pytest
 import yaml
 
 from arm_drake.controllers import CONTROLLER_TYPES
-from arm_drake.controllers.controller_type import ControllerType
 from arm_drake.controllers.forward_command_controller import (
     ForwardCommandControllerParameters,
 )
-from arm_drake.description.controller_manager import ControllerConfig
-from arm_drake.description.controllers import ControllerManagerConfig
+from arm_drake.controllers.registry import ControllerType
+from arm_drake.description.controllers import ControllerConfig, ControllerManagerConfig
 from arm_drake.description.controllers import load_controllers as read_controllers
-from arm_drake.description.given import Parameter
-from arm_drake.description.parameters import load_parameters
+from arm_drake.description.parameters import Parameter, load_parameters
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import ParameterError
 from arm_drake.manager.hardware_interfaces import Surroundings

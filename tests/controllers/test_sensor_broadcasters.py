@@ -12,12 +12,12 @@ import arm_drake as ad
 from arm_drake.controllers.force_torque_sensor_broadcaster import (
     ForceTorqueSensorBroadcaster,
 )
-from arm_drake.controllers.gps_sensor_broadcaster import GPSSensorBroadcaster
-from arm_drake.controllers.magnetometer_broadcaster import MagnetometerBroadcaster
-from arm_drake.controllers.pose_broadcaster import PoseBroadcaster
-from arm_drake.controllers.range_sensor_broadcaster import RangeSensorBroadcaster
-from arm_drake.controllers.sensor_broadcasters import IMUSensorBroadcaster
-from arm_drake.controllers.state_interfaces_broadcaster import (
+from arm_drake.controllers.sensor_broadcasters import (
+    GPSSensorBroadcaster,
+    IMUSensorBroadcaster,
+    MagnetometerBroadcaster,
+    PoseBroadcaster,
+    RangeSensorBroadcaster,
     StateInterfacesBroadcaster,
 )
 from arm_drake.errors import ParameterError

@@ -25,7 +25,7 @@ from arm_drake.messages import (
     TwistStamped,
     Vector3,
 )
-from arm_drake.messages.steering import SteeringControllerStatus
+from arm_drake.messages.control import SteeringControllerStatus
 from tests.controllers.driving import NAME, Driven, make_params
 from tests.controllers.parameters import ACKERMANN, BICYCLE, TRICYCLE_STEERING, load
 

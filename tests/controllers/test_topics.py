@@ -4,7 +4,7 @@ from pydrake.systems.framework import LeafSystem
 
 from arm_drake.controllers.topics import add_events, new_messages
 from arm_drake.messages import Float64MultiArray, TopicRejected
-from arm_drake.messages.news import NUM_KEPT
+from arm_drake.messages.base import NUM_KEPT
 
 A, B, C = (Float64MultiArray([value]) for value in (1.0, 2.0, 3.0))
 

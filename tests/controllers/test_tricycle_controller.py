@@ -7,24 +7,22 @@ import numpy as np
 import pytest
 
 from arm_drake.control.odometry import RollingMean
-from arm_drake.controllers.bases.tricycle import (
+from arm_drake.controllers.bases.tricycle_controller import (
     Range,
     SteeringLimiter,
+    SteeringLimits,
     TractionLimiter,
+    TractionLimits,
+    TricycleController,
     TricycleOdometry,
     make_range,
     make_symmetric_range,
     speed_scale,
     to_wheel_command,
 )
-from arm_drake.controllers.bases.tricycle_controller import TricycleController
-from arm_drake.controllers.bases.tricycle_parameters import (
-    SteeringLimits,
-    TractionLimits,
-)
 from arm_drake.errors import ParameterError
 from arm_drake.messages import Header, Odometry, Time, Twist, TwistStamped, Vector3
-from arm_drake.messages.steering import AckermannDrive, ResetOdometry
+from arm_drake.messages.control import AckermannDrive, ResetOdometry
 from tests.controllers.driving import Driven, make_params
 from tests.controllers.parameters import TRICYCLE, load
 

@@ -5,8 +5,7 @@ from typing import Annotated
 
 from arm_drake.controllers import CONTROLLER_TYPES, ControllerType
 from arm_drake.controllers.type_table import render_others, render_types
-from arm_drake.description.given import Given
-from arm_drake.description.parameters import Rule, per_element_of
+from arm_drake.description.parameters import Given, Rule, per_element_of
 
 ALL = "humble, jazzy, kilted, rolling"
 

@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from arm_drake.controllers.vda5050_safety_state_broadcaster import (
+from arm_drake.controllers.sensor_broadcasters import (
     Vda5050SafetyStateBroadcaster,
     Vda5050SafetyStateBroadcasterParameters,
 )

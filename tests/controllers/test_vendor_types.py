@@ -9,7 +9,7 @@ import arm_drake as ad
 from arm_drake import cli
 from arm_drake.controllers import CONTROLLER_TYPES, find_controller_type
 from arm_drake.controllers.other_types import HARDWARE_ONLY, OTHERS
-from arm_drake.controllers.vendor_types import EQUIVALENTS
+from arm_drake.controllers.registry import EQUIVALENTS
 from tests import models
 
 JTC = "joint_trajectory_controller/JointTrajectoryController"

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import arm_drake as ad
-from arm_drake.description.axles import find_axles, with_axles
-from arm_drake.description.base_wheels import find_bases
-from arm_drake.description.summary import total_mass
+from arm_drake.description.base_wheels import find_axles, find_bases, with_axles
+from arm_drake.description.urdf import total_mass
 from tests import models
 
 CYLINDER = '<cylinder radius="0.1" length="0.05"/>'

@@ -11,7 +11,7 @@ from arm_drake.description.base_wheels import (
     moved_joints,
     wheel_links,
 )
-from arm_drake.description.summary import total_mass
+from arm_drake.description.urdf import total_mass
 from tests import models
 from tests.carts import RADIUS, cart, classic_drive, diff_drive
 

@@ -5,12 +5,11 @@ from pathlib import Path
 import pytest
 
 from arm_drake.description.claimed_hardware import hardware_from_controllers
-from arm_drake.description.controller_manager import ControllerConfig
-from arm_drake.description.controllers import ControllerManagerConfig
-from arm_drake.description.given import Parameter
-from arm_drake.description.hardware_info import InterfaceInfo
+from arm_drake.description.controllers import ControllerConfig, ControllerManagerConfig
 from arm_drake.description.joints import JointInfo, Mimic
+from arm_drake.description.parameters import Parameter
 from arm_drake.description.report import LoadReport
+from arm_drake.description.ros2_control import InterfaceInfo
 
 FILE = Path("arm.yaml")
 JTC = "joint_trajectory_controller/JointTrajectoryController"

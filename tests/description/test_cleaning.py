@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from arm_drake.description.cleaning import clean
+from arm_drake.description.repairs import clean
 from arm_drake.description.report import LoadReport
 
 FILE = Path("arm.urdf")

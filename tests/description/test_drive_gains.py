@@ -8,10 +8,10 @@ import pytest
 from arm_drake.description.controllers import load_controllers
 from arm_drake.description.drive_gains import DriveGains, find_drive_gains, holds_joints
 from arm_drake.description.gazebo_nodes import gazebo_nodes
-from arm_drake.description.hardware_info import PidGains
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
+from arm_drake.description.ros2_control import PidGains
 from arm_drake.description.urdf import parse_urdf
 from tests.robots import real_robot
 

@@ -5,7 +5,7 @@ import importlib.metadata
 import pytest
 
 import arm_drake as ad
-from arm_drake.description import examples
+from arm_drake.description import entry as examples
 from arm_drake.errors import DescriptionError, MissingExtraError
 from arm_drake.messages import Duration
 

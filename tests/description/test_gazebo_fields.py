@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from arm_drake.description.gazebo import GazeboPlugin
-from arm_drake.description.gazebo_drives import DiffDrive, GazeboRosDiffDrive
-from arm_drake.description.gazebo_fields import JointPlugin, read_joint_plugins
-from arm_drake.description.gazebo_joints import (
+from arm_drake.description.gazebo import GazeboPlugin, JointPlugin, read_joint_plugins
+from arm_drake.description.gazebo_plugins import (
+    DiffDrive,
+    GazeboRosDiffDrive,
     GazeboRosJointPoseTrajectory,
     GazeboRosJointStatePublisher,
     JointController,

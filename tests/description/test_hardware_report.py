@@ -4,15 +4,15 @@ from pathlib import Path
 
 import pytest
 
-from arm_drake.description.hardware_info import (
+from arm_drake.description.report import LoadReport
+from arm_drake.description.ros2_control import (
     ComponentInfo,
     HardwareInfo,
     InterfaceInfo,
     PidGains,
     TransmissionInfo,
+    report_hardware,
 )
-from arm_drake.description.hardware_report import report_hardware
-from arm_drake.description.report import LoadReport
 
 PLACE = "arm.urdf: ros2_control 'h'"
 KEPT = "kept as plain values, not simulated"

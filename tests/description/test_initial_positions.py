@@ -4,17 +4,17 @@ from pathlib import Path
 
 import pytest
 
-from arm_drake.description.hardware_info import (
-    ComponentInfo,
-    HardwareInfo,
-    InterfaceInfo,
-)
 from arm_drake.description.initial_positions import (
     find_initial_positions,
     initial_values,
 )
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
+from arm_drake.description.ros2_control import (
+    ComponentInfo,
+    HardwareInfo,
+    InterfaceInfo,
+)
 from arm_drake.description.urdf import parse_urdf
 from arm_drake.errors import InputError
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from arm_drake.description import install_links
+from arm_drake.description import packages
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
 from tests.description.patience import within
@@ -262,7 +262,7 @@ def test_a_place_outside_is_refused_before_anything_is_made_there(tmp_path, dept
     for number, place in enumerate(places):
         shown = tmp_path / "1" / "2" / str(number)
         with pytest.raises(ValueError, match="lies outside of the package"):
-            install_links.show_as_installed(package, [(place, source)], shown)
+            packages.show_as_installed(package, [(place, source)], shown)
 
     assert not victim.exists()
     assert {path.name for path in tmp_path.iterdir()} == {"1", "arm", "evil"}

@@ -5,14 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from arm_drake.description.hardware_info import (
+from arm_drake.description.joints import JointInfo, Mimic, find_mimics, write_mimics
+from arm_drake.description.report import LoadReport
+from arm_drake.description.ros2_control import (
     ComponentInfo,
     HardwareInfo,
     InterfaceInfo,
 )
-from arm_drake.description.joints import JointInfo, Mimic
-from arm_drake.description.mimic import find_mimics, write_mimics
-from arm_drake.description.report import LoadReport
 
 POSITION = (InterfaceInfo("position"),)
 PLACE = "arm.urdf: ros2_control 'h', joint 'j'"

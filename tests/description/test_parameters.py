@@ -6,8 +6,14 @@ from typing import Annotated, Any, Literal
 
 import pytest
 
-from arm_drake.description.given import DISTROS, Given, Parameter
-from arm_drake.description.parameters import Rule, load_parameters, per_element_of
+from arm_drake.description.parameters import (
+    DISTROS,
+    Given,
+    Parameter,
+    Rule,
+    load_parameters,
+    per_element_of,
+)
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import ParameterError
 

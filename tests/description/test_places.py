@@ -2,7 +2,7 @@
 
 import pytest
 
-from arm_drake.description.places import find_place
+from arm_drake.description.report import find_place
 
 ENTRY = """<robot name="r">
   <link name="base"/>

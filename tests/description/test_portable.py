@@ -8,7 +8,7 @@ import pytest
 
 import arm_drake as ad
 from arm_drake.bundled import models_folder
-from arm_drake.description.portable import make_portable
+from arm_drake.description.robot import make_portable
 
 MANIFEST = "<package><name>pkg</name></package>"
 

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from arm_drake.description.hardware_info import (
+from arm_drake.description.report import LoadReport
+from arm_drake.description.ros2_control import (
     ComponentInfo,
     HardwareInfo,
     InterfaceInfo,
     PidGains,
+    read_hardware,
 )
-from arm_drake.description.report import LoadReport
-from arm_drake.description.ros2_control import read_hardware
 
 CLASSIC = "gazebo_ros2_control/GazeboSystem"
 

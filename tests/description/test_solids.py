@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm_drake.description import solids
+from arm_drake.description import inertia
+from arm_drake.description.inertia import Inertial, link_solid
 from arm_drake.description.meshes.conversion import convert_visual
 from arm_drake.description.report import LoadReport
-from arm_drake.description.solids import Inertial, link_solid
 
 # A tetrahedron with its corners on the axes, volume 1 * 2 * 3 / 6.
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]], float)
@@ -85,7 +85,7 @@ def test_roll_pitch_and_yaw_turn_about_fixed_axes():
     half = repr(math.pi / 2)
     element = ET.XML(f'<a><origin rpy="{half} {half} {half}"/></a>')
 
-    R, p = solids.read_origin(element)
+    R, p = inertia.read_origin(element)
 
     np.testing.assert_allclose(R, [[0, 0, 1], [0, 1, 0], [-1, 0, 0]], atol=1e-15)
     np.testing.assert_allclose(p, 0.0)
@@ -104,7 +104,7 @@ def test_two_halves_of_a_box_are_the_box():
 
 
 def test_a_tetrahedron_has_the_integrals_of_its_corners():
-    solid = solids.polyhedron(CORNERS + np.array([5.0, 6.0, 7.0]), FACES)
+    solid = inertia.polyhedron(CORNERS + np.array([5.0, 6.0, 7.0]), FACES)
 
     # Over the tetrahedron the mean of x^2 is 1/10 of a^2, of x y 1/20 of a b.
     a = np.array([1.0, 2.0, 3.0])

@@ -12,7 +12,7 @@ from arm_drake.description.srdf import (
     find_group_states,
     find_srdf_files,
 )
-from arm_drake.plant.gripper_ranges import find_gripper_ranges
+from arm_drake.plant.joint_ranges import find_gripper_ranges
 from tests import models
 
 SRDF = """<robot name="{name}">

@@ -6,8 +6,7 @@ import pytest
 
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
-from arm_drake.description.summary import reach, total_mass
-from arm_drake.description.urdf import RobotDescription, parse_urdf
+from arm_drake.description.urdf import RobotDescription, parse_urdf, reach, total_mass
 
 
 def link(name: str, mass: float) -> str:

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from arm_drake.description.hardware_info import (
+from arm_drake.description.report import LoadReport
+from arm_drake.description.ros2_control import (
     ActuatorInfo,
     TransmissionInfo,
     TransmissionJointInfo,
+    read_hardware,
 )
-from arm_drake.description.report import LoadReport
-from arm_drake.description.ros2_control import read_hardware
 
 PLUGIN = "<plugin>t/Simple</plugin>"
 PLACE = "arm.urdf: ros2_control 'h', transmission 't'"

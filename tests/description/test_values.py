@@ -6,10 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from arm_drake.description.elements import ElementReader
+from arm_drake.description.elements import ElementReader, numbers, parse_float
 from arm_drake.description.elements import parse_number as parse_parameter
 from arm_drake.description.report import LoadReport
-from arm_drake.description.values import numbers, parse_number
 from arm_drake.errors import DescriptionError
 
 
@@ -30,7 +29,7 @@ from arm_drake.errors import DescriptionError
     ],
 )
 def test_a_decimal_number_is_read(text, number):
-    assert parse_number(text) == number
+    assert parse_float(text) == number
     assert parse_parameter(text) == number
 
 
@@ -40,12 +39,12 @@ def test_a_decimal_number_is_read(text, number):
     ["1_0", "\u0661", "\u00a01", "\u20071", "0x10", "1f", "1,5", "1 2", "", ".", "e5"],
 )
 def test_what_drake_reads_otherwise_is_no_number(text):
-    assert parse_number(text) is None
+    assert parse_float(text) is None
     assert parse_parameter(text) is None
 
 
 def test_nan_is_a_number_of_an_attribute_but_of_no_parameter():
-    number = parse_number("NaN")
+    number = parse_float("NaN")
 
     assert number is not None
     assert math.isnan(number)

@@ -11,8 +11,7 @@ from xacro import substitution_args
 
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
-from arm_drake.description.xacro import expand_xacro
-from arm_drake.description.xacro_sources import declared_arguments
+from arm_drake.description.xacro import declared_arguments, expand_xacro
 from arm_drake.errors import DescriptionError, PackageError
 from tests.description.patience import within
 

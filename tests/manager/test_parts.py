@@ -11,15 +11,13 @@ import pytest
 
 from arm_drake.control.drive_commands import DriveCommands
 from arm_drake.controllers.cycles import Cycle, Tick
-from arm_drake.manager.claims import Claimants
+from arm_drake.manager.controller_manager import Readings, StoredStates, initial_values
 from arm_drake.manager.hardware_interfaces import Surroundings
-from arm_drake.manager.lifecycle import Lifecycle, Refusal
-from arm_drake.manager.loop import Readings, StoredStates, initial_values
+from arm_drake.manager.lifecycle import Claimants, Lifecycle, News, Refusal
 from arm_drake.manager.state import ControllerFailure, ManagerState
 from arm_drake.manager.switching import ControllerInfo
-from arm_drake.manager.ticks import News
 from arm_drake.messages import SwitchController, SwitchControllerResult
-from arm_drake.messages.news import NUM_KEPT, add_news
+from arm_drake.messages.base import NUM_KEPT, add_news
 
 JOINTS = ("a", "b")
 ORDER = ("a/position", "a/velocity", "b/position", "b/velocity", "low/a/position")

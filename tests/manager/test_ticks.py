@@ -8,8 +8,10 @@ import pytest
 
 import arm_drake as ad
 from arm_drake.controllers import CONTROLLER_TYPES
-from arm_drake.controllers.forward_command_controller import ForwardCommandController
-from arm_drake.controllers.forward_controllers_base import ForwardControllersBase
+from arm_drake.controllers.forward_command_controller import (
+    ForwardCommandController,
+    ForwardControllersBase,
+)
 from arm_drake.controllers.joint_trajectory.controller import JointTrajectoryController
 from arm_drake.messages import JointTrajectory, JointTrajectoryPoint, TopicRejected
 from tests import models

@@ -5,7 +5,8 @@ import os
 import pytest
 
 import arm_drake as ad
-from arm_drake.batch import api, cores
+from arm_drake.batch import api
+from arm_drake.batch import api as cores
 from tests.many.functions import square
 
 

@@ -17,9 +17,8 @@ import psutil
 import pytest
 
 import arm_drake as ad
-from arm_drake.batch import choice
-from arm_drake.batch.forking import close_server
-from arm_drake.batch.processes import Pool
+from arm_drake.batch import api
+from arm_drake.batch.processes import Pool, close_server
 from arm_drake.controllers import CONTROLLER_TYPES
 from arm_drake.errors import InputError
 from tests.many import functions
@@ -303,14 +302,14 @@ def test_a_server_that_died_is_replaced() -> None:
 @pytest.fixture
 def quick_start(monkeypatch) -> None:
     """Let each run that has ended pay for processes."""
-    monkeypatch.setattr(choice, "COLD_START", 1e-9)
-    monkeypatch.setattr(choice, "WARM_START", 1e-9)
-    monkeypatch.setattr(choice._Starter, "_watch_long_runs", lambda self: None)
+    monkeypatch.setattr(api, "COLD_START", 1e-9)
+    monkeypatch.setattr(api, "WARM_START", 1e-9)
+    monkeypatch.setattr(api._Starter, "_watch_long_runs", lambda self: None)
 
 
 def test_short_runs_stay_here(monkeypatch) -> None:
-    monkeypatch.setattr(choice, "COLD_START", 1e9)
-    monkeypatch.setattr(choice, "WARM_START", 1e9)
+    monkeypatch.setattr(api, "COLD_START", 1e9)
+    monkeypatch.setattr(api, "WARM_START", 1e9)
 
     results = ad.run_many(range(4), functions.process_id, workers=2)
 

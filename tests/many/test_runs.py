@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import arm_drake as ad
-from arm_drake.batch.forking import close_server
+from arm_drake.batch.processes import close_server
 from arm_drake.batch.runs import Runner
 from arm_drake.errors import DescriptionError, InputError, MotionError
-from arm_drake.simulation.robot_motions import find_motion
+from arm_drake.simulation.motion_files import find_motion
 from tests.many import functions
 from tests.many.functions import final_position, simulate_an_arm
 

@@ -300,7 +300,7 @@ def with_clock(
 ) -> Clock:
     clock = Clock(page, live, cost)
     patch.setattr(mut, "time", clock)
-    patch.setattr("arm_drake.visualization.page.pace.time", clock)
+    patch.setattr("arm_drake.visualization.page.live_simulation.time", clock)
     patch.setattr(page, "events", clock.events)
     patch.setattr(live, "_advance_to", clock.advance_to)
     return clock

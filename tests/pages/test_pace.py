@@ -5,8 +5,8 @@ import math
 import pytest
 
 from arm_drake.errors import InputError
-from arm_drake.visualization.page import pace as mut
-from arm_drake.visualization.page.pace import Pace
+from arm_drake.visualization.page import live_simulation as mut
+from arm_drake.visualization.page.live_simulation import Pace
 
 
 class Clock:

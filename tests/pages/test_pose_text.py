@@ -13,7 +13,7 @@ from arm_drake import yaml_files
 from arm_drake.commands.view import read_positions
 from arm_drake.errors import InputError
 from arm_drake.plant.joint_ranges import JointRange
-from arm_drake.visualization.page.pose_text import pose_words, pose_yaml
+from arm_drake.visualization.page.panel import pose_words, pose_yaml
 
 AWKWARD = [
     *("yes", "No", "on", "y", "null", "~", "", "1e3", "1.5", "0x1F", "0o7", "1:30"),

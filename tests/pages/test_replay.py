@@ -12,8 +12,7 @@ import arm_drake as ad
 from arm_drake.cli import main
 from arm_drake.errors import InputError
 from arm_drake.visualization.page import Event, Page, Scene
-from arm_drake.visualization.page.replay import Replay, load_recorded_robot
-from arm_drake.visualization.page.replay_page import ReplayPage
+from arm_drake.visualization.page.replay import Replay, ReplayPage, load_recorded_robot
 from tests.carts import cart, diff_drive
 from tests.carts import load as load_cart
 

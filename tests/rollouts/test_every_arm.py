@@ -12,8 +12,7 @@ import pytest
 
 import arm_drake as ad
 from arm_drake.bundled import bundled_robots
-from arm_drake.description.joints import JointInfo
-from arm_drake.description.tree import last_master
+from arm_drake.description.joints import JointInfo, last_master
 from arm_drake.hardware.drives import commanded_joints
 from tests.robots import read_index, robot_names, robots_folder
 from tests.servo_rig import Motion, Payload, ServoRig

@@ -16,8 +16,7 @@ from pydrake.multibody.plant import ExternallyAppliedSpatialForce, MultibodyPlan
 from pydrake.multibody.tree import Joint
 
 import arm_drake as ad
-from arm_drake.description.joints import JointInfo
-from arm_drake.description.tree import last_master
+from arm_drake.description.joints import JointInfo, last_master
 from tests.robots import read_index, robots_folder, skip_or_fail
 
 # How far followers may be off [rad] or [m], by the step. Drake's constraint gives way

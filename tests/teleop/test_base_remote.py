@@ -9,8 +9,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 import arm_drake as ad
 from arm_drake.errors import InputError
-from arm_drake.visualization.page.base_remote import BaseRemote
-from arm_drake.visualization.page.remotes import find_remotes
+from arm_drake.visualization.page.remotes import BaseRemote, find_remotes
 from arm_drake.visualization.page.widgets import Slider
 from tests import carts
 from tests.rollouts.test_sideways_bases import BASES as SIDEWAYS

@@ -8,7 +8,7 @@ import pytest
 
 import arm_drake as ad
 from arm_drake.errors import InputError
-from arm_drake.visualization.page.command_remote import (
+from arm_drake.visualization.page.remotes import (
     AdmittanceRemote,
     CommandRemote,
     ForwardRemote,

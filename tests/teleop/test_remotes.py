@@ -9,12 +9,13 @@ import pytest
 import arm_drake as ad
 from arm_drake.errors import InputError
 from arm_drake.messages import Duration, JointTrajectory, JointTrajectoryPoint
-from arm_drake.visualization.page.base_remote import BaseRemote
-from arm_drake.visualization.page.command_remote import ForwardRemote
-from arm_drake.visualization.page.remote import Remote
-from arm_drake.visualization.page.remotes import find_remotes
-from arm_drake.visualization.page.trajectory_remote import TrajectoryRemote
-from arm_drake.visualization.page.widgets import Slider
+from arm_drake.visualization.page.remotes import (
+    BaseRemote,
+    ForwardRemote,
+    TrajectoryRemote,
+    find_remotes,
+)
+from arm_drake.visualization.page.widgets import Remote, Slider
 from tests import models
 from tests.robots import robot_names
 from tests.teleop import panel

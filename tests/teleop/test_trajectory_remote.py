@@ -10,7 +10,7 @@ import pytest
 import arm_drake as ad
 from arm_drake.errors import InputError
 from arm_drake.messages import JointTrajectory
-from arm_drake.visualization.page.trajectory_remote import TrajectoryRemote
+from arm_drake.visualization.page.remotes import TrajectoryRemote
 from arm_drake.visualization.page.widgets import Slider
 from tests import models
 from tests.carts import plugin

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from arm_drake.messages.contacts import ContactsState, ContactState
 from arm_drake.messages.geometry import Vector3, Wrench
+from arm_drake.messages.sensors import ContactsState, ContactState
 from arm_drake.visualization.contact_arrows import ContactArrows
 from tests.visualization import scene
 from tests.visualization.scene import Spy, cylinder_ends, is_visible, object_pose

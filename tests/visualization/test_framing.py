@@ -12,8 +12,7 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
-from arm_drake.visualization.framing import Camera, View, round_number
-from arm_drake.visualization.meshcat import frame_shapes
+from arm_drake.visualization.meshcat import Camera, View, frame_shapes, round_number
 
 BOX = np.array(list(itertools.product((0.2, 0.5), (-1.0, 1.0), (0.0, 3.0))))
 

@@ -10,11 +10,10 @@ from pydrake.geometry import Mesh, SceneGraph
 from pydrake.math import RigidTransform
 
 import arm_drake as ad
-from arm_drake.description.meshes.gltf import encode_gltf
-from arm_drake.description.meshes.surfaces import Surface
+from arm_drake.description.meshes.surfaces import Surface, encode_gltf
 from arm_drake.errors import InputError
 from arm_drake.visualization.ghost import Ghost
-from arm_drake.visualization.solids import visual_solid
+from arm_drake.visualization.link_drawings import visual_solid
 from tests import models
 from tests.visualization import scene
 from tests.visualization.scene import Scene, Spy, make_scene

@@ -20,10 +20,15 @@ from pydrake.multibody.tree import SpatialInertia, UnitInertia
 
 from arm_drake.errors import InputError
 from arm_drake.plant.plant import add_robot_model
-from arm_drake.visualization.drawn_robot import DrawnRobot
-from arm_drake.visualization.link_drawings import KINDS, LinkDrawings, show_visual
-from arm_drake.visualization.link_pieces import collision_pieces, equivalent_ellipsoid
-from arm_drake.visualization.solids import collision_solid
+from arm_drake.visualization.link_drawings import (
+    KINDS,
+    DrawnRobot,
+    LinkDrawings,
+    collision_pieces,
+    collision_solid,
+    equivalent_ellipsoid,
+    show_visual,
+)
 from tests import models
 from tests.visualization import scene
 from tests.visualization.scene import Scene, Spy, make_scene

@@ -8,7 +8,7 @@ import pytest
 from pydrake.geometry import Meshcat
 
 from arm_drake.errors import InputError
-from arm_drake.visualization.page.link_views import VIEWS, LinkViews
+from arm_drake.visualization.page.panel import VIEWS, LinkViews
 from tests import models
 from tests.visualization import scene
 from tests.visualization.scene import about_y, is_visible, transform

@@ -11,7 +11,7 @@ from IPython.core.formatters import DisplayFormatter
 from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 
-from arm_drake.arguments import make_parser
+from arm_drake.cli import make_parser
 from arm_drake.errors import InputError
 from arm_drake.rollout.rollout import GoalRecord, Reference, Rollout
 from arm_drake.visualization.plot import PLOT_KINDS

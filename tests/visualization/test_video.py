@@ -9,8 +9,7 @@ from unittest.mock import Mock
 
 import pytest
 
-from arm_drake.commands.output import needs_recording, write_outputs
-from arm_drake.commands.sim_output import Speaker
+from arm_drake.commands.output import Speaker, needs_recording, write_outputs
 from arm_drake.errors import InputError, MissingExtraError, OutputError
 from arm_drake.visualization.video import check_video_installed, save_video
 

@@ -1,11 +1,21 @@
 """``mecanum_drive_controller/MecanumDriveController``.
 
 Source: ros2_controllers, `mecanum_drive_controller` (version 6.9.0). Kinematics and
-odometry are `arm_drake.controllers.bases.mecanum`.
+odometry are `arm_drake.controllers.bases.mecanum_drive_controller`.
+
+Kinematics, odometry and references of a base with four mecanum wheels.
+
+The rules are those of ros2_controllers' mecanum_drive_controller (version 6.9.0). A
+velocity is forwards and to the left [m/s], and of turning to the left [rad/s].
+
+Parameters of a MecanumDriveController.
+
+Source: ros2_controllers, `mecanum_drive_controller` (version 6.9.0).
 """
 
+import dataclasses as dc
 import math
-from typing import ClassVar, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 from pydrake.common.value import AbstractValue
@@ -13,27 +23,18 @@ from pydrake.common.value import AbstractValue
 from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.control.odometry import PlanarPose
+from arm_drake.control.rate_limiter import RateLimiter
 from arm_drake.controllers.bases.base import (
+    SpeedLimits,
     diagonal,
     make_odometry,
     make_transform,
     resolve_frames,
 )
-from arm_drake.controllers.bases.mecanum import (
-    REST,
-    UNKNOWN,
-    MecanumOdometry,
-    MecanumReference,
-    MecanumWheels,
-    Velocity,
+from arm_drake.controllers.controller_interface import (
+    ControllerInterfaceParams,
+    TickingController,
 )
-from arm_drake.controllers.bases.mecanum_drive_parameters import (
-    MecanumDriveControllerParameters,
-    make_kinematics,
-    make_limiters,
-)
-from arm_drake.controllers.controller_interface import TickingController
-from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Now
 from arm_drake.controllers.topics import (
     CHAINED,
@@ -43,6 +44,14 @@ from arm_drake.controllers.topics import (
     add_events,
     new_messages,
 )
+from arm_drake.description.parameters import (
+    Rule,
+    check_above,
+    check_duration,
+    check_length,
+    check_not_empty,
+)
+from arm_drake.errors import ParameterError
 from arm_drake.messages import (
     NANOSECONDS,
     Header,
@@ -54,7 +63,298 @@ from arm_drake.messages import (
     TwistStamped,
     Vector3,
 )
-from arm_drake.messages.mecanum import MecanumDriveControllerState
+from arm_drake.messages.control import MecanumDriveControllerState
+
+Velocity: TypeAlias = tuple[float, float, float]
+
+UNKNOWN: Velocity = (math.nan, math.nan, math.nan)
+REST: Velocity = (0.0, 0.0, 0.0)
+
+# Shorter steps aren't integrated [s].
+_MIN_STEP = 1e-4
+
+
+class MecanumWheels(NamedTuple):
+    """A velocity of each wheel [rad/s], in the order in which they are claimed."""
+
+    front_left: float
+    front_right: float
+    rear_right: float
+    rear_left: float
+
+
+class MecanumKinematics(NamedTuple):
+    """Measures of a base, which take its velocity to its wheels and back."""
+
+    # Radius of the wheels [m].
+    radius: float
+
+    # Distances of the wheels from their centre, along x plus along y [m].
+    reach: float
+
+    # Offset of the base frame against the wheels' centre.
+    offset: PlanarPose = PlanarPose()
+
+    def to_wheels(self, velocity: Velocity) -> MecanumWheels:
+        """Return how the wheels turn for a velocity of the base frame.
+
+        With the velocity R(offset.heading) (vx, vy) + w (offset.y, -offset.x) of the
+        wheels' centre, each wheel turns with (vx -+ vy -+ reach w) / radius.
+
+        Args:
+            velocity: Velocity of the base frame.
+        """
+        w = velocity[2]
+        vx, vy = _rotate(velocity[0], velocity[1], self.offset.heading)
+        vx, vy = vx + self.offset.y * w, vy - self.offset.x * w
+        turn = self.reach * w
+        return MecanumWheels(
+            (vx - vy - turn) / self.radius,
+            (vx + vy + turn) / self.radius,
+            (vx - vy + turn) / self.radius,
+            (vx + vy - turn) / self.radius,
+        )
+
+    def to_base(self, wheels: MecanumWheels) -> Velocity:
+        """Return the velocity of the base frame that fits the wheels best.
+
+        Args:
+            wheels: How the wheels turn [rad/s].
+        """
+        front_left, front_right, rear_right, rear_left = wheels
+        quarter = self.radius / 4.0
+        vx = quarter * (front_left + rear_left + rear_right + front_right)
+        vy = quarter * (-front_left + rear_left - rear_right + front_right)
+        w = quarter / self.reach * (-front_left - rear_left + rear_right + front_right)
+        back = -self.offset.heading
+        vx, vy = _rotate(vx, vy, back)
+        x, y = _rotate(-self.offset.x, -self.offset.y, back)
+        return vx + y * w, vy - x * w, w
+
+
+class MecanumOdometry(NamedTuple):
+    """Where a base takes itself to be, and how it moves."""
+
+    pose: PlanarPose = PlanarPose()
+    velocity: Velocity = REST
+
+    def update(
+        self, kinematics: MecanumKinematics, wheels: MecanumWheels, dt: float
+    ) -> "MecanumOdometry":
+        """Return the odometry after a step; itself if the step is too short.
+
+        The position moves with the heading at the end of the step. Velocities are not
+        filtered.
+
+        Args:
+            kinematics: Measures of the base.
+            wheels: How the wheels turn [rad/s].
+            dt: Length of the step [s].
+        """
+        if dt < _MIN_STEP:
+            return self
+        velocity = kinematics.to_base(wheels)
+        heading = self.pose.heading + velocity[2] * dt
+        vx, vy = _rotate(velocity[0], velocity[1], heading)
+        pose = PlanarPose(self.pose.x + vx * dt, self.pose.y + vy * dt, heading)
+        return MecanumOdometry(pose, velocity)
+
+
+class MecanumReference(NamedTuple):
+    """What the last message asks for."""
+
+    # NaN if there is nothing, or nothing any more.
+    velocity: Velocity = UNKNOWN
+
+    # [ns].
+    stamp_ns: int = 0
+
+    @staticmethod
+    def from_message(message: TwistStamped, time_ns: int) -> "MecanumReference":
+        """Return what a message asks for; a stamp of 0 means now.
+
+        Args:
+            message: The message.
+            time_ns: Time at which it came in [ns].
+        """
+        twist = message.twist
+        return MecanumReference(
+            (twist.linear.x, twist.linear.y, twist.angular.z),
+            message.header.stamp.to_nanoseconds() or time_ns,
+        )
+
+    def find_fault(self, time_ns: int, timeout_ns: int) -> str:
+        """Return why it stops the base instead; empty if it doesn't.
+
+        Args:
+            time_ns: Time at which it came in [ns].
+            timeout_ns: Parameter `reference_timeout` [ns]; 0 is none.
+        """
+        age_ns = time_ns - self.stamp_ns
+        if timeout_ns and age_ns > timeout_ns:
+            return (
+                f"it is {age_ns / NANOSECONDS:g} s old, more than reference_timeout "
+                f"({timeout_ns / NANOSECONDS:g} s); the base stops"
+            )
+        if not all(map(math.isfinite, self.velocity)):
+            return (
+                "linear.x, linear.y and angular.z must be finite, got "
+                f"{', '.join(map(str, self.velocity))}; the base stops"
+            )
+        return ""
+
+    def follow(
+        self, time_ns: int, timeout_ns: int
+    ) -> tuple["MecanumReference", Velocity]:
+        """Return what is left of it, and what it asks for in a tick.
+
+        What is too old asks for rest, once; without a timeout it holds for one tick.
+
+        Args:
+            time_ns: Time of the tick [ns].
+            timeout_ns: Parameter `reference_timeout` [ns]; 0 is none.
+        """
+        if math.isnan(self.velocity[0]):
+            return self, self.velocity
+        if not timeout_ns:
+            return MecanumReference(), self.velocity
+        if time_ns - self.stamp_ns <= timeout_ns:
+            return self, self.velocity
+        return MecanumReference(), REST
+
+
+def _rotate(x: float, y: float, angle: float) -> tuple[float, float]:
+    cos, sin = math.cos(angle), math.sin(angle)
+    return cos * x - sin * y, sin * x + cos * y
+
+
+@dc.dataclass(frozen=True)
+class BaseFrameOffset:
+    """Pose of the wheels' centre in the base frame [m], [rad]."""
+
+    x: float = 0.0
+    y: float = 0.0
+    theta: float = 0.0
+
+
+@dc.dataclass(frozen=True)
+class MecanumKinematicsParameters:
+    """Measures of the base."""
+
+    base_frame_offset: BaseFrameOffset = BaseFrameOffset()
+
+    # Radius of the wheels, above 0 [m].
+    wheels_radius: float = 0.0
+
+    # Distances of the wheels from the centre, along x plus along y [m].
+    sum_of_robot_center_projection_on_X_Y_axis: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Reject what the types alone can't express."""
+        check_above(self, 0.0, "wheels_radius")
+
+
+@dc.dataclass(frozen=True)
+class MecanumLinear:
+    """Limits of the velocity forwards and sideways."""
+
+    x: SpeedLimits = dc.field(default=SpeedLimits())
+    y: SpeedLimits = dc.field(default=SpeedLimits())
+
+
+@dc.dataclass(frozen=True)
+class MecanumAngular:
+    """Limits of the velocity of turning."""
+
+    z: SpeedLimits = dc.field(default=SpeedLimits())
+
+
+@dc.dataclass(frozen=True)
+class MecanumDriveControllerParameters:
+    """Parameters of a MecanumDriveController."""
+
+    # Joints of the wheels.
+    front_left_wheel_command_joint_name: str
+    front_right_wheel_command_joint_name: str
+    rear_right_wheel_command_joint_name: str
+    rear_left_wheel_command_joint_name: str
+
+    # Joints to read in their places; "" is the same.
+    front_left_wheel_state_joint_name: str = ""
+    front_right_wheel_state_joint_name: str = ""
+    rear_right_wheel_state_joint_name: str = ""
+    rear_left_wheel_state_joint_name: str = ""
+
+    # Age from which a command counts no more [s]; 0 uses each one once.
+    reference_timeout: float = 0.0
+
+    kinematics: MecanumKinematicsParameters = dc.field(kw_only=True)
+
+    # Frames of the odometry, and what goes before their names.
+    tf_frame_prefix_enable: bool = True
+    tf_frame_prefix: str = ""
+    base_frame_id: str = "base_link"
+    odom_frame_id: str = "odom"
+
+    # Whether the odometry goes to /tf too.
+    enable_odom_tf: bool = True
+
+    # Diagonals of the odometry's covariances: x, y, z, roll, pitch, yaw.
+    twist_covariance_diagonal: tuple[float, ...] = (0.1,) * 6
+    pose_covariance_diagonal: tuple[float, ...] = (0.1,) * 6
+
+    linear: Annotated[MecanumLinear, Rule(since="rolling")] = MecanumLinear()
+    angular: Annotated[MecanumAngular, Rule(since="rolling")] = MecanumAngular()
+
+    def __post_init__(self) -> None:
+        """Reject what the types alone can't express."""
+        check_not_empty(
+            self,
+            "front_left_wheel_command_joint_name",
+            "front_right_wheel_command_joint_name",
+            "rear_right_wheel_command_joint_name",
+            "rear_left_wheel_command_joint_name",
+        )
+        check_length(self, 6, "pose_covariance_diagonal", "twist_covariance_diagonal")
+        check_duration(self, "reference_timeout")
+
+
+def make_kinematics(parameters: MecanumDriveControllerParameters) -> MecanumKinematics:
+    """Return the kinematics of a base.
+
+    Raises:
+        ParameterError: If its wheels can't tell how it turns.
+    """
+    given = parameters.kinematics
+    reach = given.sum_of_robot_center_projection_on_X_Y_axis
+    if not reach:
+        raise ParameterError(
+            "kinematics.sum_of_robot_center_projection_on_X_Y_axis must not be 0; it "
+            "is half the wheelbase plus half the distance of left and right wheels [m]"
+        )
+    offset = given.base_frame_offset
+    return MecanumKinematics(
+        given.wheels_radius, reach, PlanarPose(offset.x, offset.y, offset.theta)
+    )
+
+
+def make_limiters(parameters: MecanumDriveControllerParameters) -> list[RateLimiter]:
+    """Return the limits of the velocity along x and y and about z."""
+    linear, angular = parameters.linear, parameters.angular
+    return [
+        RateLimiter(
+            min_value=limits.min_velocity,
+            max_value=limits.max_velocity,
+            min_first_derivative_neg=limits.max_acceleration_reverse,
+            max_first_derivative_pos=limits.max_acceleration,
+            min_first_derivative_pos=limits.max_deceleration,
+            max_first_derivative_neg=limits.max_deceleration_reverse,
+            min_second_derivative=limits.min_jerk,
+            max_second_derivative=limits.max_jerk,
+        )
+        for limits in (linear.x, linear.y, angular.z)
+    ]
+
 
 _WHEELS = ("front_left", "front_right", "rear_right", "rear_left")
 

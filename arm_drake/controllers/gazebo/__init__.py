@@ -4,49 +4,49 @@ import importlib
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from arm_drake.controllers.controller_interface_part import (
+from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
 )
-from arm_drake.description import gazebo_drives, gazebo_joints
-from arm_drake.description.gazebo_bumpers import ContactSensorTag
+from arm_drake.description import gazebo_plugins
+from arm_drake.description.gazebo_plugins import ContactSensorTag
 
 # Modules of this package, and the systems in them; imported when a robot has the tag.
 _SYSTEMS: Mapping[type, tuple[str, str]] = {
-    gazebo_joints.JointPositionController: (
-        "gazebo.gazebo_joint_position_controller",
+    gazebo_plugins.JointPositionController: (
+        "gazebo.joint_controllers",
         "JointPositionController",
     ),
-    gazebo_joints.JointController: (
-        "gazebo.gazebo_joint_controller",
+    gazebo_plugins.JointController: (
+        "gazebo.joint_controllers",
         "JointController",
     ),
-    gazebo_joints.JointTrajectoryController: (
+    gazebo_plugins.JointTrajectoryController: (
         "gazebo.joint_trajectory",
         "JointTrajectoryController",
     ),
-    gazebo_joints.JointStatePublisher: (
+    gazebo_plugins.JointStatePublisher: (
         "gazebo.joint_state_publisher",
         "JointStatePublisher",
     ),
     ContactSensorTag: ("gazebo.contact_sensor", "ContactSensor"),
-    gazebo_drives.DiffDrive: ("gazebo.diff_drive", "DiffDrive"),
-    gazebo_drives.GazeboRosDiffDrive: (
-        "gazebo.gazebo_ros_diff_drive",
+    gazebo_plugins.DiffDrive: ("gazebo.diff_drive", "DiffDrive"),
+    gazebo_plugins.GazeboRosDiffDrive: (
+        "gazebo.diff_drive",
         "GazeboRosDiffDrive",
     ),
-    gazebo_joints.GazeboRosJointPoseTrajectory: (
-        "gazebo.gazebo_joint_pose_trajectory",
+    gazebo_plugins.GazeboRosJointPoseTrajectory: (
+        "gazebo.joint_trajectory",
         "GazeboRosJointPoseTrajectory",
     ),
-    gazebo_joints.GazeboRosJointStatePublisher: (
+    gazebo_plugins.GazeboRosJointStatePublisher: (
         "gazebo.joint_state_publisher",
         "GazeboRosJointStatePublisher",
     ),
 }
 
 # Those whose system stands for all tags of the kind.
-_OF_ALL = (gazebo_joints.JointPositionController, gazebo_joints.JointController)
+_OF_ALL = (gazebo_plugins.JointPositionController, gazebo_plugins.JointController)
 
 
 def find_system(kind: type) -> Callable[..., ControllerInterface]:

@@ -7,14 +7,14 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import Context
 
 from arm_drake import interfaces
-from arm_drake.controllers.controller_interface_part import (
+from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
 )
-from arm_drake.controllers.gazebo.gazebo_topics import contact_topic
-from arm_drake.description.gazebo_bumpers import ContactSensorTag
+from arm_drake.controllers.gazebo.plugin import contact_topic
+from arm_drake.description.gazebo_plugins import ContactSensorTag
 from arm_drake.messages import Header, Vector3, Wrench
-from arm_drake.messages.contacts import ContactsState, ContactState
+from arm_drake.messages.sensors import ContactsState, ContactState
 
 
 class ContactSensor(ControllerInterface):

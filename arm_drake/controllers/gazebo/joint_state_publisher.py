@@ -12,16 +12,16 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context, DiscreteValues
 
 from arm_drake import interfaces
-from arm_drake.controllers.controller_interface_part import (
+from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
 )
 from arm_drake.controllers.cycles import Cycle
-from arm_drake.controllers.gazebo.gazebo_topics import joint_state_topic, ros_topic
-from arm_drake.description.gazebo_joints import (
+from arm_drake.controllers.gazebo.plugin import joint_state_topic, ros_topic
+from arm_drake.description.gazebo_plugins import (
     GazeboRosJointStatePublisher as GazeboRosJointStatePublisherTag,
 )
-from arm_drake.description.gazebo_joints import (
+from arm_drake.description.gazebo_plugins import (
     JointStatePublisher as JointStatePublisherTag,
 )
 from arm_drake.messages import NANOSECONDS, Header, JointState

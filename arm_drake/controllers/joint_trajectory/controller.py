@@ -1,10 +1,34 @@
 """``joint_trajectory_controller/JointTrajectoryController``.
 
 Source: ros2_controllers, `joint_trajectory_controller` (version 6.9.0 and jazzy); the
-tick itself is `arm_drake.controllers.joint_trajectory.joint_trajectory`.
+tick itself is `arm_drake.controllers.joint_trajectory.controller`.
+
+What a joint_trajectory_controller commands, given a trajectory and its errors.
+
+The rules are those of ros2_controllers' joint_trajectory_controller (`update`,
+version 6.9.0). n is the number of joints, k that of command interfaces.
+
+How a joint_trajectory_controller follows its trajectory in a tick.
+
+The rules are those of ros2_controllers' joint_trajectory_controller (`update`,
+version 6.9.0): commands are the trajectory one period ahead, errors and tolerances are
+those of the present; what stops a motion acts from the next tick on.
+
+One quirk is kept: when `cmd_timeout` stops a motion with a goal, the goal succeeds.
+
+The tick and the life cycle of a joint_trajectory_controller.
+
+Pure functions from one state to the next, by the rules of ros2_controllers'
+joint_trajectory_controller (`update`, `on_activate`, `on_deactivate`, version 6.9.0):
+commands are the trajectory one period ahead, errors and tolerances are those of the
+present; what stops a motion acts from the next tick on.
+
+Upstream reads run-time parameters in its ticks: messages are judged by the rules of the
+last tick, and the tolerances of a goal stay until the next goal, whatever the rules.
 """
 
 import functools
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -13,29 +37,54 @@ from pydrake.systems.framework import Context, InputPort
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
-from arm_drake.controllers.controller_interface import TickingController
-from arm_drake.controllers.controller_interface_part import ControllerInterfaceParams
-from arm_drake.controllers.cycles import Now
-from arm_drake.controllers.joint_trajectory import joint_trajectory as control
-from arm_drake.controllers.joint_trajectory.joint_trajectory_rules import (
-    JointTrajectoryRules,
+from arm_drake.control.pid import PidState
+from arm_drake.control.tolerances import StateTolerances, exceeds
+from arm_drake.control.trajectory import (
+    Sample,
+    StateBefore,
+    Trajectory,
+    scaled,
+    shortest_angular_distance,
 )
-from arm_drake.controllers.joint_trajectory.joint_trajectory_setup import (
-    check_change,
-    make_rules,
+from arm_drake.controllers.controller_interface import (
+    ControllerInterfaceParams,
+    TickingController,
+)
+from arm_drake.controllers.cycles import Now
+from arm_drake.controllers.joint_trajectory.goals import (
+    commanded_before,
+    conclude,
+    hold,
+    install,
+    is_executing,
+    make_hold_point,
+    monitor,
+    receive,
+    repeat_last_point,
+    stop_motion,
 )
 from arm_drake.controllers.joint_trajectory.parameters import (
     JointTrajectoryControllerParameters,
+    check_change,
+    make_rules,
 )
 from arm_drake.controllers.joint_trajectory.state import (
+    JointTrajectoryRules,
     JointTrajectoryState,
+    Plan,
     TickInputs,
     add_events,
+    make_controller_state,
+    make_query_response,
+    present_commands,
 )
 from arm_drake.controllers.topics import new_messages, new_parameters
 from arm_drake.messages import (
+    NANOSECONDS,
     ActionRequest,
+    FollowJointTrajectoryErrorCode,
     FollowJointTrajectoryGoal,
+    GoalStatus,
     JointTrajectory,
     JointTrajectoryControllerState,
     ParametersRejected,
@@ -44,6 +93,441 @@ from arm_drake.messages import (
     Time,
     TimeLike,
 )
+
+
+def errors_of(
+    rules: JointTrajectoryRules, inputs: TickInputs, desired: Sample, error: Array
+) -> tuple[Array, Array | None, Array | None]:
+    """Return reference minus measurement, each of shape (n,); None isn't compared.
+
+    Velocities are compared if they are measured, and velocities or efforts commanded;
+    accelerations if both are.
+
+    Args:
+        rules: Numbers of the controller.
+        inputs: What is measured.
+        desired: The reference.
+        error: Errors of the positions, shape (n,).
+    """
+    velocity = acceleration = None
+    if rules.has_velocity_error and inputs.velocity is not None:
+        reference = desired.velocity
+        velocity = None if reference is None else reference - inputs.velocity
+    if rules.has_acceleration_error and inputs.acceleration is not None:
+        reference = desired.acceleration
+        acceleration = None if reference is None else reference - inputs.acceleration
+    return error, velocity, acceleration
+
+
+def make_command(
+    rules: JointTrajectoryRules,
+    state: JointTrajectoryState,
+    inputs: TickInputs,
+    desired: Sample,
+    ahead: Sample,
+    error: Array,
+) -> tuple[Array, PidState | None]:
+    """Return the values of all command interfaces, shape (k,), and what PIDs remember.
+
+    Efforts beside positions are those of the present, all others are one period ahead.
+    What a PID commands is, with the velocities v and efforts u one period ahead::
+
+        ff_velocity_scale v + u + PID(error, error of the velocity)
+
+    where velocities are commanded, without u.
+
+    Args:
+        rules: Numbers of the controller.
+        state: State after the last tick.
+        inputs: What the tick reads.
+        desired: The trajectory at present.
+        ahead: The trajectory one period ahead.
+        error: Errors of the positions, shape (n,).
+    """
+    pid = state.pid
+    if rules.pid is not None:
+        last = rules.pid.initial() if pid is None else pid
+        _, rate, _ = errors_of(rules, inputs, desired, error)
+        pid = rules.pid.step(last, error, inputs.period_ns / NANOSECONDS, rate)
+        output = pid.command
+        if rules.ff_velocity_scale is not None and ahead.velocity is not None:
+            output = rules.ff_velocity_scale * ahead.velocity + output
+        if rules.command_interfaces == ("effort",) and ahead.effort is not None:
+            output = output + ahead.effort
+        vectors: list[Array | None] = [output]
+    else:
+        vectors = [
+            _open_loop(name, desired, ahead) for name in rules.command_interfaces
+        ]
+    n = len(rules.joints)
+    values = [np.full(n, math.nan) if v is None else v for v in vectors]
+    if rules.commanded_joints is not None:
+        at = list(rules.commanded_joints)
+        values = [vector[at] for vector in values]
+    return (values[0] if len(values) == 1 else np.concatenate(values)), pid
+
+
+def _open_loop(interface: str, desired: Sample, ahead: Sample) -> Array | None:
+    match interface:
+        case "position":
+            return ahead.position
+        case "velocity":
+            return ahead.velocity
+        case "acceleration":
+            return ahead.acceleration
+    return desired.effort
+
+
+_SUCCESS_TEXT = "Goal successfully reached!"
+_PATH_TEXT = "Aborted due to path tolerance violation"
+
+
+class _Verdict(NamedTuple):
+    """How a trajectory is followed."""
+
+    is_timed_out: bool = False
+    is_off_path: bool = False
+    is_off_goal: bool = False
+
+    # Whether it is off its goal for too long, and how long its end is past [s].
+    is_late: bool = False
+    late: float = 0.0
+
+
+_FINE = _Verdict()
+
+
+class _Commands(NamedTuple):
+    """What a tick commands: fields of the state of the same names, in their order."""
+
+    commanded: Sample | StateBefore | None
+    commanded_ns: int
+    command: Array | None
+    output: Array | None
+    pid: PidState | None
+
+
+def follow(
+    rules: JointTrajectoryRules,
+    state: JointTrajectoryState,
+    inputs: TickInputs,
+    is_first: bool,
+) -> JointTrajectoryState:
+    """Return the state that has sampled, judged and commanded the trajectory.
+
+    Args:
+        rules: Numbers of the controller.
+        state: State with a trajectory.
+        inputs: What the tick reads.
+        is_first: Whether this is the trajectory's first tick.
+    """
+    plan, trajectory, measured = state.plan, state.plan.trajectory, inputs.position
+    if trajectory is None:
+        return state
+    clock_ns = state.clock_ns
+    if not is_first:
+        factor, period_ns = state.scaling_factor, inputs.period_ns
+        clock_ns += period_ns if factor == 1.0 else scaled(period_ns, factor)
+    ahead_ns = clock_ns + rules.look_ahead_ns
+    desired, ahead, cursor = _sample(state, trajectory, clock_ns, ahead_ns)
+    if desired is None or ahead is None:
+        return state._replace(
+            time_ns=inputs.time_ns,
+            clock_ns=clock_ns,
+            position=measured,
+            velocity=inputs.velocity,
+            acceleration=inputs.acceleration,
+            ahead_ns=-1,
+            ahead=None,
+        )
+    is_finished = ahead.segment_end == len(trajectory.times_ns)
+    if is_finished and rules.is_cursor_pinned:
+        cursor = ahead.segment_start
+
+    error = desired.position - measured
+    if rules.wraparound is not None:
+        shortest = shortest_angular_distance(measured, desired.position)
+        error = np.where(rules.wraparound, shortest, error)
+    verdict = _FINE
+    if not plan.is_holding:
+        late = _since_last_point(trajectory, clock_ns) if is_finished else None
+        checks_path = is_first or not is_finished
+        verdict = _judge(rules, plan, inputs, desired, error, checks_path, late)
+    if verdict.is_off_path or verdict.is_late:
+        commands = _leave(rules, state, inputs)
+    elif rules.is_plain:
+        values = ahead.position
+        commands = _Commands(ahead, inputs.time_ns, values, values, state.pid)
+    else:
+        commands = _command(rules, state, inputs, desired, ahead, error)
+    new = JointTrajectoryState(
+        plan,
+        state.goal,
+        inputs.time_ns,
+        clock_ns,
+        cursor,
+        measured,
+        inputs.velocity,
+        inputs.acceleration,
+        desired,
+        error,
+        ahead_ns,
+        ahead,
+        *commands,
+        state.scaling_factor,
+    )
+    if verdict is _FINE and (state.goal is None or not is_finished):
+        return new
+    return _conclude(rules, new, inputs, trajectory, verdict, is_finished)
+
+
+def _sample(
+    state: JointTrajectoryState, trajectory: Trajectory, clock_ns: int, ahead_ns: int
+) -> tuple[Sample | None, Sample | None, int]:
+    """Return the trajectory at present and ahead, and where to search next."""
+    cursor, desired = state.cursor, state.ahead
+    # What the last tick saw ahead is the present, unless the search has moved on.
+    if desired is None or state.ahead_ns != clock_ns or desired.segment_start < cursor:
+        desired = trajectory.sample(clock_ns, cursor, state.seen)
+    if desired is not None and desired.segment_start > cursor:
+        cursor = desired.segment_start
+    return desired, trajectory.sample(ahead_ns, cursor), cursor
+
+
+def _leave(
+    rules: JointTrajectoryRules, state: JointTrajectoryState, inputs: TickInputs
+) -> _Commands:
+    """Return the commands of a tick that gives none."""
+    output, present = state.output, present_commands(rules, inputs)
+    if np.isfinite(present).all():
+        output = present
+    last, last_ns = state.commanded, state.commanded_ns
+    return _Commands(last, last_ns, state.command, output, state.pid)
+
+
+def _command(
+    rules: JointTrajectoryRules,
+    state: JointTrajectoryState,
+    inputs: TickInputs,
+    desired: Sample,
+    ahead: Sample,
+    error: Array,
+) -> _Commands:
+    """Return the commands of what isn't positions of all joints alone."""
+    command, pid = make_command(rules, state, inputs, desired, ahead, error)
+    # A sum is finite only if all of its terms are.
+    output = command if math.isfinite(command.sum()) else state.output
+    return _Commands(ahead, inputs.time_ns, command, output, pid)
+
+
+def _since_last_point(trajectory: Trajectory, time_ns: int) -> float:
+    """Return how long the last point of a trajectory is past [s].
+
+    Upstream subtracts seconds, not nanoseconds, and so decides ties by their rounding.
+    """
+    return time_ns / NANOSECONDS - trajectory.times_ns[-1] / NANOSECONDS
+
+
+def _judge(
+    rules: JointTrajectoryRules,
+    plan: Plan,
+    inputs: TickInputs,
+    desired: Sample,
+    error: Array,
+    checks_path: bool,
+    late: float | None,
+) -> _Verdict:
+    """Return how a trajectory is followed; `late` is None before its end."""
+    if late is not None and 0.0 < plan.cmd_timeout < late:
+        return _Verdict(is_timed_out=True)
+    tolerances = plan.tolerances
+    if tolerances is None:
+        return _FINE
+    is_off_path = is_off_goal = is_late = False
+    path, goal = tolerances.path, tolerances.goal
+    if path.is_checked and checks_path:
+        is_off_path = _exceeds(rules, inputs, desired, error, path)
+    if late is not None and goal.is_checked:
+        is_off_goal = _exceeds(rules, inputs, desired, error, goal)
+        is_late = is_off_goal and 0.0 != tolerances.goal_time < late
+    if not (is_off_path or is_off_goal):
+        return _FINE
+    return _Verdict(False, is_off_path, is_off_goal, is_late, late or 0.0)
+
+
+def _exceeds(
+    rules: JointTrajectoryRules,
+    inputs: TickInputs,
+    desired: Sample,
+    error: Array,
+    tolerances: StateTolerances,
+) -> bool:
+    if tolerances.is_position_only:
+        return exceeds(error, None, None, tolerances)
+    return exceeds(*errors_of(rules, inputs, desired, error), tolerances)
+
+
+def _conclude(
+    rules: JointTrajectoryRules,
+    state: JointTrajectoryState,
+    inputs: TickInputs,
+    trajectory: Trajectory,
+    verdict: _Verdict,
+    is_finished: bool,
+) -> JointTrajectoryState:
+    """Return the state that stops the motion or ends the goal, if it is time to."""
+    if verdict.is_timed_out or verdict.is_off_path or verdict.is_late:
+        state = stop_motion(rules, state, inputs.position, inputs.velocity)
+    goal, codes = state.goal, FollowJointTrajectoryErrorCode
+    if goal is None or goal.outcome is not None:
+        return state
+    if verdict.is_off_path:
+        code = codes.PATH_TOLERANCE_VIOLATED
+        return conclude(state, GoalStatus.ABORTED, code, _PATH_TEXT)
+    if verdict.is_late:
+        text = (
+            f"Aborted due to goal_time_tolerance exceeding by {verdict.late:f} seconds"
+        )
+        code = codes.GOAL_TOLERANCE_VIOLATED
+        return conclude(state, GoalStatus.ABORTED, code, text)
+    if is_finished and not verdict.is_off_goal:
+        code = codes.SUCCESSFUL
+        state = conclude(state, GoalStatus.SUCCEEDED, code, _SUCCESS_TEXT)
+        return repeat_last_point(rules, state, trajectory)
+    return state
+
+
+__all__ = [
+    "activate",
+    "deactivate",
+    "idle",
+    "make_controller_state",
+    "query",
+    "receive",
+    "tick",
+]
+
+_DEACTIVATED_TEXT = "Current goal cancelled during deactivate transition."
+
+query = make_query_response
+
+
+def activate(
+    rules: JointTrajectoryRules, state: JointTrajectoryState, inputs: TickInputs
+) -> JointTrajectoryState:
+    """Return the state after an activation: the joints are held where they are.
+
+    That is where they were commanded to be before, if `rules.starts_from_commands`.
+    Messages among the inputs are left to the tick.
+
+    Args:
+        rules: Numbers of the controller.
+        state: State before; the initial one, or that of a deactivation.
+        inputs: What is read.
+    """
+    plan, commands = state.plan, present_commands(rules, inputs)
+    before = commanded_before(rules, inputs, commands)
+    assert before.positions is not None
+    timeout, requested = rules.cmd_timeout, plan.requested_scaling
+    if requested is None:
+        is_scaled = rules.is_position_only
+        requested = rules.initial_scaling_factor if is_scaled else 1.0
+    plan = Plan(
+        rules=rules,
+        is_active=True,
+        hold=plan.hold if plan.hold.positions else make_hold_point(rules),
+        num_stop_points=plan.num_stop_points,
+        tolerances=plan.tolerances or rules.tolerances,
+        cmd_timeout=timeout if timeout > rules.tolerances.goal_time else 0.0,
+        requested_scaling=requested,
+        events=plan.events,
+    )
+    state = JointTrajectoryState(
+        plan=plan,
+        goal=state.goal,
+        time_ns=inputs.time_ns,
+        position=before.positions,
+        velocity=before.velocities,
+        acceleration=before.accelerations,
+        commanded=before,
+        command=np.full(len(commands), math.nan),
+        output=state.output,
+        pid=None if rules.pid is None else rules.pid.initial(),
+        scaling_factor=requested,
+    )
+    return hold(rules, state, before.positions)
+
+
+def deactivate(
+    rules: JointTrajectoryRules, state: JointTrajectoryState, inputs: TickInputs
+) -> JointTrajectoryState:
+    """Return the state after a deactivation.
+
+    The goal aborts. Velocity, acceleration and effort commands become 0, and position
+    commands stay.
+
+    Args:
+        rules: Numbers of the controller.
+        state: State of an active controller.
+        inputs: What is read; not used.
+    """
+    del inputs
+    if is_executing(state):
+        code = FollowJointTrajectoryErrorCode.INVALID_GOAL
+        state = conclude(state, GoalStatus.ABORTED, code, _DEACTIVATED_TEXT)
+    num_joints = len(rules.commanded_joints or rules.joints)
+    halt = [math.nan if i == "position" else 0.0 for i in rules.command_interfaces]
+    return state._replace(
+        plan=state.plan._replace(is_active=False, pending=None, is_hold_pending=False),
+        command=np.repeat(halt, num_joints),
+    )
+
+
+def idle(
+    rules: JointTrajectoryRules, state: JointTrajectoryState, inputs: TickInputs
+) -> JointTrajectoryState:
+    """Return the state after a tick of an inactive controller.
+
+    Messages are refused, and results that are due are told.
+
+    Args:
+        rules: Numbers of the controller.
+        state: State of an inactive controller.
+        inputs: What is read.
+    """
+    rules = state.plan.rules or rules
+    return monitor(rules, receive(rules, state, inputs), inputs.time_ns)
+
+
+def tick(
+    rules: JointTrajectoryRules, state: JointTrajectoryState, inputs: TickInputs
+) -> JointTrajectoryState:
+    """Return the state after a tick of an active controller.
+
+    A controller that was never activated is activated first.
+
+    Args:
+        rules: Numbers of the controller.
+        state: State after the last tick.
+        inputs: What is read in this tick.
+    """
+    if state.plan.rules is None:
+        state = activate(rules, state, inputs)
+    last = state.plan.rules or rules
+    if inputs.topics or inputs.requests or inputs.scaling_factors:
+        state = receive(last, state, inputs)
+    goal = state.goal
+    if goal is not None and goal.monitor_ns <= inputs.time_ns:
+        state = monitor(last, state, inputs.time_ns)
+    if last is not rules:
+        state = state._replace(plan=state.plan._replace(rules=rules))
+    factor = inputs.scaling_state
+    if rules.has_scaling_state and factor is not None and math.isfinite(factor):
+        state = state._replace(scaling_factor=factor)
+    is_first = state.plan.pending is not None
+    if is_first:
+        state = install(rules, state, inputs)
+    return follow(rules, state, inputs, is_first)
 
 
 class Inbox(NamedTuple):
@@ -192,7 +676,7 @@ class JointTrajectoryController(
             time: When, in the time of the controller's ticks.
         """
         inbox, state = self._state(context)
-        return control.query(inbox.rules, state, Time.of(time).to_nanoseconds())
+        return query(inbox.rules, state, Time.of(time).to_nanoseconds())
 
     def _declare_input(self, name: str) -> InputPort:
         return self.DeclareAbstractInputPort(name, AbstractValue.Make(()))
@@ -201,14 +685,14 @@ class JointTrajectoryController(
         self, now: Now, state: JointTrajectoryControllerSystemState
     ) -> JointTrajectoryControllerSystemState:
         inbox, inputs, last = self._receive(now, state)
-        new = control.tick(inbox.rules, last, inputs)
+        new = tick(inbox.rules, last, inputs)
         return JointTrajectoryControllerSystemState(inbox, new)
 
     def _idle(
         self, now: Now, state: JointTrajectoryControllerSystemState
     ) -> JointTrajectoryControllerSystemState:
         inbox, inputs, last = self._receive(now, state)
-        new = control.idle(inbox.rules, last, inputs)
+        new = idle(inbox.rules, last, inputs)
         return JointTrajectoryControllerSystemState(inbox, new)
 
     def rests(self, state: JointTrajectoryControllerSystemState) -> bool:
@@ -219,13 +703,13 @@ class JointTrajectoryController(
         self, now: Now, state: JointTrajectoryControllerSystemState
     ) -> JointTrajectoryControllerSystemState:
         inbox, last = self._take_parameters(now, state.inbox, state.control)
-        new = control.activate(inbox.rules, last, self._sense(now))
+        new = activate(inbox.rules, last, self._sense(now))
         return JointTrajectoryControllerSystemState(inbox, new)
 
     def _deactivate(
         self, now: Now, state: JointTrajectoryControllerSystemState
     ) -> JointTrajectoryControllerSystemState:
-        new = control.deactivate(state.inbox.rules, state.control, self._sense(now))
+        new = deactivate(state.inbox.rules, state.control, self._sense(now))
         return state._replace(control=new)
 
     def _receive(
@@ -299,4 +783,4 @@ class JointTrajectoryController(
     def _describe(
         self, state: JointTrajectoryControllerSystemState
     ) -> JointTrajectoryControllerState:
-        return control.make_controller_state(state.inbox.rules, state.control)
+        return make_controller_state(state.inbox.rules, state.control)

@@ -4,42 +4,277 @@ The rules are those of ros2_controllers' joint_trajectory_controller (version 6.
 with the action server that it uses, see `action_goals`. One more quirk is kept: a
 trajectory on the topic doesn't end the goal that is being executed; it is judged by the
 new trajectory from then on.
+
+Splines through positions that come without velocities, or even without times.
+
+The rules are those of ros2_controllers' joint_trajectory_controller
+(`positions_upsampling`, version 6.9.0).
+
+How a joint_trajectory_controller holds its joints, or brakes them.
+
+The rules are those of ros2_controllers' joint_trajectory_controller (version 6.9.0).
+Upstream has one hold message, made once. Holding changes its positions alone; success
+makes its point the goal's last one. Two quirks follow and are kept here: after a
+success later holds repeat the velocities, accelerations and efforts of that goal's last
+point, and a hold while it is being followed already has no new start.
+
+How a joint_trajectory_controller starts to follow a message.
+
+The rules are those of ros2_controllers' joint_trajectory_controller (`update`,
+version 6.9.0).
 """
 
 import dataclasses as dc
 import functools
 import math
 
+import numpy as np
+
+from arm_drake.arrays import Array
 from arm_drake.control.action_goals import ActiveGoal, answer_cancel
 from arm_drake.control.tolerances import resolve_tolerances
-from arm_drake.controllers.joint_trajectory.joint_trajectory_report import (
-    make_feedback,
-    take_snapshot,
+from arm_drake.control.trajectory import (
+    StateBefore,
+    Trajectory,
+    blend,
+    in_joint_order,
+    positions_or,
+    scaled,
 )
-from arm_drake.controllers.joint_trajectory.joint_trajectory_rules import (
-    JointTrajectoryRules,
-)
-from arm_drake.controllers.joint_trajectory.joint_trajectory_stop import stop_motion
 from arm_drake.controllers.joint_trajectory.state import (
+    Deceleration,
+    JointTrajectoryRules,
     JointTrajectoryState,
     TickInputs,
     add_events,
+    find_fault,
+    make_feedback,
+    present_commands,
+    take_snapshot,
 )
-from arm_drake.controllers.joint_trajectory.trajectory_upsampling import upsample
-from arm_drake.controllers.joint_trajectory.trajectory_validation import find_fault
 from arm_drake.messages import (
+    NANOSECONDS,
     ActionRequest,
     CancelGoal,
+    Duration,
     FollowJointTrajectoryErrorCode,
     FollowJointTrajectoryGoal,
     FollowJointTrajectoryResult,
     GoalEvent,
     GoalStatus,
     JointTrajectory,
+    JointTrajectoryPoint,
     SendGoal,
     SpeedScalingFactor,
     TopicRejected,
 )
+
+
+def upsample(message: JointTrajectory, frequency: float) -> JointTrajectory:
+    """Return a trajectory of mere positions with times and velocities.
+
+    If all times are 0, point i is due after (i + 1) / frequency. The velocities make
+    its cubic segments twice differentiable. A trajectory that has velocities or
+    accelerations, positions of different sizes, or times that don't increase, is
+    returned as it is; whether it is allowed is not checked here.
+
+    Args:
+        message: Any trajectory.
+        frequency: Rate of the points without times [Hz]; 0 gives them none.
+    """
+    points = message.points
+    if any(p.velocities or p.accelerations or not p.positions for p in points):
+        return message
+    if frequency > 0.0 and not any(p.time_from_start.to_nanoseconds() for p in points):
+        times = [int((i + 1) / frequency * NANOSECONDS) for i in range(len(points))]
+        points = tuple(
+            dc.replace(p, time_from_start=Duration.from_nanoseconds(time))
+            for p, time in zip(points, times, strict=True)
+        )
+        message = JointTrajectory(message.header, message.joint_names, points)
+    if len({len(p.positions) for p in points}) != 1:
+        return message
+    velocities = fill_cubic_spline_velocities(
+        np.array([p.time_from_start.to_nanoseconds() for p in points]) / NANOSECONDS,
+        np.array([p.positions for p in points]),
+    )
+    if velocities is None:
+        return message
+    return JointTrajectory(
+        message.header,
+        message.joint_names,
+        tuple(
+            JointTrajectoryPoint(
+                p.positions, v, effort=p.effort, time_from_start=p.time_from_start
+            )
+            for p, v in zip(points, velocities.tolist(), strict=True)
+        ),
+    )
+
+
+def fill_cubic_spline_velocities(times: Array, positions: Array) -> Array | None:
+    """Return the velocities that make cubic segments twice differentiable.
+
+    They are 0 at both ends. None if there is nothing to solve: fewer than two points,
+    or times that don't increase.
+
+    Args:
+        times: When the points are due [s], shape (m,).
+        positions: Positions at the points, shape (m, n).
+    """
+    h = np.diff(times)[:, None]
+    if len(times) < 2 or not (h > 0.0).all():
+        return None
+    velocities = np.zeros_like(positions)
+    slopes = np.diff(positions, axis=0) / h**2
+    right = 3.0 * (slopes[1:] + slopes[:-1])
+    diagonal = 2.0 * (1.0 / h[:-1] + 1.0 / h[1:])
+    # The Thomas algorithm: eliminate downwards, substitute upwards.
+    for i in range(1, len(diagonal)):
+        factor = 1.0 / (h[i] * diagonal[i - 1])
+        diagonal[i] -= factor / h[i]
+        right[i] -= factor * right[i - 1]
+    for i in reversed(range(len(diagonal))):
+        velocities[i + 1] = (right[i] - velocities[i + 2] / h[i + 1]) / diagonal[i]
+    return velocities
+
+
+# A velocity below this counts as zero: epsilon of a 32-bit float.
+_EPSILON = float(np.finfo(np.float32).eps)
+
+
+def make_hold_point(rules: JointTrajectoryRules) -> JointTrajectoryPoint:
+    """Return the point of the hold message before the first hold."""
+    commands, zeros = rules.command_interfaces, (0.0,) * len(rules.joints)
+    has_acceleration = "acceleration" in commands
+    return JointTrajectoryPoint(
+        positions=zeros,
+        velocities=zeros if has_acceleration or "velocity" in commands else (),
+        accelerations=zeros if has_acceleration else (),
+        effort=zeros if "effort" in commands else (),
+    )
+
+
+def stop_motion(
+    rules: JointTrajectoryRules,
+    state: JointTrajectoryState,
+    position: Array,
+    velocity: Array | None,
+) -> JointTrajectoryState:
+    """Return the state that brakes the joints, or holds them, from the next tick on.
+
+    Args:
+        rules: Numbers of the controller.
+        state: State to change.
+        position: Where the joints are, shape (n,).
+        velocity: How fast they move, shape (n,); None if that isn't measured. What
+            isn't finite counts as not measured.
+    """
+    is_known = velocity is not None and bool(np.isfinite(velocity).all())
+    if rules.deceleration is None or velocity is None or not is_known:
+        return hold(rules, state, position)
+    period_ns = rules.look_ahead_ns
+    message, num_points = _brake(
+        rules, position, velocity, period_ns, state.plan.num_stop_points
+    )
+    plan = state.plan._replace(
+        pending=message,
+        is_hold_pending=False,
+        is_holding=True,
+        num_stop_points=num_points,
+    )
+    return state._replace(plan=plan)
+
+
+def hold(
+    rules: JointTrajectoryRules, state: JointTrajectoryState, position: Array
+) -> JointTrajectoryState:
+    """Return the state that holds the joints, from the next tick on.
+
+    Args:
+        rules: Numbers of the controller.
+        state: State to change.
+        position: Where to hold the joints, shape (n,).
+    """
+    point = dc.replace(state.plan.hold, positions=tuple(position.tolist()))
+    return _hold(rules, state, point)
+
+
+def repeat_last_point(
+    rules: JointTrajectoryRules, state: JointTrajectoryState, trajectory: Trajectory
+) -> JointTrajectoryState:
+    """Return the state that stays at the end of a trajectory, velocities included."""
+    return _hold(rules, state, trajectory.last_point())
+
+
+def _hold(
+    rules: JointTrajectoryRules,
+    state: JointTrajectoryState,
+    point: JointTrajectoryPoint,
+) -> JointTrajectoryState:
+    plan = state.plan
+    message = JointTrajectory(joint_names=rules.joints, points=(point,))
+    installed = plan.trajectory
+    if installed is None or not plan.is_hold_installed:
+        plan = plan._replace(
+            pending=message, is_hold_pending=True, is_holding=True, hold=point
+        )
+        return state._replace(plan=plan)
+    before = StateBefore(installed.before_ns, np.array(point.positions))
+    changed = Trajectory.from_message(message, before, now_ns=installed.start_ns)
+    plan = plan._replace(
+        trajectory=changed,
+        pending=None,
+        is_hold_pending=False,
+        is_holding=True,
+        hold=point,
+    )
+    return state._replace(plan=plan, ahead_ns=-1, ahead=None)
+
+
+def min_stop_points(deceleration: Array, limits: Array, period_ns: int) -> int:
+    """Return how many points stop joints from their greatest velocities.
+
+    Args:
+        deceleration: Of each joint [rad/s^2], shape (n,).
+        limits: Greatest velocities [rad/s], shape (n,).
+        period_ns: Time between the points [ns].
+    """
+    longest = float((limits / deceleration).max())
+    return math.ceil(longest / (period_ns / NANOSECONDS)) + 1
+
+
+def _brake(
+    rules: JointTrajectoryRules,
+    position: Array,
+    velocity: Array,
+    period_ns: int,
+    num_before: int,
+) -> tuple[JointTrajectory, int]:
+    """Return a braking trajectory and its number of points, which never shrinks."""
+    braking: Deceleration | None = rules.deceleration
+    assert braking is not None
+    a, dt = braking.decelerations, period_ns / NANOSECONDS
+    duration = np.abs(velocity) / a
+    needed = math.ceil(float(duration.max()) / dt) + 1
+    num_points = max(braking.num_points, num_before, needed)
+    sign = np.where(velocity >= 0.0, 1.0, -1.0)
+    end = position + sign * velocity**2 / (2.0 * a)
+    t = (np.arange(num_points) * dt)[:, None]
+    moves = (t < duration) & (np.abs(velocity) > _EPSILON)
+    v = velocity - sign * a * t
+    v = np.where(moves, sign * np.maximum(sign * v, 0.0), 0.0)
+    q = np.where(moves, position + velocity * t - sign * a * t**2 / 2.0, end)
+    acceleration = np.where(moves, -sign * a, 0.0)
+    rows = zip(q.tolist(), v.tolist(), acceleration.tolist(), strict=True)
+    points = tuple(
+        JointTrajectoryPoint(
+            *row, time_from_start=Duration.from_nanoseconds(k * period_ns)
+        )
+        for k, row in enumerate(rows)
+    )
+    return JointTrajectory(joint_names=rules.joints, points=points), num_points
+
 
 _INACTIVE = "the controller is inactive; activate it first"
 
@@ -208,3 +443,127 @@ def _cancel(
         assert state.position is not None
         state = stop_motion(rules, state, state.position, state.velocity)
     return add_events(state, response)
+
+
+# A time of the last command up to this counts as none: in seconds, epsilon of a 32-bit
+# float [ns].
+_NO_TIME_NS = 119
+
+
+def install(
+    rules: JointTrajectoryRules, state: JointTrajectoryState, inputs: TickInputs
+) -> JointTrajectoryState:
+    """Return the state that follows the pending message from now on.
+
+    Args:
+        rules: Numbers of the controller.
+        state: State with a pending message.
+        inputs: What the tick reads.
+    """
+    plan = state.plan
+    assert plan.pending is not None
+    message, num_prefix = _prepare(rules, state, inputs, plan.pending)
+    trajectory = Trajectory.from_message(
+        message,
+        _state_before(rules, state, inputs),
+        now_ns=inputs.time_ns,
+        interpolation=rules.interpolation,
+        wraparound=rules.wraparound,
+    )
+    plan = plan._replace(
+        trajectory=trajectory,
+        num_prefix=num_prefix,
+        is_hold_installed=plan.is_hold_pending,
+        pending=None,
+        is_hold_pending=False,
+    )
+    return state._replace(
+        plan=plan, clock_ns=inputs.time_ns, cursor=0, ahead_ns=-1, ahead=None
+    )
+
+
+def _prepare(
+    rules: JointTrajectoryRules,
+    state: JointTrajectoryState,
+    inputs: TickInputs,
+    message: JointTrajectory,
+) -> tuple[JointTrajectory, int]:
+    """Return a message of all joints, blended if it is to be, and its prefix."""
+    plan, old = state.plan, state.plan.trajectory
+    is_blended = (
+        rules.allow_replacement
+        and not plan.is_holding
+        and old is not None
+        and len(old.times_ns) > 1
+    )
+    if not is_blended and message.joint_names == rules.joints:
+        return message, 0
+    missing = inputs.position
+    if len(message.joint_names) < len(rules.joints):
+        commands = present_commands(rules, inputs)
+        missing = positions_or(rules.command_of(commands, "position"), missing)
+    if is_blended:
+        assert old is not None
+        stamp_ns = message.header.stamp.to_nanoseconds()
+        delay_ns = max(stamp_ns - inputs.time_ns, 0)
+        replacement = blend(
+            message,
+            old,
+            rules.joints,
+            missing,
+            cursor_ns=state.clock_ns,
+            delay_ns=scaled(delay_ns, state.scaling_factor),
+            cursor=state.cursor,
+            seen=state.seen,
+        )
+        if replacement is not None:
+            return replacement
+    return in_joint_order(message, rules.joints, missing), 0
+
+
+def _state_before(
+    rules: JointTrajectoryRules, state: JointTrajectoryState, inputs: TickInputs
+) -> StateBefore:
+    """Return where a trajectory starts from: what is measured or was commanded."""
+    now_ns, last = inputs.time_ns, state.commanded
+    if not rules.interpolate_from_desired_state or last is None:
+        effort = None
+        if rules.carries_effort and "effort" in rules.command_interfaces:
+            effort = rules.command_of(present_commands(rules, inputs), "effort")
+        return StateBefore(
+            now_ns, inputs.position, inputs.velocity, inputs.acceleration, effort
+        )
+    is_timed = rules.starts_at_last_command and state.commanded_ns > _NO_TIME_NS
+    time_ns = state.commanded_ns if is_timed else now_ns
+    if isinstance(last, StateBefore):
+        return last._replace(time_ns=time_ns)
+    return StateBefore(
+        time_ns, last.position, last.velocity, last.acceleration, last.effort
+    )
+
+
+def commanded_before(
+    rules: JointTrajectoryRules, inputs: TickInputs, commands: Array
+) -> StateBefore:
+    """Return the state that an activation takes as the last command.
+
+    Kinds of command interfaces that all have a finite value replace what is measured,
+    if all joints are commanded.
+
+    Args:
+        rules: Numbers of the controller.
+        inputs: What the activation reads.
+        commands: Present values of the command interfaces, shape (k,).
+    """
+    measured = (inputs.position, inputs.velocity, inputs.acceleration, None)
+    if not rules.starts_from_commands or len(commands) != (
+        len(rules.joints) * len(rules.command_interfaces)
+    ):
+        return StateBefore(inputs.time_ns, *measured)
+    names = ("position", "velocity", "acceleration", "effort")
+    fields = []
+    for name, vector in zip(names, measured, strict=True):
+        values = rules.command_of(commands, name)
+        is_known = values is not None and bool(np.isfinite(values).all())
+        fields.append(values if is_known else vector)
+    return StateBefore(inputs.time_ns, *fields)

@@ -2,34 +2,353 @@
 
 n is the number of joints and k that of command interfaces, see
 `joint_trajectory_rules`.
+
+Which trajectories a joint_trajectory_controller takes.
+
+The rules and their order are those of ros2_controllers' joint_trajectory_controller
+(`validate_trajectory_msg`); numbers that aren't finite and joints named twice, which
+upstream lets through to its undefined behaviour, are refused as well.
+
+Rules of a joint_trajectory_controller, see `joint_trajectory`.
+
+n is the number of joints, m that of commanded joints and k that of claimed command
+interfaces: all commanded joints of the first, then all of the second, and so on.
+
+What a joint_trajectory_controller tells of itself, as messages.
+
+The rules are those of ros2_controllers' joint_trajectory_controller (`publish_state`,
+`query_state_service`, version 6.9.0). Messages are made when someone looks at them.
 """
 
+import dataclasses as dc
+import functools
 import math
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Collection
 from typing import NamedTuple, Self
 
 import numpy as np
 
 from arm_drake.arrays import Array
 from arm_drake.control.action_goals import ActiveGoal
-from arm_drake.control.pid import PidState
-from arm_drake.control.tolerances import Tolerances
-from arm_drake.control.trajectory import Sample, Trajectory
-from arm_drake.control.trajectory_segments import StateBefore
-from arm_drake.controllers.joint_trajectory.joint_trajectory_rules import (
-    JointTrajectoryRules,
-)
+from arm_drake.control.pid import Pid, PidState
+from arm_drake.control.tolerances import Mask, Tolerances
+from arm_drake.control.trajectory import Interpolation, Sample, StateBefore, Trajectory
+from arm_drake.errors import suggest
 from arm_drake.messages import (
+    NANOSECONDS,
     ActionRequest,
     CancelResponse,
+    Duration,
+    FollowJointTrajectoryFeedback,
     GoalEvent,
+    GoalStatus,
+    Header,
     JointTrajectory,
+    JointTrajectoryControllerState,
     JointTrajectoryPoint,
+    Message,
     ParametersRejected,
+    QueryTrajectoryState,
     SpeedScalingFactor,
+    Time,
     TopicRejected,
 )
-from arm_drake.messages.news import add_news
+from arm_drake.messages.base import add_news, make_lazy
+
+# A velocity below this counts as zero: epsilon of a 32-bit float.
+_EPSILON = 1.1920929e-7
+
+
+@dc.dataclass(frozen=True)
+class TrajectoryRules:
+    """What a controller allows in a trajectory."""
+
+    # The controller's joints.
+    joints: tuple[str, ...]
+
+    # Whether a trajectory may leave joints out.
+    allow_partial_joints_goal: bool = False
+
+    # Whether the last point may have a velocity.
+    allow_nonzero_velocity_at_trajectory_end: bool = False
+
+    # Whether positions may be left out and be integrated.
+    allow_integration_in_goal_trajectories: bool = False
+
+    # Whether efforts can be commanded.
+    has_effort_command: bool = False
+
+    # Fields that every point must have, and those that the first one may lack.
+    needed: tuple[str, ...] = ()
+    known_at_start: tuple[str, ...] = ()
+
+
+def needed_fields(
+    command_interfaces: Collection[str], interpolation: str
+) -> tuple[str, ...]:
+    """Return which fields every point must have.
+
+    With interpolation "none" a point is commanded as it is. What it lacks, upstream
+    reads from an empty vector, and crashes.
+
+    Args:
+        command_interfaces: What is commanded.
+        interpolation: "splines" or "none".
+    """
+    if interpolation != "none":
+        return ()
+    fields = ["positions"]
+    # Efforts come with errors of velocities.
+    if {"velocity", "effort"} & set(command_interfaces):
+        fields.append("velocities")
+    if "acceleration" in command_interfaces:
+        fields.append("accelerations")
+    if "effort" in command_interfaces:
+        fields.append("effort")
+    return tuple(fields)
+
+
+def find_fault(
+    message: JointTrajectory, rules: TrajectoryRules, now_ns: int
+) -> str | None:
+    """Return why a trajectory is refused, or None if it isn't.
+
+    Args:
+        message: The trajectory.
+        rules: What is allowed.
+        now_ns: Time at which it arrives [ns].
+    """
+    return (
+        _fault_in_joints(message, rules)
+        or _fault_in_end(message, rules, now_ns)
+        or _fault_in_points(message, rules)
+    )
+
+
+def _fault_in_joints(message: JointTrajectory, rules: TrajectoryRules) -> str | None:
+    names = message.joint_names
+    if not names:
+        return "no joint_names; name the joints of the positions"
+    if not message.points:
+        return "no points; a trajectory needs at least one"
+    for name in names:
+        if name not in rules.joints:
+            return f"unknown joint {name!r}; {suggest(name, rules.joints)}"
+    repeated = [name for name, count in Counter(names).items() if count > 1]
+    if repeated:
+        return f"joint {repeated[0]!r} is named twice; name each joint once"
+    missing = [joint for joint in rules.joints if joint not in names]
+    if missing and not rules.allow_partial_joints_goal:
+        return (
+            f"joints {missing} are missing; name all joints, or set "
+            "allow_partial_joints_goal"
+        )
+    return None
+
+
+def _fault_in_end(
+    message: JointTrajectory, rules: TrajectoryRules, now_ns: int
+) -> str | None:
+    last = message.points[-1]
+    if not rules.allow_nonzero_velocity_at_trajectory_end and any(
+        abs(velocity) > _EPSILON for velocity in last.velocities
+    ):
+        return (
+            f"the last point has velocities {list(last.velocities)}; they must be 0, "
+            "or allow_nonzero_velocity_at_trajectory_end set"
+        )
+    stamp_ns = message.header.stamp.to_nanoseconds()
+    end_ns = stamp_ns + last.time_from_start.to_nanoseconds()
+    if stamp_ns != 0 and end_ns < now_ns:
+        return (
+            f"ends in the past: at {end_ns / NANOSECONDS} s, and it is "
+            f"{now_ns / NANOSECONDS} s; a stamp of 0 starts now"
+        )
+    return None
+
+
+def _fault_in_points(message: JointTrajectory, rules: TrajectoryRules) -> str | None:
+    n = len(message.joint_names)
+    before: JointTrajectoryPoint | None = None
+    for index, point in enumerate(message.points):
+        time = point.time_from_start
+        if before is not None and time <= before.time_from_start:
+            return (
+                f"points[{index}].time_from_start is {time.to_seconds()} s, after "
+                f"{before.time_from_start.to_seconds()} s; times must increase"
+            )
+        fault = _fault_in_point(point, n, rules)
+        if fault:
+            return f"points[{index}].{fault}"
+        before = point
+    return _fault_in_jumps(message, rules)
+
+
+def _fault_in_jumps(message: JointTrajectory, rules: TrajectoryRules) -> str | None:
+    """Return what points lack that are commanded as they are."""
+    first = message.points[0].time_from_start.to_nanoseconds()
+    # Such a point is the end of its trajectory, where what is missing is 0.
+    is_end = len(message.points) == 1 and first == 0
+    is_end &= message.header.stamp.to_nanoseconds() == 0
+    for index, point in enumerate(message.points):
+        for field in rules.needed:
+            is_known = index == 0 and (is_end or field in rules.known_at_start)
+            if not getattr(point, field) and (field == "positions" or not is_known):
+                return (
+                    f"points[{index}] has no {field}; with interpolation_method 'none' "
+                    f"every point needs {', '.join(rules.needed)}"
+                )
+    return None
+
+
+def _fault_in_point(
+    point: JointTrajectoryPoint, n: int, rules: TrajectoryRules
+) -> str | None:
+    vectors = {
+        "positions": point.positions,
+        "velocities": point.velocities,
+        "accelerations": point.accelerations,
+        "effort": point.effort,
+    }
+    motion = ("positions", "velocities", "accelerations")
+    if not rules.allow_integration_in_goal_trajectories and not point.positions:
+        return f"positions has no elements; expected {n}, one per joint"
+    if not any(vectors[name] for name in motion):
+        return f"positions has no elements; expected {n}, one per joint"
+    if point.effort and not rules.has_effort_command:
+        return "effort is given; the controller has no effort command interface"
+    for name, values in vectors.items():
+        if values and len(values) != n:
+            return f"{name} has {len(values)} elements; expected {n}, one per joint"
+        for index, value in enumerate(values):
+            if not math.isfinite(value):
+                return f"{name}[{index}] is {value}; expected a finite number"
+    return None
+
+
+class Deceleration(NamedTuple):
+    """How joints brake, instead of stopping at once."""
+
+    # Of each joint [rad/s^2] or [m/s^2], above 0, shape (n,).
+    decelerations: Array
+
+    # Points that a braking trajectory has at least.
+    num_points: int
+
+
+@dc.dataclass(frozen=True, eq=False)
+class JointTrajectoryRules(Message):
+    """Numbers of a controller of n joints. New ones may hold from any tick on."""
+
+    # What is allowed in a trajectory, and the joints.
+    allowed: TrajectoryRules
+
+    # Tolerances where a goal asks for none.
+    tolerances: Tolerances
+
+    # How far ahead commands are sampled: a period of the controller [ns].
+    look_ahead_ns: int
+
+    # Period in which goals give feedback and results [ns].
+    monitor_period_ns: int
+
+    # What is commanded of each commanded joint.
+    command_interfaces: tuple[str, ...] = ("position",)
+
+    # Index of each commanded joint, m of them; None commands all in their order.
+    commanded_joints: tuple[int, ...] | None = None
+
+    interpolation: Interpolation = "splines"
+
+    # Whether trajectories start from the last command instead of the measured state.
+    interpolate_from_desired_state: bool = False
+
+    # How long the last point is held before the joints stop where they are [s]; 0 is
+    # for ever.
+    cmd_timeout: float = 0.0
+
+    # Which joints turn without end, shape (n,); None if none does.
+    wraparound: Mask | None = None
+
+    # PIDs of all joints, and how much of the velocity is added to their output, (n,).
+    pid: Pid | None = None
+    ff_velocity_scale: Array | None = None
+
+    # Whether the last command counts from its own time, not from the new trajectory's.
+    starts_at_last_command: bool = True
+
+    # Whether trajectories lead from the last commanded efforts to those of points.
+    carries_effort: bool = True
+
+    # Whether it starts from what was commanded before its activation.
+    starts_from_commands: bool = True
+
+    # How joints brake when a goal is cancelled or fails; None stops them at once.
+    deceleration: Deceleration | None = None
+
+    # Whether a new trajectory is blended with the one that runs.
+    allow_replacement: bool = False
+
+    # Rate of positions without times [Hz], 0 for none; None leaves trajectories alone.
+    upsampling_frequency: float | None = None
+
+    # How fast time passes, to start with, and whether interfaces tell or are told it.
+    initial_scaling_factor: float = 1.0
+    has_scaling_state: bool = False
+    has_scaling_command: bool = False
+
+    # Whether a look-ahead that sees the end also ends the search for the next sample.
+    is_cursor_pinned: bool = False
+
+    # How a goal ends that another one preempts.
+    preempted_status: GoalStatus = GoalStatus.ABORTED
+    preempted_text: str = "Current goal preempted by new incoming action."
+
+    # Names of the joints.
+    joints: tuple[str, ...] = dc.field(init=False)
+
+    # Whether positions are commanded and nothing else; of all joints in their order.
+    is_position_only: bool = dc.field(init=False)
+    is_plain: bool = dc.field(init=False)
+
+    # Whether velocities and accelerations have errors, if they are measured.
+    has_velocity_error: bool = dc.field(init=False)
+    has_acceleration_error: bool = dc.field(init=False)
+
+    def __post_init__(self) -> None:
+        """Prepare what every tick would find out anew."""
+        commands = self.command_interfaces
+        is_position_only = commands == ("position",)
+        derived = {
+            "joints": self.allowed.joints,
+            "is_position_only": is_position_only,
+            "is_plain": is_position_only and self.commanded_joints is None,
+            "has_velocity_error": "velocity" in commands or "effort" in commands,
+            "has_acceleration_error": "acceleration" in commands,
+        }
+        for name, value in derived.items():
+            object.__setattr__(self, name, value)
+
+    def command_of(self, commands: Array, interface: str) -> Array | None:
+        """Return the values of one interface by joint, shape (n,).
+
+        Args:
+            commands: Values of all command interfaces, shape (k,).
+            interface: Which of `command_interfaces`; None is returned for others.
+                A joint that isn't commanded has NaN.
+        """
+        if interface not in self.command_interfaces:
+            return None
+        m = len(commands) // len(self.command_interfaces)
+        first = m * self.command_interfaces.index(interface)
+        values = commands[first : first + m]
+        if self.commanded_joints is None:
+            return values
+        by_joint = np.full(len(self.joints), math.nan)
+        by_joint[list(self.commanded_joints)] = values
+        return by_joint
+
 
 # News of a controller.
 Event = GoalEvent | CancelResponse | TopicRejected | ParametersRejected
@@ -181,3 +500,210 @@ def add_events(state: JointTrajectoryState, *news: Event) -> JointTrajectoryStat
     """Return the state with news."""
     events = add_news(state.plan.events, news)
     return state._replace(plan=state.plan._replace(events=events))
+
+
+_INTERFACES = ("position", "velocity", "acceleration", "effort")
+_AT_ONCE = Duration()
+
+
+class Snapshot(NamedTuple):
+    """What a tick saw: reference, measurement and error, each of shape (n,)."""
+
+    time_ns: int
+
+    # Trajectory at the time, and times since its start [ns]: scaled, and as they are.
+    desired: Sample
+    desired_from_start_ns: int
+    actual_from_start_ns: int
+
+    # Measured.
+    position: Array
+    velocity: Array | None
+    acceleration: Array | None
+
+    # Reference minus measurement.
+    error: Array
+
+    # Index of the point of the message that the motion is heading for.
+    next_point: int
+
+
+def take_snapshot(state: JointTrajectoryState) -> Snapshot | None:
+    """Return what the last tick saw; None if nothing so far."""
+    plan, desired, position = state.plan, state.desired, state.position
+    if desired is None or position is None or plan.trajectory is None:
+        return None
+    assert state.error is not None
+    start_ns = plan.trajectory.start_ns
+    return Snapshot(
+        state.time_ns,
+        desired,
+        state.clock_ns - start_ns,
+        state.time_ns - start_ns,
+        position,
+        state.velocity,
+        state.acceleration,
+        state.error,
+        max(desired.segment_end - plan.num_prefix, 0),
+    )
+
+
+def make_feedback(
+    rules: JointTrajectoryRules, snapshot: Snapshot
+) -> FollowJointTrajectoryFeedback:
+    """Return the feedback message of what a tick saw."""
+    reference, feedback, error = _make_points(rules, snapshot)
+    return FollowJointTrajectoryFeedback(
+        header=Header(stamp=Time.from_nanoseconds(snapshot.time_ns)),
+        joint_names=rules.joints,
+        desired=reference,
+        actual=feedback,
+        error=error,
+        index=snapshot.next_point,
+    )
+
+
+def make_controller_state(
+    rules: JointTrajectoryRules, state: JointTrajectoryState
+) -> JointTrajectoryControllerState:
+    """Return the message of what the last tick saw and commanded.
+
+    It is made when a field is asked for. Its `output` are the last values of the
+    command interfaces that were all finite, 0 before; a joint that isn't commanded has
+    NaN.
+
+    Args:
+        rules: Numbers of the controller.
+        state: State after a tick.
+    """
+    make = functools.partial(_make_message, rules, state)
+    return make_lazy(JointTrajectoryControllerState, make)
+
+
+def _make_message(
+    rules: JointTrajectoryRules, state: JointTrajectoryState
+) -> JointTrajectoryControllerState:
+    snapshot = take_snapshot(state)
+    if snapshot is None:
+        return JointTrajectoryControllerState(joint_names=rules.joints)
+    reference, feedback, error = _make_points(rules, snapshot)
+    return JointTrajectoryControllerState(
+        header=Header(stamp=Time.from_nanoseconds(snapshot.time_ns)),
+        joint_names=rules.joints,
+        reference=reference,
+        feedback=feedback,
+        error=error,
+        output=_make_output(rules, state.output),
+        speed_scaling_factor=state.scaling_factor,
+    )
+
+
+def make_query_response(
+    rules: JointTrajectoryRules, state: JointTrajectoryState, time_ns: int
+) -> QueryTrajectoryState:
+    """Return what is planned for a time, the state being untouched.
+
+    It fails outside of the trajectory: the answer is its last point then, or before its
+    start what was measured last. (Upstream the search for the next reference goes on
+    from the time asked for, and the motion may jump to its end; that isn't copied.)
+
+    Args:
+        rules: Numbers of the controller.
+        state: State after the last tick.
+        time_ns: When [ns].
+    """
+    if not state.plan.is_active:
+        message = "the controller is inactive; activate it first"
+        return QueryTrajectoryState(message=message)
+    trajectory = state.plan.trajectory
+    sample = None
+    if trajectory is not None:
+        sample = trajectory.sample(time_ns, state.cursor, state.seen)
+    if trajectory is None or sample is None:
+        what = "there is no trajectory yet"
+        if trajectory is not None:
+            what = f"the trajectory starts after {time_ns} ns"
+        vectors = (state.position, state.velocity, state.acceleration)
+        return QueryTrajectoryState(False, what, rules.joints, *map(_floats, vectors))
+    is_over = sample.segment_end == len(trajectory.times_ns)
+    return QueryTrajectoryState(
+        not is_over,
+        f"the trajectory ends before {time_ns} ns" if is_over else "",
+        rules.joints,
+        _floats(sample.position),
+        _floats(sample.velocity),
+        _floats(sample.acceleration),
+    )
+
+
+def _make_points(
+    rules: JointTrajectoryRules, seen: Snapshot
+) -> tuple[JointTrajectoryPoint, JointTrajectoryPoint, JointTrajectoryPoint]:
+    """Return reference, feedback and error.
+
+    The error of what isn't commanded stays 0.
+    """
+    desired, v, a = seen.desired, seen.velocity, seen.acceleration
+    v_d, a_d = desired.velocity, desired.acceleration
+    desired_time, actual_time = (
+        Duration.from_nanoseconds(time_ns)
+        for time_ns in (seen.desired_from_start_ns, seen.actual_from_start_ns)
+    )
+    is_sped, is_accelerated = rules.has_velocity_error, rules.has_acceleration_error
+    return (
+        _point_of(
+            _floats(desired.position), _floats(v_d), _floats(a_d), (), desired_time
+        ),
+        _point_of(_floats(seen.position), _floats(v), _floats(a), (), actual_time),
+        _point_of(
+            _floats(seen.error),
+            _error_of(v_d if is_sped else None, v),
+            _error_of(a_d if is_accelerated else None, a),
+            (),
+            _AT_ONCE,
+        ),
+    )
+
+
+def _error_of(desired: Array | None, measured: Array | None) -> tuple[float, ...]:
+    """Return reference minus measurement; 0 without a reference."""
+    if measured is None:
+        return ()
+    if desired is None:
+        return (0.0,) * len(measured)
+    return _floats(desired - measured)
+
+
+def _make_output(
+    rules: JointTrajectoryRules, output: Array | None
+) -> JointTrajectoryPoint:
+    def values_of(interface: str) -> tuple[float, ...]:
+        if output is not None:
+            return _floats(rules.command_of(output, interface))
+        is_claimed = interface in rules.command_interfaces
+        return (0.0,) * len(rules.joints) if is_claimed else ()
+
+    q, v, a, u = map(values_of, _INTERFACES)
+    return _point_of(q, v, a, u, _AT_ONCE)
+
+
+def _point_of(
+    positions: tuple[float, ...],
+    velocities: tuple[float, ...],
+    accelerations: tuple[float, ...],
+    effort: tuple[float, ...],
+    time_from_start: Duration,
+) -> JointTrajectoryPoint:
+    """Return a point, past the checks of what a user gives: they take most of it."""
+    point = object.__new__(JointTrajectoryPoint)
+    fields = point.__dict__
+    fields["positions"] = positions
+    fields["velocities"] = velocities
+    fields["accelerations"] = accelerations
+    fields["effort"] = effort
+    fields["time_from_start"] = time_from_start
+    return point
+
+
+def _floats(vector: Array | None) -> tuple[float, ...]:
+    return () if vector is None else tuple(vector.tolist())

@@ -1,23 +1,419 @@
-"""Mesh files of robot descriptions to what Drake draws and collides, once."""
+"""Mesh files of robot descriptions to what Drake draws and collides, once.
 
+The cache of converted meshes.
+
+Beside the files of a mesh lies a ``.json`` with their checksums and report lines.
+"""
+
+import atexit
 import dataclasses as dc
+import functools
 import hashlib
+import importlib.metadata
+import importlib.util
+import io
+import itertools
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import uuid
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+import platformdirs
 
-from arm_drake.description.meshes import cache, convex
-from arm_drake.description.meshes.cache import cache_directory as cache_directory
-from arm_drake.description.meshes.cache import clear_cache as clear_cache
-from arm_drake.description.meshes.decimation import decimate, require_decimation
-from arm_drake.description.meshes.files import read_bytes, references
-from arm_drake.description.meshes.gltf import encode_gltf
-from arm_drake.description.meshes.reading import read_surfaces
-from arm_drake.description.meshes.surface_obj import encode_surface
-from arm_drake.description.meshes.surfaces import Array, Color, Surface
+from arm_drake.description.meshes.reading import read_bytes, read_surfaces, references
+from arm_drake.description.meshes.surfaces import (
+    Array,
+    Color,
+    Surface,
+    decimate,
+    encode_gltf,
+    encode_surface,
+    require_decimation,
+)
 from arm_drake.description.report import Kind, LoadReport, ReportEntry, Severity
+from arm_drake.errors import MissingExtraError, OutputError
+
+# Names that this module writes or wrote, including what an interrupted write leaves.
+_OURS = re.compile(r"[0-9a-f]{64}(_\d+)?\.(gltf|obj|json)(\.json)?(\.\w+\.tmp)?")
+
+
+@dc.dataclass(frozen=True)
+class ConvertedMesh:
+    """Files that Drake takes with scale 1, and what was reported on the way."""
+
+    # Absolute; several for the parts of a decomposed mesh.
+    paths: tuple[Path, ...]
+
+    # Without place and file, which belong to whoever asks.
+    notes: tuple[ReportEntry, ...] = ()
+
+
+def cache_directory() -> Path:
+    """Return the folder of converted meshes; ``ARM_DRAKE_CACHE`` moves it."""
+    root = os.environ.get("ARM_DRAKE_CACHE") or platformdirs.user_cache_dir("arm_drake")
+    return Path(os.path.expanduser(root)).absolute() / "meshes"
+
+
+def clear_cache(cache_dir: Path | None = None) -> int:
+    """Remove converted meshes, nothing else, and return how many files that were."""
+    folder = cache_directory() if cache_dir is None else cache_dir
+    ours = [path for path in folder.glob("*") if _OURS.fullmatch(path.name)]
+    for path in ours:
+        path.unlink(missing_ok=True)  # Another process may be clearing it too.
+    return len(ours)
+
+
+def find(folder: Path, key: str, suffix: str) -> ConvertedMesh | None:
+    """Return what `keep` wrote, or None if it isn't there undamaged."""
+    for place in (folder, None):
+        try:
+            base = place or _substitute(folder)
+            record = json.loads((base / f"{key}.json").read_bytes())
+            paths = _paths(base, key, suffix, len(record["sha256"]))
+            sums = [hashlib.sha256(path.read_bytes()).hexdigest() for path in paths]
+            if sums and sums == record["sha256"]:
+                notes = tuple(ReportEntry(**note) for note in record["notes"])
+                return ConvertedMesh(paths, notes)
+        except (OSError, ValueError, KeyError, TypeError, RecursionError):
+            continue
+    return None
+
+
+def keep(
+    folder: Path,
+    key: str,
+    suffix: str,
+    contents: list[bytes],
+    *,
+    notes: list[ReportEntry],
+    report: LoadReport,
+) -> ConvertedMesh:
+    """Write the files of a mesh so that no reader ever sees half of them.
+
+    A cache that can't be written is replaced by a temporary folder, with a report line.
+
+    Args:
+        folder: The cache.
+        key: 64 hexadecimal digits.
+        suffix: Type of the files, such as ".obj".
+        contents: The files.
+        notes: What `find` is to return with them.
+        report: Receives that the cache can't be written.
+
+    Raises:
+        OutputError: The temporary folder can't be written either.
+    """
+    record = {
+        "sha256": [hashlib.sha256(content).hexdigest() for content in contents],
+        "notes": [dc.asdict(note) for note in notes],
+    }
+    try:
+        paths = _write(folder, key, suffix, contents, record)
+    except OSError as error:
+        what = f"the mesh cache {str(folder)!r} can't be written ({error.strerror})"
+        done = "converted meshes last as long as this process"
+        report.add("info", "ignored", what, done)
+        try:
+            paths = _write(_substitute(folder), key, suffix, contents, record)
+        except OSError as error:
+            what = f"no converted mesh can be written ({error.strerror})"
+            raise OutputError(what, file=_substitute(folder)) from error
+    return ConvertedMesh(paths, tuple(notes))
+
+
+def _paths(folder: Path, key: str, suffix: str, count: int) -> tuple[Path, ...]:
+    return tuple(folder / f"{key}_{i}{suffix}" for i in range(count))
+
+
+def _write(
+    folder: Path,
+    key: str,
+    suffix: str,
+    contents: list[bytes],
+    record: dict[str, object],
+) -> tuple[Path, ...]:
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = _paths(folder, key, suffix, len(contents))
+    for path, content in zip(paths, contents, strict=True):
+        _write_whole(path, content)
+    _write_whole(folder / f"{key}.json", json.dumps(record).encode())
+    return paths
+
+
+def _write_whole(path: Path, content: bytes) -> None:
+    handle, unfinished = tempfile.mkstemp(".tmp", f"{path.name}.", path.parent)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+        Path(unfinished).replace(path)
+    except OSError:
+        Path(unfinished).unlink(missing_ok=True)
+        raise
+
+
+def _substitute(folder: Path) -> Path:
+    """Return where this process keeps what it can't write to a cache."""
+    return _temporary_directory() / hashlib.sha256(bytes(folder)).hexdigest()
+
+
+@functools.cache
+def _temporary_directory() -> Path:
+    path = Path(tempfile.gettempdir(), f"arm_drake_meshes_{uuid.uuid4().hex}")
+    atexit.register(shutil.rmtree, path, ignore_errors=True)
+    return path
+
+
+# Drake's convex hull needs a volume: a flat mesh gets this thickness [m].
+_FLAT_THICKNESS = 1e-4
+_FLATNESS = 1e-5  # Thickness as a part of the size; less is flat.
+
+# How far a thinned hull may be from the mesh, as a part of its size: half a millimetre
+# of a link of half a metre, less than its hull adds where it is hollow. Drake computes
+# hulls again at every load, and contact takes longer with every corner.
+TOLERANCE = 1e-3
+
+# What people draw by hand has fewer corners: a cylinder of 64 sides has these.
+FEW_CORNERS = 128
+
+# Distances between points and planes that are in memory at a time.
+_MAX_DISTANCES = 100_000
+
+# Meshes of torn triangles can keep the decomposition busy for hours.
+DECOMPOSITION_TIMEOUT = 300.0  # s
+
+# Contact takes longer with every piece.
+_MAX_PIECES = 200
+
+# In a process of its own: the library can't be interrupted, and it prints.
+_DECOMPOSE = """
+import io, os, sys
+import numpy as np
+result = os.fdopen(os.dup(1), "wb")
+os.dup2(2, 1)
+import coacd
+mesh = np.load(io.BytesIO(sys.stdin.buffer.read()))
+coacd.set_log_level("off")
+parts = coacd.run_coacd(coacd.Mesh(mesh["vertices"], mesh["faces"]), seed=0)
+np.savez(result, *(points for points, _ in parts))
+"""
+
+
+def require_decomposition() -> str:
+    """Return the version of the library that decomposes.
+
+    Raises:
+        MissingExtraError: It isn't installed.
+    """
+    if importlib.util.find_spec("coacd") is None:
+        raise MissingExtraError("convex decomposition of meshes", "decompose")
+    return importlib.metadata.version("coacd")
+
+
+def split(surfaces: list[Surface]) -> list[Array]:
+    """Return the points of each piece of a mesh, each of shape (n, 3).
+
+    Pieces share no corner with each other, as the walls of a house or the legs of a
+    table often don't. A mesh of very many pieces is one.
+    """
+    # Not at the top: most robots are loaded without it, and it takes longest of all.
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    points, faces = _joined(surfaces)
+    ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
+    edges = coo_array(
+        (np.ones(len(ends), dtype=bool), (ends[:, 0], ends[:, 1])),
+        shape=(len(points), len(points)),
+    )
+    _, labels = connected_components(edges, directed=False)
+    used = np.unique(labels[faces])
+    if len(used) > _MAX_PIECES:
+        return [points]
+    pieces = [solid_points(points[labels == label])[0] for label in used]
+    return [piece for piece in pieces if len(piece)]
+
+
+def decompose(surfaces: list[Surface]) -> list[Array]:
+    """Return the points of convex parts that cover a mesh, each of shape (n, 3).
+
+    Raises:
+        ValueError: The mesh can't be decomposed; the message says why.
+    """
+    points, faces = _joined(surfaces)
+    stream = io.BytesIO()
+    np.savez(stream, vertices=points, faces=faces)
+    try:
+        done = subprocess.run(  # noqa: S603
+            [sys.executable, "-c", _DECOMPOSE],
+            input=stream.getvalue(),
+            capture_output=True,
+            timeout=DECOMPOSITION_TIMEOUT,
+        )
+    except subprocess.TimeoutExpired:
+        limit = f"{DECOMPOSITION_TIMEOUT:.0f} s"
+        raise ValueError(f"its decomposition takes more than {limit}") from None
+    if done.returncode != 0:
+        last = done.stderr.decode(errors="replace").strip().rpartition("\n")[2]
+        raise ValueError(f"its decomposition failed ({last or done.returncode})")
+    with np.load(io.BytesIO(done.stdout)) as parts:
+        found = [solid_points(parts[name])[0] for name in parts.files]
+    found = [points for points in found if len(points)]
+    if not found:
+        raise ValueError("its decomposition gave no parts")
+    return found
+
+
+def _joined(surfaces: list[Surface]) -> tuple[Array, Array]:
+    """Return different corners, shape (n, 3), and triangles of them, shape (m, 3)."""
+    vertices = np.concatenate([surface.vertices for surface in surfaces])
+    counts = np.cumsum([0, *(len(surface.vertices) for surface in surfaces)])
+    faces = [s.faces + first for s, first in zip(surfaces, counts, strict=False)]
+    # Surfaces of one body share an edge where its colour changes.
+    points, rows = np.unique(vertices, axis=0, return_inverse=True)
+    return points.astype(float), rows.ravel()[np.concatenate(faces)]
+
+
+def solid_points(points: Array) -> tuple[Array, bool]:
+    """Return points that span a volume, and whether they had to be made to.
+
+    Args:
+        points: [m], shape (n, 3).
+
+    Returns:
+        Different points; none if they are on a line. Points in a plane are moved to
+        both of its sides, 0.1 mm apart or more.
+    """
+    points = np.unique(points.astype(float), axis=0)
+    size = float(np.linalg.norm(np.ptp(points, axis=0)))
+    # Rows of `axes` are the principal axes, the thinnest last.
+    centred = points - points.mean(axis=0)
+    axes = np.linalg.eigh(centred.T @ centred)[1].T[::-1]
+    extents = np.ptp(centred @ axes.T, axis=0)
+    if extents[1] <= _FLATNESS * size:
+        return np.empty((0, 3)), False
+    if extents[2] <= _FLATNESS * size:
+        offset = axes[2] * max(_FLAT_THICKNESS, 2.0 * _FLATNESS * size) / 2.0
+        return np.concatenate([points - offset, points + offset]), True
+    return points, False
+
+
+def thin_hull(corners: Array) -> Array:
+    """Return some corners of a convex hull, whose own hull is nearly the same.
+
+    The hull of what is returned lies in the given one and has the same bounding box. No
+    corner is farther from it than `TOLERANCE` times the diagonal of that box. Up to
+    `FEW_CORNERS` corners are returned as they are.
+
+    It begins with the farthest corners in fixed directions. Then each facet takes the
+    corner farthest from it, until all that are left are near enough.
+
+    Args:
+        corners: All corners of the hull [m], shape (n, 3); they span a volume.
+    """
+    if len(corners) <= FEW_CORNERS:
+        return corners
+    # Not at the top: the import takes longer than all hits of the cache together.
+    from scipy.spatial import ConvexHull
+
+    tolerance = TOLERANCE * np.linalg.norm(np.ptp(corners, axis=0))
+    taken = _first_corners(corners)
+    left = np.setdiff1d(np.arange(len(corners)), taken)
+    while True:
+        points = corners[taken]
+        hull: Any = ConvexHull(points)
+        nearest, height = _nearest_planes(corners[left], hull.equations)
+        distance = _distances(corners[left], points[hull.simplices[nearest]], height)
+        # The hull only grows: what is near enough remains so.
+        is_far = distance > tolerance
+        if not is_far.any():
+            return corners[np.sort(taken)]
+        left, nearest, distance = left[is_far], nearest[is_far], distance[is_far]
+        farthest = np.full(len(hull.equations), -1)
+        order = np.argsort(distance, kind="stable")
+        farthest[nearest[order]] = left[order]  # Of several, the last one stays.
+        added = farthest[farthest >= 0]
+        taken = np.concatenate([taken, added])
+        left = np.setdiff1d(left, added)
+
+
+def _first_corners(corners: Array) -> Array:
+    """Return rows of corners far apart, which span the bounding box and a volume."""
+    directions = np.array(
+        [d for d in itertools.product((-1, 0, 1), repeat=3) if any(d)]
+    )
+    rows = (corners @ directions.T).argmax(axis=0).tolist()
+    # A simplex as fat as it can be: farthest from a point, then from a line, a plane.
+    rest = corners - corners[rows[0]]
+    for _ in range(3):
+        length = np.linalg.norm(rest, axis=1)
+        row = int(length.argmax())
+        rows.append(row)
+        axis = rest[row] / length[row]
+        rest = rest - np.outer(rest @ axis, axis)
+    return np.unique(rows)
+
+
+def _nearest_planes(points: Array, equations: Array) -> tuple[Array, Array]:
+    """Return the plane that each point is farthest outside of, and how far."""
+    nearest = np.empty(len(points), int)
+    height = np.empty(len(points))
+    step = max(1, _MAX_DISTANCES // len(equations))
+    for start in range(0, len(points), step):
+        rows = slice(start, start + step)
+        heights = points[rows] @ equations[:, :3].T + equations[:, 3]
+        nearest[rows] = heights.argmax(axis=1)
+        height[rows] = heights[np.arange(len(heights)), nearest[rows]]
+    return nearest, height
+
+
+def _distances(points: Array, triangles: Array, height: Array) -> Array:
+    """Return the distances of points from triangles, one each, 0 below the plane.
+
+    Args:
+        points: Shape (n, 3).
+        triangles: Their corners, shape (n, 3, 3).
+        height: Over the planes of the triangles, shape (n,).
+    """
+    edges = np.roll(triangles, -1, axis=1) - triangles
+    offsets = points[:, None] - triangles
+    along = (offsets * edges).sum(axis=2) / (edges * edges).sum(axis=2)
+    nearest = along.clip(0.0, 1.0)[..., None] * edges
+    to_edges = np.linalg.norm(offsets - nearest, axis=2).min(axis=1)
+    normals = np.cross(edges[:, :1], edges[:, 1:2])
+    is_above = ((np.cross(edges, offsets) * normals).sum(axis=2) > 0.0).all(axis=1)
+    return np.where(height <= 0.0, 0.0, np.where(is_above, height, to_edges))
+
+
+def encode_hull(points: Array) -> bytes:
+    """Return an OBJ file of the convex hull, thinned by `thin_hull`, faces outward.
+
+    Args:
+        points: [m], shape (n, 3); must not lie in one plane.
+    """
+    from scipy.spatial import ConvexHull
+
+    hull: Any = ConvexHull(points)
+    corners = points[np.unique(hull.simplices)]
+    thinned = thin_hull(corners)
+    if len(thinned) < len(corners):
+        points, hull = thinned, ConvexHull(thinned)
+    faces = hull.simplices
+    a, b, c = points[faces.T]
+    is_inward = (np.cross(b - a, c - a) * hull.equations[:, :3]).sum(axis=1) < 0.0
+    faces = np.where(is_inward[:, None], faces[:, ::-1], faces)
+    used, rows = np.unique(faces, return_inverse=True)
+    lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in points[used].tolist()]
+    lines += [f"f {a} {b} {c}" for a, b, c in (rows.reshape(-1, 3) + 1).tolist()]
+    return ("\n".join(lines) + "\n").encode()
+
 
 # Part of every cache key: raise it when the same input gives another output.
 CONVERTER_VERSION = 4
@@ -103,7 +499,7 @@ def convert_collision(
         MissingExtraError: The library that decomposes isn't installed.
         OutputError: Neither the cache nor a temporary folder can be written.
     """
-    library = (convex.require_decomposition(),) if decompose else ()
+    library = (require_decomposition(),) if decompose else ()
     mode: Mode = "parts" if decompose else "pieces" if by_piece else "hull"
     return _Conversion(mode, source, scale, report, where, file).run(cache_dir, library)
 
@@ -163,7 +559,7 @@ class _Conversion:
         digest = hashlib.sha256(repr(key).encode()).hexdigest()
         folder = (cache_directory() if cache_dir is None else cache_dir).absolute()
         kind = ".gltf" if self.mode == "visual" else ".obj"
-        converted = cache.find(folder, digest, kind)
+        converted = find(folder, digest, kind)
         if converted is None:
             notes: list[ReportEntry] = []
             try:
@@ -177,7 +573,7 @@ class _Conversion:
             if not outputs:
                 self._add_notes(notes)
                 return self._lose("invalid", "holds no triangles", "warning")
-            converted = cache.keep(
+            converted = keep(
                 folder, digest, kind, outputs, notes=notes, report=self.report
             )
         self._add_notes(converted.notes)
@@ -223,25 +619,25 @@ class _Conversion:
             return [encode_gltf(surfaces, color)] if surfaces else []
         if self.mode == "surface":
             return [encode_surface(surfaces)] if surfaces else []
-        return [convex.encode_hull(body) for body in self._bodies(surfaces, notes)]
+        return [encode_hull(body) for body in self._bodies(surfaces, notes)]
 
     def _bodies(self, surfaces: list[Surface], notes: list[ReportEntry]) -> list[Array]:
         """Return the points of each convex body, none if there are no triangles."""
         if not surfaces:
             return []
         vertices = np.concatenate([surface.vertices for surface in surfaces])
-        points, is_flat = convex.solid_points(vertices)
+        points, is_flat = solid_points(vertices)
         if is_flat:
             what, done = "the mesh is flat", "its hull is 0.1 mm thick or more"
             notes.append(ReportEntry("info", "repair", what, done))
         elif len(points) and self.mode == "parts":
             try:
-                return convex.decompose(surfaces)
+                return decompose(surfaces)
             except ValueError as error:
                 what, done = str(error), "its convex hull is used"
                 notes.append(ReportEntry("warning", "unsupported", what, done))
         elif len(points) and self.mode == "pieces":
-            return convex.split(surfaces)
+            return split(surfaces)
         return [points] if len(points) else []
 
     def _add_notes(self, notes: Iterable[ReportEntry]) -> None:

@@ -1,10 +1,25 @@
-"""Triangles with one look, as the readers of mesh files hand them to the writers."""
+"""Triangles with one look, as the readers of mesh files hand them to the writers.
 
+Fewer triangles for what is drawn, its colours as they were.
+
+The method is that of Garland and Heckbert, "Surface Simplification Using Quadric Error
+Metrics", 1997, in the library fast-simplification. Where it comes to an end too early,
+as at threads and springs, follows that of Rossignac and Borrel, "Multi-Resolution 3D
+Approximations for Rendering Complex Scenes", 1993: vertices in one cell of a grid
+become one.
+"""
+
+import base64
 import dataclasses as dc
+import json
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from arm_drake.description.report import ReportEntry
+from arm_drake.errors import InputError, MissingExtraError
 
 Array = NDArray[Any]
 Color = tuple[float, float, float, float]
@@ -83,3 +98,286 @@ def to_linear(color: Color) -> Color:
 def linear(srgb: Array) -> Array:
     """Return sRGB values in [0, 1] as linear ones (IEC 61966-2-1), any shape."""
     return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+
+
+_MATTE = {"metallicFactor": 0.0, "roughnessFactor": 0.8}
+
+
+def encode_gltf(surfaces: list[Surface], default_color: Color) -> bytes:
+    """Return a glTF file with embedded buffers and textures.
+
+    glTF is y-up and Drake turns it by +90° about x; here it is turned back. Surfaces
+    without a colour of their own get `default_color`.
+    """
+    buffer = bytearray()
+    views: list[dict[str, Any]] = []
+    accessors: list[dict[str, Any]] = []
+    materials: list[dict[str, Any]] = []
+    images: list[str] = []
+    primitives: list[dict[str, Any]] = []
+
+    def add(values: Array, kind: str, *, is_index: bool = False) -> int:
+        data = np.ascontiguousarray(values, "<u4" if is_index else "<f4")
+        accessor: dict[str, Any] = {"bufferView": len(views), "type": kind}
+        accessor["componentType"] = 5125 if is_index else 5126  # unsigned int, float
+        accessor["count"] = data.size if is_index else len(data)
+        if kind == "VEC3":
+            accessor |= {"min": data.min(0).tolist(), "max": data.max(0).tolist()}
+        view = {"buffer": 0, "byteOffset": len(buffer), "byteLength": data.nbytes}
+        views.append(view | {"target": 34963 if is_index else 34962})
+        accessors.append(accessor)
+        buffer.extend(data.tobytes())
+        return len(accessors) - 1
+
+    for surface in surfaces:
+        attributes = {"POSITION": add(_y_up(surface.vertices), "VEC3")}
+        if surface.normals is not None:
+            attributes["NORMAL"] = add(_y_up(surface.normals), "VEC3")
+        color = surface.color or to_linear(default_color)
+        if surface.vertex_colors is not None:
+            attributes["COLOR_0"] = add(surface.vertex_colors, "VEC4")
+            color = (1.0, 1.0, 1.0, 1.0)
+        look: dict[str, Any] = {"baseColorFactor": color} | _MATTE
+        if surface.texture is not None and surface.uv is not None:
+            attributes["TEXCOORD_0"] = add([0, 1] + surface.uv * [1, -1], "VEC2")
+            kind = "png" if surface.texture.startswith(b"\x89PNG") else "jpeg"
+            uri = _data_uri(f"image/{kind}", surface.texture)
+            images += [] if uri in images else [uri]
+            look["baseColorTexture"] = {"index": images.index(uri)}
+        material = {"pbrMetallicRoughness": look, "doubleSided": True}
+        if color[3] < 1.0:
+            material["alphaMode"] = "BLEND"
+        materials += [] if material in materials else [material]
+        primitive: dict[str, Any] = {"attributes": attributes}
+        primitive["indices"] = add(surface.faces, "SCALAR", is_index=True)
+        primitives.append(primitive | {"material": materials.index(material)})
+
+    uri = _data_uri("application/octet-stream", bytes(buffer))
+    document: dict[str, Any] = {"asset": {"version": "2.0", "generator": "arm_drake"}}
+    document |= {"scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}]}
+    document |= {"meshes": [{"primitives": primitives}], "materials": materials}
+    document |= {"accessors": accessors, "bufferViews": views}
+    document["buffers"] = [{"byteLength": len(buffer), "uri": uri}]
+    if images:
+        document["images"] = [{"uri": image} for image in images]
+        document["textures"] = [{"source": i} for i in range(len(images))]
+    return json.dumps(document, separators=(",", ":")).encode()
+
+
+def _y_up(vectors: Array) -> Array:
+    return vectors[:, [0, 2, 1]] * [1.0, 1.0, -1.0]
+
+
+def _data_uri(kind: str, data: bytes) -> str:
+    return f"data:{kind};base64,{base64.b64encode(data).decode()}"
+
+
+def encode_surface(surfaces: list[Surface]) -> bytes:
+    """Return an OBJ file of all triangles.
+
+    Args:
+        surfaces: The surfaces [m]; at least one has triangles.
+    """
+    lines, first = [], 1
+    faces = []
+    for surface in surfaces:
+        lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in surface.vertices.tolist()]
+        faces.append(np.asarray(surface.faces) + first)
+        first += len(surface.vertices)
+    triangles = np.concatenate(faces).tolist()
+    lines += [f"f {a} {b} {c}" for a, b, c in triangles]
+    return ("\n".join(lines) + "\n").encode()
+
+
+# The fewest triangles of a solid.
+_FEWEST = 4
+
+# Faces that meet at a smaller angle than this look like one curved face.
+_CREASE = np.cos(np.deg2rad(40.0))
+
+# How often the surfaces of a mesh are given other shares.
+_ROUNDS = 3
+
+# How soon the library gives up exactness for speed, the default first, and the size of
+# a mesh for which it does so: its thresholds are lengths.
+_AGGRESSIONS = (7, 5)
+_SIZE = 1000.0
+
+# By how much a mesh may grow or shrink, as a share of its size.
+_TOLERANCE = 0.02
+
+# The finest grid has so many cells along a mesh, the coarsest two.
+_CELLS = 1024
+
+# Where the points of a texture belong is lost with the vertices.
+_TEXTURED = "its textured part stays as it is"
+
+
+def require_decimation(max_faces: int) -> str:
+    """Return the version of the library that decimates, a part of cache keys.
+
+    Args:
+        max_faces: Triangles that a mesh is to have at most.
+
+    Raises:
+        InputError: If so few can't be a mesh.
+        MissingExtraError: If the library isn't installed.
+    """
+    if max_faces < _FEWEST:
+        raise InputError(f"max_faces: expected {_FEWEST} or more, got {max_faces}")
+    try:
+        import fast_simplification  # type: ignore[import-untyped]  # noqa: F401
+    except ImportError:
+        raise MissingExtraError("decimation of meshes", "decimate") from None
+    return version("fast-simplification")
+
+
+def decimate(
+    surfaces: list[Surface], max_faces: int, notes: list[ReportEntry]
+) -> list[Surface]:
+    """Return surfaces with fewer triangles, all together no more than asked for.
+
+    Every surface keeps its share of them. Surfaces with a texture stay as they are.
+
+    Args:
+        surfaces: The surfaces of one mesh.
+        max_faces: Triangles of the mesh at most.
+        notes: Receives what was done.
+    """
+    count = _count(surfaces)
+    if count <= max_faces:
+        return surfaces
+    plain = [s for s in surfaces if s.texture is None]
+    there = _count(plain)
+    spare = max(max_faces - (count - there) - _FEWEST * len(plain), 0)
+    for _ in range(_ROUNDS):
+        result = [
+            s
+            if s.texture is not None
+            else _decimate(s, _FEWEST + len(s.faces) * spare // there)
+            for s in surfaces
+        ]
+        drawn = _count(result)
+        if drawn <= max_faces:
+            break
+        # Some can't do with their share; the others must do with less.
+        spare = max(spare - 2 * (drawn - max_faces), 0)
+    done = f"drawn with {drawn}"
+    if len(plain) < len(surfaces):
+        done += f"; {_TEXTURED}"
+    elif drawn > max_faces:
+        done += "; with fewer, parts of it would be lost"
+    what = f"it has {count} triangles, more than {max_faces}"
+    notes.append(ReportEntry("info", "repair", what, done))
+    return result
+
+
+def _count(surfaces: list[Surface]) -> int:
+    return sum(len(surface.faces) for surface in surfaces)
+
+
+def _decimate(surface: Surface, max_faces: int) -> Surface:
+    """Return a surface with at most so many triangles, or as few as are possible."""
+    # Not at the top: most robots are loaded without it.
+    from scipy.spatial import cKDTree
+
+    if len(surface.faces) <= max_faces:
+        return surface
+    # Vertices are several where a colour or a normal changes: there it would tear.
+    points, rows = np.unique(surface.vertices, axis=0, return_inverse=True)
+    vertices, faces = points, rows.reshape(-1)[surface.faces]
+    vertices, faces = _collapse(vertices, faces, max_faces)
+    vertices, faces = _cluster(vertices, faces, max_faces)
+    columns: dict[str, Any] = {"normals": None, "vertex_colors": None, "uv": None}
+    if surface.vertex_colors is not None:
+        nearest = cKDTree(surface.vertices).query(vertices)[1]
+        columns["vertex_colors"] = surface.vertex_colors[nearest]
+    if surface.normals is not None:
+        columns["normals"] = _corner_normals(vertices, faces)
+        if columns["vertex_colors"] is not None:
+            columns["vertex_colors"] = columns["vertex_colors"][faces.ravel()]
+        vertices = vertices[faces.ravel()]
+        faces = np.arange(faces.size).reshape(-1, 3)
+    fewer = dc.replace(surface, vertices=vertices, faces=faces, **columns)
+    return transformed(fewer, np.eye(3, 4))
+
+
+def _collapse(vertices: Array, faces: Array, max_faces: int) -> tuple[Array, Array]:
+    """Return vertices and faces with fewer edges, as large as they were."""
+    import fast_simplification
+
+    lower, upper = vertices.min(axis=0), vertices.max(axis=0)
+    scale = (upper - lower).max() / _SIZE
+    for aggression in _AGGRESSIONS:
+        points, triangles = fast_simplification.simplify(
+            ((vertices - lower) / scale).astype("<f4"),
+            faces.astype("<i4"),
+            target_count=max_faces,
+            agg=aggression,
+        )
+        if not len(triangles):
+            continue
+        points = lower + scale * points.astype(float)
+        ends = np.stack([points.min(axis=0) - lower, points.max(axis=0) - upper])
+        if np.abs(ends).max() <= _TOLERANCE * scale * _SIZE:
+            return points, triangles.astype(np.int64)
+    return vertices, faces
+
+
+def _cluster(vertices: Array, faces: Array, max_faces: int) -> tuple[Array, Array]:
+    """Return vertices and faces on the finest grid that has few enough of them."""
+    if len(faces) <= max_faces:
+        return vertices, faces
+    too_coarse, too_fine = 2, _CELLS
+    best = _snap(vertices, faces, too_coarse)
+    while too_fine - too_coarse > 1:
+        middle = (too_coarse + too_fine) // 2
+        snapped = _snap(vertices, faces, middle)
+        if len(snapped[1]) <= max_faces:
+            best, too_coarse = snapped, middle
+        else:
+            too_fine = middle
+    return best
+
+
+def _snap(vertices: Array, faces: Array, cells: int) -> tuple[Array, Array]:
+    """Return vertices and faces where all vertices in a cell are one of them."""
+    lower = vertices.min(axis=0)
+    cell = np.ptp(vertices, axis=0).max() / cells
+    places = np.floor((vertices - lower) / cell)
+    _, kept, rows = np.unique(places, axis=0, return_index=True, return_inverse=True)
+    snapped = np.sort(rows.reshape(-1)[faces], axis=1)
+    is_left = (np.diff(snapped, axis=1) > 0).all(axis=1)
+    _, first = np.unique(snapped[is_left], axis=0, return_index=True)
+    return vertices[kept], rows.reshape(-1)[faces[np.flatnonzero(is_left)[first]]]
+
+
+def _corner_normals(vertices: Array, faces: Array) -> Array:
+    """Return normals that are smooth but for creases, one for each corner.
+
+    Args:
+        vertices: Points, shape (n, 3).
+        faces: Rows of vertices, shape (m, 3).
+
+    Returns:
+        Unit vectors, shape (3 m, 3).
+    """
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    areas = np.cross(b - a, c - a)
+    length = np.linalg.norm(areas, axis=1, keepdims=True)
+    units = areas / np.where(length > 0.0, length, 1.0)
+    # All pairs of corners at the same vertex.
+    corners = np.argsort(faces.ravel(), kind="stable")
+    at = faces.ravel()[corners]
+    first = np.searchsorted(at, at)
+    valence = np.searchsorted(at, at, side="right") - first
+    one = np.repeat(np.arange(len(corners)), valence)
+    start = np.repeat(np.cumsum(valence) - valence, valence)
+    other = np.repeat(first, valence) + np.arange(len(one)) - start
+    face, neighbour = corners[one] // 3, corners[other] // 3
+    is_smooth = (units[face] * units[neighbour]).sum(axis=1) > _CREASE
+    normals = np.zeros((faces.size, 3))
+    np.add.at(normals, corners[one][is_smooth], areas[neighbour[is_smooth]])
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    flat = np.where(length > 0.0, normals, [0.0, 0.0, 1.0])
+    return flat / np.where(length > 0.0, length, 1.0)

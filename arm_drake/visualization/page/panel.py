@@ -1,8 +1,23 @@
-"""Sections of the panels of `arm-drake view` and `arm-drake sim`."""
+"""Sections of the panels of `arm-drake view` and `arm-drake sim`.
 
+A pose as text to copy: YAML, or words of a command line.
+
+Numbers have six significant digits. Where that would put a joint beyond the end of its
+range, which it has reached, they have as many as are needed to stay within.
+"""
+
+import functools
 import math
+import re
+import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
+
+import yaml
+from pydrake.geometry import SceneGraph
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import ModelInstanceIndex
 
 from arm_drake.description.joints import WORLD
 from arm_drake.description.report import LoadReport
@@ -10,6 +25,7 @@ from arm_drake.description.robot import Robot
 from arm_drake.description.srdf import GroupState
 from arm_drake.errors import InputError, suggest
 from arm_drake.plant.joint_ranges import JointRange
+from arm_drake.visualization.link_drawings import KINDS, LinkDrawings, show_visual
 from arm_drake.visualization.page import (
     Button,
     Buttons,
@@ -19,7 +35,92 @@ from arm_drake.visualization.page import (
     Text,
     Widget,
 )
-from arm_drake.visualization.page.pose_text import pose_words, pose_yaml
+from arm_drake.visualization.page.scene import Scene
+from arm_drake.visualization.page.widgets import Toggle
+
+_DIGITS = 6
+
+# As many tell any two numbers apart.
+_MOST_DIGITS = 17
+
+# Names that are texts without quotes in every YAML: 1.1, 1.2 and ROS's. All others are
+# quoted, `yes`, `null` and `1e3` among them.
+_PLAIN = re.compile(
+    r"(?!(y|yes|n|no|on|off|true|false|null)$)[a-z_][\w/.-]*", re.ASCII | re.IGNORECASE
+)
+
+
+def pose_yaml(positions: Mapping[str, float], ranges: Iterable[JointRange]) -> str:
+    """Return a pose as YAML: a line `joint: value` for each independent joint.
+
+    Args:
+        positions: Positions [rad] or [m] by joint; others than the independent joints
+            are left out.
+        ranges: Ranges of the joints, in the order of the lines.
+
+    Raises:
+        InputError: If an independent joint has no finite position.
+    """
+    texts = _texts(positions, ranges)
+    return "".join(f"{_key(name)}: {number}\n" for name, number in texts.items())
+
+
+def pose_words(positions: Mapping[str, float], ranges: Iterable[JointRange]) -> str:
+    """Return a pose as words for a shell: `--position joint=value ...`.
+
+    `arm-drake view` takes them.
+
+    Args:
+        positions: Positions [rad] or [m] by joint; others than the independent joints
+            are left out.
+        ranges: Ranges of the joints, in the order of the words.
+
+    Returns:
+        The words; "" for a robot without an independent joint.
+
+    Raises:
+        InputError: If an independent joint has no finite position.
+    """
+    texts = _texts(positions, ranges)
+    words = [shlex.quote(f"{name}={number}") for name, number in texts.items()]
+    return " ".join(["--position", *words]) if words else ""
+
+
+def _texts(
+    positions: Mapping[str, float], ranges: Iterable[JointRange]
+) -> dict[str, str]:
+    """Return the numbers of the independent joints."""
+    texts = {}
+    for joint in ranges:
+        if joint.follows is None:
+            position = positions.get(joint.name)
+            if position is None or not math.isfinite(position):
+                problem = f"expected a finite position, got {position!r}"
+                raise InputError(problem, where=f"joint {joint.name!r}")
+            texts[joint.name] = _number(float(position), joint)
+    return texts
+
+
+def _number(position: float, joint: JointRange) -> str:
+    is_inside = joint.lower <= position <= joint.upper
+    for digits in range(_DIGITS, _MOST_DIGITS + 1):
+        # Adding 0.0 makes 0.0 of -0.0.
+        rounded = float(f"{position:.{digits}g}") + 0.0
+        if not is_inside or joint.lower <= rounded <= joint.upper:
+            break
+    mantissa, letter, exponent = repr(rounded).partition("e")
+    # YAML 1.1 takes 1e-05 for a text.
+    return f"{mantissa if '.' in mantissa else f'{mantissa}.0'}{letter}{exponent}"
+
+
+@functools.lru_cache(maxsize=10_000)
+def _key(name: str) -> str:
+    if _PLAIN.fullmatch(name):
+        return name
+    text: str = yaml.safe_dump(
+        name, default_style='"', allow_unicode=True, width=math.inf
+    )
+    return text.removesuffix("\n")
 
 
 def make_viewer_sections(
@@ -192,3 +293,132 @@ def _slider(joint: JointRange, position: float) -> Slider:
         is_enabled=joint.follows is None,
         hint=hint,
     )
+
+
+VISUAL, FRAMES, NAMES = "visual", "frames", "names"
+
+# What can be shown, and how the panel calls it.
+VIEWS: Mapping[str, str] = {
+    VISUAL: "visual shapes",
+    FRAMES: "link frames",
+    NAMES: "names of the frames",
+    "collision": "collision shapes",
+    "inertia": "inertia, as ellipsoids of the same mass",
+    "joint_axes": "joint axes",
+}
+
+
+class LinkViews:
+    """Shows and hides what moves with links."""
+
+    def __init__(self, scene: Scene, shown: Sequence[str] = (VISUAL,)) -> None:
+        """Create it; there are no links yet.
+
+        Args:
+            scene: Where to show it.
+            shown: What is shown at first, see `VIEWS`.
+
+        Raises:
+            InputError: If something of it isn't known.
+        """
+        self._scene = scene
+        for what in shown:
+            _check(what)
+        self._shown = set(shown) | ({FRAMES} if NAMES in shown else set())
+        self._drawings: LinkDrawings | None = None
+
+    @property
+    def shown(self) -> tuple[str, ...]:
+        """What is shown."""
+        return tuple(what for what in VIEWS if what in self._shown)
+
+    @property
+    def needs_poses(self) -> bool:
+        """Whether anything is shown that `update` moves."""
+        return bool(self._shown - {VISUAL})
+
+    def put(
+        self,
+        plant: MultibodyPlant,
+        scene_graph: SceneGraph,
+        models: Mapping[str, ModelInstanceIndex],
+        robots: Sequence[Robot],
+    ) -> None:
+        """Show it of these robots, in place of those before.
+
+        Args:
+            plant: The finalized plant.
+            scene_graph: Its scene graph.
+            models: Model instances by the robots' names.
+            robots: The robots.
+        """
+        if self._drawings is not None:
+            self._drawings.clear()
+        descriptions = {robot.name: robot.description for robot in robots}
+        meshcat = self._scene.meshcat
+        self._drawings = LinkDrawings(meshcat, plant, scene_graph, models, descriptions)
+        show_visual(meshcat, VISUAL in self._shown)
+        for kind in KINDS:
+            self._drawings.show(kind, kind in self._shown)
+        self._label()
+
+    def show(self, what: str, is_shown: bool = True) -> None:
+        """Show something, or hide it.
+
+        The names of frames are shown beside frames.
+
+        Args:
+            what: One of `VIEWS`.
+            is_shown: Whether it is to be seen.
+
+        Raises:
+            InputError: If there is no such thing.
+        """
+        _check(what)
+        changed = {what}
+        if what == NAMES and is_shown:
+            changed.add(FRAMES)
+        elif what == FRAMES and not is_shown:
+            changed.add(NAMES)
+        self._shown = self._shown | changed if is_shown else self._shown - changed
+        if self._drawings is not None:
+            for kind in changed & set(KINDS):
+                self._drawings.show(kind, is_shown)
+        if VISUAL in changed:
+            show_visual(self._scene.meshcat, is_shown)
+        self._label()
+        self._scene.patch({f"show:{key}": {"value": is_shown} for key in changed})
+
+    def update(
+        self,
+        poses: Mapping[str, Mapping[str, RigidTransform]],
+        time: float | None = None,
+    ) -> None:
+        """Move all along with the links.
+
+        Args:
+            poses: Poses of links in the world, by robot and link.
+            time: Time in the recording, if there is one [s].
+        """
+        if self._drawings is not None:
+            self._drawings.update(poses, time)
+
+    def toggles(self) -> tuple[Toggle, ...]:
+        """Return the panel's toggles; their events are called `show:<what>`."""
+        return tuple(
+            Toggle(f"show:{what}", label, what in self._shown)
+            for what, label in VIEWS.items()
+        )
+
+    def _label(self) -> None:
+        has_names = NAMES in self._shown and self._drawings is not None
+        assert self._drawings is not None or not has_names
+        paths = self._drawings.frame_paths() if self._drawings and has_names else {}
+        self._scene.set_labels(paths)
+
+
+def _check(what: str) -> None:
+    if what not in VIEWS:
+        raise InputError(
+            f"nothing called {what!r} can be shown; {suggest(what, VIEWS)}"
+        )

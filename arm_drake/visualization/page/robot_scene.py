@@ -9,7 +9,7 @@ from pydrake.systems.framework import DiagramBuilder
 from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot
 from arm_drake.options import SimulationOptions
-from arm_drake.plant.placement import place_free_links
+from arm_drake.plant.initial_poses import place_free_links
 from arm_drake.plant.plant import (
     add_plant,
     add_robot_model,

@@ -23,15 +23,15 @@ from arm_drake.plant.joint_ranges import (
 )
 from arm_drake.visualization.meshcat import frame_shapes
 from arm_drake.visualization.page import Event, Scene
-from arm_drake.visualization.page.link_views import LinkViews
 from arm_drake.visualization.page.panel import (
+    LinkViews,
     find_pose,
     list_news,
     make_fixed_frame,
     make_pose_changes,
     make_viewer_sections,
+    pose_yaml,
 )
-from arm_drake.visualization.page.pose_text import pose_yaml
 from arm_drake.visualization.page.robot_scene import RobotScene
 
 # How often files are looked at [s].

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from arm_drake.description.meshes import cache as mesh_cache
+from arm_drake.description.meshes import conversion as mesh_cache
 from arm_drake.description.meshes import conversion as mut
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import OutputError

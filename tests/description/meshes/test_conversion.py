@@ -10,7 +10,7 @@ from PIL import Image
 from pydrake.geometry import Convex
 
 import arm_drake.description.meshes.conversion as mut
-from arm_drake.description.meshes import cache as mesh_cache
+from arm_drake.description.meshes import conversion as mesh_cache
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import OutputError
 from tests.description.meshes.samples import (

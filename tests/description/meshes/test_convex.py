@@ -6,7 +6,7 @@ import trimesh
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from arm_drake.description.meshes import convex as mut
+from arm_drake.description.meshes import conversion as mut
 from arm_drake.description.meshes.conversion import convert_collision
 from tests.description.meshes.samples import (
     BOX,

@@ -7,8 +7,7 @@ import pytest
 import trimesh
 
 import arm_drake as ad
-from arm_drake.description.meshes.decimation import decimate
-from arm_drake.description.meshes.surfaces import Surface
+from arm_drake.description.meshes.surfaces import Surface, decimate
 from arm_drake.errors import InputError, MissingExtraError
 from tests.description.meshes.samples import (
     Converter,

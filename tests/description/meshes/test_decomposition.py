@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
+from arm_drake.description.meshes import conversion
 from arm_drake.description.meshes import conversion as mut
-from arm_drake.description.meshes import convex
 from arm_drake.errors import MissingExtraError
 from tests.description.meshes.samples import (
     ONE,
@@ -113,7 +113,7 @@ def test_parts_come_from_the_cache_the_second_time(
     converter, source, shared, monkeypatch
 ):
     first = converter.parts(source, cache_dir=shared)
-    monkeypatch.setattr(convex, "decompose", None)
+    monkeypatch.setattr(conversion, "decompose", None)
 
     assert converter.parts(source, cache_dir=shared) == first
     assert converter.collision(source, cache_dir=shared) not in first
@@ -132,7 +132,7 @@ def test_another_version_of_the_library_decomposes_again(
     converter, source, shared, monkeypatch
 ):
     first = converter.parts(source, cache_dir=shared)
-    monkeypatch.setattr(convex, "require_decomposition", lambda: "0.0.1")
+    monkeypatch.setattr(conversion, "require_decomposition", lambda: "0.0.1")
 
     assert not set(converter.parts(source)) & set(first)
 
@@ -177,8 +177,8 @@ FAILURES = {
 def test_a_mesh_that_cannot_be_decomposed_gets_its_hull(
     converter, source, monkeypatch, code, problem
 ):
-    monkeypatch.setattr(convex, "_DECOMPOSE", code)
-    monkeypatch.setattr(convex, "DECOMPOSITION_TIMEOUT", 1.0)
+    monkeypatch.setattr(conversion, "_DECOMPOSE", code)
+    monkeypatch.setattr(conversion, "DECOMPOSITION_TIMEOUT", 1.0)
 
     (path,) = converter.parts(source)
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm_drake.description.meshes.files import MAX_FILE_BYTES
+from arm_drake.description.meshes.reading import MAX_FILE_BYTES
 from tests.description.meshes.samples import (
     BOX,
     Converter,

@@ -8,7 +8,7 @@ from pydrake.geometry import Sphere
 from pydrake.math import RigidTransform
 
 from arm_drake.visualization.page import Button, Buttons, Event, Page, Section, Slider
-from arm_drake.worlds.loaded_world import show_backdrop
+from arm_drake.worlds.sdf_world import show_backdrop
 from tests.visualization.page.clients import Panel, wait_until
 
 SLIDER = Slider("joint:a", "a", -1.0, 2.0, 0.5, "rad")
