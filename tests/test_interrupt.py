@@ -1,19 +1,19 @@
 """Ctrl-C ends `arm-drake view` and `sim` in any state, with the data so far."""
 
 import contextlib
+import re
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
-# Nothing waits longer than this for a process to do what it should [s].
-PATIENCE = 30.0
+from tests.visualization.page.clients import Panel
+from tests.waiting import PATIENCE, wait_until
 
 # The longest that an end may take [s]; the goal of 1 s is for a benchmark to measure,
 # this is for a machine that has other things to do.
@@ -26,10 +26,13 @@ class State(NamedTuple):
     # Words of the command line; FOLDER stands for a folder of the test.
     words: tuple[str, ...]
 
-    # What it has printed when it is in the state, on any of its outputs, and how much
-    # longer it takes [s]. The test may be late, never early.
-    until: str = ""
-    delay: float = 0.0
+    # What it has printed when it is in the state, on any of its outputs: a regular
+    # expression.
+    until: str
+
+    # Whether it is in the state only when it has done, too, what is clicked on its
+    # page then.
+    answers: bool = False
 
     # Its exit codes. Where there is nothing to finish, that of a shell, or the signal,
     # by which Python ends if it met the interrupt in a module of C++.
@@ -49,34 +52,37 @@ TUTORIAL = ("--motion", "tutorial")
 # Python tells of each module that it has imported.
 LOADING: Any = {"codes": (130, -signal.SIGINT), "flags": ("-X", "importtime")}
 
+# The simulated time is told when the first cycles are done, and every second.
+RUNNING = r"(?m)^ +\d+\.\d\d s  "
+AFTER_A_SECOND = r"(?m)^ +[1-9]\d*\.\d\d s  "
+
 STATES = {
     "sim, importing": State((*SIM, *LOG), " numpy.version", **LOADING),
     "sim, loading": State((*SIM, *LOG), " arm_drake.loading", **LOADING),
-    "sim, playing": State((*SIM, *LOG), "simulating until", 0.5, files=("run.npz",)),
-    "sim, paused": State((*SIM, "--paused", *LOG), "simulating until", 0.5),
-    "sim, rate 0": State((*SIM, "--rate", "0"), "simulating until", 0.5),
-    "sim, slow": State((*SIM, "--rate", "0.01"), "simulating until", 0.5),
+    "sim, playing": State((*SIM, *LOG), AFTER_A_SECOND, files=("run.npz",)),
+    "sim, paused": State((*SIM, "--paused", *LOG), RUNNING, answers=True),
+    "sim, rate 0": State((*SIM, "--rate", "0"), AFTER_A_SECOND),
+    "sim, slow": State((*SIM, "--rate", "0.01"), RUNNING, answers=True),
     "sim, motion": State(
         (*SIM, *TUTORIAL, *LOG, "--record", "FOLDER/run.html"),
-        "goal accepted",
-        1.0,
+        # It is on its way to the goal.
+        AFTER_A_SECOND + r"\S+: error",
         files=("run.npz", "run.html"),
     ),
     "sim, holding": State(
         (*SIM, "--duration", "0.2", "--rate", "0", "--hold", *LOG),
         "the page stays",
-        0.5,
+        answers=True,
         files=("run.npz",),
     ),
     "sim, headless": State(
         (*SIM, "--headless", "--duration", "1000", *LOG),
-        "   1.00 s",
-        0.0,
+        AFTER_A_SECOND,
         files=("run.npz",),
     ),
     "view, importing": State(("view", "doosan_a0912"), " numpy.version", **LOADING),
     "view, loading": State(("view", "doosan_a0912"), " arm_drake.loading", **LOADING),
-    "view": State(("view", "doosan_a0912"), "until Ctrl-C", 0.5),
+    "view": State(("view", "doosan_a0912"), "until Ctrl-C", answers=True),
 }
 
 
@@ -103,8 +109,14 @@ def interrupt(name: str, folder: Path) -> Ended:
         )
     with contextlib.ExitStack() as stack:
         stack.callback(process.kill)
-        wait_until(lambda: state.until in log.read_text(encoding="utf-8"), process)
-        time.sleep(state.delay)
+
+        def is_there() -> bool:
+            assert process.poll() is None, "it has ended by itself"
+            return bool(re.search(state.until, log.read_text(encoding="utf-8")))
+
+        wait_until(is_there, name)
+        if state.answers:
+            click(log.read_text(encoding="utf-8"))
         process.send_signal(signal.SIGINT)
         start = time.perf_counter()
         code = process.wait(PATIENCE)
@@ -113,12 +125,13 @@ def interrupt(name: str, folder: Path) -> Ended:
     return Ended(took, code, log.read_text(encoding="utf-8"))
 
 
-def wait_until(is_so: Callable[[], bool], process: subprocess.Popen[bytes]) -> None:
-    deadline = time.monotonic() + PATIENCE
-    while not is_so():
-        assert process.poll() is None, "it has ended by itself"
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
+def click(output: str) -> None:
+    """Click what is nothing on the page that a process has told, until it answers."""
+    address = re.search(r"http://localhost:(\d+)/", output)
+    assert address is not None, output
+    with Panel(int(address[1])) as panel:
+        panel.say("nothing")
+        panel.hear_until(lambda message: message["type"] == "message")
 
 
 @pytest.mark.slow

@@ -4,9 +4,7 @@ import concurrent.futures
 import gc
 import re
 import threading
-import time
-import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -17,12 +15,10 @@ import arm_drake as ad
 from arm_drake import notebook
 from arm_drake.errors import InputError
 from tests.models import load, pendulum
+from tests.waiting import wait_until
 
 ARM = "lab5_arm"
 JOINT = "base_arm1_joint"
-
-# A page is closed, or a thread has come to something, within so long [s].
-PATIENCE = 10.0
 
 
 @pytest.fixture(autouse=True)
@@ -39,16 +35,14 @@ def pages() -> Iterator[list[ad.PageHandle]]:
         page.close()
 
 
-def wait_until(is_true: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + PATIENCE
-    while not is_true():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+def listening() -> list[int]:
+    """Return the ports that this process listens to, one for each socket."""
+    connections = psutil.Process().net_connections("tcp")
+    return [c.laddr.port for c in connections if c.status == psutil.CONN_LISTEN]
 
 
 def num_listening() -> int:
-    connections = psutil.Process().net_connections("tcp")
-    return sum(c.status == psutil.CONN_LISTEN for c in connections)
+    return len(listening())
 
 
 def test_a_viewer_is_used_from_another_thread_than_its_own(pages) -> None:
@@ -92,7 +86,7 @@ def test_options_for_a_robot_that_is_loaded_already_are_refused() -> None:
 
 def test_a_cell_that_is_run_again_keeps_its_address_and_leaves_nothing(pages) -> None:
     page = ad.view(ARM, port=7800)
-    url, listening = page.url, num_listening()
+    url, num_before = page.url, num_listening()
     threads = threading.active_count()
 
     for _ in range(5):
@@ -100,25 +94,19 @@ def test_a_cell_that_is_run_again_keeps_its_address_and_leaves_nothing(pages) ->
     pages.append(page)
 
     assert page.url == url
-    assert num_listening() == listening
+    assert num_listening() == num_before
     assert threading.active_count() == threads
 
 
 def test_a_page_that_nobody_has_is_closed() -> None:
     page = ad.view(ARM)
-    url = page.url
+    port = page.call(lambda viewer: viewer.page.port)
+    assert port in listening()
 
     del page
     gc.collect()
 
-    def is_gone() -> bool:
-        try:
-            urllib.request.urlopen(url, timeout=1.0).close()  # noqa: S310
-        except OSError:
-            return True
-        return False
-
-    wait_until(is_gone)
+    wait_until(lambda: port not in listening())
 
 
 def test_a_closed_page_says_so() -> None:
@@ -175,7 +163,7 @@ def test_an_interrupt_while_a_page_is_made_leaves_none(monkeypatch) -> None:
         def result(self, timeout: float | None = None) -> None:
             raise KeyboardInterrupt
 
-    listening = num_listening()
+    num_before = num_listening()
     future = "arm_drake.notebook.concurrent.futures.Future"
     monkeypatch.setattr(future, Interrupted)
     with pytest.raises(KeyboardInterrupt):
@@ -183,7 +171,7 @@ def test_an_interrupt_while_a_page_is_made_leaves_none(monkeypatch) -> None:
     monkeypatch.undo()
 
     # Meshcat itself waits for the next page.
-    wait_until(lambda: num_listening() <= listening + 1)
+    wait_until(lambda: num_listening() <= num_before + 1)
 
 
 def test_methods_of_what_is_shown_are_offered_for_completion(pages) -> None:
@@ -297,12 +285,12 @@ def test_a_motion_has_the_name_that_it_has_for_the_command_line(pages) -> None:
 
 def test_animations_leave_no_servers() -> None:
     ad.animate(ad.load_robot(ARM), 0.1)
-    listening = num_listening()
+    num_before = num_listening()
 
     for _ in range(3):
         ad.animate(ad.load_robot(ARM), 0.1)
 
-    assert num_listening() == listening
+    assert num_listening() == num_before
 
 
 def test_the_programs_of_the_docs_run(tmp_path, monkeypatch) -> None:

@@ -13,6 +13,7 @@ import arm_drake as ad
 from arm_drake.visualization.screenshot import BrowserError, open_browser
 from tests.browser.pictures import VIEWPORT
 from tests.robots import real_robot, skip_or_fail
+from tests.waiting import PATIENCE
 
 
 @pytest.fixture(scope="package")
@@ -47,6 +48,7 @@ def browser(start_meshcat: Callable[[], Meshcat]) -> Iterator[Browser]:
 @pytest.fixture
 def page(browser: Browser) -> Iterator[Page]:
     context = browser.new_context(viewport=VIEWPORT)
+    context.set_default_timeout(1000.0 * PATIENCE)
     yield context.new_page()
     context.close()
 

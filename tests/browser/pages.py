@@ -23,9 +23,7 @@ from pydrake.math import RigidTransform
 
 from arm_drake.visualization.page import Page
 from tests.browser.pictures import VIEWPORT, Camera, Mask, Picture
-
-# Whatever a page does takes less; a busy machine gets more [s].
-TIMEOUT = 30.0
+from tests.waiting import PATIENCE as TIMEOUT
 
 # How often something is looked at that is waited for [ms].
 _POLL = 30.0
@@ -40,6 +38,20 @@ _SIZE = ViewportSize(width=_PANEL + VIEWPORT["width"], height=VIEWPORT["height"]
 _KNOB = 16.0
 
 _MARK = "arm_drake_mark"  # Beside "/drake", which moves.
+
+# Notes in a browser which mark its panel has got, before the panel takes it.
+_NOTE_MARK = f"""
+    window.WebSocket = class extends WebSocket {{
+        constructor(...given) {{
+            super(...given);
+            this.addEventListener("message", ({{data}}) => {{
+                if (typeof data !== "string") return;
+                const mark = JSON.parse(data).changes?.{_MARK};
+                if (mark) window.{_MARK} = mark.value;
+            }});
+        }}
+    }};
+"""
 
 Result = TypeVar("Result")
 
@@ -99,10 +111,15 @@ class Program(Generic[Subject]):
         return answer.result(0.0)
 
     def mark(self) -> int:
-        """Mark the scene as it is now; `Screen.wait_for` knows when it is drawn."""
+        """Mark the scene and the panel as they are now, for `Screen.wait_for`."""
         mark = next(self._marks)
         X = RigidTransform([float(mark), 0.0, 0.0])
-        self.ask(lambda: self.page.meshcat.SetTransform(f"/{_MARK}", X))
+
+        def set_mark() -> None:
+            self.page.meshcat.SetTransform(f"/{_MARK}", X)
+            self.page.patch({_MARK: {"value": mark}})
+
+        self.ask(set_mark)
         return mark
 
     def look_from(self, camera: Camera) -> None:
@@ -211,11 +228,15 @@ class Screen:
             self.page.wait_for_timeout(_POLL)
 
     def wait_for(self, mark: int) -> None:
-        """Wait until the scene is drawn as it was when it got a mark."""
+        """Wait until scene and panel are seen as they were when they got a mark.
+
+        They come on two ways, on a busy machine one long after the other.
+        """
         self.page.wait_for_function(
             """([name, mark]) => {
                 const viewer = document.getElementById("scene").contentWindow.viewer;
-                return viewer
+                return window[name] === mark
+                    && viewer
                     && viewer.scene_tree.find([name]).object.position.x === mark;
             }""",
             arg=[_MARK, mark],
@@ -268,6 +289,7 @@ def look_at(browser: Browser, url: str) -> Iterator[Screen]:
     context.set_default_timeout(1000.0 * TIMEOUT)
     try:
         page = context.new_page()
+        page.add_init_script(_NOTE_MARK)
         page.goto(url)
         page.wait_for_selector("details")
         yield Screen(page)

@@ -9,14 +9,13 @@ from numpy.typing import NDArray
 from PIL import Image
 from playwright.sync_api import Page, ViewportSize
 
+from tests.waiting import PATIENCE
+
 VIEWPORT = ViewportSize(width=640, height=640)
 
 # Vertical field of view of the camera, the default of Drake's
 # Meshcat.PerspectiveCamera [rad].
 _FIELD_OF_VIEW = np.deg2rad(75.0)
-
-# A page is drawn within seconds; a busy machine gets more [s].
-_TIMEOUT = 30.0
 
 # Two pixels differ if a channel does by more than this, out of 255.
 _VISIBLE_DIFFERENCE = 8
@@ -66,7 +65,7 @@ def wait_until_drawn(page: Page, meshes: int, camera: Camera | None = None) -> N
             return count === meshes;
         }""",
         arg=meshes,
-        timeout=1000.0 * _TIMEOUT,
+        timeout=1000.0 * PATIENCE,
     )
     if camera is not None:
         page.wait_for_function(
@@ -78,7 +77,7 @@ def wait_until_drawn(page: Page, meshes: int, camera: Camera | None = None) -> N
                     && is_at(viewer.camera.position, eye);
             }""",
             arg=[camera.eye, camera.target],
-            timeout=1000.0 * _TIMEOUT,
+            timeout=1000.0 * PATIENCE,
         )
 
 
@@ -107,7 +106,7 @@ def paint_robot(page: Page, colour: tuple[float, float, float]) -> None:
 
 def take_picture(page: Page) -> Picture:
     """Return a picture of the page, once it doesn't change any more."""
-    deadline = time.monotonic() + _TIMEOUT
+    deadline = time.monotonic() + PATIENCE
     previous = b""
     while time.monotonic() < deadline:
         page.wait_for_function("() => !viewer.needs_render")
@@ -116,7 +115,7 @@ def take_picture(page: Page) -> Picture:
             image = Image.open(io.BytesIO(data)).convert("RGB")
             return np.asarray(image).astype(np.int16)
         previous = data
-    raise AssertionError(f"the page still changes after {_TIMEOUT:g} s")
+    raise AssertionError(f"the page still changes after {PATIENCE:g} s")
 
 
 def difference(one: Picture, other: Picture) -> Mask:

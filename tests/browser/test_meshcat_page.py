@@ -31,6 +31,7 @@ from tests.browser.pictures import (
     take_picture,
     wait_until_drawn,
 )
+from tests.waiting import PATIENCE
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
@@ -136,6 +137,7 @@ def scene(start_meshcat: StartMeshcat, doosan: Path) -> Scene:
 @pytest.fixture(scope="module")
 def pictures(browser: Browser, scene: Scene) -> Pictures:
     context = browser.new_context(viewport=VIEWPORT)
+    context.set_default_timeout(1000.0 * PATIENCE)
     page = context.new_page()
     page.goto(scene.meshcat.web_url())
     wait_until_drawn(page, _MESHES, _CAMERA)
@@ -238,6 +240,7 @@ def test_a_saved_recording_plays_without_a_network(
     save_html(scene.meshcat, file)
 
     context = browser.new_context(viewport=VIEWPORT, offline=True)
+    context.set_default_timeout(1000.0 * PATIENCE)
     page = context.new_page()
     requests: list[str] = []
     page.on("request", lambda request: requests.append(request.url))

@@ -11,6 +11,7 @@ from playwright.sync_api import Page
 from tests.browser.pages import box, middle, red
 from tests.browser.pictures import Picture, difference, take_picture
 from tests.models import joint, ros2_control, trajectory_controllers
+from tests.waiting import PATIENCE
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
@@ -60,7 +61,7 @@ def test_a_recording_of_the_command_plays_as_a_file(page: Page, tmp_path: Path) 
         [sys.executable, "-m", "arm_drake", *words],
         cwd=tmp_path,
         check=True,
-        timeout=60.0,
+        timeout=PATIENCE,
         capture_output=True,
     )
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from arm_drake.pages.live_panel import make_changes
 from numpy.typing import NDArray
 from playwright.sync_api import Browser
 
@@ -204,6 +205,7 @@ def program(simulation: Live) -> Live:
         live.views.set_trail(None)
         live.views.show("ghost", False)
         simulation.page.say("")
+        simulation.page.patch(make_changes(live))
 
     simulation.ask(restore)
     return simulation
@@ -247,16 +249,10 @@ def pause(program: Live) -> int:
     return program.mark()
 
 
-def shows_forces(program: Live) -> bool:
-    """Return whether any contact force is drawn."""
-
-    def look() -> bool:
-        meshcat = program.page.meshcat
-        (robot,) = program.subject.simulation.robots
-        path = f"/drake/contact_forces/{robot}/0"
-        return meshcat.HasPath(path) and is_visible(meshcat, path)
-
-    return program.ask(look)
+def shows(program: Live, path: str) -> bool:
+    """Return whether something is in the scene that can be hidden, and isn't."""
+    meshcat = program.page.meshcat
+    return program.ask(lambda: meshcat.HasPath(path) and is_visible(meshcat, path))
 
 
 def play_until(
@@ -277,19 +273,21 @@ def test_the_command_has_a_page(browser: Browser) -> None:
         slider = "remote:joint_trajectory_controller:goal:arm1_arm2_joint"
         screen.until(lambda: red(screen.glance()).any(), "the red link")
         before = screen.picture()
-        assert screen.text("time") == "0.00 s"
+        screen.until(lambda: screen.text("time") == "0.00 s", "it is at its start")
 
         screen.type(slider, "1.2")
         screen.click("play")
         screen.until(lambda: screen.seconds("time") > 0.5, "time goes by")
         screen.click("play")
         screen.until(lambda: screen.text("play") == "play", "it is paused")
-
-        after = screen.picture()
         assert screen.number(slider) == 1.2
-        # It bends over: the last link is lower, on one side.
-        moved = middle(red(after)) - middle(red(before))
-        assert np.linalg.norm(moved) > 20.0
+
+        def has_moved() -> bool:
+            seen = red(screen.glance())
+            moved = middle(seen) - middle(red(before)) if seen.any() else 0.0
+            return bool(np.linalg.norm(moved) > 20.0)
+
+        screen.until(has_moved, "it bends over: the last link is lower, on one side")
 
 
 def test_time_stands_while_it_is_paused_and_goes_on(
@@ -568,14 +566,16 @@ def test_wheels_stand_on_the_ground_with_forces(
     cart: Live, cart_screen: Screen
 ) -> None:
     screen = cart_screen
+    (robot,) = cart.subject.simulation.robots
+    force = f"/drake/contact_forces/{robot}/0"
     bare = play_until(cart, screen, lambda: time_of(cart) > 0.5, "it stands")
-    assert not shows_forces(cart)
+    assert not shows(cart, force)
 
     screen.click("show:contacts")
-    screen.until(lambda: shows_forces(cart), "forces")
+    screen.until(lambda: shows(cart, force), "forces")
     drawn = screen.picture(cart.mark())
     screen.click("show:contacts")
-    screen.until(lambda: not shows_forces(cart), "no forces")
+    screen.until(lambda: not shows(cart, force), "no forces")
     back = screen.picture(cart.mark())
 
     # Rods go up from where the wheels are, at y of 0.2 m to both sides, and x of 0.
@@ -593,6 +593,7 @@ def test_wheels_stand_on_the_ground_with_forces(
 def test_a_base_drives_by_its_slider_and_stops(cart: Live, cart_screen: Screen) -> None:
     screen = cart_screen
     screen.click("show:collision")
+    screen.until(lambda: shows(cart, "/drake/collision"), "what collides is shown")
     (name,) = (r.controller for r in cart.subject.remotes)
 
     def x() -> float:
@@ -611,11 +612,14 @@ def test_a_base_drives_by_its_slider_and_stops(cart: Live, cart_screen: Screen) 
 
     screen.click(f"remote:{name}:stop")
     screen.click("play")
-    rest = [x()]
+    rest = [(time_of(cart), x())]
 
     def stands() -> bool:
-        rest.append(x())
-        return abs(rest[-1] - rest[-2]) < 1e-5
+        (last, there), now = rest[-1], time_of(cart)
+        if now < last + 0.1:  # It may not play yet.
+            return False
+        rest.append((now, x()))
+        return abs(rest[-1][1] - there) < 1e-5
 
     screen.until(lambda: screen.number(f"remote:{name}:forward") == 0.0, "0 m/s")
     screen.until(stands, "it stands")

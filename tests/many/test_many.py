@@ -22,6 +22,7 @@ from arm_drake.batch.processes import Pool, close_server
 from arm_drake.controllers import CONTROLLER_TYPES
 from arm_drake.errors import InputError
 from tests.many import functions
+from tests.waiting import wait_until
 
 BACKENDS = ("serial", "threads", "processes", "auto")
 
@@ -220,10 +221,7 @@ def test_a_worker_that_dies_while_it_answers_is_noticed(tmp_path) -> None:
 
 
 def wait_for_note(folder: Path) -> None:
-    deadline = time.monotonic() + 60.0
-    while not any(folder.iterdir()):
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
+    wait_until(lambda: any(folder.iterdir()), "a note")
 
 
 def test_a_worker_that_grows_is_replaced() -> None:

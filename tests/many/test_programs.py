@@ -5,14 +5,12 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import psutil
 import pytest
 
-# Nothing waits longer than this for a process to do what it should [s].
-PATIENCE = 60.0
+from tests.waiting import PATIENCE, wait_until
 
 # The longest that an end may take: of a second or so, on a machine that has other
 # things to do [s]. The functions sleep for a minute.
@@ -140,13 +138,6 @@ def run(program: str, stdin: bool, folder: Path) -> subprocess.CompletedProcess[
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
         check=False,
     )
-
-
-def wait_until(is_true: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + PATIENCE
-    while not is_true():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
 
 
 @pytest.mark.slow

@@ -17,8 +17,9 @@ from arm_drake.visualization.page import live_simulation as mut
 from arm_drake.visualization.page.live_simulation import LiveSimulation, latest
 from tests.models import TWO_LINKS, load
 from tests.teleop.panel import same_bits
-from tests.visualization.page.clients import Panel, WebSocket, wait_until
+from tests.visualization.page.clients import Panel, WebSocket
 from tests.visualization.scene import unpack
+from tests.waiting import PATIENCE, wait_until
 
 JOINTS = ("shoulder", "elbow")
 
@@ -222,12 +223,13 @@ def test_after_a_reset_the_same_comes_again(
     if until:
         live.run(until)
 
+    start = time.perf_counter()
     live.reset()
 
     assert live.simulation.time == 0.0
     assert live.is_playing
     assert live.log == ""
-    assert live.wall_time < 1.0
+    assert live.wall_time <= time.perf_counter() - start
     assert same_bits(run_to_the_end(live), expected)
 
 
@@ -236,14 +238,18 @@ def test_a_reset_during_a_run_starts_the_motion_anew(
 ) -> None:
     live = make(page, robot, realtime_rate=2.0)
     page.call(lambda: None)
-    looks = itertools.count()
+    resets: list[float] = []
 
     def press(time: float) -> None:
-        if next(looks) == 3:
+        # On any machine it looks between this and the end: see LiveSimulation.run, and
+        # Pace, by which it goes on by 0.2 s at once, at most.
+        if time > 0.2 and not resets:
+            resets.append(time)
             live.handle([Event("reset")])
 
     live.run(DURATION, press)
 
+    assert resets[0] < DURATION
     assert live.simulation.time == pytest.approx(DURATION, abs=1e-12)
     assert same_bits(live.simulation.rollout(), expected)
 
@@ -350,7 +356,7 @@ def test_the_page_is_served_while_nobody_looks_at_events(
     make(page, robot, realtime_rate=1.0)
 
     # This thread, which is the simulation's, does nothing for the page.
-    with urllib.request.urlopen(page.url, timeout=10.0) as answer:  # noqa: S310
+    with urllib.request.urlopen(page.url, timeout=PATIENCE) as answer:  # noqa: S310
         assert b"panel.js" in answer.read()
 
 

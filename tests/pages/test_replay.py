@@ -15,6 +15,7 @@ from arm_drake.visualization.page import Event, Page, Scene
 from arm_drake.visualization.page.replay import Replay, ReplayPage, load_recorded_robot
 from tests.carts import cart, diff_drive
 from tests.carts import load as load_cart
+from tests.visualization.page.clients import Panel
 
 
 @pytest.fixture(scope="module")
@@ -159,9 +160,18 @@ def test_the_page_plays_to_the_end_and_does_what_is_clicked(recorded) -> None:
     with Page() as page:
         replay = Replay(page.meshcat, rollout, load_recorded_robot(rollout))
         shown = ReplayPage(page, replay, rate=20.0)
-        stopper = threading.Timer(1.0, shown.stop)
+
+        def stop_at_the_end() -> None:
+            try:
+                with Panel(page.port) as panel:
+                    panel.hear_field("play", "label", "play")
+            finally:
+                shown.stop()
+
+        stopper = threading.Thread(target=stop_at_the_end)
         stopper.start()
         shown.run()
+        stopper.join()
 
         assert (shown.time, shown.is_playing) == (replay.end, False)
         shown.handle([Event("play", None)])

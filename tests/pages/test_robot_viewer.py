@@ -16,8 +16,9 @@ from arm_drake.plant.joint_ranges import joint_ranges
 from arm_drake.visualization.page import Event, Page
 from arm_drake.visualization.page.robot_viewer import RobotViewer
 from tests.models import GRIPPER, TWO_LINKS, bob, joint
-from tests.visualization.page.clients import Panel, wait_until
+from tests.visualization.page.clients import Panel
 from tests.visualization.scene import about_y, is_visible, pose, transform
+from tests.waiting import wait_until
 
 BALL = '<visual><geometry><sphere radius="0.1"/></geometry></visual>'
 

@@ -6,12 +6,10 @@ import json
 import os
 import socket
 import struct
-import time
 from collections.abc import Callable
 from typing import Any, NamedTuple, Self
 
-# Nothing is waited for longer than this [s].
-PATIENCE = 20.0
+from tests.waiting import PATIENCE
 
 TEXT, BINARY, CLOSE, PING, PONG = 1, 2, 8, 9, 10
 
@@ -22,14 +20,6 @@ class Answer(NamedTuple):
     status: int
     headers: dict[str, str]
     body: bytes
-
-
-def wait_until(is_so: Callable[[], object]) -> None:
-    """Wait for something that another thread does."""
-    deadline = time.monotonic() + PATIENCE
-    while not is_so():
-        assert time.monotonic() < deadline, "it doesn't come"
-        time.sleep(0.005)
 
 
 def get(port: int, path: str, host: str | None = None) -> Answer:

@@ -7,9 +7,10 @@ import pytest
 from pydrake.geometry import Sphere
 from pydrake.math import RigidTransform
 
+from arm_drake.visualization.meshcat import show_backdrop
 from arm_drake.visualization.page import Button, Buttons, Event, Page, Section, Slider
-from arm_drake.worlds.sdf_world import show_backdrop
-from tests.visualization.page.clients import Panel, wait_until
+from tests.visualization.page.clients import Panel
+from tests.waiting import PATIENCE, wait_until
 
 SLIDER = Slider("joint:a", "a", -1.0, 2.0, 0.5, "rad")
 SECTIONS = [Section("Joints", (SLIDER,)), Section("More", ())]
@@ -32,7 +33,7 @@ def take(page: Page, count: int) -> list[Event]:
     """Return so many events."""
     events: list[Event] = []
     while len(events) < count:
-        new = page.events(5.0)
+        new = page.events(PATIENCE)
         assert new
         events += new
     return events
@@ -186,7 +187,7 @@ def test_other_threads_have_things_done_by_the_thread_of_the_page(
     thread.join()
     assert done == []
 
-    assert page.events(5.0) == []
+    assert page.events(PATIENCE) == []
 
     assert done == [threading.current_thread()]
 
