@@ -1,5 +1,6 @@
 """What holds for all tests."""
 
+import signal
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,13 @@ _HERE = Path(__file__).parent
 
 # Replays of reference data and of whole motions: not for every few minutes.
 _SLOW = ("conformance", "physics", "rollouts")
+
+
+def pytest_configure() -> None:
+    # Where a shell has started the tests in the background they would ignore Ctrl-C,
+    # and with them all processes that they start and interrupt.
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -164,6 +164,10 @@ class Screen:
         field.fill(number)
         field.press("Enter")
 
+    def leave(self) -> None:
+        """Take the keyboard from what has it: a number that has it isn't updated."""
+        self.page.evaluate("() => document.activeElement.blur()")
+
     def slide(self, name: str, part: float) -> None:
         """Drag a slider's knob to a part of its range, from 0 to 1."""
         track = self.widget(name).locator("input[type=range]")

@@ -218,6 +218,7 @@ def screen(window: Screen, program: Live) -> Screen:
         lambda: window.text("time") == "0.00 s" and window.text("play") == "play",
         "the panel of the start",
     )
+    window.leave()
     return window
 
 

@@ -150,6 +150,7 @@ def program(viewer: Program[RobotViewer]) -> Program[RobotViewer]:
 @pytest.fixture
 def screen(window: Screen, program: Program[RobotViewer]) -> Screen:
     window.wait_for(program.mark())
+    window.leave()
     return window
 
 
