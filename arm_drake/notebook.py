@@ -32,15 +32,15 @@ from arm_drake.output_files import writing
 from arm_drake.simulation.motion import Motion
 from arm_drake.simulation.motion_files import find_motion
 from arm_drake.simulation.simulation import Simulation
-from arm_drake.visualization.meshcat import start_recording
-from arm_drake.visualization.page import Page, Scene
-from arm_drake.visualization.page.live_simulation import LiveSimulation
-from arm_drake.visualization.page.live_views import (
+from arm_drake.visualization.drawing import (
     ROOM_TO_MOVE,
     draw,
     frame_robots,
     run_drawing,
 )
+from arm_drake.visualization.meshcat import start_recording
+from arm_drake.visualization.page import Page, Scene
+from arm_drake.visualization.page.live_simulation import LiveSimulation
 from arm_drake.visualization.page.robot_viewer import RobotViewer
 from arm_drake.worlds.world import World
 

@@ -18,7 +18,7 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 _COMMAND_LINE = """#!{python}
 import sys
 from arm_drake.cli import main
-from arm_drake.pages.robot_viewer import RobotViewer
+from arm_drake.visualization.page.robot_viewer import RobotViewer
 RobotViewer.run = lambda *_, **__: None
 sys.exit(main())
 """

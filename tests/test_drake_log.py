@@ -16,7 +16,7 @@ COLLECT = """
 import json, logging
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
-from arm_drake.drake_log import drake_messages
+from arm_drake.plant.drake_log import drake_messages
 
 logged = []
 class Handler(logging.Handler):
@@ -45,7 +45,7 @@ import json, sys
 from pydrake.multibody.plant import MultibodyPlant
 import arm_drake as ad
 from arm_drake.description.report import LoadReport
-from arm_drake.plant import add_robot_model
+from arm_drake.plant.plant import add_robot_model
 
 robot = ad.load_robot(sys.argv[1])
 # As if something odd had not been removed.

@@ -18,7 +18,7 @@ from arm_drake.bundled import bundled_motions
 from arm_drake.errors import InputError
 from arm_drake.rollout.bag import BagWriter
 from arm_drake.rollout.mcap import McapFile
-from arm_drake.simulation.recorder import PERIOD
+from arm_drake.simulation.simulation import PERIOD
 from tests import models
 from tests.models import load, pendulum
 from tests.snippets import read_blocks

@@ -86,8 +86,10 @@ def test_a_command_runs(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    for viewer in ("robot_viewer.RobotViewer", "replay_page.ReplayPage"):
-        monkeypatch.setattr(f"arm_drake.pages.{viewer}.run", lambda *_, **__: None)
+    for viewer in ("robot_viewer.RobotViewer", "replay.ReplayPage"):
+        monkeypatch.setattr(
+            f"arm_drake.visualization.page.{viewer}.run", lambda *_, **__: None
+        )
     for name, text in FILES.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)

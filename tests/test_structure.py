@@ -1,366 +1,208 @@
-"""The house keeps its order: imports point one way, systems keep state in Contexts."""
+"""The structure of the package: directions of imports, circles, sizes."""
 
 import ast
-import dataclasses as dc
+import functools
 import graphlib
-import importlib
-import inspect
-import itertools
-import pkgutil
-import re
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
-import numpy as np
 import pytest
-from pydrake.geometry import SceneGraph
-from pydrake.math import RigidTransform
-from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import PrismaticJoint, SpatialInertia
-from pydrake.systems.framework import LeafSystem
 
 import arm_drake
-import arm_drake as ad
-from arm_drake import interfaces
-from arm_drake.control.drive_commands import DriveCommands
-from arm_drake.controllers import gazebo
-from arm_drake.controllers.admittance_controller import (
-    Admittance,
-    AdmittanceController,
-    AdmittanceControllerParameters,
-    CoG,
-    Frame,
-    FtSensor,
-    GravityCompensation,
-    InFrame,
-    Kinematics,
-)
-from arm_drake.controllers.bases.diff_drive_controller import (
-    DiffDriveController,
-    DiffDriveControllerParameters,
-)
-from arm_drake.controllers.bases.mecanum_drive_controller import (
-    MecanumDriveController,
-    MecanumDriveControllerParameters,
-    MecanumKinematicsParameters,
-)
-from arm_drake.controllers.bases.omni_wheel_drive_controller import (
-    OmniWheelDriveController,
-    OmniWheelDriveControllerParameters,
-)
-from arm_drake.controllers.bases.steering_controllers import (
-    BicycleSteeringControllerParameters,
-    SteeringController,
-)
-from arm_drake.controllers.bases.tricycle_controller import (
-    TricycleController,
-    TricycleControllerParameters,
-)
-from arm_drake.controllers.battery_state_broadcaster import (
-    BatteryStateBroadcaster,
-    BatteryStateBroadcasterParameters,
-)
-from arm_drake.controllers.chained_filter_controller import (
-    ChainedFilter,
-    ChainedFilterParameters,
-)
-from arm_drake.controllers.controller_interface import ControllerInterfaceParams
-from arm_drake.controllers.force_torque_sensor_broadcaster import (
-    ForceTorqueSensorBroadcaster,
-    ForceTorqueSensorBroadcasterParameters,
-)
-from arm_drake.controllers.forward_command_controller import (
-    ForwardCommandController,
-    ForwardCommandControllerParameters,
-    JointGroupController,
-    JointGroupControllerParameters,
-    MultiInterfaceForwardCommandController,
-    MultiInterfaceForwardCommandControllerParameters,
-)
-from arm_drake.controllers.gpio_controllers import (
-    GpioCommandController,
-    GpioCommandControllerParameters,
-    GpioInterfaces,
-    InterfacesByGpio,
-)
-from arm_drake.controllers.gripper_controllers import (
-    GripperActionController,
-    GripperActionControllerParameters,
-    ParallelGripperActionController,
-    ParallelGripperActionControllerParameters,
-)
-from arm_drake.controllers.joint_state_broadcaster import (
-    JointStateBroadcaster,
-    JointStateBroadcasterParameters,
-)
-from arm_drake.controllers.joint_trajectory.controller import JointTrajectoryController
-from arm_drake.controllers.joint_trajectory.parameters import (
-    JointTrajectoryControllerParameters,
-)
-from arm_drake.controllers.passthrough_controller import (
-    PassthroughController,
-    PassthroughControllerParameters,
-)
-from arm_drake.controllers.pid_controller import PidController, PidControllerParameters
-from arm_drake.controllers.sensor_broadcasters import (
-    GPSSensorBroadcaster,
-    GPSSensorBroadcasterParameters,
-    IMUSensorBroadcaster,
-    IMUSensorBroadcasterParameters,
-    MagnetometerBroadcaster,
-    MagnetometerBroadcasterParameters,
-    PoseBroadcaster,
-    PoseBroadcasterParameters,
-    RangeSensorBroadcaster,
-    RangeSensorBroadcasterParameters,
-    SafetyInterfaces,
-    StateInterfacesBroadcaster,
-    StateInterfacesBroadcasterParameters,
-    Vda5050SafetyStateBroadcaster,
-    Vda5050SafetyStateBroadcasterParameters,
-)
-from arm_drake.description import gazebo_plugins as drives
-from arm_drake.description import gazebo_plugins as tags
-from arm_drake.description.gazebo_plugins import ContactSensorTag
-from arm_drake.description.sensors import SensorInfo
-from arm_drake.hardware.mobile_bases import BaseTruth, Wheel
-from arm_drake.hardware.mock_hardware import MockHardware
-from arm_drake.manager import ControllerManager
-from arm_drake.manager.chains import SampledStates
-from arm_drake.manager.hardware_interfaces import Surroundings
-from arm_drake.manager.reference_log import WantedPositions
-from arm_drake.plant.contact import ContactForces
-from arm_drake.plant.kinematics import KinematicPlant, LinkFrames
-from arm_drake.plant.sensor_readings import ContactReadings, SensorReadings
-from arm_drake.python_system import PythonSystem
 
 PACKAGE = Path(arm_drake.__file__).parent
 
-# From the ground up. A module or package imports only what lies on lower layers, and a
-# package its own modules.
-LAYERS = [
-    ["errors", "interfaces", "messages", "timing", "yaml_files", "bundled"],
-    ["python_system", "importing"],
-    ["drake_log", "interrupts", "output_files"],
-    ["notebook_cells", "stepping"],
-    ["description", "options", "rollout"],
-    ["logs", "visualization"],
-    [
-        "beams",
-        "contact",
-        "control",
-        "plant",
-        "plant_ports",
-        "resting",
-        "switching",
-        "worlds",
-        "frames",
-        "joint_ranges",
-        "motion",
-        "build_info",
-        "contact_log",
-        "free_poses",
-        "source_files",
-    ],
-    [
-        "servo",
-        "controllers",
-        "world",
-        "placement",
-        "wheels",
-        "dynamics_samples",
-        "gripper_ranges",
-        "chain_kinematics",
-        "contact_readings",
-        "sensor_readings",
-    ],
-    [
-        "comparison",
-        "couplings",
-        "exports",
-        "gain_report",
-        "provenance",
-        "ground_check",
-        "reference_log",
-        "robot_motions",
-        "surroundings",
-    ],
-    [
-        "drives",
-        "joint_friction",
-        "loaded_controllers",
-        "kinematic",
-        "controller_topics",
-        "missing_interfaces",
-        "chains",
-        "parameter_changes",
-    ],
-    ["hardware", "controller_loader", "model_check", "robot_commands", "wheel_slip"],
-    ["drive_report", "mobile_bases", "presets", "robot_sensors"],
-    ["controller_loading", "mock_hardware"],
-    ["robot_controllers"],
-    ["manager", "loading"],
-    ["directory", "mailbox", "recording", "robot_systems"],
-    ["robot_parts", "topic_names"],
-    ["mirrored_robots"],
-    ["clients", "diagram", "teleop", "topic_clients"],
-    ["happenings", "history", "playback"],
-    ["recorder"],
-    ["simulation"],
-    ["many", "pages"],
-    ["notebook"],
-    ["commands"],
-    ["cli"],
-    ["__main__"],
-]
-
-# They are text and arrays alone, and know no Drake.
-WITHOUT_DRAKE = [
-    "errors",
-    "interfaces",
+# From the ground up: a package imports only those before it. Imports for the type
+# checker and imports inside functions count.
+PACKAGES = [
     "messages",
-    "options",
-    "timing",
-    "yaml_files",
-    "bundled",
-    "motion",
     "description",
     "control",
+    "plant",
+    "controllers",
+    "manager",
+    "hardware",
+    "worlds",
+    "rollout",
+    "simulation",
+    "visualization",
+    "batch",
+    "commands",
 ]
 
-# What a controller may know of the rest. `description.parameters` and `given` are the
-# form in which all parameters are declared, not the robot's.
-KNOWN_TO_CONTROLLERS = re.compile(
-    r"errors|importing|interfaces|timing|python_system|messages(\..*)?|control(\..*)?"
-    r"|controllers\.(controller_interface|ticking_controller|cycles|kept_ticks|tick_reader|forward_controllers_base"
-    r"|gripper_(command|controller_base)|gazebo_(topics|command_base|truth)"
-    r"|joint_trajectory_(parameters|setup)|pid_gains|[a-z_]+_parameters|speed_limits|topics"
-    r"|base_topics|diff_drive_inbox|admittance_(inbox|setup|status)|validation)|description\.(parameters|given|gazebo_(joints|drives|bumpers))"
-)
+# They are text and arrays alone.
+WITHOUT_DRAKE = ["messages", "description", "control"]
+
+# What a controller may know of the rest.
+KNOWN_TO_CONTROLLERS = {"messages", "description", "control", "controllers"}
 
 MAX_LINES = 800
-
-# Longer than they should be, each to be split or trimmed; they stay below these.
-LONG_FILES: dict[str, int] = {}
-
-MODULES = {
-    ".".join(path.relative_to(PACKAGE).with_suffix("").parts): path
-    for path in sorted(PACKAGE.rglob("*.py"))
-}
+MAX_FUNCTION_LINES = 60
 
 
-def parse(module: str) -> ast.Module:
-    return ast.parse(MODULES[module].read_text(encoding="utf-8"))
+class Import(NamedTuple):
+    """One imported name or module."""
+
+    module: str
+    is_lazy: bool
 
 
-def imports(module: str) -> set[str]:
-    """Return full names of the modules that a module imports, anywhere in it.
-
-    Imports for the type checker alone are left out.
-    """
-    found = set()
-    waiting: list[ast.AST] = [parse(module)]
-    while waiting:
-        node = waiting.pop()
-        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
-            waiting += node.orelse
-            continue
-        waiting += ast.iter_child_nodes(node)
-        if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{module}: relative import"
-            name = str(node.module)
-            found.add(name)
-            found |= {f"{name}.{alias.name}" for alias in node.names}
+@functools.cache
+def modules() -> dict[str, Path]:
+    """Return the files of all modules by dotted name, without the package's own."""
+    found = {}
+    for path in sorted(PACKAGE.rglob("*.py")):
+        parts = path.relative_to(PACKAGE).with_suffix("").parts
+        found[".".join(part for part in parts if part != "__init__")] = path
     return found
 
 
-def own_imports(module: str) -> set[str]:
-    """Return the modules of the package that a module imports, as named here."""
+@functools.cache
+def parse(module: str) -> ast.Module:
+    return ast.parse(modules()[module].read_text(encoding="utf-8"))
+
+
+@functools.cache
+def imports(module: str) -> frozenset[Import]:
+    """Return what a module imports, by full name, anywhere in it."""
     found = set()
-    for name in imports(module):
-        if name.startswith("arm_drake."):
-            short = name.removeprefix("arm_drake.")
-            found |= {short, f"{short}.__init__"} & MODULES.keys()
-    return found - {module}
+    functions = ast.FunctionDef | ast.AsyncFunctionDef
+    lazy = {
+        node
+        for function in ast.walk(parse(module))
+        if isinstance(function, functions)
+        for node in ast.walk(function)
+    }
+    for node in ast.walk(parse(module)):
+        if isinstance(node, ast.Import):
+            found |= {Import(alias.name, node in lazy) for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{module}: relative import"
+            for alias in node.names:
+                name = f"{node.module}.{alias.name}"
+                is_module = name.removeprefix("arm_drake.") in modules()
+                found.add(Import(name if is_module else str(node.module), node in lazy))
+    return frozenset(found)
 
 
-def layer(module: str) -> int:
-    part = module.partition(".")[0]
-    return next(level for level, parts in enumerate(LAYERS) if part in parts)
+def own_imports(module: str) -> set[Import]:
+    """Return the modules of ours that a module imports, as named here."""
+    found = {
+        Import(other.module.removeprefix("arm_drake."), other.is_lazy)
+        for other in imports(module)
+        if other.module.startswith("arm_drake.")
+    }
+    return {other for other in found if other.module != module}
 
 
-def system_classes() -> list[type[LeafSystem]]:
-    """Return every LeafSystem that the package defines and that can be made."""
-    for info in pkgutil.walk_packages(arm_drake.__path__, "arm_drake."):
-        if not info.name.endswith("__main__"):
-            importlib.import_module(info.name)
-    waiting, found = [LeafSystem], {}
-    while waiting:
-        for system in waiting.pop().__subclasses__():
-            waiting.append(system)
-            is_abstract = any(
-                getattr(method, "__isabstractmethod__", False)
-                for _, method in inspect.getmembers(system)
-            )
-            if system.__module__.startswith("arm_drake.") and not is_abstract:
-                found[system.__name__] = system
-    return list(found.values())
+def package_of(module: str) -> str:
+    return module.partition(".")[0]
 
 
-def test_every_module_has_a_layer() -> None:
-    parts = {module.partition(".")[0] for module in MODULES} - {"__init__"}
-
-    assert parts <= set(itertools.chain.from_iterable(LAYERS))
-
-
-@pytest.mark.parametrize("module", sorted(MODULES.keys() - {"__init__"}))
-def test_imports_point_downwards(module: str) -> None:
-    part = module.partition(".")[0]
-
-    for other in own_imports(module):
-        is_own = other.partition(".")[0] == part
-        assert is_own or layer(other) < layer(module), f"{module} imports {other}"
+def importers() -> dict[str, set[Import]]:
+    """Return who imports each module."""
+    found: dict[str, set[Import]] = {module: set() for module in modules()}
+    for module in modules():
+        for other in own_imports(module):
+            found[other.module].add(Import(module, other.is_lazy))
+    return found
 
 
-def test_imports_make_no_circle() -> None:
-    graph = {module: own_imports(module) for module in MODULES}
+def test_packages_import_in_one_order() -> None:
+    wrong = [
+        f"{module} imports {other.module}"
+        for module in modules()
+        for other in own_imports(module)
+        if package_of(module) in PACKAGES
+        and package_of(other.module) in PACKAGES
+        and PACKAGES.index(package_of(other.module))
+        > PACKAGES.index(package_of(module))
+    ]
 
-    assert len(tuple(graphlib.TopologicalSorter(graph).static_order())) == len(MODULES)
-
-
-@pytest.mark.parametrize("part", WITHOUT_DRAKE)
-def test_text_and_mathematics_know_no_drake(part: str) -> None:
-    modules = [module for module in MODULES if module.partition(".")[0] == part]
-
-    assert modules
-    for module in modules:
-        drake = {name for name in imports(module) if name.startswith("pydrake")}
-        assert not drake, f"{module} imports {sorted(drake)}"
+    assert not wrong
 
 
-def test_controllers_know_neither_the_robot_nor_each_other() -> None:
-    modules = [m for m in MODULES if m.startswith("controllers.")]
-    modules.remove("controllers.__init__")
-    modules.remove("controllers.gazebo_plugins")
-    modules.remove("controllers.standard_types")
-    modules.remove("controllers.lazy_types")
+@pytest.mark.parametrize("level", ["module", "package"])
+def test_imports_make_no_circle(level: str) -> None:
+    graph: dict[str, set[str]] = {}
+    for module in modules():
+        name = module if level == "module" else package_of(module)
+        others = {other.module for other in own_imports(module)}
+        if level == "package":
+            others = {package_of(other) for other in others}
+        graph.setdefault(name, set()).update(others - {name})
 
-    assert len(modules) > 2
-    for module in modules:
-        for other in own_imports(module) - {"control.__init__"}:
-            assert KNOWN_TO_CONTROLLERS.fullmatch(other), f"{module} imports {other}"
-        drake = [n for n in imports(module) if n.startswith("pydrake.multibody")]
-        assert not drake, f"{module} imports {drake}"
+    assert tuple(graphlib.TopologicalSorter(graph).static_order())
+
+
+def test_every_package_has_its_place() -> None:
+    folders = {package_of(module) for module in modules() if "." in module}
+
+    assert folders == set(PACKAGES)
+
+
+def test_no_module_is_a_fragment_of_its_only_importer() -> None:
+    # An import inside a function keeps what is heavy away until it is needed.
+    fragments = [
+        f"{module} <- {only.module}"
+        for module, [only] in (
+            (module, list(others))
+            for module, others in importers().items()
+            if len(others) == 1
+        )
+        if "." in module
+        and not only.is_lazy
+        and only.module.rpartition(".")[0] == module.rpartition(".")[0]
+    ]
+
+    assert not fragments
+
+
+@pytest.mark.parametrize("package", WITHOUT_DRAKE)
+def test_text_and_mathematics_know_no_drake(package: str) -> None:
+    for module in modules():
+        if package_of(module) == package:
+            drake = [o for o in imports(module) if o.module.startswith("pydrake")]
+            assert not drake, module
+
+
+def test_controllers_know_neither_the_robot_nor_the_plant() -> None:
+    for module in modules():
+        if package_of(module) == "controllers":
+            others = {package_of(o.module) for o in own_imports(module) if o.module}
+            packages = others & set(PACKAGES)
+            assert packages <= KNOWN_TO_CONTROLLERS, module
+            names = {other.module for other in imports(module)}
+            assert not any(n.startswith("pydrake.multibody") for n in names), module
+            assert "arm_drake.description.urdf" not in names, module
 
 
 def test_nothing_imports_all_of_drake() -> None:
-    for module in MODULES:
-        assert not any(n.startswith("pydrake.all") for n in imports(module)), module
+    for module in modules():
+        names = {other.module for other in imports(module)}
+        assert not any(name.startswith("pydrake.all") for name in names), module
+
+
+@pytest.mark.parametrize("module", sorted(modules()))
+def test_a_module_is_one_thing(module: str) -> None:
+    text = modules()[module].read_text(encoding="utf-8")
+
+    assert len(text.splitlines()) <= MAX_LINES
+
+
+def test_functions_fit_on_a_screen() -> None:
+    long = [
+        f"{module}.{node.name}: {node.end_lineno - node.lineno + 1} lines"
+        for module in modules()
+        for node in ast.walk(parse(module))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+        and node.end_lineno is not None
+        and node.end_lineno - node.lineno + 1 > MAX_FUNCTION_LINES
+    ]
+
+    assert not long
 
 
 def test_a_headless_run_loads_nothing_large_that_it_does_not_need() -> None:
@@ -380,393 +222,3 @@ def test_a_headless_run_loads_nothing_large_that_it_does_not_need() -> None:
     assert "arm_drake.simulation.simulation" in loaded
     large = {"matplotlib", "scipy", "trimesh", "collada", "PIL", "tornado"}
     assert not loaded & {"pydrake.all", *large}
-
-
-def controller_params() -> ControllerInterfaceParams:
-    interfaces = ("joint/position", "joint/velocity", "joint/effort")
-    return ControllerInterfaceParams(
-        controller_name="controller",
-        update_rate=100,
-        period=0.01,
-        joint_types={"joint": "revolute"},
-        command_interfaces=frozenset(interfaces[:1]),
-        state_interfaces=frozenset(interfaces),
-        measured=interfaces,
-    )
-
-
-def gripper_params() -> ControllerInterfaceParams:
-    return dc.replace(controller_params(), gripper_ranges={"joint": (0.0, 1.0)})
-
-
-def make_manager() -> ControllerManager:
-    robot = ad.load_robot("doosan_a0912")
-    return ControllerManager(
-        robot,
-        (),
-        robot.report,
-        prefix="",
-        period=0.01,
-        log_period=0.01,
-        drive=DriveCommands((), (), velocity_lead=0.05),
-        surroundings=Surroundings({}, (), (), {}),
-    )
-
-
-def make_plant() -> MultibodyPlant:
-    plant = MultibodyPlant(0.0)
-    plant.Finalize()
-    return plant
-
-
-class OneJoint:
-    """Kinematics of a single joint."""
-
-    def pose(self, q: np.ndarray, link: str) -> np.ndarray:
-        return np.eye(4)
-
-    def jacobian(self, q: np.ndarray, link: str) -> np.ndarray:
-        return np.zeros((6, 1))
-
-    def joints_to(self, link: str) -> tuple[str, ...]:
-        return ("joint",)
-
-
-def make_admittance_controller() -> AdmittanceController:
-    frame, six = Frame("tip"), (1.0,) * 6
-    parameters = AdmittanceControllerParameters(
-        ("joint",),
-        ("position",),
-        ("position",),
-        ("position", "velocity"),
-        Kinematics("plugin", "package", "base", "tip"),
-        FtSensor("s", frame),
-        InFrame(frame),
-        InFrame(Frame("base")),
-        GravityCompensation(frame, CoG((0.0, 0.0, 0.0))),
-        Admittance((True,) * 6, six, six, six),
-    )
-    params = dc.replace(
-        controller_params(),
-        links=("base", "tip"),
-        make_kinematics=lambda joints, base: OneJoint(),
-    )
-    return AdmittanceController(parameters, params)
-
-
-def make_sensor_readings() -> SensorReadings:
-    measured = tuple(sorted(interfaces.MEASURED))
-    sensor = SensorInfo("s", measured, "child", joint="joint")
-    plant = MultibodyPlant(0.0)
-    body = plant.AddRigidBody("child", SpatialInertia.SolidSphereWithMass(1.0, 1.0))
-    frames = (plant.world_frame(), body.body_frame())
-    plant.AddJoint(PrismaticJoint("joint", *frames, [1.0, 0.0, 0.0]))
-    plant.Finalize()
-    model = plant.GetModelInstanceByName("DefaultModelInstance")
-    return SensorReadings(plant, SceneGraph(), model, [sensor], ["joint"])
-
-
-def make_contact_readings() -> ContactReadings:
-    plant = make_plant()
-    model = plant.GetModelInstanceByName("DefaultModelInstance")
-    return ContactReadings(plant, SceneGraph(), model, [])
-
-
-# How to make each system, small.
-FACTORIES: dict[type[LeafSystem], Callable[[], LeafSystem]] = {
-    ContactForces: lambda: ContactForces(["link"]),
-    WantedPositions: lambda: WantedPositions(2),
-    MockHardware: lambda: MockHardware(
-        ad.load_robot("doosan_a0912"), [], [], [], period=0.01
-    ),
-    KinematicPlant: lambda: KinematicPlant(make_plant(), {}),
-    BaseTruth: lambda: BaseTruth(
-        "base", 1, RigidTransform(), [Wheel("j", 2, np.zeros(3), np.eye(3)[1], 0.1)]
-    ),
-    LinkFrames: lambda: LinkFrames([0]),
-    SensorReadings: make_sensor_readings,
-    ContactReadings: make_contact_readings,
-    ControllerManager: make_manager,
-    SampledStates: lambda: SampledStates("controller", 3, 0.01),
-    JointStateBroadcaster: lambda: JointStateBroadcaster(
-        JointStateBroadcasterParameters(), controller_params()
-    ),
-    ForwardCommandController: lambda: ForwardCommandController(
-        ForwardCommandControllerParameters(("joint",), "position"), controller_params()
-    ),
-    MultiInterfaceForwardCommandController: lambda: (
-        MultiInterfaceForwardCommandController(
-            MultiInterfaceForwardCommandControllerParameters("joint", ("position",)),
-            controller_params(),
-        )
-    ),
-    JointGroupController: lambda: JointGroupController(
-        JointGroupControllerParameters(("joint",)),
-        controller_params(),
-        interface="effort",
-    ),
-    GripperActionController: lambda: GripperActionController(
-        GripperActionControllerParameters("joint"), gripper_params()
-    ),
-    ParallelGripperActionController: lambda: ParallelGripperActionController(
-        ParallelGripperActionControllerParameters("joint"), gripper_params()
-    ),
-    gazebo.find_system(tags.JointPositionController): lambda: gazebo.make_plugin(
-        [tags.JointPositionController(("joint",), topic="<topic>")], gripper_params()
-    ),
-    gazebo.find_system(tags.JointController): lambda: gazebo.make_plugin(
-        [tags.JointController(("joint",), topic="<topic>")], controller_params()
-    ),
-    gazebo.find_system(tags.JointTrajectoryController): lambda: gazebo.make_plugin(
-        [tags.JointTrajectoryController(topic="<topic>")], controller_params()
-    ),
-    gazebo.find_system(tags.JointStatePublisher): lambda: gazebo.make_plugin(
-        [tags.JointStatePublisher(topic="<topic>")], controller_params()
-    ),
-    gazebo.find_system(ContactSensorTag): lambda: gazebo.make_plugin(
-        [ContactSensorTag("s", "base", ("base::hull",), "<topic>", frame="base")],
-        dc.replace(controller_params(), links=("base",)),
-    ),
-    gazebo.find_system(tags.GazeboRosJointPoseTrajectory): lambda: gazebo.make_plugin(
-        [tags.GazeboRosJointPoseTrajectory()], controller_params()
-    ),
-    gazebo.find_system(tags.GazeboRosJointStatePublisher): lambda: gazebo.make_plugin(
-        [tags.GazeboRosJointStatePublisher(("joint",))], controller_params()
-    ),
-    gazebo.find_system(drives.DiffDrive): lambda: gazebo.make_plugin(
-        [
-            drives.DiffDrive(
-                ("joint",),
-                ("joint",),
-                topic="<topic>",
-                odom_topic="<odom_topic>",
-                tf_topic="<tf_topic>",
-            )
-        ],
-        dc.replace(controller_params(), robot_name="<model>"),
-    ),
-    gazebo.find_system(drives.GazeboRosDiffDrive): lambda: gazebo.make_plugin(
-        [
-            drives.GazeboRosDiffDrive(
-                ("joint",), ("joint",), publish_odom=True, publish_odom_tf=True
-            )
-        ],
-        controller_params(),
-    ),
-    AdmittanceController: make_admittance_controller,
-    DiffDriveController: lambda: DiffDriveController(
-        DiffDriveControllerParameters(
-            ("left",),
-            ("right",),
-            wheel_separation=1.0,
-            wheel_radius=0.1,
-            use_stamped_vel=False,
-            publish_limited_velocity=True,
-        ),
-        controller_params(),
-    ),
-    SteeringController: lambda: SteeringController(
-        BicycleSteeringControllerParameters(
-            ("rear",), ("front",), wheelbase=1.0, traction_wheel_radius=0.1
-        ),
-        controller_params(),
-    ),
-    TricycleController: lambda: TricycleController(
-        TricycleControllerParameters(
-            "rear",
-            "front",
-            wheelbase=1.0,
-            wheel_radius=0.1,
-            enable_odom_tf=True,
-            publish_ackermann_command=True,
-        ),
-        controller_params(),
-    ),
-    MecanumDriveController: lambda: MecanumDriveController(
-        MecanumDriveControllerParameters(
-            *"abcd",
-            kinematics=MecanumKinematicsParameters(
-                wheels_radius=0.1, sum_of_robot_center_projection_on_X_Y_axis=1.0
-            ),
-        ),
-        controller_params(),
-    ),
-    OmniWheelDriveController: lambda: OmniWheelDriveController(
-        OmniWheelDriveControllerParameters(
-            ("a", "b", "c"), wheel_offset=0.0, robot_radius=1.0, wheel_radius=0.1
-        ),
-        controller_params(),
-    ),
-    GpioCommandController: lambda: GpioCommandController(
-        GpioCommandControllerParameters(
-            ("g",), InterfacesByGpio({"g": GpioInterfaces(("x",))})
-        ),
-        controller_params(),
-    ),
-    ChainedFilter: lambda: ChainedFilter(
-        ChainedFilterParameters(
-            ("a/position",),
-            ("a/filtered",),
-            {
-                "filter1.name": "mean",
-                "filter1.type": "filters/MeanFilterDouble",
-                "filter1.params.number_of_observations": 2,
-            },
-        ),
-        controller_params(),
-    ),
-    IMUSensorBroadcaster: lambda: IMUSensorBroadcaster(
-        IMUSensorBroadcasterParameters("s", "frame"), controller_params()
-    ),
-    ForceTorqueSensorBroadcaster: lambda: ForceTorqueSensorBroadcaster(
-        ForceTorqueSensorBroadcasterParameters(
-            "frame",
-            "s",
-            sensor_filter_chain={
-                "filter1.name": "low_pass",
-                "filter1.type": "control_filters/LowPassFilterWrench",
-                "filter1.params.sampling_frequency": 100.0,
-                "filter1.params.damping_frequency": 10.0,
-                "filter1.params.damping_intensity": 1.0,
-            },
-        ),
-        controller_params(),
-    ),
-    RangeSensorBroadcaster: lambda: RangeSensorBroadcaster(
-        RangeSensorBroadcasterParameters("s", "frame"), controller_params()
-    ),
-    PoseBroadcaster: lambda: PoseBroadcaster(
-        PoseBroadcasterParameters("frame", "s"), controller_params()
-    ),
-    GPSSensorBroadcaster: lambda: GPSSensorBroadcaster(
-        GPSSensorBroadcasterParameters("s", "frame"), controller_params()
-    ),
-    MagnetometerBroadcaster: lambda: MagnetometerBroadcaster(
-        MagnetometerBroadcasterParameters("s", "frame"), controller_params()
-    ),
-    BatteryStateBroadcaster: lambda: BatteryStateBroadcaster(
-        BatteryStateBroadcasterParameters(sensor_name="s"), controller_params()
-    ),
-    StateInterfacesBroadcaster: lambda: StateInterfacesBroadcaster(
-        StateInterfacesBroadcasterParameters(("joint/position",)), controller_params()
-    ),
-    Vda5050SafetyStateBroadcaster: lambda: Vda5050SafetyStateBroadcaster(
-        Vda5050SafetyStateBroadcasterParameters(SafetyInterfaces(("a/field",))),
-        controller_params(),
-    ),
-    PassthroughController: lambda: PassthroughController(
-        PassthroughControllerParameters(("joint/position",)), controller_params()
-    ),
-    PidController: lambda: PidController(
-        PidControllerParameters(
-            ("joint",), "effort", ("position",), use_external_measured_states=True
-        ),
-        controller_params(),
-    ),
-    JointTrajectoryController: lambda: JointTrajectoryController(
-        JointTrajectoryControllerParameters(("joint",), ("position",), ("position",)),
-        controller_params(),
-    ),
-}
-
-
-def test_every_system_can_be_made_here() -> None:
-    bases = {"ControllerInterface", "PythonSystem", "TickReader"}
-    names = {system.__name__ for system in system_classes()} - bases
-    assert names == {system.__name__ for system in FACTORIES}
-
-
-def documented_ports(text: str, kind: str) -> list[str]:
-    """Return the ports of a kind in Drake's `pydrake_system` block, in order."""
-    lines = itertools.dropwhile(lambda line: f"{kind}:" not in line, text.splitlines())
-    names = itertools.takewhile(lambda line: line.startswith("- "), _stripped(lines))
-    return [name.removeprefix("- ") for name in names]
-
-
-def _stripped(lines: Iterator[str]) -> Iterator[str]:
-    next(lines, None)
-    return (line.strip() for line in lines)
-
-
-@pytest.mark.parametrize("system_type", FACTORIES, ids=lambda type: type.__name__)
-def test_a_system_documents_its_ports(system_type: type[LeafSystem]) -> None:
-    system = FACTORIES[system_type]()
-
-    ports: dict[str, list[Any]] = {
-        "input_ports": [
-            system.get_input_port(i) for i in range(system.num_input_ports())
-        ],
-        "output_ports": [
-            system.get_output_port(i) for i in range(system.num_output_ports())
-        ],
-    }
-    text = inspect.cleandoc(type(system).__doc__ or "")
-    for kind, declared in ports.items():
-        names = [port.get_name() for port in declared]
-        assert documented_ports(text, kind) == names
-        # Its row in the table.
-        for name in names:
-            assert re.search(rf"^{name}  ", text, re.MULTILINE), name
-    assert f"name: {type(system).__name__}\n" in text
-
-
-def assignments_to_self(method: ast.FunctionDef) -> Iterator[str]:
-    """Yield what a method assigns to, of its own object."""
-    this = method.args.args[0].arg if method.args.args else ""
-    for node in ast.walk(method):
-        if isinstance(node, ast.Attribute | ast.Subscript) and isinstance(
-            node.ctx, ast.Store | ast.Del
-        ):
-            target: ast.AST = node
-            while isinstance(target, ast.Attribute | ast.Subscript):
-                target = target.value
-            if isinstance(target, ast.Name) and target.id == this:
-                yield f"line {node.lineno}: {ast.unparse(node)}"
-
-
-def test_all_systems_are_freed_with_their_diagram() -> None:
-    for system in system_classes():
-        assert issubclass(system, PythonSystem), system.__name__
-
-
-def test_systems_keep_their_state_in_the_context() -> None:
-    systems = {system.__name__ for system in system_classes()} | {"ControllerInterface"}
-    systems -= {"PythonSystem"}  # Notes what it holds while a system is made.
-    seen = set()
-    for module in MODULES:
-        for node in ast.walk(parse(module)):
-            if not isinstance(node, ast.ClassDef) or node.name not in systems:
-                continue
-            seen.add(node.name)
-            for method in node.body:
-                if isinstance(method, ast.FunctionDef) and method.name != "__init__":
-                    assert not list(assignments_to_self(method)), module
-
-    assert seen == systems
-
-
-@pytest.mark.parametrize(
-    ("text", "found"),
-    [
-        ("self._a = 1", ["line 2: self._a"]),
-        ("self._a += 1", ["line 2: self._a"]),
-        ("self._a[0] = 1", ["line 2: self._a[0]"]),
-        ("x, self.a.b = 1, 2", ["line 2: self.a.b"]),
-        ("del self._a", ["line 2: self._a"]),
-        ("x = self._a", []),
-        ("x.a = self._a", []),
-    ],
-)
-def test_an_assignment_to_self_is_found(text: str, found: list[str]) -> None:
-    (method,) = ast.parse(f"def update(self, x):\n    {text}").body
-    assert isinstance(method, ast.FunctionDef)
-
-    assert list(assignments_to_self(method)) == found
-
-
-@pytest.mark.parametrize("module", sorted(MODULES))
-def test_files_are_short(module: str) -> None:
-    path = MODULES[module]
-    limit = LONG_FILES.get(path.relative_to(PACKAGE).as_posix(), MAX_LINES)
-
-    assert len(path.read_text(encoding="utf-8").splitlines()) <= limit

@@ -10,13 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from arm_drake.pages.live_panel import make_changes
 from numpy.typing import NDArray
 from playwright.sync_api import Browser
 
 import arm_drake as ad
 from arm_drake.visualization.page import Page
-from arm_drake.visualization.page.live_simulation import LiveSimulation
+from arm_drake.visualization.page.live_simulation import LiveSimulation, make_changes
 from tests import carts
 from tests.browser.pages import (
     Program,

@@ -1,10 +1,9 @@
 """What is seen of a simulation: robots, and what is shown beside them."""
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
-from pydrake.geometry import Meshcat, MeshcatVisualizer, SceneGraph
+from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 
@@ -12,88 +11,13 @@ from arm_drake import interfaces
 from arm_drake.description.joints import WORLD
 from arm_drake.errors import InputError, suggest
 from arm_drake.plant.kinematics import KinematicPlant
-from arm_drake.simulation.motion import Motion
-from arm_drake.simulation.playback import Player
-from arm_drake.simulation.simulation import TICK_TOLERANCE, Simulation
+from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.contact_arrows import ContactArrows
+from arm_drake.visualization.drawing import ROOM_TO_MOVE, draw, frame_robots
 from arm_drake.visualization.ghost import Ghost
-from arm_drake.visualization.meshcat import frame_shapes
 from arm_drake.visualization.page import Choice, Scene, Toggle, Widget
 from arm_drake.visualization.page.panel import LinkViews, frame_names, make_fixed_frame
 from arm_drake.visualization.trail import Trail
-
-# Room for a robot that is going to move, in parts of its diameter.
-ROOM_TO_MOVE = 0.3
-
-
-def draw(simulation: Simulation) -> None:
-    """Have a simulation's diagram draw its robots.
-
-    Args:
-        simulation: One whose diagram has a Meshcat.
-    """
-    root = simulation.simulator.get_context()
-    for system in simulation.diagram.GetSystems():
-        if isinstance(system, MeshcatVisualizer):
-            system.ForcedPublish(system.GetMyContextFromRoot(root))
-
-
-def frame_robots(
-    simulation: Simulation, meshcat: Meshcat, *, room: float = 0.0
-) -> None:
-    """Point the camera so that all of the robots is to be seen, where they are now.
-
-    Args:
-        simulation: A simulation with robots.
-        meshcat: Where they are drawn.
-        room: How far they may move sideways, in parts of their diameter.
-    """
-    scene_graph = simulation.diagram.GetSubsystemByName("scene_graph")
-    root = simulation.simulator.get_context()
-    context = scene_graph.GetMyContextFromRoot(root)
-    query = scene_graph.get_query_output_port().Eval(context)
-    frame_shapes(meshcat, query, models=list(simulation.robots), room=room)
-
-
-def run_drawing(
-    simulation: Simulation,
-    duration: float,
-    motion: Motion | None = None,
-    *,
-    draw: Callable[[], None],
-    frame_rate: float,
-    realtime_rate: float = 0.0,
-    progress: Callable[[float], None] | None = None,
-) -> None:
-    """Simulate for a while and draw at equal times.
-
-    Args:
-        simulation: What to simulate. Its diagram draws when it is told to, see
-            `SimulationOptions.frame_rate`.
-        duration: How long [s].
-        motion: What to send, its times counted from now.
-        draw: Draws the simulation as it is; called at once, and for each picture.
-        frame_rate: Pictures per simulated second [Hz].
-        realtime_rate: Simulated seconds per second; 0 is as fast as it goes.
-        progress: Called with the simulated time [s] for each picture.
-
-    Raises:
-        MotionError: As `Simulation.run`.
-    """
-    player = Player(simulation, motion, TICK_TOLERANCE * simulation.period)
-    draw()
-    # The rate counts from now.
-    simulation.simulator.ResetStatistics()
-    simulation.simulator.set_target_realtime_rate(realtime_rate)
-    start, count = simulation.time, math.floor(duration * frame_rate + 1e-9)
-    for picture in (*range(1, count + 1), None):
-        passed = duration if picture is None else picture / frame_rate
-        player.play(max(start + passed - simulation.time, 0.0))
-        draw()
-        if progress is not None:
-            progress(simulation.time)
-    simulation.simulator.set_target_realtime_rate(0.0)
-
 
 # How long the weight of a robot is drawn, in parts of the size of the robot.
 _WEIGHT_LENGTH = 0.5

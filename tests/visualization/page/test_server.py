@@ -15,9 +15,8 @@ import pytest
 from pydrake.geometry import Box, Rgba
 
 from arm_drake.errors import InputError
-from arm_drake.visualization.page import Event, Page
-from arm_drake.visualization.page import page as handlers
-from arm_drake.visualization.page import page as server
+from arm_drake.visualization.page import Event, Page, server
+from arm_drake.visualization.page import server as handlers
 from tests.test_memory import resident_memory
 from tests.visualization.page.clients import (
     BINARY,
