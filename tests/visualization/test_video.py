@@ -84,7 +84,7 @@ def test_an_interrupted_film_says_where_it_is(
             progress(taken, 200)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("arm_drake.visualization.video.save_video", interrupted)
+    monkeypatch.setattr("arm_drake.commands.output.save_video", interrupted)
     words = ["log", "plot", "record", "screenshot"]
     file = tmp_path / "film.mp4"
     options = Namespace(**dict.fromkeys(words), video=file, json=False)

@@ -7,8 +7,8 @@ import pytest
 from pydrake.geometry import Sphere
 from pydrake.math import RigidTransform
 
-from arm_drake.visualization.meshcat import show_backdrop
 from arm_drake.visualization.page import Button, Buttons, Event, Page, Section, Slider
+from arm_drake.worlds.sdf_world import show_backdrop
 from tests.visualization.page.clients import Panel
 from tests.waiting import PATIENCE, wait_until
 
