@@ -68,33 +68,32 @@ def parse(module: str) -> ast.Module:
 def imports(module: str) -> frozenset[Import]:
     """Return what a module imports, by full name, anywhere in it."""
     found = set()
-    functions = ast.FunctionDef | ast.AsyncFunctionDef
-    lazy = {
-        node
-        for function in ast.walk(parse(module))
-        if isinstance(function, functions)
-        for node in ast.walk(function)
-    }
-    for node in ast.walk(parse(module)):
+    waiting: list[tuple[ast.AST, bool]] = [(parse(module), False)]
+    while waiting:
+        node, is_lazy = waiting.pop()
         if isinstance(node, ast.Import):
-            found |= {Import(alias.name, node in lazy) for alias in node.names}
+            found |= {Import(alias.name, is_lazy) for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{module}: relative import"
             for alias in node.names:
                 name = f"{node.module}.{alias.name}"
                 is_module = name.removeprefix("arm_drake.") in modules()
-                found.add(Import(name if is_module else str(node.module), node in lazy))
+                found.add(Import(name if is_module else str(node.module), is_lazy))
+        elif isinstance(node, ast.stmt | ast.Module | ast.ExceptHandler):
+            is_lazy |= isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+            waiting += [(child, is_lazy) for child in ast.iter_child_nodes(node)]
     return frozenset(found)
 
 
-def own_imports(module: str) -> set[Import]:
+@functools.cache
+def own_imports(module: str) -> frozenset[Import]:
     """Return the modules of ours that a module imports, as named here."""
     found = {
         Import(other.module.removeprefix("arm_drake."), other.is_lazy)
         for other in imports(module)
         if other.module.startswith("arm_drake.")
     }
-    return {other for other in found if other.module != module}
+    return frozenset(other for other in found if other.module != module)
 
 
 def package_of(module: str) -> str:
