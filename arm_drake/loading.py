@@ -1,5 +1,6 @@
 """load_robot: a robot package on the disk becomes a Robot."""
 
+import copy
 import dataclasses as dc
 import math
 import os
@@ -153,8 +154,9 @@ def load_robot(
     config = add_contact_sensors(description, config, report)
     has_free_base = _has_free_base(description, config)
     if has_free_base:
-        urdf = repair_free_base(description.urdf, description.base, report, entry)
-        description = dc.replace(description, urdf=urdf)
+        root = copy.deepcopy(description.root)
+        repair_free_base(root, description.base, report, entry)
+        description = dc.replace(description, root=root)
     robot = Robot(
         name=name or description.name,
         description=description,

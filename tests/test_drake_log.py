@@ -49,8 +49,7 @@ from arm_drake.plant.plant import add_robot_model
 
 robot = ad.load_robot(sys.argv[1])
 # As if something odd had not been removed.
-urdf = robot.description.urdf.replace("<link ", '<link type="x" ', 1)
-object.__setattr__(robot.description, "urdf", urdf)
+robot.description.root.find("link").set("type", "x")
 report = LoadReport()
 plant = MultibodyPlant(0.01)
 add_robot_model(plant, robot.description, "robot", None, report=report)

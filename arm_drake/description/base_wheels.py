@@ -1,6 +1,4 @@
-"""Which joints drive and steer mobile bases, and which links are their wheels.
-
-Axles for wheels of steered bases that have none, so that they roll and don't rub.
+"""Wheels of mobile bases: the joints that drive and steer them, and axles they lack.
 
 Descriptions made for RViz may end at the steering joint: the wheel is part of the link
 that it turns, and on a ground it is a brake. Or one joint turns two wheels of an axle,
@@ -10,8 +8,9 @@ one against the other, if it is driven. The description, and so joint states and
 stays as it is.
 """
 
+import copy
 import dataclasses as dc
-import math
+import functools
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
@@ -21,8 +20,9 @@ from numpy.typing import NDArray
 
 from arm_drake.description.controllers import ControllerManagerConfig
 from arm_drake.description.gazebo_plugins import DiffDrive, GazeboRosDiffDrive
-from arm_drake.description.inertia import link_solid, read_origin
+from arm_drake.description.inertia import link_solid
 from arm_drake.description.joints import JointInfo, last_master
+from arm_drake.description.links import read_link
 from arm_drake.description.parameters import Parameter
 from arm_drake.description.report import LoadReport
 from arm_drake.description.urdf import RobotDescription, total_mass
@@ -189,14 +189,16 @@ def carried_inertia(
         description: The robot.
         bases: What its controllers drive.
     """
-    root = ET.fromstring(description.urdf)  # noqa: S314  our own text.
-    links = {link.get("name", ""): link for link in root.iterfind("link")}
     mass = total_mass(description)
     carried: dict[str, float] = {}
     for base in bases:
         for joint in base.driven:
             radius = max(
-                (_radius(links[name]) for name in wheel_links(description, joint)),
+                (
+                    shape.wheel_radius
+                    for name in wheel_links(description, joint)
+                    for shape in description.link(name).collisions
+                ),
                 default=0.0,
             )
             if radius > 0.0:
@@ -204,21 +206,9 @@ def carried_inertia(
     return carried
 
 
-def _radius(link: ET.Element) -> float:
-    """Return the radius of the largest cylinder or sphere to collide with [m]."""
-    shapes = (
-        shape
-        for tag in ("cylinder", "sphere")
-        for shape in link.iterfind(f"collision/geometry/{tag}")
-    )
-    radii = [float(shape.get("radius", "0")) for shape in shapes]
-    return max((r for r in radii if math.isfinite(r)), default=0.0)
-
-
 def report_bases(
     description: RobotDescription,
     bases: Iterable[MobileBase],
-    friction: Mapping[str, float],
     report: LoadReport,
 ) -> None:
     """Record driven wheels that can't touch the ground, or have no friction.
@@ -226,22 +216,15 @@ def report_bases(
     Args:
         description: The robot.
         bases: What its controllers drive.
-        friction: Friction coefficients that links state.
         report: Where they are recorded.
     """
-    root = ET.fromstring(description.urdf)  # noqa: S314  our own text.
-    solid = {
-        link.get("name", "")
-        for link in root.iterfind("link")
-        if link.find("collision") is not None
-    }
 
     def add(what: str, done: str, where: str) -> None:
         report.add("error", "invalid", what, done, where=where, file=description.file)
 
     for joint in dict.fromkeys(joint for base in bases for joint in base.driven):
         links = wheel_links(description, joint)
-        touching = [link for link in links if link in solid]
+        touching = [name for name in links if description.link(name).collisions]
         if not touching:
             add(
                 "a driven wheel without a collision shape",
@@ -250,7 +233,7 @@ def report_bases(
                 f"joint {joint!r}",
             )
         for link in touching:
-            if friction.get(link) == 0.0:
+            if description.friction.get(link) == 0.0:
                 add(
                     "a driven wheel without friction, <mu1> is 0",
                     "it spins and drives nothing; expected more than 0, such as 1",
@@ -261,35 +244,21 @@ def report_bases(
 Array = NDArray[Any]
 
 
-class LinkTree:
-    """The elements of a robot by name; directions with all joints at 0."""
+def link_orientation(description: RobotDescription, link: str) -> Array:
+    """Return the orientation of a link in its root, joints at 0, shape (3, 3)."""
+    carriers = {joint.child: joint for joint in description.joints}
+    R = np.eye(3)
+    while link in carriers:
+        carrier = carriers[link]
+        R = carrier.origin.rotation @ R
+        link = carrier.parent
+    return R
 
-    def __init__(self, description: RobotDescription) -> None:
-        """Create it.
 
-        Args:
-            description: The robot.
-        """
-        root = ET.fromstring(description.urdf)  # noqa: S314  our own text.
-        self.links = {link.get("name", ""): link for link in root.iterfind("link")}
-        self._joints = {j.get("name", ""): j for j in root.iterfind("joint")}
-        self._carriers = {joint.child: joint for joint in description.joints}
-
-    def orientation(self, link: str) -> Array:
-        """Return the orientation of a link in its root, shape (3, 3)."""
-        R = np.eye(3)
-        while link in self._carriers:
-            carrier = self._carriers[link]
-            R = read_origin(self._joints[carrier.name])[0] @ R
-            link = carrier.parent
-        return R
-
-    def axis(self, joint: str) -> Array:
-        """Return the axis of a joint in its child link, of length 1, shape (3,)."""
-        element = self._joints[joint].find("axis")
-        xyz = "1 0 0" if element is None else element.get("xyz", "1 0 0")
-        direction = np.array([float(x) for x in xyz.split()])
-        return np.asarray(direction / np.linalg.norm(direction))
+def unit_axis(joint: JointInfo) -> Array:
+    """Return the axis of a joint in its child link, of length 1, shape (3,)."""
+    direction = np.array(joint.axis)
+    return np.asarray(direction / np.linalg.norm(direction))
 
 
 def format_vector(vector: Array) -> str:
@@ -364,8 +333,7 @@ class _Tree:
 
     def __init__(self, description: RobotDescription) -> None:
         self._description = description
-        self._tree = LinkTree(description)
-        self._rotation = self._tree.orientation
+        self._rotation = functools.partial(link_orientation, description)
 
     def steered_axles(self, joint: JointInfo) -> Iterator[Axle]:
         """Yield the axles that wheels below a steering joint lack."""
@@ -411,27 +379,26 @@ class _Tree:
 
         The axis is None for a sphere, and all is None for what is no wheel.
         """
-        shapes = self._tree.links[name].findall("collision")
-        if len(shapes) != 1:
+        shapes = self._description.link(name).collisions
+        if len(shapes) != 1 or shapes[0].geometry is None:
             return None
-        R_LS, center = read_origin(shapes[0])
-        if shapes[0].find("geometry/cylinder") is not None:
-            return center, self._rotation(name) @ R_LS[:, 2]
-        is_round = shapes[0].find("geometry/sphere") is not None
-        return (center, None) if is_round else None
+        origin, form = shapes[0].origin, shapes[0].geometry.type
+        if form == "cylinder":
+            return origin.position, self._rotation(name) @ origin.rotation[:, 2]
+        return (origin.position, None) if form == "sphere" else None
 
     def _direction(self, joint: JointInfo) -> Array:
         """Return the axis of a joint in the root, of length 1."""
-        direction: Array = self._rotation(joint.child) @ self._tree.axis(joint.name)
+        direction: Array = self._rotation(joint.child) @ unit_axis(joint)
         return direction
 
 
 def with_axles(
     description: RobotDescription, axles: Sequence[Axle]
 ) -> RobotDescription:
-    """Return a description whose text has joints for wheels to roll on.
+    """Return a description whose URDF has joints for wheels to roll on.
 
-    Only the text has them: the links and joints that it tells of are those of before.
+    Only the URDF has them: the links and joints that it tells of are those of before.
 
     Args:
         description: The robot.
@@ -439,12 +406,12 @@ def with_axles(
     """
     if not axles:
         return description
-    root = ET.fromstring(description.urdf)  # noqa: S314  our own text.
+    root = copy.deepcopy(description.root)
     links = {link.get("name", ""): link for link in root.iterfind("link")}
     for axle in axles:
         link = links[axle.link]
         collision = link.find("collision")
-        solid = link_solid(link)
+        solid = link_solid(read_link(link))
         assert collision is not None
         assert solid is not None
         mass = _TURNING * _halve(link) or _DENSITY * solid[0].mass
@@ -476,7 +443,7 @@ def with_axles(
         if axle.other:
             master = f"{axle.other}:axle"
             ET.SubElement(joint, "mimic", joint=master, multiplier="-1", offset="0")
-    return dc.replace(description, urdf=ET.tostring(root, encoding="unicode"))
+    return dc.replace(description, root=root)
 
 
 def report_axles(

@@ -469,6 +469,26 @@ def referred_link(
     return {joint.name: joint.child for joint in joints}.get(reference, reference)
 
 
+# A link that states no friction, or more, has this coefficient.
+_USUAL_FRICTION = 1.0
+
+
+def read_friction(root: ET.Element, links: Collection[str]) -> dict[str, float]:
+    """Return the friction coefficients that links state, at most 1.
+
+    The last of several tags counts. Numbers below 0, or none, are left out.
+    """
+    found = {}
+    for gazebo in root.iterfind("gazebo"):
+        link = attribute(gazebo, "reference")
+        for path in ("mu1", ".//surface/friction/ode/mu"):
+            for element in gazebo.iterfind(path):
+                mu = parse_number(text_of(element))
+                if mu is not None and mu >= 0.0 and link in links:
+                    found[link] = min(mu, _USUAL_FRICTION)
+    return found
+
+
 def _says(element: ET.Element, tag: str, value: str) -> bool:
     """Return whether a sensor of forces has a tag with this text."""
     return text_of(element.find("force_torque"), tag) == value

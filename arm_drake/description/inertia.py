@@ -22,6 +22,14 @@ from urllib.parse import unquote, urlparse
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_drake.description.links import (
+    Geometry,
+    LinkInfo,
+    ShapeInfo,
+    read_axis,
+    read_link,
+    read_origin,
+)
 from arm_drake.description.report import LoadReport
 
 Array = NDArray[Any]
@@ -67,7 +75,7 @@ class Inertial:
         )
 
 
-def link_solid(link: ET.Element) -> tuple[Inertial, str] | None:
+def link_solid(link: LinkInfo) -> tuple[Inertial, str] | None:
     """Return a link as a solid of density 1, and what that is.
 
     That is its collision geometry, else its visual one; None if it has neither. What
@@ -75,11 +83,11 @@ def link_solid(link: ET.Element) -> tuple[Inertial, str] | None:
     hull of a collision mesh, as thinned as it is for contact, the box around a visual
     one.
     """
-    for tag in ("collision", "visual"):
+    for tag, shapes in (("collision", link.collisions), ("visual", link.visuals)):
         known = [
-            (solid, element.find("geometry/mesh") is not None)
-            for element in link.iterfind(tag)
-            if (solid := _placed_solid(element)) is not None
+            (solid, shape.geometry is not None and shape.geometry.type == "mesh")
+            for shape in shapes
+            if (solid := _placed_solid(shape)) is not None
         ]
         if known:
             solids, are_meshes = zip(*known, strict=True)
@@ -160,49 +168,32 @@ def polyhedron(vertices: Array, faces: Array) -> Inertial:
     return Inertial(volume, center, np.trace(second) * np.eye(3) - second)
 
 
-def read_origin(element: ET.Element) -> tuple[Array, Array]:
-    """Return rotation, shape (3, 3), and position [m] of an element's `<origin>`."""
-    origin = element.find("origin")
-    if origin is None:
-        return np.eye(3), np.zeros(3)
-    xyz, rpy = (_floats(origin.get(name, "0 0 0")) for name in ("xyz", "rpy"))
-    (sx, sy, sz), (cx, cy, cz) = np.sin(rpy), np.cos(rpy)
-    R = [
-        [cy * cz, sx * sy * cz - cx * sz, cx * sy * cz + sx * sz],
-        [cy * sz, sx * sy * sz + cx * cz, cx * sy * sz - sx * cz],
-        [-sy, sx * cy, cx * cy],
-    ]
-    return np.array(R), xyz
-
-
-def _floats(text: str) -> Array:
-    return np.array([float(number) for number in text.split()])
-
-
-def _placed_solid(element: ET.Element) -> Inertial | None:
-    geometry = element.find("geometry")
-    shape = None if geometry is None else next(iter(geometry), None)
-    if shape is None:
+def _placed_solid(shape: ShapeInfo) -> Inertial | None:
+    if shape.geometry is None:
         return None
-    solid = _mesh_solid(shape) if shape.tag == "mesh" else _primitive_solid(shape)
+    solid = _solid(shape.geometry)
     if solid is None or not _VOLUMES[0] < solid.mass < _VOLUMES[1]:
         return None
-    return solid.moved(*read_origin(element))
+    return solid.moved(shape.origin.rotation, shape.origin.position)
 
 
-def _primitive_solid(shape: ET.Element) -> Inertial | None:
-    if shape.tag == "box":
-        return box(_floats(shape.attrib["size"]))
-    if shape.tag == "sphere":
-        return ball(float(shape.attrib["radius"]))
-    if shape.tag in ("cylinder", "capsule"):
-        make = cylinder if shape.tag == "cylinder" else capsule
-        return make(float(shape.attrib["radius"]), float(shape.attrib["length"]))
+def _solid(geometry: Geometry) -> Inertial | None:
+    match geometry.type:
+        case "mesh":
+            return _mesh_solid(geometry.filename)
+        case "box":
+            return box(np.array(geometry.size))
+        case "sphere":
+            return ball(geometry.radius)
+        case "cylinder":
+            return cylinder(geometry.radius, geometry.length)
+        case "capsule":
+            return capsule(geometry.radius, geometry.length)
     return None
 
 
-def _mesh_solid(shape: ET.Element) -> Inertial | None:
-    url = urlparse(shape.get("filename", ""))
+def _mesh_solid(filename: str) -> Inertial | None:
+    url = urlparse(filename)
     path = Path(unquote(url.path))
     if url.scheme != "file" or not path.is_file():
         return None
@@ -268,7 +259,9 @@ class Body:
             return bool(moments[0] > tolerance * moments.sum())
         is_free = self._type == "planar"
         inertia = inertial.inertia if is_free else inertial.about(np.zeros(3))
-        axis = _axis(self.joint)
+        assert self.joint is not None
+        axis = np.array(read_axis(self.joint))
+        axis /= np.linalg.norm(axis) or 1.0
         return bool(axis @ inertia @ axis > tolerance * np.trace(inertia))
 
 
@@ -303,16 +296,10 @@ def _welded(first: str, children: _Children) -> list[tuple[str, Array, Array]]:
     for name, R, p in body:
         for weld, child in children.get(name, []):
             if weld.get("type") == "fixed":
-                R_weld, p_weld = read_origin(weld)
-                body.append((child, R @ R_weld, R @ p_weld + p))
+                origin = read_origin(weld)
+                at = R @ origin.position + p
+                body.append((child, R @ origin.rotation, at))
     return body
-
-
-def _axis(joint: ET.Element | None) -> Array:
-    element = None if joint is None else joint.find("axis")
-    text = "1 0 0" if element is None else element.get("xyz", "1 0 0")
-    axis = np.array([float(number) for number in text.split()])
-    return np.asarray(axis / (np.linalg.norm(axis) or 1.0))
 
 
 # Links without an inertia are taken as solids of this density [kg/m^3].
@@ -414,18 +401,18 @@ def repair_inertials(root: ET.Element, report: LoadReport, file: Path) -> None:
     _repair(root, moving_bodies(root), report, file)
 
 
-def repair_free_base(urdf: str, base: str, report: LoadReport, file: Path) -> str:
-    """Return a robot's URDF with a base that can move freely.
+def repair_free_base(
+    root: ET.Element, base: str, report: LoadReport, file: Path
+) -> None:
+    """Give a base that moves freely a mass and inertia that it can move with.
 
     Args:
-        urdf: The description as `repair_inertials` left it.
+        root: The `<robot>` element as `repair_inertials` left it.
         base: The link that moves freely.
         report: Where each repair is recorded.
         file: The file that the robot came from.
     """
-    root = ET.fromstring(urdf)  # noqa: S314  our own text.
     _repair(root, [free_body(root, base)], report, file)
-    return ET.tostring(root, encoding="unicode")
 
 
 def _repair(
@@ -478,14 +465,15 @@ class _Repair:
             old, inertia = inertia, nearest_physical(mass, inertia)
             what = f"no body has the principal moments {_moments(old)}"
             self._replace(name, element, inertia, what, "the nearest possible ones")
-        R, p = read_origin(element)
-        return Inertial(mass, np.zeros(3), inertia).moved(R, p)
+        origin = read_origin(element)
+        inertial = Inertial(mass, np.zeros(3), inertia)
+        return inertial.moved(origin.rotation, origin.position)
 
     def add_mass(
         self, body: list[tuple[str, ET.Element]], total: float, what: str
     ) -> None:
         """Give a mass to a moving body that has none: links, the first at the joint."""
-        solids = [(name, link, link_solid(link)) for name, link in body]
+        solids = [(name, link, link_solid(read_link(link))) for name, link in body]
         for name, link, found in solids:
             if found is not None:
                 solid, source = found
@@ -517,14 +505,14 @@ class _Repair:
         self, name: str, link: ET.Element, element: ET.Element, mass: float, what: str
     ) -> Array:
         """Set and return the tensor that a link's mass has in the link's shape."""
-        found = link_solid(link)
+        found = link_solid(read_link(link))
         if found is None:
             radius = (mass / (DENSITY * 4.0 / 3.0 * math.pi)) ** (1.0 / 3.0)
             solid, done = ball(radius), f"those of a ball of {DENSITY:g} kg/m^3"
         else:
             solid, source = found
             done = f"those of {source}"
-        R, _ = read_origin(element)
+        R = read_origin(element).rotation
         inertia = R.T @ solid.scaled(mass).inertia @ R
         inertia = np.asarray((inertia + inertia.T) / 2.0)
         self._replace(name, element, inertia, what, done)

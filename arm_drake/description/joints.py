@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from arm_drake.description.elements import ElementReader, attribute
+from arm_drake.description.links import Origin, Vector
 from arm_drake.description.report import LoadReport
 from arm_drake.description.ros2_control import ComponentInfo, HardwareInfo
 from arm_drake.errors import DescriptionError, suggest
@@ -90,6 +91,12 @@ class JointInfo:
     mimic: Mimic | None = None
 
     safety_controller: SafetyController | None = None
+
+    # Of the child link in the parent link, with the joint at 0.
+    origin: Origin = dc.field(default_factory=Origin)
+
+    # In the child link, of any length.
+    axis: Vector = (1.0, 0.0, 0.0)
 
     @property
     def is_movable(self) -> bool:

@@ -6,6 +6,7 @@ at its rim, each of which turns freely. The description, and so joint states and
 stays as it is.
 """
 
+import copy
 import dataclasses as dc
 import math
 import xml.etree.ElementTree as ET
@@ -16,13 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_drake.description.base_wheels import (
-    LinkTree,
     MobileBase,
     format_vector,
+    link_orientation,
     rigid_links,
+    unit_axis,
 )
 from arm_drake.description.controllers import ControllerManagerConfig
-from arm_drake.description.inertia import link_solid, read_origin
+from arm_drake.description.inertia import link_solid
 from arm_drake.description.report import LoadReport
 from arm_drake.description.urdf import RobotDescription
 
@@ -133,7 +135,6 @@ class _Tree:
 
     def __init__(self, description: RobotDescription) -> None:
         self._description = description
-        self._tree = LinkTree(description)
 
     def rollers_of(
         self, base: str, joint: str, sideways: float, radius: float
@@ -146,7 +147,8 @@ class _Tree:
             sideways: How far the roller's axis points to the right per unit forwards.
             radius: Radius of the wheel if its shape doesn't say [m].
         """
-        link = self._description.joint(joint).child
+        mover = self._description.joint(joint)
+        link = mover.child
         parts = rigid_links(self._description, link)
         below = [j for j in self._description.joints if j.parent in parts]
         if sum(j.type != "fixed" for j in below) >= _FEWEST_ROLLERS:
@@ -155,10 +157,11 @@ class _Tree:
         if rim is None:
             return
         name, center, radius = rim
-        stand = self._tree.orientation(base)
+        stand = link_orientation(self._description, base)
         # Of the wheel, in the base.
-        R_BW = stand.T @ self._tree.orientation(name)
-        axis = stand.T @ self._tree.orientation(link) @ self._tree.axis(joint)
+        R_BW = stand.T @ link_orientation(self._description, name)
+        R_BL = stand.T @ link_orientation(self._description, link)
+        axis = R_BL @ unit_axis(mover)
         left = axis * (-1.0 if axis[1] < 0.0 else 1.0)
         up = np.array([0.0, 0.0, 1.0])
         forward = np.cross(left, up)
@@ -180,20 +183,16 @@ class _Tree:
         """
         found: tuple[str, Array, float] | None = None
         for name in parts:
-            for shape in self._tree.links[name].iterfind("collision"):
-                for tag in ("cylinder", "sphere"):
-                    element = shape.find(f"geometry/{tag}")
-                    own = 0.0 if element is None else float(element.get("radius", "0"))
-                    if own > 0.0 and (found is None or own > found[2]):
-                        found = (name, read_origin(shape)[1], own)
+            for shape in self._description.link(name).collisions:
+                own = shape.wheel_radius
+                if own > 0.0 and (found is None or own > found[2]):
+                    found = (name, shape.origin.position, own)
         if found is not None:
             return found
         for name in parts:
-            solid = link_solid(self._tree.links[name])
-            if (
-                self._tree.links[name].find("collision") is not None
-                and solid is not None
-            ):
+            link = self._description.link(name)
+            solid = link_solid(link)
+            if link.collisions and solid is not None:
                 return name, solid[0].center, radius
         return None
 
@@ -214,9 +213,9 @@ ET.register_namespace("drake", _DRAKE)
 def with_rollers(
     description: RobotDescription, rollers: Sequence[Rollers]
 ) -> RobotDescription:
-    """Return a description whose text has the rollers of wheels.
+    """Return a description whose URDF has the rollers of wheels.
 
-    Only the text has them: the links and joints that it tells of are those of before.
+    Only the URDF has them: the links and joints that it tells of are those of before.
     The wheels' own shapes to collide with are left out.
 
     Args:
@@ -225,7 +224,7 @@ def with_rollers(
     """
     if not rollers:
         return description
-    root = ET.fromstring(description.urdf)  # noqa: S314  our own text.
+    root = copy.deepcopy(description.root)
     links = {link.get("name", ""): link for link in root.iterfind("link")}
     for wheel in rollers:
         for name in rigid_links(description, wheel.link):
@@ -235,7 +234,7 @@ def with_rollers(
         for number, body in enumerate(wheel.wheels):
             angle = 2.0 * math.pi * number / NUM_ROLLERS
             _add_roller(root, wheel, body, angle, mass)
-    return dc.replace(description, urdf=ET.tostring(root, encoding="unicode"))
+    return dc.replace(description, root=root)
 
 
 def _add_roller(

@@ -10,7 +10,6 @@ gazebo_plugins/src/gazebo_ros_bumper.cpp.
 """
 
 import dataclasses as dc
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 
@@ -302,7 +301,10 @@ def add_contact_sensors(
     """
     if not any(sensor.type == CONTACT for sensor in description.gazebo_sensors):
         return config
-    shapes = _shapes(description)
+    shapes = {
+        link.name: tuple(shape_name(link.name, n) for n in range(len(link.collisions)))
+        for link in description.link_infos
+    }
     names = {controller.name for controller in config.controllers}
     added = []
     for sensor in description.gazebo_sensors:
@@ -340,7 +342,8 @@ def _make_tag(
         return None
     every = {shape: owner for owner, names in shapes.items() for shape in names}
     own = shapes.get(link, ())
-    whole = _undivided(description)
+    # Of others it can't be told which part of a mesh is which shape.
+    whole = description.undivided
     named = [
         shape
         for name in sensor.collisions
@@ -382,23 +385,3 @@ def _make_tag(
         next(iter(texts("ros/namespace")), ""),
         texts("ros/remapping"),
     )
-
-
-def _undivided(description: RobotDescription) -> set[str]:
-    """Return the links that have one collision shape as written.
-
-    In the plant its mesh may be several convex parts.
-    """
-    root = ET.fromstring(description.source)  # noqa: S314  parsed before.
-    links = root.iterfind("link")
-    return {n.get("name", "") for n in links if len(n.findall("collision")) == 1}
-
-
-def _shapes(description: RobotDescription) -> dict[str, tuple[str, ...]]:
-    """Return the names of the collision shapes of all links."""
-    root = ET.fromstring(description.urdf)  # noqa: S314  our own text.
-    found = {}
-    for link in root.iterfind("link"):
-        name, count = link.get("name", ""), len(link.findall("collision"))
-        found[name] = tuple(shape_name(name, number) for number in range(count))
-    return found

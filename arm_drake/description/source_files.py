@@ -9,7 +9,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from arm_drake.description.controllers import ControllerManagerConfig
-from arm_drake.description.elements import parse_xml
 from arm_drake.description.entry import Source, find_entry
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.robot import Robot
@@ -195,16 +194,9 @@ def _mesh_files(
     description: RobotDescription, packages: PackageFinder
 ) -> Iterator[Path]:
     """Yield the files of meshes and textures, as the URDF names them."""
-    root = parse_xml(description.source, description.file)
-    names = [
-        element.get("filename")
-        for tag in ("visual/geometry/mesh", "collision/geometry/mesh")
-        for element in root.iterfind(f"link/{tag}")
-    ]
-    names += [element.get("filename") for element in root.iter("texture")]
     # Looking for a package in vain takes long.
     missing = set()
-    for name in dict.fromkeys(name for name in names if name):
+    for name in description.mesh_names:
         package = name.partition("://")[2].lstrip("/").partition("/")[0]
         if package and package in missing:
             continue

@@ -5,9 +5,12 @@ is a line in the load report.
 """
 
 import dataclasses as dc
+import functools
 import math
 import xml.etree.ElementTree as ET
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from arm_drake.description.elements import ElementReader, parse_float, parse_xml
 from arm_drake.description.gazebo import (
@@ -16,6 +19,7 @@ from arm_drake.description.gazebo import (
     GazeboPlugin,
     GazeboSensor,
     JointPlugin,
+    read_friction,
     read_gazebo_plugins,
     read_gazebo_sensors,
     read_joint_plugins,
@@ -35,6 +39,7 @@ from arm_drake.description.joints import (
     links_on,
     write_mimics,
 )
+from arm_drake.description.links import LinkInfo, read_axis, read_link, read_origin
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.repairs import normalise
 from arm_drake.description.report import LoadReport
@@ -72,11 +77,36 @@ class RobotDescription:
     # Sensors in `<gazebo>` tags.
     gazebo_sensors: tuple[GazeboSensor, ...]
 
+    # Friction coefficients by link, at most 1, of those that `<gazebo>` tags state.
+    friction: Mapping[str, float]
+
+    # Links with one collision shape as written; several shapes of such a link are
+    # convex parts of its mesh.
+    undivided: frozenset[str]
+
+    # Files of meshes and textures, as they are named.
+    mesh_names: tuple[str, ...]
+
     # The expanded description, as it was written.
     source: str
 
-    # The description as Drake takes it: meshes converted, repairs made.
-    urdf: str
+    # The description as Drake takes it: meshes converted, repairs made. Nobody changes
+    # it; what needs another makes a copy.
+    root: ET.Element = dc.field(repr=False)
+
+    @functools.cached_property
+    def urdf(self) -> str:
+        """The description as Drake takes it, as a text."""
+        return ET.tostring(self.root, encoding="unicode")
+
+    @functools.cached_property
+    def link_infos(self) -> tuple[LinkInfo, ...]:
+        """The links as they are simulated, in the order of the file."""
+        return tuple(map(read_link, self.root.iterfind("link")))
+
+    @functools.cached_property
+    def _links_by_name(self) -> Mapping[str, LinkInfo]:
+        return {link.name: link for link in self.link_infos}
 
     @property
     def movable_joints(self) -> tuple[JointInfo, ...]:
@@ -93,6 +123,14 @@ class RobotDescription:
     def base(self) -> str:
         """The root that carries most links: what moves if the robot's base does."""
         return max(self.roots, key=lambda root: len(links_on(self.joints, root)))
+
+    def link(self, name: str) -> LinkInfo:
+        """Return the link of this name.
+
+        Raises:
+            KeyError: If there is none.
+        """
+        return self._links_by_name[name]
 
     def joint(self, name: str) -> JointInfo:
         """Return the joint of this name.
@@ -127,6 +165,41 @@ def parse_urdf(
         MissingExtraError: If ``decompose`` or ``max_faces`` needs what isn't installed.
     """
     root = parse_xml(text, file)
+    links = _link_names(root, file)
+    joints = tuple(_joint(element, file, report) for element in root.iterfind("joint"))
+    check_structure(links, joints, file)
+    joints = drop_bad_mimics(joints, file, report)
+    hardware = read_hardware(root, [joint.name for joint in joints], report, file)
+    joints = find_mimics(joints, hardware, report, file)
+    plugins = read_gazebo_plugins(root)
+    report_hardware(hardware, report, file)
+    sensors = _read_sensors(root, hardware, report, file)
+    as_written = _AsWritten.read(root, links)
+    write_mimics(root, joints)
+    normalise(root, file, packages, report, decompose=decompose, max_faces=max_faces)
+    robot = RobotDescription(
+        name=root.get("name") or file.name.partition(".")[0],
+        file=file,
+        links=links,
+        joints=_with_places(joints, root),
+        hardware=hardware,
+        gazebo_plugins=plugins,
+        joint_plugins=read_joint_plugins(
+            plugins, [joint.name for joint in joints], report, file
+        ),
+        gazebo_sensors=sensors,
+        friction=as_written.friction,
+        undivided=as_written.undivided,
+        mesh_names=as_written.mesh_names,
+        source=text,
+        root=root,
+    )
+    _report_loose(robot, report)
+    return robot
+
+
+def _link_names(root: ET.Element, file: Path) -> tuple[str, ...]:
+    """Return the names of the links of what is a robot, else raise."""
     if root.tag != "robot":
         raise DescriptionError(
             f"the root element is <{root.tag}>; expected <robot>", file=file
@@ -142,43 +215,71 @@ def parse_urdf(
             "defines macros needs one that calls them",
             file=file,
         )
-    joints = tuple(_joint(element, file, report) for element in root.iterfind("joint"))
-    check_structure(links, joints, file)
-    joints = drop_bad_mimics(joints, file, report)
-    hardware = read_hardware(root, [joint.name for joint in joints], report, file)
-    joints = find_mimics(joints, hardware, report, file)
-    plugins = read_gazebo_plugins(root)
-    report_hardware(hardware, report, file)
+    return links
+
+
+def _read_sensors(
+    root: ET.Element,
+    hardware: Sequence[HardwareInfo],
+    report: LoadReport,
+    file: Path,
+) -> tuple[GazeboSensor, ...]:
+    """Return the sensors in `<gazebo>` tags; record what of the tags has no effect."""
     sensors = read_gazebo_sensors(root, report, file)
     components = {sensor.name for block in hardware for sensor in block.sensors}
     measuring = components.union(s.name for s in sensors if s.type == CONTACT)
     report_gazebo(root, report, file, simulated=SIMULATED, sensors=measuring)
-    write_mimics(root, joints)
-    normalise(root, file, packages, report, decompose=decompose, max_faces=max_faces)
-    robot = RobotDescription(
-        name=root.get("name") or file.name.partition(".")[0],
-        file=file,
-        links=links,
-        joints=joints,
-        hardware=hardware,
-        gazebo_plugins=plugins,
-        joint_plugins=read_joint_plugins(
-            plugins, [joint.name for joint in joints], report, file
-        ),
-        gazebo_sensors=sensors,
-        source=text,
-        urdf=ET.tostring(root, encoding="unicode"),
+    return sensors
+
+
+class _AsWritten(NamedTuple):
+    """What is read of links before anything is mended."""
+
+    friction: Mapping[str, float]
+    undivided: frozenset[str]
+    mesh_names: tuple[str, ...]
+
+    @classmethod
+    def read(cls, root: ET.Element, links: Collection[str]) -> "_AsWritten":
+        """Return what the elements say."""
+        meshes = [
+            mesh
+            for tag in ("visual", "collision")
+            for mesh in root.iterfind(f"link/{tag}/geometry/mesh")
+        ]
+        names = (e.get("filename", "") for e in (*meshes, *root.iter("texture")))
+        return cls(
+            read_friction(root, links),
+            frozenset(
+                link.get("name", "")
+                for link in root.iterfind("link")
+                if len(link.findall("collision")) == 1
+            ),
+            tuple(dict.fromkeys(filter(None, names))),
+        )
+
+
+def _with_places(
+    joints: Sequence[JointInfo], root: ET.Element
+) -> tuple[JointInfo, ...]:
+    """Return joints with their origins and axes, whose numbers have been checked."""
+    return tuple(
+        dc.replace(joint, origin=read_origin(element), axis=read_axis(element))
+        for joint, element in zip(joints, root.iterfind("joint"), strict=True)
     )
-    is_attached = any(joint.parent == WORLD for joint in joints)
-    if len(robot.roots) + (WORLD in links or is_attached) > 1:
+
+
+def _report_loose(robot: RobotDescription, report: LoadReport) -> None:
+    """Record several roots, which are fixed to the world."""
+    is_attached = any(joint.parent == WORLD for joint in robot.joints)
+    if len(robot.roots) + (WORLD in robot.links or is_attached) > 1:
         report.add(
             "warning",
             "repair",
             f"links {sorted(robot.roots)} are attached to nothing",
             "they are fixed to the world",
-            file=file,
+            file=robot.file,
         )
-    return robot
 
 
 def _joint(element: ET.Element, file: Path, report: LoadReport) -> JointInfo:
@@ -299,9 +400,7 @@ def _number(element: ET.Element | None, attribute: str, default: float) -> float
 
 def total_mass(description: RobotDescription) -> float:
     """Return the mass of all links together [kg], as it is simulated."""
-    root = ET.fromstring(description.urdf)  # noqa: S314  our own text.
-    masses = (mass.get("value", "0") for mass in root.iterfind("link/inertial/mass"))
-    return math.fsum(map(float, masses))
+    return math.fsum(link.mass for link in description.link_infos)
 
 
 def reach(description: RobotDescription) -> float:
@@ -310,21 +409,17 @@ def reach(description: RobotDescription) -> float:
     That is the length of the longest stretched chain of links; a prismatic joint adds
     its travel. Limits and geometry may allow less.
     """
-    root = ET.fromstring(description.urdf)  # noqa: S314  our own text.
-    origins = {joint.get("name"): joint.find("origin") for joint in root.iter("joint")}
-    children: dict[str, list[str]] = {}
+    children: dict[str, list[JointInfo]] = {}
     for joint in description.joints:
-        children.setdefault(joint.parent, []).append(joint.name)
+        children.setdefault(joint.parent, []).append(joint)
     longest = 0.0
     # Link, length up to it, and whether a movable joint lies before it.
-    waiting = [(name, 0.0, False) for name in (*description.roots, "world")]
+    waiting = [(name, 0.0, False) for name in (*description.roots, WORLD)]
     while waiting:
         link, length, has_moved = waiting.pop()
         longest = max(longest, length)
-        for name in children.get(link, ()):
-            joint, origin = description.joint(name), origins[name]
-            text = "" if origin is None else origin.get("xyz", "")
-            step = math.hypot(*map(float, text.split())) if has_moved else 0.0
+        for joint in children.get(link, ()):
+            step = math.hypot(*joint.origin.xyz) if has_moved else 0.0
             if joint.type == "prismatic":
                 ends = (joint.limits.lower or 0.0, joint.limits.upper or 0.0)
                 step += max(map(abs, ends))

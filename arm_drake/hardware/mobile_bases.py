@@ -1,7 +1,7 @@
 """What a diagram does for robots that stand on wheels."""
 
 import dataclasses as dc
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +22,6 @@ from arm_drake.arrays import Array
 from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.description.base_wheels import (
     Axle,
-    LinkTree,
     MobileBase,
     carried_inertia,
     find_axles,
@@ -31,9 +30,10 @@ from arm_drake.description.base_wheels import (
     report_axles,
     report_bases,
     rigid_links,
+    unit_axis,
     with_axles,
 )
-from arm_drake.description.contact_surfaces import find_friction, for_drake
+from arm_drake.description.contact_surfaces import for_drake
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.description.rollers import (
@@ -117,7 +117,6 @@ def find_wheels(
         rollers: Rollers likewise.
     """
     turning = {axle.link: axle.wheel for axle in axles}
-    tree = LinkTree(description)
     context = plant.CreateDefaultContext()
     link = plant.GetBodyByName(base.link, model)
     left = plant.EvalBodyPoseInWorld(context, link).rotation().matrix()[:, 1]
@@ -132,7 +131,7 @@ def find_wheels(
         shapes = _shapes(plant, scene_graph, body)
         if not shapes:
             continue
-        axis = tree.axis(moved.name)
+        axis = unit_axis(moved)
         R_WB = plant.EvalBodyPoseInWorld(context, body).rotation()
         if R_WB @ axis @ left < 0.0:
             axis = -axis
@@ -517,9 +516,6 @@ class RobotBases:
     axles: tuple[Axle, ...]
     rollers: tuple[Rollers, ...]
 
-    # Friction coefficients that links state.
-    friction: Mapping[str, float]
-
     @classmethod
     def of(cls, robot: Robot, *, has_physics: bool = True) -> "RobotBases":
         """Return the bases of a robot.
@@ -535,8 +531,7 @@ class RobotBases:
         rolling = bases if has_physics else ()
         axles = find_axles(description, rolling)
         rollers = find_rollers(description, robot.controllers, rolling)
-        friction = find_friction(description)
-        return cls(robot, bases, tuple(axles), tuple(rollers), friction)
+        return cls(robot, bases, tuple(axles), tuple(rollers))
 
     def describe(self) -> RobotDescription:
         """Return the robot's description with the wheels that its plant has."""
@@ -559,7 +554,7 @@ class RobotBases:
     def report(self, report: LoadReport) -> None:
         """Record what is the matter with the wheels, and what is done about it."""
         description = self.robot.description
-        report_bases(description, self.bases, self.friction, report)
+        report_bases(description, self.bases, report)
         report_axles(description, self.axles, report)
         report_rollers(description, self.rollers, report)
 
@@ -571,7 +566,7 @@ class RobotBases:
         turning |= {rim.link: rim.wheels for rim in self.rollers}
         friction = {
             body: for_drake(mu)
-            for link, mu in self.friction.items()
+            for link, mu in self.robot.description.friction.items()
             for body in turning.get(link, [link])
         }
         set_friction(plant, scene_graph, model, friction)

@@ -7,7 +7,6 @@ they drive off at t = 0: a base whose caster is lower than its wheels would be d
 wheels in the air, and rock.
 """
 
-import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
@@ -33,7 +32,7 @@ from pydrake.systems.primitives import VectorLogSink
 from arm_drake.arrays import Array
 from arm_drake.description.joints import FREE_TYPES, WORLD, from_the_root
 from arm_drake.description.robot import Robot
-from arm_drake.plant.plant import origin_of, transform_of
+from arm_drake.plant.plant import origin_transform, transform_of
 
 # Name of the log, after the prefix of its robot.
 _LOG = "log:state"
@@ -308,8 +307,6 @@ def place_free_links(
         robot: The robot.
     """
     description, X_WB = robot.description, transform_of(robot.pose)
-    root = ET.fromstring(description.urdf)  # noqa: S314  our own text.
-    floating = {j.get("name", ""): j for j in root.iterfind("joint[@type='floating']")}
 
     def place(link: str, X_WL: RigidTransform) -> None:
         body = plant.GetBodyByName(link, model)
@@ -317,14 +314,14 @@ def place_free_links(
 
     def place_floating() -> None:
         for info in from_the_root(description.joints):
-            if info.name not in floating:
+            if info.type != "floating":
                 continue
             X_WP = X_WB
             if info.parent != WORLD:
                 context = plant.CreateDefaultContext()
                 parent = plant.GetBodyByName(info.parent, model)
                 X_WP = plant.EvalBodyPoseInWorld(context, parent)
-            place(info.child, X_WP @ origin_of(floating[info.name]))
+            place(info.child, X_WP @ origin_transform(info.origin))
 
     if robot.has_free_base:
         place(description.base, X_WB)

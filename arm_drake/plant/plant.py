@@ -1,5 +1,6 @@
 """RobotDescription to a MultibodyPlant with one actuator per commanded joint."""
 
+import copy
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Sequence
 
@@ -24,6 +25,7 @@ from pydrake.multibody.tree import JointActuator, ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder
 
 from arm_drake.description.joints import FREE_TYPES, WORLD
+from arm_drake.description.links import Origin
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Pose
 from arm_drake.description.urdf import RobotDescription
@@ -114,7 +116,7 @@ def add_robot_model(
         DescriptionError: If Drake refuses the description.
     """
     X_WB = transform_of(pose)
-    root = ET.fromstring(description.urdf)  # noqa: S314  our own text.
+    root = copy.deepcopy(description.root)
     root.set("name", name)
     if is_reduced:
         _remove(root, "visual", "collision")
@@ -122,10 +124,11 @@ def add_robot_model(
     elif not collides:
         _remove(root, "collision")
     # A link called "world" is the world itself: move what is attached to it.
+    held = {j.name: j.origin for j in description.joints if j.parent == WORLD}
     for joint in root.iterfind("joint"):
-        parent = joint.find("parent")
-        if parent is not None and parent.get("link") == WORLD and pose is not None:
-            _move_origin(joint, X_WB)
+        origin = held.get(joint.get("name", ""))
+        if origin is not None and pose is not None:
+            _set_origin(joint, X_WB @ origin_transform(origin))
     parser = Parser(plant)
     parser.SetAutoRenaming(True)
     text = ET.tostring(root, encoding="unicode")
@@ -265,19 +268,12 @@ def transform_of(pose: Pose | None) -> RigidTransform:
     return RigidTransform(RollPitchYaw(np.array(pose[3:])), np.array(pose[:3]))
 
 
-def origin_of(joint: ET.Element) -> RigidTransform:
-    """Return the pose of a `<joint>` of our URDF text in its parent link."""
-    origin = joint.find("origin")
-    xyz, rpy = (
-        [float(x) for x in ("" if origin is None else origin.get(name, "")).split()]
-        or [0.0, 0.0, 0.0]
-        for name in ("xyz", "rpy")
-    )
-    return RigidTransform(RollPitchYaw(np.array(rpy)), np.array(xyz))
+def origin_transform(origin: Origin) -> RigidTransform:
+    """Return an `<origin>` as a transform."""
+    return RigidTransform(RollPitchYaw(np.array(origin.rpy)), origin.position)
 
 
-def _move_origin(joint: ET.Element, X_WB: RigidTransform) -> None:
-    X_WP = X_WB @ origin_of(joint)
+def _set_origin(joint: ET.Element, X_WP: RigidTransform) -> None:
     origin = joint.find("origin")
     if origin is None:
         origin = ET.SubElement(joint, "origin")

@@ -561,9 +561,9 @@ def run_free(tmp_path, caplog):
         root = ET.XML(f'<robot name="r">{body}</robot>')
         report = LoadReport()
         repair_inertials(root, report, file)
-        text = ET.tostring(root, encoding="unicode")
         if base is not None:
-            text = repair_free_base(text, base, report, file)
+            repair_free_base(root, base, report, file)
+        text = ET.tostring(root, encoding="unicode")
         plant = MultibodyPlant(0.001)
         with caplog.at_level(logging.WARNING, logger="drake"):
             Parser(plant).AddModelsFromString(text, "urdf")
@@ -572,7 +572,7 @@ def run_free(tmp_path, caplog):
         said = [r.getMessage() for r in caplog.records if r.name == "drake"]
         assert all("as a free body" in message for message in said)
         lines = [str(entry).replace(f"{file}: ", "") for entry in report]
-        return ET.XML(text), lines
+        return root, lines
 
     return run
 

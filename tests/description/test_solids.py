@@ -1,5 +1,6 @@
 """Volume, centre and inertia of shapes, against integrals done by hand."""
 
+import dataclasses as dc
 import math
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -7,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm_drake.description import inertia
-from arm_drake.description.inertia import Inertial, link_solid
+from arm_drake.description.inertia import Inertial, link_solid, polyhedron
+from arm_drake.description.links import LinkInfo, read_link, read_origin
 from arm_drake.description.meshes.conversion import convert_visual
 from arm_drake.description.report import LoadReport
 
@@ -17,8 +18,9 @@ CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]], float)
 FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 
 
-def link(*elements: str, tag="collision") -> ET.Element:
-    return ET.XML(f"<link>{''.join(f'<{tag}>{e}</{tag}>' for e in elements)}</link>")
+def link(*elements: str, tag="collision") -> LinkInfo:
+    texts = "".join(f"<{tag}>{element}</{tag}>" for element in elements)
+    return read_link(ET.XML(f"<link>{texts}</link>"))
 
 
 def shape(text: str, origin: str = "") -> str:
@@ -85,10 +87,11 @@ def test_roll_pitch_and_yaw_turn_about_fixed_axes():
     half = repr(math.pi / 2)
     element = ET.XML(f'<a><origin rpy="{half} {half} {half}"/></a>')
 
-    R, p = inertia.read_origin(element)
+    origin = read_origin(element)
 
+    R = origin.rotation
     np.testing.assert_allclose(R, [[0, 0, 1], [0, 1, 0], [-1, 0, 0]], atol=1e-15)
-    np.testing.assert_allclose(p, 0.0)
+    np.testing.assert_allclose(origin.position, 0.0)
 
 
 def test_two_halves_of_a_box_are_the_box():
@@ -104,7 +107,7 @@ def test_two_halves_of_a_box_are_the_box():
 
 
 def test_a_tetrahedron_has_the_integrals_of_its_corners():
-    solid = inertia.polyhedron(CORNERS + np.array([5.0, 6.0, 7.0]), FACES)
+    solid = polyhedron(CORNERS + np.array([5.0, 6.0, 7.0]), FACES)
 
     # Over the tetrahedron the mean of x^2 is 1/10 of a^2, of x y 1/20 of a b.
     a = np.array([1.0, 2.0, 3.0])
@@ -148,10 +151,10 @@ def test_a_converted_visual_mesh_counts_as_the_box_around_it(tmp_path):
 
 
 def test_collision_geometry_comes_before_visual():
-    both = link(shape('<sphere radius="1"/>'))
-    both.extend(link(shape('<sphere radius="2"/>'), tag="visual"))
+    solid = link(shape('<sphere radius="1"/>'))
+    seen = link(shape('<sphere radius="2"/>'), tag="visual")
 
-    found = link_solid(both)
+    found = link_solid(dc.replace(solid, visuals=seen.visuals))
 
     assert found is not None
     assert found[1] == "its collision geometry"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import arm_drake as ad
-from arm_drake.description.contact_surfaces import find_friction, for_drake
+from arm_drake.description.contact_surfaces import for_drake
 from tests import models
 
 GRAVITY = 9.81
@@ -83,4 +83,4 @@ def test_links_that_are_not_there_state_nothing(tmp_path: Path) -> None:
         "</robot>", '<gazebo reference="other"><mu1>0.5</mu1></gazebo></robot>'
     )
 
-    assert find_friction(models.load(tmp_path, urdf).description) == {"sled": 0.3}
+    assert models.load(tmp_path, urdf).description.friction == {"sled": 0.3}

@@ -1,6 +1,7 @@
 """What is drawn beside visual shapes is where, and as large, as mechanics has it."""
 
 import dataclasses as dc
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import numpy as np
@@ -474,7 +475,7 @@ def test_bodies_that_the_description_lacks_move_with_their_carrier(
     described = described.replace("</robot>", f"{arm}</robot>")
     description = models.load(tmp_path, described).description
     urdf = description.urdf.replace("</robot>", f"{wheel}{axle}</robot>")
-    robot = scene.place(dc.replace(description, urdf=urdf))
+    robot = scene.place(dc.replace(description, root=ET.XML(urdf)))
     robot, meshcat = robot._replace(description=description), scene.start()
     drawings = draw(robot, meshcat)
     drawings.show("collision")
