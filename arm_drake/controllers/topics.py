@@ -1,11 +1,18 @@
 """Topics of controllers: what is new on an input port, and what was not accepted."""
 
-from collections.abc import Sequence
-from typing import TypeAlias, TypeVar
+from collections.abc import Callable, Sequence
+from operator import is_
+from typing import Any, NamedTuple, Protocol, Self, TypeAlias, TypeVar
 
+from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context, InputPort
 
-from arm_drake.controllers.cycles import messages_on
+from arm_drake.arrays import Array
+from arm_drake.controllers.controller_interface import (
+    ControllerInterfaceParams,
+    TickingController,
+)
+from arm_drake.controllers.cycles import Now, messages_on
 from arm_drake.messages import Float64, Message, ParametersRejected, TopicRejected
 from arm_drake.messages.base import add_news
 
@@ -73,6 +80,95 @@ def add_events(events: Events, news: Sequence[Rejection]) -> Events:
         news: What happened in this tick.
     """
     return add_news(events, news) if news else events
+
+
+class Inbox(NamedTuple):
+    """What came in on the topics of a controller."""
+
+    # Messages on each port at the last tick; empty before the first one.
+    seen: tuple[tuple[Message, ...], ...] = ()
+
+    # The latest of all that was not accepted.
+    events: Events = ()
+
+
+class TopicState(Protocol):
+    """State of a TopicController: a named tuple with these fields and its own."""
+
+    @property
+    def inbox(self) -> Inbox:
+        """Return what came in."""
+
+    @property
+    def command(self) -> Array:
+        """Return what to write, shape (k,); NaN leaves one as it is."""
+
+    def _replace(self, *args: Any, **kwargs: Any) -> Self: ...
+
+
+T = TypeVar("T", bound=TopicState)
+
+# Takes a message that came at a time [ns]; returns the new state, and what is wrong
+# with the message. The last argument says why no commands are taken; empty if they are.
+TakeMessage: TypeAlias = Callable[[T, Any, int, str], tuple[T, str]]
+
+
+class TopicController(TickingController[T]):
+    """Base of controllers that messages command, while they are inactive in vain.
+
+    A subclass declares its topics by `_subscribe` and calls `_receive` in its
+    `_update`.
+    """
+
+    def __init__(
+        self, params: ControllerInterfaceParams, initial: T, **names: Any
+    ) -> None:
+        """Create the system without topics.
+
+        Args:
+            params: Rate and surroundings of the controller.
+            initial: State before the first tick.
+            names: Interfaces, as in ControllerInterface.
+        """
+        super().__init__(params, initial, **names)
+        self.message_types: dict[str, type[Message]] = {}
+        # In the order in which their messages are taken.
+        self._topics: list[tuple[InputPort, type[Message], TakeMessage[T]]] = []
+
+    def _subscribe(
+        self, name: str, kind: type[Message], take: TakeMessage[T]
+    ) -> InputPort:
+        """Declare the input port of a topic."""
+        port = self.DeclareAbstractInputPort(name, AbstractValue.Make(()))
+        self.message_types[name] = kind
+        self._topics.append((port, kind, take))
+        return port
+
+    def _receive(self, now: Now, state: T, obstacle: str = "") -> T:
+        """Return the state with what has come in; itself if nothing has."""
+        if now.is_quiet:
+            return state
+        inbox = state.inbox
+        seen = inbox.seen or ((),) * len(self._topics)
+        there: list[tuple[Message, ...]] = []
+        news: list[Rejection] = []
+        for (port, kind, take), before in zip(self._topics, seen, strict=True):
+            new, messages = new_messages(port, now.context, kind, before)
+            there.append(messages)
+            for message in new:
+                state, fault = take(state, message, now.time_ns, obstacle)
+                if fault:
+                    news.append(TopicRejected(message, fault))
+        if all(map(is_, there, seen)):
+            return state
+        events = add_events(inbox.events, news)
+        return state._replace(inbox=Inbox(tuple(there), events))
+
+    def _idle(self, now: Now, state: T) -> T:
+        return self._receive(now, state, INACTIVE)
+
+    def _command(self, state: T) -> Array:
+        return state.command
 
 
 # Name of the port.

@@ -340,7 +340,7 @@ def test_while_inactive_nothing_is_taken() -> None:
     tick = driven.run()
 
     assert np.isnan(tick.command).all()
-    assert tick.state.inbox.pose is None
+    assert tick.state.pose is None
     assert driven.reasons() == ["the controller is not active"] * 2
 
 

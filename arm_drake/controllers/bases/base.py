@@ -1,34 +1,44 @@
-"""What controllers of mobile bases publish: odometry, and its frames on /tf.
+"""Base of the controllers that move a base: velocities in, odometry and /tf out.
 
-Source: ros2_controllers (version 6.9.0), diff_drive_controller and
-steering_controllers_library; the prefixes of frames, `tf_prefix`.
-
-Limits of one component of a base's velocity, as control_toolbox's RateLimiter.
-
-Source: control_toolbox 6.3.0, and the parameters of diff_drive_controller.
+Sources: ros2_controllers (version 6.9.0), diff_drive_controller and
+steering_controllers_library; the prefixes of frames, `tf_prefix`; limits of velocities,
+control_toolbox 6.3.0.
 """
 
 import dataclasses as dc
 import math
-from collections.abc import Sequence
-from typing import Annotated, NamedTuple
+from abc import abstractmethod
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from types import MappingProxyType
+from typing import Annotated, Any, ClassVar, NamedTuple, Protocol, TypeAlias, TypeVar
 
+from arm_drake import interfaces
 from arm_drake.control.odometry import PlanarPose
+from arm_drake.control.rate_limiter import RateLimiter
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.topics import INACTIVE, TopicController, TopicState
 from arm_drake.description.parameters import Given, Rule
 from arm_drake.messages import (
     Header,
+    Message,
     Odometry,
     Point,
     Pose,
     PoseWithCovariance,
     Quaternion,
+    SetOdometry,
     TFMessage,
     Transform,
     TransformStamped,
     Twist,
+    TwistStamped,
     TwistWithCovariance,
     Vector3,
 )
+
+# Of a base: forwards [m/s] and of turning [rad/s], or forwards, to the left and of
+# turning; NaN is none.
+Velocity: TypeAlias = tuple[float, ...]
 
 
 class BaseFrames(NamedTuple):
@@ -186,3 +196,238 @@ class SpeedLimits:
             if sign * value < 0.0:
                 allowed = "at least 0" if sign > 0 else "at most 0"
                 raise ValueError(f"{name} must be {allowed}, got {value}")
+
+
+def make_limiter(limits: SpeedLimits) -> RateLimiter:
+    """Return what limits a velocity."""
+    return RateLimiter(
+        min_value=limits.min_velocity,
+        max_value=limits.max_velocity,
+        min_first_derivative_neg=limits.max_acceleration_reverse,
+        max_first_derivative_pos=limits.max_acceleration,
+        min_first_derivative_pos=limits.max_deceleration,
+        max_first_derivative_neg=limits.max_deceleration_reverse,
+        min_second_derivative=limits.min_jerk,
+        max_second_derivative=limits.max_jerk,
+    )
+
+
+def limit_velocity(
+    limiters: Iterable[RateLimiter],
+    velocity: Velocity,
+    limited: tuple[Velocity, Velocity],
+    dt: float,
+) -> Velocity:
+    """Return a velocity within its limits.
+
+    Args:
+        limiters: Limits of each of its components.
+        velocity: What is wanted.
+        limited: The last two velocities, the newest first.
+        dt: Time between them [s].
+    """
+    return tuple(
+        limiter.limit(v, v0, v1, dt).value
+        for limiter, v, v0, v1 in zip(limiters, velocity, *limited, strict=True)
+    )
+
+
+class BaseTopics(NamedTuple):
+    """Names of the topics of a base: velocities, odometry and its frames."""
+
+    velocity: str
+    odometry: str
+    tf: str
+
+
+CMD_VEL = BaseTopics("cmd_vel", "odom", "tf")
+REFERENCE = BaseTopics("reference", "odometry", "tf_odometry")
+
+
+class BaseCommand(NamedTuple):
+    """The last velocity that came in, and its stamp [ns]."""
+
+    velocity: Velocity
+    stamp_ns: int = 0
+
+
+def take_finite(command: BaseCommand) -> tuple[BaseCommand, str]:
+    """Return the command, or none as upstream has it for NaN, and what is wrong.
+
+    Args:
+        command: Velocity forwards and of turning.
+    """
+    velocity = command.velocity
+    if all(map(math.isfinite, velocity)):
+        return command, ""
+    fault = f"linear.x and angular.z must be finite, got {list(velocity)}"
+    return BaseCommand((math.nan,) * len(velocity)), fault
+
+
+class BaseOdometry(Protocol):
+    """Where a base takes itself to be, and how it moves."""
+
+    @property
+    def pose(self) -> PlanarPose:
+        """Return where it is."""
+
+    @property
+    def velocity(self) -> Velocity:
+        """Return how it moves."""
+
+
+class BaseState(TopicState, Protocol):
+    """State of a controller of a base: a named tuple with these fields and its own."""
+
+    @property
+    def received(self) -> BaseCommand | None:
+        """Return the velocity that counts."""
+
+    @property
+    def pose(self) -> PlanarPose | None:
+        """Return the pose that the next tick of the odometry takes."""
+
+    @property
+    def odometry(self) -> BaseOdometry:
+        """Return the odometry."""
+
+    @property
+    def time_ns(self) -> int | None:
+        """Return when the odometry was published last [ns]."""
+
+
+B = TypeVar("B", bound=BaseState)
+
+
+class BaseController(TopicController[B]):
+    """Base of controllers that move a base: velocities and poses in, odometry out.
+
+    A subclass says by `_check` which velocities it takes, and in its `_update` what
+    follows from them.
+    """
+
+    topics: ClassVar[BaseTopics] = CMD_VEL
+
+    # Whether velocities have a component to the left.
+    moves_sideways: ClassVar[bool] = False
+
+    # The topic that says where the base is.
+    pose_topic: ClassVar[tuple[str, type[Message]]] = ("set_odometry", SetOdometry)
+
+    def __init__(
+        self,
+        parameters: Any,
+        params: ControllerInterfaceParams,
+        initial: B,
+        *,
+        covariances: tuple[Sequence[float], Sequence[float]],
+        is_stamped: bool = True,
+        has_references: bool = True,
+        is_lyrical: bool = False,
+        outputs: Mapping[str, Callable[[B], Any]] = MappingProxyType({}),
+        **names: Any,
+    ) -> None:
+        """Create the system.
+
+        Args:
+            parameters: Parameters of the controller, with those of the odometry.
+            params: Rate and surroundings of the controller.
+            initial: State before the first tick.
+            covariances: Diagonals of those of pose and twist, shape (6,) each.
+            is_stamped: Whether velocities are TwistStamped, not Twist.
+            has_references: Whether other controllers may command its velocity.
+            is_lyrical: Whether an empty prefix of frames is none, not the namespace.
+            outputs: Further topics, and how they follow from the state.
+            names: State and command interfaces, as in ControllerInterface.
+        """
+        own = params.controller_name
+        axes = ("linear/x", "linear/y", "angular/z")
+        references = [
+            f"{own}/{axis}"
+            for axis in (axes if self.moves_sideways else ("linear", "angular"))
+        ]
+        super().__init__(
+            params,
+            initial,
+            reference_interfaces=interfaces.interface_names(
+                references if has_references else (), (interfaces.VELOCITY,)
+            ),
+            **names,
+        )
+        pose, twist = covariances
+        self._covariances = (diagonal(pose), diagonal(twist))
+        self._frames = resolve_frames(
+            parameters.odom_frame_id,
+            parameters.base_frame_id,
+            prefix=getattr(parameters, "tf_frame_prefix", ""),
+            namespace=params.namespace,
+            is_enabled=getattr(parameters, "tf_frame_prefix_enable", True),
+            is_lyrical=is_lyrical,
+        )
+        velocity, odometry, tf = self.topics
+        if is_stamped:
+            self._subscribe(velocity, TwistStamped, self._take_velocity)
+        else:
+            self._subscribe(f"{velocity}_unstamped", Twist, self._take_velocity)
+        self._subscribe(*self.pose_topic, self._take_pose)
+        self._declare_topic(odometry, self._describe_odometry)
+        if parameters.enable_odom_tf:
+            self._declare_topic(tf, self._describe_frames)
+        for name, describe in outputs.items():
+            self._declare_topic(name, describe)
+        self._declare_topic("events", lambda state: state.inbox.events)
+
+    @abstractmethod
+    def _check(
+        self, command: BaseCommand, age_ns: int
+    ) -> tuple[BaseCommand | None, str]:
+        """Return what counts from now on, None if it is no other, and what is wrong."""
+
+    def _take_velocity(
+        self, state: B, message: Twist | TwistStamped, time_ns: int, obstacle: str
+    ) -> tuple[B, str]:
+        """Return the state with a velocity; a stamp of 0 means now."""
+        if obstacle:
+            return state, obstacle
+        if isinstance(message, TwistStamped):
+            stamp_ns = message.header.stamp.to_nanoseconds() or time_ns
+            twist = message.twist
+        else:
+            stamp_ns, twist = time_ns, message
+        x, y, z = twist.linear.x, twist.linear.y, twist.angular.z
+        velocity = (x, y, z) if self.moves_sideways else (x, z)
+        command, fault = self._check(
+            BaseCommand(velocity, stamp_ns), time_ns - stamp_ns
+        )
+        if command is not None:
+            state = state._replace(received=command)
+        return state, fault
+
+    def _take_pose(
+        self, state: B, message: Any, time_ns: int, obstacle: str
+    ) -> tuple[B, str]:
+        """Return the state with a pose for the odometry."""
+        del time_ns
+        pose = PlanarPose(message.x, message.y, message.yaw)
+        fault = self._find_pose_fault(pose, obstacle)
+        return (state, fault) if fault else (state._replace(pose=pose), "")
+
+    def _find_pose_fault(self, pose: PlanarPose, obstacle: str) -> str:
+        """Return why a pose isn't taken; empty if it is."""
+        del pose
+        return obstacle if obstacle == INACTIVE else ""
+
+    def _make_odometry(self, state: B, pose: PlanarPose) -> Odometry:
+        v, *sideways, w = state.odometry.velocity
+        (y,) = sideways or (0.0,)
+        return make_odometry(
+            state.time_ns, self._frames, pose, (v, y, w), self._covariances
+        )
+
+    def _describe_odometry(self, state: B) -> Odometry:
+        """Return the topic with the odometry."""
+        return self._make_odometry(state, state.odometry.pose)
+
+    def _describe_frames(self, state: B) -> TFMessage:
+        """Return the topic with the frames of the odometry."""
+        return make_transform(self._make_odometry(state, state.odometry.pose))

@@ -1,22 +1,16 @@
-"""``diff_drive_controller/DiffDriveController``.
+"""The ``diff_drive_controller/DiffDriveController`` and its parameters.
 
 Source: ros2_controllers, `diff_drive_controller` (version 6.9.0; humble starts with a
-command of 0). Kinematics and odometry are `arm_drake.control.diff_drive`.
-
-Parameters of ``diff_drive_controller/DiffDriveController``.
-
-Source: ros2_controllers, `diff_drive_controller` (version 6.9.0; defaults of jazzy, and
-by rule those of other distros).
+command of 0; defaults of jazzy, and by rule those of other distros). Kinematics and
+odometry are `arm_drake.control.diff_drive`.
 """
 
 import dataclasses as dc
 import math
-from collections.abc import Mapping
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import InputPort
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
@@ -28,24 +22,19 @@ from arm_drake.control.diff_drive import (
 from arm_drake.control.odometry import PlanarPose, RollingMean
 from arm_drake.control.rate_limiter import RateLimiter
 from arm_drake.controllers.bases.base import (
+    BaseCommand,
+    BaseController,
     SpeedLimits,
-    diagonal,
-    make_odometry,
-    make_transform,
-    resolve_frames,
+    Velocity,
+    limit_velocity,
+    make_limiter,
 )
-from arm_drake.controllers.controller_interface import (
-    ControllerInterfaceParams,
-    TickingController,
-)
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Now
 from arm_drake.controllers.topics import (
     CHAINED,
-    INACTIVE,
-    Events,
-    Rejection,
+    Inbox,
     add_events,
-    new_messages,
     new_parameters,
 )
 from arm_drake.description.parameters import (
@@ -61,11 +50,7 @@ from arm_drake.description.parameters import (
 from arm_drake.messages import (
     NANOSECONDS,
     Header,
-    Message,
-    Odometry,
     ParametersRejected,
-    SetOdometry,
-    TopicRejected,
     Twist,
     TwistStamped,
     Vector3,
@@ -231,182 +216,29 @@ _READ_ONLY = (
 )
 
 
-class DiffDrivePorts(NamedTuple):
-    """Input ports of a DiffDriveController."""
+class DiffDriveSettings(NamedTuple):
+    """Parameters of a DiffDriveController in effect, and what they set."""
 
-    cmd_vel: InputPort
-    set_odometry: InputPort
-    parameters: InputPort
-
-    # Only where Twists are taken, too.
-    unstamped: InputPort | None = None
-
-
-class DiffDriveInbox(NamedTuple):
-    """What came in on the ports of a DiffDriveController."""
-
-    # Parameters in effect, and what they set: the limits forwards and of turning, and
-    # the measures that wheels are commanded with.
     parameters: DiffDriveControllerParameters
+
+    # The limits forwards and of turning.
     limiters: tuple[RateLimiter, RateLimiter]
+
+    # The measures that wheels are commanded with.
     kinematics: DiffDriveKinematics
 
-    # Last command: forwards [m/s], turning [rad/s]; and its stamp [ns], None before
-    # the first cycle.
-    command: tuple[float, float]
-    stamp_ns: int | None = None
 
-    # Pose to be taken at the next tick that moves.
-    pose: PlanarPose | None = None
-
-    # What was on the ports at the last tick.
-    offered: object = ()
-    stamped: tuple[TwistStamped, ...] = ()
-    unstamped: tuple[Twist, ...] = ()
-    requests: tuple[SetOdometry, ...] = ()
-
-    # The latest of all that was not accepted.
-    events: Events = ()
-
-
-def follow(
-    inbox: DiffDriveInbox,
-    reference: tuple[float, float],
-    time_ns: int,
-    *,
-    timeout_ns: int,
-) -> tuple[float, float]:
-    """Return the reference that the last command makes: forwards, turning.
-
-    Args:
-        inbox: What has come in.
-        reference: What was asked for before; it stays if the command isn't finite.
-        time_ns: Time of the tick [ns].
-        timeout_ns: From which age a command counts no more [ns]; 0 is never.
-    """
-    assert inbox.stamp_ns is not None
-    if timeout_ns and time_ns - inbox.stamp_ns > timeout_ns:
-        return 0.0, 0.0
-    return inbox.command if all(map(math.isfinite, inbox.command)) else reference
-
-
-def receive(
-    now: Now,
-    ports: DiffDrivePorts,
-    inbox: DiffDriveInbox,
-    *,
-    timeout_ns: int,
-    obstacle: str = "",
-) -> DiffDriveInbox:
-    """Return what has come in.
-
-    Args:
-        now: The time, and where the inputs are read.
-        ports: The inputs.
-        inbox: What had come in at the last tick.
-        timeout_ns: From which age commands aren't taken [ns]; 0 is any.
-        obstacle: Why no command is taken; empty if they are.
-    """
-    context = now.context
-    news: list[Rejection] = []
-    if inbox.stamp_ns is None:
-        inbox = inbox._replace(stamp_ns=now.time_ns)
-    offered = new_parameters(ports.parameters, context, inbox.offered)
-    if offered is not inbox.offered:
-        inbox = inbox._replace(offered=offered)
-        try:
-            parameters = _accept(offered, inbox.parameters)
-        except ValueError as error:
-            news.append(ParametersRejected(str(error)))
-        else:
-            inbox = inbox._replace(
-                parameters=parameters,
-                limiters=make_limiters(parameters),
-                kinematics=make_kinematics(parameters),
-            )
-    new, stamped = new_messages(ports.cmd_vel, context, TwistStamped, inbox.stamped)
-    for message in new:
-        inbox = _take(now, inbox, message, message, obstacle, timeout_ns, news)
-    unstamped = inbox.unstamped
-    if ports.unstamped is not None:
-        twists, unstamped = new_messages(
-            ports.unstamped, context, Twist, inbox.unstamped
-        )
-        for twist in twists:
-            stamp = TwistStamped(twist=twist)
-            inbox = _take(now, inbox, stamp, twist, obstacle, timeout_ns, news)
-    asked, requests = new_messages(
-        ports.set_odometry, context, SetOdometry, inbox.requests
-    )
-    for request in asked:
-        inbox = inbox._replace(pose=PlanarPose(request.x, request.y, request.yaw))
-    if (
-        not news
-        and stamped is inbox.stamped
-        and unstamped is inbox.unstamped
-        and requests is inbox.requests
-    ):
-        return inbox
-    return inbox._replace(
-        stamped=stamped,
-        unstamped=unstamped,
-        requests=requests,
-        events=add_events(inbox.events, news),
-    )
-
-
-def _take(
-    now: Now,
-    inbox: DiffDriveInbox,
-    message: TwistStamped,
-    sent: Message,
-    obstacle: str,
-    timeout_ns: int,
-    news: list[Rejection],
-) -> DiffDriveInbox:
-    """Return what has come in with one more command, if it can be taken."""
-    stamp_ns = message.header.stamp.to_nanoseconds() or now.time_ns
-    age_ns = now.time_ns - stamp_ns
-    command = (message.twist.linear.x, message.twist.angular.z)
-    fault = obstacle
-    if not fault and timeout_ns and age_ns >= timeout_ns:
-        fault = f"it is {age_ns / NANOSECONDS:g} s old; cmd_vel_timeout is less"
-    if fault:
-        news.append(TopicRejected(sent, fault))
-        return inbox
-    if not all(map(math.isfinite, command)):
-        # Its stamp counts nevertheless.
-        what = "linear.x and angular.z must be finite; the last reference stays"
-        news.append(TopicRejected(sent, what))
-    return inbox._replace(command=command, stamp_ns=stamp_ns)
-
-
-def make_kinematics(given: DiffDriveControllerParameters) -> DiffDriveKinematics:
-    """Return the measures of a base, corrected."""
-    return DiffDriveKinematics(
-        given.wheel_separation * given.wheel_separation_multiplier,
-        given.wheel_radius * given.left_wheel_radius_multiplier,
-        given.wheel_radius * given.right_wheel_radius_multiplier,
-    )
-
-
-def make_limiters(
-    given: DiffDriveControllerParameters,
-) -> tuple[RateLimiter, RateLimiter]:
-    """Return the limits of the velocities forwards and of turning."""
-    return _make_limiter(given.linear.x), _make_limiter(given.angular.z)
-
-
-def _make_limiter(limits: SpeedLimits) -> RateLimiter:
-    return RateLimiter(
-        min_value=limits.min_velocity,
-        max_value=limits.max_velocity,
-        min_first_derivative_neg=limits.max_acceleration_reverse,
-        max_first_derivative_pos=limits.max_acceleration,
-        min_first_derivative_pos=limits.max_deceleration,
-        max_first_derivative_neg=limits.max_deceleration_reverse,
-        min_second_derivative=limits.min_jerk,
-        max_second_derivative=limits.max_jerk,
+def make_settings(parameters: DiffDriveControllerParameters) -> DiffDriveSettings:
+    """Return what parameters set; measures are corrected."""
+    given, linear, angular = parameters, parameters.linear.x, parameters.angular.z
+    return DiffDriveSettings(
+        given,
+        (make_limiter(linear), make_limiter(angular)),
+        DiffDriveKinematics(
+            given.wheel_separation * given.wheel_separation_multiplier,
+            given.wheel_radius * given.left_wheel_radius_multiplier,
+            given.wheel_radius * given.right_wheel_radius_multiplier,
+        ),
     )
 
 
@@ -431,16 +263,28 @@ _REST = (0.0, 0.0)
 class DiffDriveState(NamedTuple):
     """State of a DiffDriveController between two ticks."""
 
-    inbox: DiffDriveInbox
+    settings: DiffDriveSettings
     odometry: DiffDriveOdometryState
 
-    # Forwards [m/s], turning [rad/s]: what is asked for, and the last two that the
-    # limits let through, the newest first.
-    reference: tuple[float, float]
-    limited: tuple[tuple[float, float], tuple[float, float]] = (_REST, _REST)
+    # What is asked for: forwards [m/s], turning [rad/s].
+    reference: Velocity
 
     # Velocities of the wheels [rad/s], left ones first, shape (k,); NaN is none.
-    command: Array = np.empty(0)
+    command: Array
+
+    # The last two velocities that the limits let through, the newest first.
+    limited: tuple[Velocity, Velocity] = (_REST, _REST)
+
+    # The last command; None before the first cycle.
+    received: BaseCommand | None = None
+
+    # Pose to be taken at the next tick that moves.
+    pose: PlanarPose | None = None
+
+    inbox: Inbox = Inbox()
+
+    # What was on the port of parameters at the last tick.
+    offered: object = ()
 
     # Why the last tick failed; empty if it didn't.
     fault: str = ""
@@ -450,7 +294,7 @@ class DiffDriveState(NamedTuple):
     cmd_vel_out: TwistStamped = TwistStamped()
 
 
-class DiffDriveController(TickingController[DiffDriveState]):
+class DiffDriveController(BaseController[DiffDriveState]):
     """Turns wheels so that a base with differential drive moves as it is told.
 
     .. pydrake_system::
@@ -489,12 +333,6 @@ class DiffDriveController(TickingController[DiffDriveState]):
     References: `<name>/linear/velocity` [m/s] and `<name>/angular/velocity` [rad/s].
     """
 
-    message_types: ClassVar[Mapping[str, type[Message]]] = {
-        "cmd_vel": TwistStamped,
-        "cmd_vel_unstamped": Twist,
-        "set_odometry": SetOdometry,
-    }
-
     def __init__(
         self,
         parameters: DiffDriveControllerParameters,
@@ -506,103 +344,112 @@ class DiffDriveController(TickingController[DiffDriveState]):
             parameters: Parameters of the controller.
             params: Rate and surroundings of the controller.
         """
-        given, name = parameters, params.controller_name
+        given, is_humble = parameters, params.distro == "humble"
         self._num_left = len(given.left_wheel_names)
         wheels = (*given.left_wheel_names, *given.right_wheel_names)
         feedback = "position" if given.position_feedback else "velocity"
-        # Those of the odometry stay as they are.
-        self._kinematics = make_kinematics(given)
         self._timeout_ns = round(given.cmd_vel_timeout * NANOSECONDS)
-        self._frames = resolve_frames(
-            given.odom_frame_id,
-            given.base_frame_id,
-            prefix=given.tf_frame_prefix,
-            namespace=params.namespace,
-            is_enabled=given.tf_frame_prefix_enable,
-            is_lyrical=params.distro == "rolling",
-        )
-        self._covariances = (
-            diagonal(given.pose_covariance_diagonal),
-            diagonal(given.twist_covariance_diagonal),
-        )
-        self._first = _REST if params.distro == "humble" else _UNKNOWN
+        self._first = _REST if is_humble else _UNKNOWN
+        settings = make_settings(given)
+        # Those of the odometry stay as they are.
+        self._kinematics = settings.kinematics
         mean = RollingMean(given.velocity_rolling_window_size)
+        outputs = {"cmd_vel_out": lambda state: state.cmd_vel_out}
         super().__init__(
+            given,
             params,
             DiffDriveState(
-                DiffDriveInbox(
-                    given, make_limiters(given), self._kinematics, self._first
-                ),
+                settings,
                 DiffDriveOdometryState(mean),
                 self._first,
-                command=np.full(len(wheels), np.nan),
+                np.full(len(wheels), np.nan),
             ),
+            covariances=(
+                given.pose_covariance_diagonal,
+                given.twist_covariance_diagonal,
+            ),
+            has_references=not is_humble,
+            is_lyrical=params.distro == "rolling",
+            outputs=outputs if given.publish_limited_velocity else {},
             state_interfaces=interfaces.interface_names(
                 () if given.open_loop else wheels, (feedback,)
             ),
             command_interfaces=interfaces.interface_names(wheels, ("velocity",)),
-            reference_interfaces=()
-            if params.distro == "humble"
-            else (f"{name}/linear/velocity", f"{name}/angular/velocity"),
         )
-        nothing = AbstractValue.Make(())
-        self._ports = DiffDrivePorts(
-            self.DeclareAbstractInputPort("cmd_vel", nothing),
-            self.DeclareAbstractInputPort("set_odometry", nothing),
-            self.DeclareAbstractInputPort(interfaces.PARAMETERS_PORT, nothing),
+        self._offered = self.DeclareAbstractInputPort(
+            interfaces.PARAMETERS_PORT, AbstractValue.Make(())
         )
         if not given.use_stamped_vel:
-            port = self.DeclareAbstractInputPort("cmd_vel_unstamped", nothing)
-            self._ports = self._ports._replace(unstamped=port)
-        self._declare_topic("odom", self._describe_odometry)
-        if given.enable_odom_tf:
-            self._declare_topic(
-                "tf", lambda s: make_transform(self._describe_odometry(s))
-            )
-        if given.publish_limited_velocity:
-            self._declare_topic("cmd_vel_out", lambda state: state.cmd_vel_out)
-        self._declare_topic("events", lambda state: state.inbox.events)
+            self._subscribe("cmd_vel_unstamped", Twist, self._take_velocity)
 
     def _update(self, now: Now, state: DiffDriveState) -> DiffDriveState:
         chained = self._read_references(now)
-        inbox = self._receive(now, state, "" if chained is None else CHAINED)
-        state = state._replace(inbox=inbox, fault="")
-        if chained is not None:
-            asked = [float(value) for value in chained]
-            v, w = (
-                old if math.isnan(new) else new
-                for new, old in zip(asked, state.reference, strict=True)
-            )
-            state = state._replace(reference=(v, w))
+        state = self._receive(now, state, "" if chained is None else CHAINED)
+        if chained is None:
+            reference = self._follow(now, state)
         else:
-            last, timeout_ns = state.reference, self._timeout_ns
-            reference = follow(inbox, last, now.time_ns, timeout_ns=timeout_ns)
-            state = state._replace(reference=reference)
-        if not all(map(math.isfinite, state.reference)):
+            reference = tuple(
+                old if math.isnan(new) else new
+                for new, old in zip(chained.tolist(), state.reference, strict=True)
+            )
+        state = state._replace(reference=reference, fault="")
+        if not all(map(math.isfinite, reference)):
             return state
         return self._move(now, state)
 
+    def _follow(self, now: Now, state: DiffDriveState) -> Velocity:
+        """Return the reference that the last command makes."""
+        assert state.received is not None
+        velocity, stamp_ns = state.received
+        if 0 < self._timeout_ns < now.time_ns - stamp_ns:
+            return _REST
+        return velocity if all(map(math.isfinite, velocity)) else state.reference
+
     def _receive(
-        self, now: Now, state: DiffDriveState, obstacle: str
-    ) -> DiffDriveInbox:
-        ports, timeout_ns = self._ports, self._timeout_ns
-        return receive(
-            now, ports, state.inbox, timeout_ns=timeout_ns, obstacle=obstacle
-        )
+        self, now: Now, state: DiffDriveState, obstacle: str = ""
+    ) -> DiffDriveState:
+        if now.is_quiet:
+            return state
+        if state.received is None:
+            state = state._replace(received=BaseCommand(self._first, now.time_ns))
+        offered = new_parameters(self._offered, now.context, state.offered)
+        if offered is not state.offered:
+            state = self._set_parameters(state._replace(offered=offered), offered)
+        return super()._receive(now, state, obstacle)
+
+    def _set_parameters(self, state: DiffDriveState, offered: object) -> DiffDriveState:
+        """Return the state with parameters, if they can be taken."""
+        try:
+            parameters = _accept(offered, state.settings.parameters)
+        except ValueError as error:
+            inbox = state.inbox
+            events = add_events(inbox.events, [ParametersRejected(str(error))])
+            return state._replace(inbox=inbox._replace(events=events))
+        return state._replace(settings=make_settings(parameters))
+
+    def _check(
+        self, command: BaseCommand, age_ns: int
+    ) -> tuple[BaseCommand | None, str]:
+        if 0 < self._timeout_ns <= age_ns:
+            age = age_ns / NANOSECONDS
+            return None, f"it is {age:g} s old; cmd_vel_timeout is less"
+        if all(map(math.isfinite, command.velocity)):
+            return command, ""
+        # Its stamp counts nevertheless.
+        fault = "linear.x and angular.z must be finite; the last reference stays"
+        return command, fault
+
+    def _find_pose_fault(self, pose: PlanarPose, obstacle: str) -> str:
+        del pose, obstacle
+        return ""
 
     def _move(self, now: Now, state: DiffDriveState) -> DiffDriveState:
         """Return the state after a tick with a reference."""
         dt = now.period_ns / NANOSECONDS
-        last, before = state.limited
-        v, w = (
-            limiter.limit(asked, v0, v1, dt).value
-            for limiter, asked, v0, v1 in zip(
-                state.inbox.limiters, state.reference, last, before, strict=True
-            )
-        )
-        state = state._replace(limited=((v, w), last))
-        inbox, old = state.inbox, state.odometry
-        parameters = inbox.parameters
+        limited, old = state.limited, state.odometry
+        parameters, limiters, kinematics = state.settings
+        v, w = limit_velocity(limiters, state.reference, limited, dt)
+        state = state._replace(limited=((v, w), limited[0]))
         left = right = 0.0
         if not parameters.open_loop:
             measured = self._read(now.context)
@@ -614,11 +461,10 @@ class DiffDriveController(TickingController[DiffDriveState]):
             left = float(measured[: self._num_left].mean())
             right = float(measured[self._num_left :].mean())
         is_published = True
-        if inbox.pose is not None:
+        if state.pose is not None:
             odometry = old._replace(
-                pose=inbox.pose, velocity=_REST, mean=old.mean.clear()
+                pose=state.pose, velocity=_REST, mean=old.mean.clear()
             )
-            inbox = inbox._replace(pose=None)
         elif parameters.open_loop:
             odometry = from_commands(old, v, w, dt)
         else:
@@ -627,9 +473,8 @@ class DiffDriveController(TickingController[DiffDriveState]):
                 move = self._kinematics.from_positions
             odometry = move(old, left, right, dt)
             is_published = odometry is not old
-        wheels = inbox.kinematics.wheels(v, w)
-        command = np.repeat(wheels, self._num_left)
-        state = state._replace(inbox=inbox, odometry=odometry, command=command)
+        command = np.repeat(kinematics.wheels(v, w), self._num_left)
+        state = state._replace(pose=None, odometry=odometry, command=command)
         if is_published:
             state = state._replace(time_ns=now.time_ns)
         if parameters.publish_limited_velocity:
@@ -639,30 +484,15 @@ class DiffDriveController(TickingController[DiffDriveState]):
         return state
 
     def _deactivate(self, now: Now, state: DiffDriveState) -> DiffDriveState:
-        inbox = state.inbox._replace(command=self._first, stamp_ns=now.time_ns)
         return state._replace(
-            inbox=inbox,
+            received=BaseCommand(self._first, now.time_ns),
             reference=self._first,
             limited=(_REST, _REST),
             command=np.zeros(len(state.command)),
         )
-
-    def _idle(self, now: Now, state: DiffDriveState) -> DiffDriveState:
-        inbox = self._receive(now, state, INACTIVE)
-        return state if inbox is state.inbox else state._replace(inbox=inbox)
-
-    def _command(self, state: DiffDriveState) -> Array:
-        return state.command
 
     def _is_ok(self, state: DiffDriveState) -> bool:
         return not state.fault
 
     def _fault(self, state: DiffDriveState) -> str:
         return state.fault
-
-    def _describe_odometry(self, state: DiffDriveState) -> Odometry:
-        """Return the topic odom."""
-        pose, (v, w) = state.odometry.pose, state.odometry.velocity
-        return make_odometry(
-            state.time_ns, self._frames, pose, (v, 0.0, w), self._covariances
-        )

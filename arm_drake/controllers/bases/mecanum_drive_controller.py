@@ -1,49 +1,30 @@
-"""``mecanum_drive_controller/MecanumDriveController``.
+"""The ``mecanum_drive_controller/MecanumDriveController``, on four wheels.
 
-Source: ros2_controllers, `mecanum_drive_controller` (version 6.9.0). Kinematics and
-odometry are `arm_drake.controllers.bases.mecanum_drive_controller`.
-
-Kinematics, odometry and references of a base with four mecanum wheels.
-
-The rules are those of ros2_controllers' mecanum_drive_controller (version 6.9.0). A
-velocity is forwards and to the left [m/s], and of turning to the left [rad/s].
-
-Parameters of a MecanumDriveController.
-
-Source: ros2_controllers, `mecanum_drive_controller` (version 6.9.0).
+Source: ros2_controllers, `mecanum_drive_controller` (version 6.9.0). A velocity is
+forwards and to the left [m/s], and of turning to the left [rad/s].
 """
 
 import dataclasses as dc
 import math
-from typing import Annotated, ClassVar, NamedTuple, TypeAlias
+from typing import Annotated, NamedTuple
 
 import numpy as np
-from pydrake.common.value import AbstractValue
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.control.odometry import PlanarPose
-from arm_drake.control.rate_limiter import RateLimiter
 from arm_drake.controllers.bases.base import (
+    REFERENCE,
+    BaseCommand,
+    BaseController,
     SpeedLimits,
-    diagonal,
-    make_odometry,
-    make_transform,
-    resolve_frames,
+    Velocity,
+    limit_velocity,
+    make_limiter,
 )
-from arm_drake.controllers.controller_interface import (
-    ControllerInterfaceParams,
-    TickingController,
-)
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Now
-from arm_drake.controllers.topics import (
-    CHAINED,
-    INACTIVE,
-    Events,
-    Rejection,
-    add_events,
-    new_messages,
-)
+from arm_drake.controllers.topics import CHAINED, Inbox
 from arm_drake.description.parameters import (
     Rule,
     check_above,
@@ -55,17 +36,10 @@ from arm_drake.errors import ParameterError
 from arm_drake.messages import (
     NANOSECONDS,
     Header,
-    Message,
-    Odometry,
-    SetOdometry,
-    TopicRejected,
     Twist,
-    TwistStamped,
     Vector3,
 )
 from arm_drake.messages.control import MecanumDriveControllerState
-
-Velocity: TypeAlias = tuple[float, float, float]
 
 UNKNOWN: Velocity = (math.nan, math.nan, math.nan)
 REST: Velocity = (0.0, 0.0, 0.0)
@@ -158,69 +132,6 @@ class MecanumOdometry(NamedTuple):
         vx, vy = _rotate(velocity[0], velocity[1], heading)
         pose = PlanarPose(self.pose.x + vx * dt, self.pose.y + vy * dt, heading)
         return MecanumOdometry(pose, velocity)
-
-
-class MecanumReference(NamedTuple):
-    """What the last message asks for."""
-
-    # NaN if there is nothing, or nothing any more.
-    velocity: Velocity = UNKNOWN
-
-    # [ns].
-    stamp_ns: int = 0
-
-    @staticmethod
-    def from_message(message: TwistStamped, time_ns: int) -> "MecanumReference":
-        """Return what a message asks for; a stamp of 0 means now.
-
-        Args:
-            message: The message.
-            time_ns: Time at which it came in [ns].
-        """
-        twist = message.twist
-        return MecanumReference(
-            (twist.linear.x, twist.linear.y, twist.angular.z),
-            message.header.stamp.to_nanoseconds() or time_ns,
-        )
-
-    def find_fault(self, time_ns: int, timeout_ns: int) -> str:
-        """Return why it stops the base instead; empty if it doesn't.
-
-        Args:
-            time_ns: Time at which it came in [ns].
-            timeout_ns: Parameter `reference_timeout` [ns]; 0 is none.
-        """
-        age_ns = time_ns - self.stamp_ns
-        if timeout_ns and age_ns > timeout_ns:
-            return (
-                f"it is {age_ns / NANOSECONDS:g} s old, more than reference_timeout "
-                f"({timeout_ns / NANOSECONDS:g} s); the base stops"
-            )
-        if not all(map(math.isfinite, self.velocity)):
-            return (
-                "linear.x, linear.y and angular.z must be finite, got "
-                f"{', '.join(map(str, self.velocity))}; the base stops"
-            )
-        return ""
-
-    def follow(
-        self, time_ns: int, timeout_ns: int
-    ) -> tuple["MecanumReference", Velocity]:
-        """Return what is left of it, and what it asks for in a tick.
-
-        What is too old asks for rest, once; without a timeout it holds for one tick.
-
-        Args:
-            time_ns: Time of the tick [ns].
-            timeout_ns: Parameter `reference_timeout` [ns]; 0 is none.
-        """
-        if math.isnan(self.velocity[0]):
-            return self, self.velocity
-        if not timeout_ns:
-            return MecanumReference(), self.velocity
-        if time_ns - self.stamp_ns <= timeout_ns:
-            return self, self.velocity
-        return MecanumReference(), REST
 
 
 def _rotate(x: float, y: float, angle: float) -> tuple[float, float]:
@@ -338,50 +249,23 @@ def make_kinematics(parameters: MecanumDriveControllerParameters) -> MecanumKine
     )
 
 
-def make_limiters(parameters: MecanumDriveControllerParameters) -> list[RateLimiter]:
-    """Return the limits of the velocity along x and y and about z."""
-    linear, angular = parameters.linear, parameters.angular
-    return [
-        RateLimiter(
-            min_value=limits.min_velocity,
-            max_value=limits.max_velocity,
-            min_first_derivative_neg=limits.max_acceleration_reverse,
-            max_first_derivative_pos=limits.max_acceleration,
-            min_first_derivative_pos=limits.max_deceleration,
-            max_first_derivative_neg=limits.max_deceleration_reverse,
-            min_second_derivative=limits.min_jerk,
-            max_second_derivative=limits.max_jerk,
-        )
-        for limits in (linear.x, linear.y, angular.z)
-    ]
-
-
 _WHEELS = ("front_left", "front_right", "rear_right", "rear_left")
 
 _NOTHING = np.full(len(_WHEELS), np.nan)
 
 
-class MecanumInbox(NamedTuple):
-    """What came in on the ports of a MecanumDriveController."""
+class MecanumDriveState(NamedTuple):
+    """State of a MecanumDriveController between two ticks."""
 
-    reference: MecanumReference = MecanumReference()
+    odometry: MecanumOdometry = MecanumOdometry()
+
+    # What the last message asks for; NaN if there is nothing, or nothing any more.
+    received: BaseCommand = BaseCommand(UNKNOWN)
 
     # Pose to be taken at the next tick.
     pose: PlanarPose | None = None
 
-    # What was on the ports at the last tick.
-    references: tuple[TwistStamped, ...] = ()
-    requests: tuple[SetOdometry, ...] = ()
-
-    # The latest of all that was not accepted.
-    events: Events = ()
-
-
-class MecanumDriveState(NamedTuple):
-    """State of a MecanumDriveController between two ticks."""
-
-    inbox: MecanumInbox = MecanumInbox()
-    odometry: MecanumOdometry = MecanumOdometry()
+    inbox: Inbox = Inbox()
 
     # The last two velocities that the limits let through, the newest first.
     limited: tuple[Velocity, Velocity] = (REST, REST)
@@ -396,7 +280,7 @@ class MecanumDriveState(NamedTuple):
     wheels: MecanumWheels = MecanumWheels(0.0, 0.0, 0.0, 0.0)
 
 
-class MecanumDriveController(TickingController[MecanumDriveState]):
+class MecanumDriveController(BaseController[MecanumDriveState]):
     """Turns four mecanum wheels so that a base moves as it is told, sideways too.
 
     .. pydrake_system::
@@ -439,10 +323,8 @@ class MecanumDriveController(TickingController[MecanumDriveState]):
     of one step of the odometry. The state is a MecanumDriveState.
     """
 
-    message_types: ClassVar[dict[str, type[Message]]] = {
-        "reference": TwistStamped,
-        "set_odometry": SetOdometry,
-    }
+    topics = REFERENCE
+    moves_sideways = True
 
     def __init__(
         self,
@@ -467,124 +349,88 @@ class MecanumDriveController(TickingController[MecanumDriveState]):
             for wheel, joint in zip(_WHEELS, commanded, strict=True)
         ]
         velocity = (interfaces.VELOCITY,)
-        own = params.controller_name
         self._kinematics = make_kinematics(parameters)
-        self._limiters = make_limiters(parameters)
+        linear, angular = parameters.linear, parameters.angular
+        self._limiters = [*map(make_limiter, (linear.x, linear.y, angular.z))]
         self._timeout_ns = int(parameters.reference_timeout * NANOSECONDS)
-        self._frames = resolve_frames(
-            parameters.odom_frame_id,
-            parameters.base_frame_id,
-            prefix=parameters.tf_frame_prefix,
-            namespace=params.namespace,
-            is_enabled=parameters.tf_frame_prefix_enable,
-        )
-        self._covariances = (
-            diagonal(parameters.pose_covariance_diagonal),
-            diagonal(parameters.twist_covariance_diagonal),
-        )
         super().__init__(
+            parameters,
             params,
             MecanumDriveState(),
+            covariances=(
+                parameters.pose_covariance_diagonal,
+                parameters.twist_covariance_diagonal,
+            ),
+            outputs={"controller_state": self._describe},
             state_interfaces=interfaces.interface_names(measured, velocity),
             command_interfaces=interfaces.interface_names(commanded, velocity),
-            reference_interfaces=interfaces.interface_names(
-                [f"{own}/linear/x", f"{own}/linear/y", f"{own}/angular/z"], velocity
-            ),
         )
-        nothing = AbstractValue.Make(())
-        self._reference = self.DeclareAbstractInputPort("reference", nothing)
-        self._set_odometry = self.DeclareAbstractInputPort("set_odometry", nothing)
-        self._declare_topic("odometry", self._describe_odometry)
-        if parameters.enable_odom_tf:
-            self._declare_topic(
-                "tf_odometry", lambda s: make_transform(self._describe_odometry(s))
-            )
-        self._declare_topic("controller_state", self._describe)
-        self._declare_topic("events", lambda state: state.inbox.events)
 
     def _update(self, now: Now, state: MecanumDriveState) -> MecanumDriveState:
         chained = self._read_references(now)
-        inbox = self._receive(now, state.inbox, "" if chained is None else CHAINED)
+        state = self._receive(now, state, "" if chained is None else CHAINED)
         if chained is None:
-            left, asked = inbox.reference.follow(now.time_ns, self._timeout_ns)
-            inbox = inbox._replace(reference=left)
+            received, asked = self._follow(now, state.received)
         else:
-            asked = (float(chained[0]), float(chained[1]), float(chained[2]))
+            received, asked = state.received, tuple(chained.tolist())
         dt = now.period_ns / NANOSECONDS
         wheels = MecanumWheels(*self._read(now.context).tolist())
         odometry = state.odometry
-        if inbox.pose is not None:
-            odometry = odometry._replace(pose=inbox.pose)
-            inbox = inbox._replace(pose=None)
+        if state.pose is not None:
+            odometry = odometry._replace(pose=state.pose)
         elif not any(map(math.isnan, wheels)):
             odometry = odometry.update(self._kinematics, wheels, dt)
         limited, command = (REST, REST), np.zeros(len(_WHEELS))
         if all(map(math.isfinite, asked)):
-            limited = (self._limit(asked, state.limited, dt), state.limited[0])
-            command = np.array(self._kinematics.to_wheels(limited[0]))
+            velocity = limit_velocity(self._limiters, asked, state.limited, dt)
+            limited = (velocity, state.limited[0])
+            command = np.array(self._kinematics.to_wheels(velocity))
         return MecanumDriveState(
-            inbox, odometry, limited, command, now.time_ns, asked, wheels
+            odometry=odometry,
+            received=received,
+            inbox=state.inbox,
+            limited=limited,
+            command=command,
+            time_ns=now.time_ns,
+            asked=asked,
+            wheels=wheels,
         )
 
-    def _limit(
-        self, asked: Velocity, limited: tuple[Velocity, Velocity], dt: float
-    ) -> Velocity:
-        """Return a velocity within the limits."""
-        x, y, z = (
-            limiter.limit(v, v0, v1, dt).value
-            for limiter, v, v0, v1 in zip(self._limiters, asked, *limited, strict=True)
-        )
-        return x, y, z
+    def _follow(self, now: Now, received: BaseCommand) -> tuple[BaseCommand, Velocity]:
+        """Return what is left of a command, and what it asks for in a tick.
 
-    def _receive(
-        self, now: Now, inbox: MecanumInbox, obstacle: str = ""
-    ) -> MecanumInbox:
-        """Return what has come in; no references if there is an obstacle."""
-        context = now.context
-        twists, references = new_messages(
-            self._reference, context, TwistStamped, inbox.references
-        )
-        poses, requests = new_messages(
-            self._set_odometry, context, SetOdometry, inbox.requests
-        )
-        if references is inbox.references and requests is inbox.requests:
-            return inbox
-        news: list[Rejection] = []
-        for message in twists:
-            if obstacle:
-                news.append(TopicRejected(message, obstacle))
-                continue
-            reference = MecanumReference.from_message(message, now.time_ns)
-            fault = reference.find_fault(now.time_ns, self._timeout_ns)
-            if fault:
-                news.append(TopicRejected(message, fault))
-                reference = MecanumReference()
-            inbox = inbox._replace(reference=reference)
-        for request in poses:
-            if obstacle == INACTIVE:
-                news.append(TopicRejected(request, obstacle))
-            else:
-                pose = PlanarPose(request.x, request.y, request.yaw)
-                inbox = inbox._replace(pose=pose)
-        events = add_events(inbox.events, news)
-        return inbox._replace(references=references, requests=requests, events=events)
+        What is too old asks for rest, once; without a timeout it holds for one tick.
+        """
+        velocity, stamp_ns = received
+        if math.isnan(velocity[0]):
+            return received, velocity
+        if not self._timeout_ns:
+            return BaseCommand(UNKNOWN), velocity
+        if now.time_ns - stamp_ns <= self._timeout_ns:
+            return received, velocity
+        return BaseCommand(UNKNOWN), REST
+
+    def _check(
+        self, command: BaseCommand, age_ns: int
+    ) -> tuple[BaseCommand | None, str]:
+        if 0 < self._timeout_ns < age_ns:
+            fault = (
+                f"it is {age_ns / NANOSECONDS:g} s old, more than reference_timeout "
+                f"({self._timeout_ns / NANOSECONDS:g} s); the base stops"
+            )
+        elif not all(map(math.isfinite, command.velocity)):
+            fault = (
+                "linear.x, linear.y and angular.z must be finite, got "
+                f"{', '.join(map(str, command.velocity))}; the base stops"
+            )
+        else:
+            return command, ""
+        return BaseCommand(UNKNOWN), fault
 
     def _deactivate(self, now: Now, state: MecanumDriveState) -> MecanumDriveState:
         del now
-        inbox = state.inbox._replace(reference=MecanumReference())
-        return state._replace(inbox=inbox, command=_NOTHING, limited=(REST, REST))
-
-    def _idle(self, now: Now, state: MecanumDriveState) -> MecanumDriveState:
-        inbox = self._receive(now, state.inbox, INACTIVE)
-        return state if inbox is state.inbox else state._replace(inbox=inbox)
-
-    def _command(self, state: MecanumDriveState) -> Array:
-        return state.command
-
-    def _describe_odometry(self, state: MecanumDriveState) -> Odometry:
-        """Return the topic odometry."""
-        return make_odometry(
-            state.time_ns, self._frames, *state.odometry, self._covariances
+        return state._replace(
+            received=BaseCommand(UNKNOWN), command=_NOTHING, limited=(REST, REST)
         )
 
     def _describe(self, state: MecanumDriveState) -> MecanumDriveControllerState:

@@ -1,58 +1,30 @@
-"""``omni_wheel_drive_controller/OmniWheelDriveController``.
+"""The ``omni_wheel_drive_controller/OmniWheelDriveController``, on n wheels.
 
-Source: ros2_controllers, `omni_wheel_drive_controller` (version 6.9.0). Kinematics and
-odometry are `arm_drake.controllers.bases.omni_wheel_drive_controller`.
-
-Parameters of an OmniWheelDriveController.
-
-Source: ros2_controllers, `omni_wheel_drive_controller` (version 6.9.0).
-
-Kinematics, odometry and commands of a base on three or more omni wheels.
-
-The rules are those of ros2_controllers' omni_wheel_drive_controller (version 6.9.0). A
-velocity is forwards and to the left [m/s], and of turning to the left [rad/s]; n is the
-number of wheels.
+Source: ros2_controllers, `omni_wheel_drive_controller` (version 6.9.0). A velocity is
+forwards and to the left [m/s], and of turning to the left [rad/s]; n is the number of
+wheels.
 """
 
 import dataclasses as dc
 import math
 from collections.abc import Sequence
-from typing import ClassVar, NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
-from pydrake.common.value import AbstractValue
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.control.odometry import PlanarPose
 from arm_drake.controllers.bases.base import (
-    diagonal,
-    make_odometry,
-    make_transform,
-    resolve_frames,
+    BaseCommand,
+    BaseController,
+    Velocity,
 )
-from arm_drake.controllers.controller_interface import (
-    ControllerInterfaceParams,
-    TickingController,
-)
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Now
-from arm_drake.controllers.topics import (
-    CHAINED,
-    INACTIVE,
-    Events,
-    Rejection,
-    add_events,
-    new_messages,
-)
+from arm_drake.controllers.topics import CHAINED, Inbox
 from arm_drake.description.parameters import check_above, check_duration, check_length
-from arm_drake.messages import (
-    NANOSECONDS,
-    Message,
-    Odometry,
-    SetOdometry,
-    TopicRejected,
-    TwistStamped,
-)
+from arm_drake.messages import NANOSECONDS
 
 
 @dc.dataclass(frozen=True)
@@ -113,8 +85,6 @@ class OmniWheelDriveControllerParameters:
         check_above(self, 0.0, "robot_radius", "wheel_radius")
         check_duration(self, "cmd_vel_timeout")
 
-
-Velocity: TypeAlias = tuple[float, float, float]
 
 UNKNOWN: Velocity = (math.nan, math.nan, math.nan)
 REST: Velocity = (0.0, 0.0, 0.0)
@@ -222,69 +192,6 @@ class OmniWheelOdometry(NamedTuple):
         )
 
 
-class OmniWheelCommand(NamedTuple):
-    """The last command, or when it began that there was none."""
-
-    # [ns].
-    stamp_ns: int
-
-    velocity: Velocity = UNKNOWN
-
-    @staticmethod
-    def from_message(message: TwistStamped, time_ns: int) -> "OmniWheelCommand":
-        """Return the command of a message; a stamp of 0 means now.
-
-        Args:
-            message: The message.
-            time_ns: Time at which it came in [ns].
-        """
-        twist = message.twist
-        return OmniWheelCommand(
-            message.header.stamp.to_nanoseconds() or time_ns,
-            (twist.linear.x, twist.linear.y, twist.angular.z),
-        )
-
-    def is_old(self, time_ns: int, timeout_ns: int) -> bool:
-        """Return whether it is too old to be taken.
-
-        Args:
-            time_ns: Time at which it came in [ns].
-            timeout_ns: Parameter `cmd_vel_timeout` [ns]; with 0 it never is.
-        """
-        return timeout_ns != 0 and time_ns - self.stamp_ns >= timeout_ns
-
-    def find_fault(self, time_ns: int, timeout_ns: int) -> str:
-        """Return why the base doesn't follow it; empty if it does.
-
-        Args:
-            time_ns: As in `is_old`.
-            timeout_ns: As in `is_old`.
-        """
-        if self.is_old(time_ns, timeout_ns):
-            age = (time_ns - self.stamp_ns) / NANOSECONDS
-            return (
-                f"it is {age:g} s old, not less than cmd_vel_timeout "
-                f"({timeout_ns / NANOSECONDS:g} s); it is ignored"
-            )
-        if not all(map(math.isfinite, self.velocity)):
-            return (
-                "linear.x, linear.y and angular.z must be finite, got "
-                f"{', '.join(map(str, self.velocity))}; the last reference goes on"
-            )
-        return ""
-
-    def follow(self, time_ns: int, timeout_ns: int) -> Velocity:
-        """Return what it asks for in a tick; NaN leaves the references.
-
-        Args:
-            time_ns: Time of the tick [ns].
-            timeout_ns: Parameter `cmd_vel_timeout` [ns]; later there is rest.
-        """
-        if time_ns - self.stamp_ns > timeout_ns:
-            return REST
-        return self.velocity if all(map(math.isfinite, self.velocity)) else UNKNOWN
-
-
 def _integrate(pose: PlanarPose, velocity: Velocity, dt: float) -> PlanarPose:
     """Return where a base stands that moved with one velocity in its own frame."""
     vx, vy, w = velocity
@@ -304,34 +211,24 @@ def _integrate(pose: PlanarPose, velocity: Velocity, dt: float) -> PlanarPose:
     )
 
 
-class OmniWheelInbox(NamedTuple):
-    """What came in on the ports of an OmniWheelDriveController."""
-
-    # None before the first cycle.
-    command: OmniWheelCommand | None = None
-
-    # Pose to be taken at the next tick with a reference.
-    pose: PlanarPose | None = None
-
-    # What was on the ports at the last tick.
-    commands: tuple[TwistStamped, ...] = ()
-    requests: tuple[SetOdometry, ...] = ()
-
-    # The latest of all that was not accepted.
-    events: Events = ()
-
-
 class OmniWheelDriveState(NamedTuple):
     """State of an OmniWheelDriveController between two ticks."""
 
-    inbox: OmniWheelInbox
     odometry: OmniWheelOdometry
 
     # Velocities of the wheels [rad/s], shape (n,); NaN is none.
     command: Array
 
+    # The last command, or when it began that there was none; None before.
+    received: BaseCommand | None = None
+
     # What is asked for; NaN if there is nothing.
     reference: Velocity = UNKNOWN
+
+    # Pose to be taken at the next tick with a reference.
+    pose: PlanarPose | None = None
+
+    inbox: Inbox = Inbox()
 
     # Time of the last update of the odometry [ns]; None before the first one.
     time_ns: int | None = None
@@ -340,7 +237,7 @@ class OmniWheelDriveState(NamedTuple):
     fault: str = ""
 
 
-class OmniWheelDriveController(TickingController[OmniWheelDriveState]):
+class OmniWheelDriveController(BaseController[OmniWheelDriveState]):
     """Turns omni wheels so that a base moves as it is told, sideways too.
 
     .. pydrake_system::
@@ -383,10 +280,7 @@ class OmniWheelDriveController(TickingController[OmniWheelDriveState]):
     The state is an OmniWheelDriveState.
     """
 
-    message_types: ClassVar[dict[str, type[Message]]] = {
-        "cmd_vel": TwistStamped,
-        "set_odometry": SetOdometry,
-    }
+    moves_sideways = True
 
     def __init__(
         self,
@@ -399,76 +293,41 @@ class OmniWheelDriveController(TickingController[OmniWheelDriveState]):
             parameters: The controller's parameters.
             params: Rate and surroundings of the controller.
         """
-        wheels, own = parameters.wheel_names, params.controller_name
-        self._parameters = parameters
+        given, wheels = parameters, parameters.wheel_names
+        self._parameters = given
         self._kinematics = OmniWheelKinematics(
-            len(wheels),
-            parameters.wheel_offset,
-            parameters.robot_radius,
-            parameters.wheel_radius,
+            len(wheels), given.wheel_offset, given.robot_radius, given.wheel_radius
         )
-        self._timeout_ns = int(parameters.cmd_vel_timeout * NANOSECONDS)
-        self._frames = resolve_frames(
-            parameters.odom_frame_id,
-            parameters.base_frame_id,
-            prefix=parameters.tf_frame_prefix,
-            namespace=params.namespace,
-            is_enabled=parameters.tf_frame_prefix_enable,
-        )
-        self._covariances = (
-            diagonal(parameters.diagonal_covariance.pose),
-            diagonal(parameters.diagonal_covariance.twist),
-        )
+        self._timeout_ns = int(given.cmd_vel_timeout * NANOSECONDS)
         self._nothing = np.full(len(wheels), np.nan)
-        read = (
-            interfaces.POSITION if parameters.position_feedback else interfaces.VELOCITY
-        )
-        velocity = (interfaces.VELOCITY,)
+        read = interfaces.POSITION if given.position_feedback else interfaces.VELOCITY
+        covariance = given.diagonal_covariance
         super().__init__(
+            given,
             params,
-            OmniWheelDriveState(
-                OmniWheelInbox(),
-                OmniWheelOdometry((0.0,) * len(wheels)),
-                self._nothing,
-            ),
+            OmniWheelDriveState(OmniWheelOdometry((0.0,) * len(wheels)), self._nothing),
+            covariances=(covariance.pose, covariance.twist),
             state_interfaces=interfaces.interface_names(
-                () if parameters.open_loop else wheels, (read,)
+                () if given.open_loop else wheels, (read,)
             ),
-            command_interfaces=interfaces.interface_names(wheels, velocity),
-            reference_interfaces=interfaces.interface_names(
-                (f"{own}/linear/x", f"{own}/linear/y", f"{own}/angular/z"), velocity
+            command_interfaces=interfaces.interface_names(
+                wheels, (interfaces.VELOCITY,)
             ),
         )
-        nothing = AbstractValue.Make(())
-        self._cmd_vel = self.DeclareAbstractInputPort("cmd_vel", nothing)
-        self._set_odometry = self.DeclareAbstractInputPort("set_odometry", nothing)
-        self._declare_topic("odom", self._describe_odometry)
-        if parameters.enable_odom_tf:
-            self._declare_topic(
-                "tf", lambda s: make_transform(self._describe_odometry(s))
-            )
-        self._declare_topic("events", lambda state: state.inbox.events)
 
     def _update(self, now: Now, state: OmniWheelDriveState) -> OmniWheelDriveState:
         chained = self._read_references(now)
-        inbox = self._receive(now, state.inbox, "" if chained is None else CHAINED)
-        assert inbox.command is not None
-        asked = inbox.command.follow(now.time_ns, self._timeout_ns)
-        if chained is not None:
-            asked = (float(chained[0]), float(chained[1]), float(chained[2]))
-        x, y, z = (
+        state = self._receive(now, state, "" if chained is None else CHAINED)
+        asked = self._follow(now, state) if chained is None else chained.tolist()
+        reference = tuple(
             old if math.isnan(new) else new
             for new, old in zip(asked, state.reference, strict=True)
         )
-        reference = (x, y, z)
-        state = state._replace(
-            inbox=inbox, reference=reference, command=self._nothing, fault=""
-        )
+        state = state._replace(reference=reference, command=self._nothing, fault="")
         if not all(map(math.isfinite, reference)):
             return state
-        if inbox.pose is not None:
-            odometry = state.odometry._replace(pose=inbox.pose)
-            inbox = inbox._replace(pose=None)
+        if state.pose is not None:
+            odometry = state.odometry._replace(pose=state.pose)
         else:
             measured = self._read(now.context)
             if np.isnan(measured).any():
@@ -477,9 +336,20 @@ class OmniWheelDriveController(TickingController[OmniWheelDriveState]):
             odometry = self._move(
                 state.odometry, reference, measured, now.period_ns / NANOSECONDS
             )
-        time_ns = state.time_ns if odometry is state.odometry else now.time_ns
-        command = self._kinematics.to_wheels(reference)
-        return OmniWheelDriveState(inbox, odometry, command, reference, time_ns)
+        return state._replace(
+            odometry=odometry,
+            command=self._kinematics.to_wheels(reference),
+            pose=None,
+            time_ns=state.time_ns if odometry is state.odometry else now.time_ns,
+        )
+
+    def _follow(self, now: Now, state: OmniWheelDriveState) -> Velocity:
+        """Return what the last command asks for; NaN leaves the references."""
+        assert state.received is not None
+        velocity, stamp_ns = state.received
+        if now.time_ns - stamp_ns > self._timeout_ns:
+            return REST
+        return velocity if all(map(math.isfinite, velocity)) else UNKNOWN
 
     def _move(
         self, old: OmniWheelOdometry, reference: Velocity, measured: Array, dt: float
@@ -492,61 +362,36 @@ class OmniWheelDriveController(TickingController[OmniWheelDriveState]):
         return old.from_velocities(self._kinematics, measured, dt)
 
     def _receive(
-        self, now: Now, inbox: OmniWheelInbox, obstacle: str = ""
-    ) -> OmniWheelInbox:
-        """Return what has come in; no commands if there is an obstacle."""
-        context = now.context
-        if inbox.command is None:
-            inbox = inbox._replace(command=OmniWheelCommand(now.time_ns))
-        twists, commands = new_messages(
-            self._cmd_vel, context, TwistStamped, inbox.commands
+        self, now: Now, state: OmniWheelDriveState, obstacle: str = ""
+    ) -> OmniWheelDriveState:
+        if state.received is None:
+            state = state._replace(received=BaseCommand(UNKNOWN, now.time_ns))
+        return super()._receive(now, state, obstacle)
+
+    def _check(
+        self, command: BaseCommand, age_ns: int
+    ) -> tuple[BaseCommand | None, str]:
+        if 0 < self._timeout_ns <= age_ns:
+            return None, (
+                f"it is {age_ns / NANOSECONDS:g} s old, not less than cmd_vel_timeout "
+                f"({self._timeout_ns / NANOSECONDS:g} s); it is ignored"
+            )
+        if all(map(math.isfinite, command.velocity)):
+            return command, ""
+        return command, (
+            "linear.x, linear.y and angular.z must be finite, got "
+            f"{', '.join(map(str, command.velocity))}; the last reference goes on"
         )
-        poses, requests = new_messages(
-            self._set_odometry, context, SetOdometry, inbox.requests
-        )
-        if commands is inbox.commands and requests is inbox.requests:
-            return inbox
-        news: list[Rejection] = []
-        for message in twists:
-            if obstacle:
-                news.append(TopicRejected(message, obstacle))
-                continue
-            command = OmniWheelCommand.from_message(message, now.time_ns)
-            fault = command.find_fault(now.time_ns, self._timeout_ns)
-            if fault:
-                news.append(TopicRejected(message, fault))
-            if not command.is_old(now.time_ns, self._timeout_ns):
-                inbox = inbox._replace(command=command)
-        for request in poses:
-            if obstacle == INACTIVE:
-                news.append(TopicRejected(request, obstacle))
-            else:
-                pose = PlanarPose(request.x, request.y, request.yaw)
-                inbox = inbox._replace(pose=pose)
-        events = add_events(inbox.events, news)
-        return inbox._replace(commands=commands, requests=requests, events=events)
 
     def _deactivate(self, now: Now, state: OmniWheelDriveState) -> OmniWheelDriveState:
-        inbox = state.inbox._replace(command=OmniWheelCommand(now.time_ns))
-        rest = np.zeros(len(self._nothing))
-        return state._replace(inbox=inbox, command=rest, reference=UNKNOWN)
-
-    def _idle(self, now: Now, state: OmniWheelDriveState) -> OmniWheelDriveState:
-        inbox = self._receive(now, state.inbox, INACTIVE)
-        return state if inbox is state.inbox else state._replace(inbox=inbox)
-
-    def _command(self, state: OmniWheelDriveState) -> Array:
-        return state.command
+        return state._replace(
+            received=BaseCommand(UNKNOWN, now.time_ns),
+            command=np.zeros(len(self._nothing)),
+            reference=UNKNOWN,
+        )
 
     def _is_ok(self, state: OmniWheelDriveState) -> bool:
         return not state.fault
 
     def _fault(self, state: OmniWheelDriveState) -> str:
         return state.fault
-
-    def _describe_odometry(self, state: OmniWheelDriveState) -> Odometry:
-        """Return the topic odom."""
-        _, pose, velocity = state.odometry
-        return make_odometry(
-            state.time_ns, self._frames, pose, velocity, self._covariances
-        )

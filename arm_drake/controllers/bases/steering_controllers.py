@@ -1,13 +1,8 @@
 """The bicycle, tricycle and ackermann ``...SteeringController``, one system for all.
 
-Source: ros2_controllers, `steering_controllers_library` (version 6.9.0); the equations
-are in `arm_drake.control.steering`.
-
-Parameters of the steering controllers: bicycle, tricycle and ackermann.
-
 Source: ros2_controllers, `steering_controllers_library`, `bicycle_steering_controller`,
 `tricycle_steering_controller`, `ackermann_steering_controller` (version 6.9.0; names of
-humble by `adapt`).
+humble by `adapt`). The equations are in `arm_drake.control.steering`.
 """
 
 import dataclasses as dc
@@ -17,29 +12,24 @@ from collections.abc import Mapping
 from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
-from pydrake.common.value import AbstractValue
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
-from arm_drake.control.odometry import RollingMean
+from arm_drake.control.odometry import PlanarPose, RollingMean
 from arm_drake.control.steering import (
     SteeringGeometry,
     SteeringOdometry,
-    SteeringReferences,
     to_wheel_commands,
 )
 from arm_drake.controllers.bases.base import (
-    diagonal,
-    make_odometry,
-    make_transform,
-    resolve_frames,
+    REFERENCE,
+    BaseCommand,
+    BaseController,
+    take_finite,
 )
-from arm_drake.controllers.controller_interface import (
-    ControllerInterfaceParams,
-    TickingController,
-)
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Now
-from arm_drake.controllers.topics import CHAINED, INACTIVE, new_messages
+from arm_drake.controllers.topics import CHAINED, Inbox
 from arm_drake.description.parameters import (
     Given,
     Rule,
@@ -50,15 +40,7 @@ from arm_drake.description.parameters import (
     check_not_empty,
     check_unique,
 )
-from arm_drake.messages import (
-    NANOSECONDS,
-    Header,
-    Odometry,
-    SetOdometry,
-    TFMessage,
-    Twist,
-    TwistStamped,
-)
+from arm_drake.messages import NANOSECONDS, Header
 from arm_drake.messages.control import SteeringControllerStatus
 
 _WHEELS = (
@@ -267,6 +249,9 @@ class AckermannSteeringControllerParameters(SteeringControllerParameters):
         check_above(self, 0.0, "traction_track_width", "traction_wheels_radius")
 
 
+_UNKNOWN = (math.nan, math.nan)
+
+
 class SteeringControllerState(NamedTuple):
     """State of a steering controller between two ticks."""
 
@@ -275,7 +260,13 @@ class SteeringControllerState(NamedTuple):
     # Commands since the activation, driven wheels first; NaN is none.
     command: Array
 
-    references: SteeringReferences = SteeringReferences()
+    # The velocity that is asked for; NaN is nothing.
+    received: BaseCommand = BaseCommand(_UNKNOWN)
+
+    # Where the next tick is to put the base.
+    pose: PlanarPose | None = None
+
+    inbox: Inbox = Inbox()
 
     # Of the last tick: its time [ns], None before the first one, what it measured and
     # what it commanded.
@@ -284,7 +275,7 @@ class SteeringControllerState(NamedTuple):
     shown: tuple[float, ...] = ()
 
 
-class SteeringController(TickingController[SteeringControllerState]):
+class SteeringController(BaseController[SteeringControllerState]):
     """Drives a base with steered wheels, and tells where it is.
 
     .. pydrake_system::
@@ -330,6 +321,8 @@ class SteeringController(TickingController[SteeringControllerState]):
     SteeringControllerState.
     """
 
+    topics = REFERENCE
+
     def __init__(
         self,
         parameters: SteeringControllerParameters,
@@ -349,25 +342,22 @@ class SteeringController(TickingController[SteeringControllerState]):
         self._slows_down = parameters.reduce_wheel_speed_until_steering_reached
         self._reads_positions = parameters.position_feedback
         self._timeout_ns = int(parameters.reference_timeout * NANOSECONDS)
-        self._frames = resolve_frames(
-            parameters.odom_frame_id,
-            parameters.base_frame_id,
-            prefix=parameters.tf_frame_prefix,
-            namespace=params.namespace,
-            is_lyrical=True,
-        )
-        self._covariances = (
-            diagonal(parameters.pose_covariance_diagonal),
-            diagonal(parameters.twist_covariance_diagonal),
-        )
         self._nothing = np.full(len(driven) + len(steered), np.nan)
         feedback = interfaces.POSITION if self._reads_positions else interfaces.VELOCITY
         read = parameters.traction_joints_state_names or driven
         turned = parameters.steering_joints_state_names or steered
         means = RollingMean(parameters.velocity_rolling_window_size)
         super().__init__(
+            parameters,
             params,
             SteeringControllerState(SteeringOdometry(means), self._nothing),
+            covariances=(
+                parameters.pose_covariance_diagonal,
+                parameters.twist_covariance_diagonal,
+            ),
+            is_stamped=parameters.use_stamped_vel,
+            is_lyrical=True,
+            outputs={"controller_state": self._describe_status},
             state_interfaces=(
                 *interfaces.interface_names(read, (feedback,)),
                 *interfaces.interface_names(turned, (interfaces.POSITION,)),
@@ -376,45 +366,30 @@ class SteeringController(TickingController[SteeringControllerState]):
                 *interfaces.interface_names(driven, (interfaces.VELOCITY,)),
                 *interfaces.interface_names(steered, (interfaces.POSITION,)),
             ),
-            reference_interfaces=(
-                f"{params.controller_name}/linear/{interfaces.VELOCITY}",
-                f"{params.controller_name}/angular/{interfaces.VELOCITY}",
-            ),
         )
-        is_stamped = parameters.use_stamped_vel
-        topic = "reference" if is_stamped else "reference_unstamped"
-        self._kind = TwistStamped if is_stamped else Twist
-        self.message_types = {topic: self._kind, "set_odometry": SetOdometry}
-        nothing = AbstractValue.Make(())
-        self._reference = self.DeclareAbstractInputPort(topic, nothing)
-        self._set_odometry = self.DeclareAbstractInputPort("set_odometry", nothing)
-        self._declare_topic("odometry", self._tell_odometry, default=Odometry())
-        if parameters.enable_odom_tf:
-            self._declare_topic("tf_odometry", self._tell_frames, default=TFMessage())
-        self._declare_topic(
-            "controller_state", self._tell_status, default=SteeringControllerStatus()
-        )
-        self._declare_topic("events", lambda state: state.references.events)
+        # Of one tick, what is wrong with poses is told first.
+        self._topics.reverse()
 
     def _update(
         self, now: Now, state: SteeringControllerState
     ) -> SteeringControllerState:
         chained = self._read_references(now)
-        obstacle = "" if chained is None else CHAINED
-        references = self._receive(now, state.references, obstacle)
+        state = self._receive(now, state, "" if chained is None else CHAINED)
+        received = state.received
         if chained is not None:
             v, w = chained.tolist()
         else:
-            current = references.current(now.time_ns, self._timeout_ns)
-            v, w = current or (math.nan, math.nan)
+            v, w = received.velocity
+            if 0 < self._timeout_ns < now.time_ns - received.stamp_ns:
+                v, w = _UNKNOWN
             if not self._timeout_ns:
-                references = references._replace(asked=None)
+                received = BaseCommand(_UNKNOWN)
         measured = tuple(self._read(now.context).tolist())
         odometry = state.odometry
-        if references.pose is None:
+        if state.pose is None:
             odometry = self._locate(odometry, (v, w), measured, now)
         else:  # In the place of what is measured.
-            odometry = odometry.set_pose(references.pose)
+            odometry = odometry.set_pose(state.pose)
         if math.isfinite(v) and math.isfinite(w):
             commands = to_wheel_commands(
                 self._geometry,
@@ -428,12 +403,13 @@ class SteeringController(TickingController[SteeringControllerState]):
             command = state.command.copy()
             command[: self._num_driven] = 0.0
         return SteeringControllerState(
-            odometry,
-            command,
-            references._replace(pose=None),
-            now.time_ns,
-            measured,
-            tuple(command.tolist()),
+            odometry=odometry,
+            command=command,
+            received=received,
+            inbox=state.inbox,
+            time_ns=now.time_ns,
+            measured=measured,
+            shown=tuple(command.tolist()),
         )
 
     def _locate(
@@ -453,57 +429,37 @@ class SteeringController(TickingController[SteeringControllerState]):
             return odometry.measure_positions(self._geometry, wheels, angles, dt)
         return odometry.measure_velocities(self._geometry, wheels, angles, dt)
 
-    def _receive(
-        self, now: Now, references: SteeringReferences, obstacle: str
-    ) -> SteeringReferences:
-        """Return what has come in; an obstacle says why no velocities are taken."""
-        context = now.context
-        requests, asked = new_messages(
-            self._set_odometry, context, SetOdometry, references.requests
-        )
-        new, messages = new_messages(
-            self._reference, context, self._kind, references.messages
-        )
-        if asked is references.requests and messages is references.messages:
-            return references
-        references = references._replace(requests=asked, messages=messages)
-        references = references.put(requests)
-        return references.take(new, now.time_ns, self._timeout_ns, obstacle)
+    def _check(
+        self, command: BaseCommand, age_ns: int
+    ) -> tuple[BaseCommand | None, str]:
+        if 0 < self._timeout_ns < age_ns:
+            return None, (
+                f"header.stamp must be at most {self._timeout_ns / NANOSECONDS} s "
+                f"(reference_timeout) old, got {age_ns / NANOSECONDS} s"
+            )
+        return take_finite(command)
+
+    def _find_pose_fault(self, pose: PlanarPose, obstacle: str) -> str:
+        del obstacle
+        if all(map(math.isfinite, pose)):
+            return ""
+        return f"x, y and yaw must be finite, got {list(pose)}"
 
     def _activate(
         self, now: Now, state: SteeringControllerState
     ) -> SteeringControllerState:
         del now
-        references = state.references._replace(asked=None)
-        return state._replace(command=self._nothing, references=references)
+        return state._replace(command=self._nothing, received=BaseCommand(_UNKNOWN))
 
     def _deactivate(
         self, now: Now, state: SteeringControllerState
     ) -> SteeringControllerState:
         return self._activate(now, state)
 
-    def _idle(
-        self, now: Now, state: SteeringControllerState
-    ) -> SteeringControllerState:
-        references = self._receive(now, state.references, INACTIVE)
-        if references is state.references:
-            return state
-        return state._replace(references=references)
-
-    def _command(self, state: SteeringControllerState) -> Array:
-        return state.command
-
-    def _tell_odometry(self, state: SteeringControllerState) -> Odometry:
-        v, w = state.odometry.velocity
-        pose, velocity = state.odometry.pose, (v, 0.0, w)
-        return make_odometry(
-            state.time_ns, self._frames, pose, velocity, self._covariances
-        )
-
-    def _tell_frames(self, state: SteeringControllerState) -> TFMessage:
-        return make_transform(self._tell_odometry(state))
-
-    def _tell_status(self, state: SteeringControllerState) -> SteeringControllerStatus:
+    def _describe_status(
+        self, state: SteeringControllerState
+    ) -> SteeringControllerStatus:
+        """Return the topic controller_state."""
         if state.time_ns is None:
             return SteeringControllerStatus()
         n = self._num_driven

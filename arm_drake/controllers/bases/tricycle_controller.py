@@ -1,16 +1,8 @@
-"""``tricycle_controller/TricycleController``.
+"""The ``tricycle_controller/TricycleController``: a base whose front wheel does all.
 
-Source: ros2_controllers, `tricycle_controller` (version 6.9.0); the equations are in
-`arm_drake.controllers.bases.tricycle_controller`.
-
-Parameters of `tricycle_controller/TricycleController`.
-
-Source: ros2_controllers, `tricycle_controller` (version 6.9.0).
-
-A base whose front wheel drives and steers: limits, commands, odometry.
-
-The rules are those of ros2_controllers' `tricycle_controller` (version 6.9.0). The base
-has velocities v forwards [m/s] and w of turning [rad/s], amid the rear axle.
+Source: ros2_controllers, `tricycle_controller` (version 6.9.0). The front wheel drives
+and steers. The base has velocities v forwards [m/s] and w of turning [rad/s], amid the
+rear axle.
 """
 
 import dataclasses as dc
@@ -18,24 +10,18 @@ import math
 from typing import Annotated, Any, NamedTuple, Self
 
 import numpy as np
-from pydrake.common.value import AbstractValue
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.control.odometry import PlanarPose, RollingMean, integrate_arc
-from arm_drake.control.steering import SteeringReferences
 from arm_drake.controllers.bases.base import (
-    BaseFrames,
-    diagonal,
-    make_odometry,
-    make_transform,
+    BaseCommand,
+    BaseController,
+    take_finite,
 )
-from arm_drake.controllers.controller_interface import (
-    ControllerInterfaceParams,
-    TickingController,
-)
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Now
-from arm_drake.controllers.topics import INACTIVE, new_messages
+from arm_drake.controllers.topics import Inbox
 from arm_drake.description.parameters import (
     Rule,
     check_above,
@@ -43,7 +29,7 @@ from arm_drake.description.parameters import (
     check_length,
     check_not_empty,
 )
-from arm_drake.messages import NANOSECONDS, Odometry, TFMessage, Twist, TwistStamped
+from arm_drake.messages import NANOSECONDS, Odometry
 from arm_drake.messages.control import AckermannDrive, ResetOdometry
 
 
@@ -367,11 +353,13 @@ class TricycleControllerState(NamedTuple):
     # Commands, shape (2,): velocity [rad/s] and angle [rad]; NaN is none.
     command: Array
 
-    references: SteeringReferences = SteeringReferences()
+    # The velocity that is asked for; NaN is nothing.
+    received: BaseCommand = BaseCommand((math.nan, math.nan))
 
-    # Whether the next tick is to reset the odometry, and what was on that port.
-    is_reset: bool = False
-    resets: tuple[ResetOdometry, ...] = ()
+    # The origin, if the next tick is to reset the odometry.
+    pose: PlanarPose | None = None
+
+    inbox: Inbox = Inbox()
 
     # The last two commands, the newest last; as upstream keeps them, see `_round`.
     previous: tuple[TricycleCommand, TricycleCommand] = (TricycleCommand(),) * 2
@@ -383,7 +371,7 @@ class TricycleControllerState(NamedTuple):
     is_ok: bool = True
 
 
-class TricycleController(TickingController[TricycleControllerState]):
+class TricycleController(BaseController[TricycleControllerState]):
     """Drives a base whose front wheel drives and steers, and tells where it is.
 
     .. pydrake_system::
@@ -425,6 +413,8 @@ class TricycleController(TickingController[TricycleControllerState]):
     tick that can't read the joints fails. The state is a TricycleControllerState.
     """
 
+    pose_topic = ("reset_odometry", ResetOdometry)
+
     def __init__(
         self,
         parameters: TricycleControllerParameters,
@@ -441,47 +431,37 @@ class TricycleController(TickingController[TricycleControllerState]):
         self._timeout_ns = parameters.cmd_vel_timeout * _MILLISECONDS
         self._traction = _make_traction_limiter(parameters.traction)
         self._steering = _make_steering_limiter(parameters.steering)
-        self._frames = BaseFrames(parameters.odom_frame_id, parameters.base_frame_id)
         self._has_pose = not parameters.odom_only_twist
-        self._covariances = (
-            diagonal(parameters.pose_covariance_diagonal),
-            diagonal(parameters.twist_covariance_diagonal),
-        )
         names = (
             f"{parameters.traction_joint_name}/{interfaces.VELOCITY}",
             f"{parameters.steering_joint_name}/{interfaces.POSITION}",
         )
         means = RollingMean(parameters.velocity_rolling_window_size)
+        outputs = {"cmd_ackermann": self._describe_command}
         super().__init__(
+            parameters,
             params,
             TricycleControllerState(TricycleOdometry(means), np.full(2, np.nan)),
+            covariances=(
+                parameters.pose_covariance_diagonal,
+                parameters.twist_covariance_diagonal,
+            ),
+            is_stamped=parameters.use_stamped_vel,
+            has_references=False,
+            is_lyrical=True,
+            outputs=outputs if parameters.publish_ackermann_command else {},
             state_interfaces=names,
             command_interfaces=names,
         )
-        topic = "cmd_vel" if parameters.use_stamped_vel else "cmd_vel_unstamped"
-        self._kind = TwistStamped if parameters.use_stamped_vel else Twist
-        self.message_types = {topic: self._kind, "reset_odometry": ResetOdometry}
-        nothing = AbstractValue.Make(())
-        self._cmd_vel = self.DeclareAbstractInputPort(topic, nothing)
-        self._reset = self.DeclareAbstractInputPort("reset_odometry", nothing)
-        self._declare_topic("odom", self._tell_odometry, default=Odometry())
-        if parameters.enable_odom_tf:
-            self._declare_topic("tf", self._tell_frames, default=TFMessage())
-        if parameters.publish_ackermann_command:
-            self._declare_topic(
-                "cmd_ackermann", self._tell_command, default=AckermannDrive()
-            )
-        self._declare_topic("events", lambda state: state.references.events)
 
     def _update(
         self, now: Now, state: TricycleControllerState
     ) -> TricycleControllerState:
         state = self._receive(now, state)
-        references = state.references
-        v = w = 0.0
-        age_ns = now.time_ns - references.stamp_ns
-        if references.asked is not None and age_ns <= self._timeout_ns:
-            v, w = references.asked
+        v, w = state.received.velocity
+        age_ns = now.time_ns - state.received.stamp_ns
+        if math.isnan(v) or age_ns > self._timeout_ns:
+            v = w = 0.0
         rate, angle = self._read(now.context).tolist()
         if not math.isfinite(angle) or not (self._is_open_loop or math.isfinite(rate)):
             return state._replace(is_ok=False)
@@ -491,7 +471,7 @@ class TricycleController(TickingController[TricycleControllerState]):
         else:
             speed = rate * self._radius
             odometry = state.odometry.measure(speed, angle, self._wheelbase, dt)
-        if state.is_reset:
+        if state.pose is not None:
             odometry = odometry.reset()
         asked = to_wheel_command(v, w, wheelbase=self._wheelbase, radius=self._radius)
         slowed = asked.rate * speed_scale(abs(asked.angle - angle))
@@ -503,47 +483,34 @@ class TricycleController(TickingController[TricycleControllerState]):
         return state._replace(
             odometry=odometry,
             command=np.array(command),
-            is_reset=False,
+            pose=None,
             previous=(last, _round(command)),
             time_ns=now.time_ns,
             is_ok=True,
         )
 
-    def _receive(
-        self, now: Now, state: TricycleControllerState, obstacle: str = ""
-    ) -> TricycleControllerState:
-        """Return the state with what has come in."""
-        context, references = now.context, state.references
-        new_resets, resets = new_messages(
-            self._reset, context, ResetOdometry, state.resets
-        )
-        new, messages = new_messages(
-            self._cmd_vel, context, self._kind, references.messages
-        )
-        if resets is state.resets and messages is references.messages:
-            return state
-        references = references._replace(messages=messages)
+    def _check(
+        self, command: BaseCommand, age_ns: int
+    ) -> tuple[BaseCommand | None, str]:
         # Any age is taken; what is too old has no effect.
-        references = references.take(new, now.time_ns, 0, obstacle)
-        return state._replace(
-            references=references,
-            is_reset=state.is_reset or bool(new_resets),
-            resets=resets,
-        )
+        del age_ns
+        return take_finite(command)
+
+    def _take_pose(
+        self,
+        state: TricycleControllerState,
+        message: ResetOdometry,
+        time_ns: int,
+        obstacle: str,
+    ) -> tuple[TricycleControllerState, str]:
+        del message, time_ns, obstacle
+        return state._replace(pose=PlanarPose()), ""
 
     def _deactivate(
         self, now: Now, state: TricycleControllerState
     ) -> TricycleControllerState:
         del now
         return state._replace(command=np.zeros(2))
-
-    def _idle(
-        self, now: Now, state: TricycleControllerState
-    ) -> TricycleControllerState:
-        return self._receive(now, state, INACTIVE)
-
-    def _command(self, state: TricycleControllerState) -> Array:
-        return state.command
 
     def _is_ok(self, state: TricycleControllerState) -> bool:
         return state.is_ok
@@ -552,26 +519,14 @@ class TricycleController(TickingController[TricycleControllerState]):
         del state
         return f"not all of {', '.join(self.state_interfaces)} could be read"
 
-    def _tell_odometry(self, state: TricycleControllerState) -> Odometry:
+    def _describe_odometry(self, state: TricycleControllerState) -> Odometry:
         pose = state.odometry.pose if self._has_pose else PlanarPose()
         return self._make_odometry(state, pose)
 
-    def _tell_frames(self, state: TricycleControllerState) -> TFMessage:
-        if state.time_ns is None:
-            return TFMessage()
-        return make_transform(self._make_odometry(state, state.odometry.pose))
-
-    def _tell_command(self, state: TricycleControllerState) -> AckermannDrive:
+    def _describe_command(self, state: TricycleControllerState) -> AckermannDrive:
+        """Return the topic cmd_ackermann."""
         rate, angle = state.previous[-1]
         return AckermannDrive(steering_angle=angle, speed=rate)
-
-    def _make_odometry(
-        self, state: TricycleControllerState, pose: PlanarPose
-    ) -> Odometry:
-        v, w = state.odometry.velocity
-        return make_odometry(
-            state.time_ns, self._frames, pose, (v, 0.0, w), self._covariances
-        )
 
 
 def _make_traction_limiter(limits: TractionLimits) -> TractionLimiter:
