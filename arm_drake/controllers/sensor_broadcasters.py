@@ -1,36 +1,19 @@
-"""``imu_sensor_broadcaster/IMUSensorBroadcaster``.
+"""Broadcasters of sensors: each publishes what it has read in a tick as a message.
 
-Source: ros2_controllers, `imu_sensor_broadcaster` (version 6.9.0).
-
-``range_sensor_broadcaster/RangeSensorBroadcaster``.
-
-Source: ros2_controllers, `range_sensor_broadcaster` (version 6.9.0).
-
-``pose_broadcaster/PoseBroadcaster``.
-
-Source: ros2_controllers, `pose_broadcaster` (version 6.9.0).
-
-``gps_sensor_broadcaster/GPSSensorBroadcaster``.
-
-Source: ros2_controllers, `gps_sensor_broadcaster` (version 6.9.0).
-
-``magnetometer_broadcaster/MagnetometerBroadcaster``.
-
-Source: ros2_controllers, `magnetometer_broadcaster` (version 6.9.0).
-
-``state_interfaces_broadcaster/StateInterfacesBroadcaster``.
-
-Source: ros2_controllers, `state_interfaces_broadcaster` (version 6.9.0).
-
-``vda5050_safety_state_broadcaster/Vda5050SafetyStateBroadcaster``.
-
-Source: ros2_controllers, `vda5050_safety_state_broadcaster` (branch ``master``).
+Sources: ros2_controllers (version 6.9.0), `imu_sensor_broadcaster`,
+`range_sensor_broadcaster`, `pose_broadcaster`, `gps_sensor_broadcaster`,
+`magnetometer_broadcaster` and `state_interfaces_broadcaster`; of branch ``master``,
+`vda5050_safety_state_broadcaster`.
 """
 
 import dataclasses as dc
+import inspect
 import math
-from collections.abc import Sequence
-from typing import Annotated, NamedTuple
+import textwrap
+from abc import abstractmethod
+from collections.abc import Callable, Collection, Mapping, Sequence
+from operator import attrgetter
+from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 from pydrake.common.eigen_geometry import Quaternion as DrakeQuaternion
@@ -67,11 +50,113 @@ from arm_drake.messages.sensors import (
     to_code,
 )
 
-_INTERFACES = (
-    *(f"orientation.{axis}" for axis in "xyzw"),
-    *(f"angular_velocity.{axis}" for axis in "xyz"),
-    *(f"linear_acceleration.{axis}" for axis in "xyz"),
-)
+# What a broadcaster published last.
+M = TypeVar("M")
+
+
+class SensorBroadcaster(TickingController[M]):
+    """Base of broadcasters, whose state is what was published last.
+
+    A subclass says what it reads and publishes, and makes its message by `_make`.
+    """
+
+    # Interfaces of the sensor that it reads.
+    names: ClassVar[tuple[str, ...]] = ()
+
+    # For its documentation, which names all ports: what it reads, what it exports if it
+    # does, and what is on each of its topics.
+    reads: ClassVar[str]
+    exports: ClassVar[str] = ""
+    topics: ClassVar[Mapping[str, str]]
+
+    def __init_subclass__(cls, **more: Any) -> None:
+        """Add the ports to the documentation."""
+        super().__init_subclass__(**more)
+        cls.__doc__ = _document(cls)
+
+    def __init__(
+        self,
+        parameters: Any,
+        params: ControllerInterfaceParams,
+        initial: M,
+        *,
+        state_interfaces: tuple[str, ...] = (),
+        exported_interfaces: tuple[str, ...] = (),
+        without: Collection[str] = (),
+    ) -> None:
+        """Create the system.
+
+        Args:
+            parameters: The broadcaster's parameters.
+            params: Rate and surroundings of the broadcaster.
+            initial: What there is before the first tick.
+            state_interfaces: What it reads, if not the `names` of its sensor.
+            exported_interfaces: As in ControllerInterface.
+            without: Topics that aren't published.
+        """
+        super().__init__(
+            params,
+            initial,
+            state_interfaces=state_interfaces
+            or tuple(f"{parameters.sensor_name}/{name}" for name in self.names),
+            exported_interfaces=exported_interfaces,
+        )
+        self._frame_id = getattr(parameters, "frame_id", "")
+        for topic in self.topics:
+            if topic not in without:
+                self._declare_topic(topic, self._show(topic))
+
+    @abstractmethod
+    def _make(self, header: Header, values: Array, last: M) -> M:
+        """Return what to publish, of what is read and what was published last."""
+
+    def _show(self, topic: str) -> Callable[[M], Any]:
+        """Return what tells what is on a topic."""
+        del topic
+        return lambda message: message
+
+    def _update(self, now: Now, state: M) -> M:
+        header = Header.from_nanoseconds(now.time_ns, self._frame_id)
+        return self._make(header, self._read(now.context), state)
+
+
+def _document(system: type[SensorBroadcaster[Any]]) -> str:
+    """Return a broadcaster's documentation with its ports."""
+    summary, _, rest = inspect.cleandoc(system.__doc__ or "").partition("\n\n")
+    inputs = {
+        "controller_manager": "Cycle: when to tick",
+        "state_interfaces": f"everything that is measured; it reads {system.reads}",
+    }
+    outputs = {"command_interfaces": "Tick; it commands nothing"}
+    if system.exports:
+        outputs["exported_state_interfaces"] = system.exports
+    outputs |= system.topics
+    ports = ["input_ports:", *(f"- {name}" for name in inputs)]
+    ports += ["output_ports:", *(f"- {name}" for name in outputs)]
+    width = max(map(len, (*inputs, *outputs)))
+    line = f"{'=' * width}  {'=' * (80 - width)}"
+    rows = [line, f"{'port':{width}}  meaning", line]
+    for name, meaning in (inputs | outputs).items():
+        first, *more = textwrap.wrap(meaning, 80 - width, break_on_hyphens=False)
+        rows += [f"{name:{width}}  {first}", *(f"{'':{width}}  {m}" for m in more)]
+    block = textwrap.indent("\n".join([f"name: {system.__name__}", *ports]), "    ")
+    table = "\n".join([*rows, line])
+    return f"{summary}\n\n.. pydrake_system::\n\n{block}\n\n{table}\n\n{rest}\n"
+
+
+@dc.dataclass(frozen=True)
+class SensorParameters:
+    """Parameters that broadcasters of one sensor have."""
+
+    # Sensor to read.
+    sensor_name: str
+
+    # Frame of the message's header.
+    frame_id: str
+
+    def __post_init__(self) -> None:
+        """Reject what the types alone can't express."""
+        check_not_empty(self, "sensor_name", "frame_id")
 
 
 @dc.dataclass(frozen=True)
@@ -84,14 +169,8 @@ class RotationOffset:
 
 
 @dc.dataclass(frozen=True)
-class IMUSensorBroadcasterParameters:
+class IMUSensorBroadcasterParameters(SensorParameters):
     """Parameters of an IMUSensorBroadcaster."""
-
-    # Sensor to read.
-    sensor_name: str
-
-    # Frame of the message's header.
-    frame_id: str
 
     # Covariances, 3 x 3 by rows.
     static_covariance_orientation: tuple[float, ...] = (0.0,) * 9
@@ -102,7 +181,7 @@ class IMUSensorBroadcasterParameters:
 
     def __post_init__(self) -> None:
         """Reject what the types alone can't express."""
-        check_not_empty(self, "sensor_name", "frame_id")
+        super().__post_init__()
         check_length(
             self,
             9,
@@ -112,35 +191,8 @@ class IMUSensorBroadcasterParameters:
         )
 
 
-class IMUSensorBroadcaster(TickingController[Imu]):
+class IMUSensorBroadcaster(SensorBroadcaster[Imu]):
     """Publishes what an inertial measurement unit measures.
-
-    .. pydrake_system::
-
-        name: IMUSensorBroadcaster
-        input_ports:
-        - controller_manager
-        - state_interfaces
-        output_ports:
-        - command_interfaces
-        - exported_state_interfaces
-        - imu
-
-    =========================  ====  =================================================
-    port                       size  meaning
-    =========================  ====  =================================================
-    controller_manager         --    Cycle: when to tick
-    state_interfaces           m     everything that is measured; it reads
-                                     ``orientation.{x,y,z,w}``,
-                                     ``angular_velocity.{x,y,z}`` [rad/s] and
-                                     ``linear_acceleration.{x,y,z}`` [m/s^2] of
-                                     ``<sensor_name>``
-    command_interfaces         --    Tick; it commands nothing
-    exported_state_interfaces  10    what the last tick published, in this order, as
-                                     ``<name>/<sensor_name>/orientation.x`` and so on;
-                                     not in humble
-    imu                        --    Imu of the last tick
-    =========================  ====  =================================================
 
     The state is what was published last. With r the rotation of the parameter
     ``rotation_offset`` (yaw, then pitch, then roll, about the axes as they turn),
@@ -151,6 +203,21 @@ class IMUSensorBroadcaster(TickingController[Imu]):
     Covariances C of velocity and acceleration become R C R^T; that of the orientation
     is of the fixed frame and stays.
     """
+
+    names = (
+        *(f"orientation.{axis}" for axis in "xyzw"),
+        *(f"angular_velocity.{axis}" for axis in "xyz"),
+        *(f"linear_acceleration.{axis}" for axis in "xyz"),
+    )
+    reads = (
+        "``orientation.{x,y,z,w}``, ``angular_velocity.{x,y,z}`` [rad/s] and "
+        "``linear_acceleration.{x,y,z}`` [m/s^2] of ``<sensor_name>``"
+    )
+    exports = (
+        "(10,): what the last tick published, in this order, as "
+        "``<name>/<sensor_name>/orientation.x`` and so on; not in humble"
+    )
+    topics: ClassVar = {"imu": "Imu of the last tick"}
 
     def __init__(
         self,
@@ -163,16 +230,14 @@ class IMUSensorBroadcaster(TickingController[Imu]):
             parameters: The broadcaster's parameters.
             params: Rate and surroundings of the broadcaster.
         """
-        sensor, offset = parameters.sensor_name, parameters.rotation_offset
-        read = tuple(f"{sensor}/{name}" for name in _INTERFACES)
-        exported = tuple(f"{params.controller_name}/{name}" for name in read)
+        offset, own = parameters.rotation_offset, params.controller_name
+        exported = tuple(f"{own}/{parameters.sensor_name}/{n}" for n in self.names)
         super().__init__(
+            parameters,
             params,
             Imu(),
-            state_interfaces=read,
             exported_interfaces=() if params.distro == "humble" else exported,
         )
-        self._frame_id = parameters.frame_id
         turn = RollPitchYaw(offset.roll, offset.pitch, offset.yaw)
         # A rotation of nothing would spread NaN from one axis to the others.
         self._is_turned = offset != RotationOffset()
@@ -185,7 +250,6 @@ class IMUSensorBroadcaster(TickingController[Imu]):
         self._acceleration_covariance = self._turn_covariance(
             parameters.static_covariance_linear_acceleration
         )
-        self._declare_topic("imu", lambda message: message)
 
     def _turn_covariance(self, covariance: tuple[float, ...]) -> tuple[float, ...]:
         """Return a covariance in the published frame, row by row, shape (9,)."""
@@ -194,16 +258,15 @@ class IMUSensorBroadcaster(TickingController[Imu]):
         turned = self._rotation @ np.reshape(covariance, (3, 3)) @ self._rotation.T
         return tuple(turned.ravel().tolist())
 
-    def _update(self, now: Now, state: Imu) -> Imu:
-        del state
-        values = self._read(now.context)
+    def _make(self, header: Header, values: Array, last: Imu) -> Imu:
+        del last
         orientation, velocity, acceleration = values[:4], values[4:7], values[7:]
         if self._is_turned:
             orientation = multiply(orientation, self._inverse)
             velocity = self._rotation @ velocity
             acceleration = self._rotation @ acceleration
         return Imu(
-            Header.from_nanoseconds(now.time_ns, self._frame_id),
+            header,
             Quaternion(*orientation.tolist()),
             self._orientation_covariance,
             Vector3(*velocity.tolist()),
@@ -231,14 +294,8 @@ def multiply(left: Array, right: DrakeQuaternion) -> Array:
 
 
 @dc.dataclass(frozen=True)
-class RangeSensorBroadcasterParameters:
+class RangeSensorBroadcasterParameters(SensorParameters):
     """Parameters of a RangeSensorBroadcaster."""
-
-    # Sensor to read.
-    sensor_name: str
-
-    # Frame of the message's header.
-    frame_id: str
 
     # 0 is ultrasound, 1 is infrared.
     radiation_type: int = 0
@@ -253,37 +310,17 @@ class RangeSensorBroadcasterParameters:
     # Variance of the distance [m^2].
     variance: float = 0.0
 
-    def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
-        check_not_empty(self, "sensor_name", "frame_id")
 
-
-class RangeSensorBroadcaster(TickingController[Range]):
+class RangeSensorBroadcaster(SensorBroadcaster[Range]):
     """Publishes a distance.
-
-    .. pydrake_system::
-
-        name: RangeSensorBroadcaster
-        input_ports:
-        - controller_manager
-        - state_interfaces
-        output_ports:
-        - command_interfaces
-        - range
-
-    ==================  ====  ====  ==================================================
-    port                size  unit  meaning
-    ==================  ====  ====  ==================================================
-    controller_manager  --    --    Cycle: when to tick
-    state_interfaces    m     --    everything that is measured; it reads
-                                    ``<sensor_name>/range`` [m]
-    command_interfaces  --    --    Tick; it commands nothing
-    range               --    --    Range of the last tick
-    ==================  ====  ====  ==================================================
 
     The state is what was published last. The distance is published as it is, also
     beyond ``min_range`` and ``max_range``.
     """
+
+    names = ("range",)
+    reads = "``<sensor_name>/range`` [m]"
+    topics: ClassVar = {"range": "Range of the last tick"}
 
     def __init__(
         self,
@@ -296,10 +333,7 @@ class RangeSensorBroadcaster(TickingController[Range]):
             parameters: The broadcaster's parameters.
             params: Rate and surroundings of the broadcaster.
         """
-        super().__init__(
-            params, Range(), state_interfaces=(f"{parameters.sensor_name}/range",)
-        )
-        self._frame_id = parameters.frame_id
+        super().__init__(parameters, params, Range())
         self._constant = Range(
             radiation_type=parameters.radiation_type,
             field_of_view=parameters.field_of_view,
@@ -307,12 +341,10 @@ class RangeSensorBroadcaster(TickingController[Range]):
             max_range=parameters.max_range,
             variance=parameters.variance,
         )
-        self._declare_topic("range", lambda message: message)
 
-    def _update(self, now: Now, state: Range) -> Range:
-        del state
-        (distance,) = self._read(now.context).tolist()
-        header = Header.from_nanoseconds(now.time_ns, self._frame_id)
+    def _make(self, header: Header, values: Array, last: Range) -> Range:
+        del last
+        (distance,) = values.tolist()
         return dc.replace(self._constant, header=header, range=distance)
 
 
@@ -354,36 +386,23 @@ class PoseBroadcasterState(NamedTuple):
     tf: TFMessage = TFMessage()
 
 
-class PoseBroadcaster(TickingController[PoseBroadcasterState]):
+class PoseBroadcaster(SensorBroadcaster[PoseBroadcasterState]):
     """Publishes a pose, also as a transform.
-
-    .. pydrake_system::
-
-        name: PoseBroadcaster
-        input_ports:
-        - controller_manager
-        - state_interfaces
-        output_ports:
-        - command_interfaces
-        - pose
-        - tf
-
-    ==================  ====  ====  ==================================================
-    port                size  unit  meaning
-    ==================  ====  ====  ==================================================
-    controller_manager  --    --    Cycle: when to tick
-    state_interfaces    m     --    everything that is measured; it reads
-                                    ``<pose_name>/position.{x,y,z}`` [m] and
-                                    ``<pose_name>/orientation.{x,y,z,w}``
-    command_interfaces  --    --    Tick; it commands nothing
-    pose                --    --    PoseStamped of the last tick
-    tf                  --    --    TFMessage of the last tick with a valid pose; there
-                                    only with ``tf.enable``
-    ==================  ====  ====  ==================================================
 
     The state is a PoseBroadcasterState. A pose is valid if all its numbers are finite
     and the squared norm of the orientation is within 0.01 of 1.
     """
+
+    reads = (
+        "``<pose_name>/position.{x,y,z}`` [m] and ``<pose_name>/orientation.{x,y,z,w}``"
+    )
+    topics: ClassVar = {
+        "pose": "PoseStamped of the last tick",
+        "tf": (
+            "TFMessage of the last tick with a valid pose; there only with "
+            "``tf.enable``"
+        ),
+    }
 
     def __init__(
         self,
@@ -398,28 +417,30 @@ class PoseBroadcaster(TickingController[PoseBroadcasterState]):
         """
         name, tf = parameters.pose_name, parameters.tf
         super().__init__(
+            parameters,
             params,
             PoseBroadcasterState(),
             state_interfaces=(
                 *(f"{name}/position.{axis}" for axis in "xyz"),
                 *(f"{name}/orientation.{axis}" for axis in "xyzw"),
             ),
+            without=() if tf.enable else ("tf",),
         )
-        self._frame_id = parameters.frame_id
         self._child_frame_id = tf.child_frame_id or name
         self._has_tf = tf.enable
-        self._declare_topic("pose", lambda state: state.pose)
-        if self._has_tf:
-            self._declare_topic("tf", lambda state: state.tf)
 
-    def _update(self, now: Now, state: PoseBroadcasterState) -> PoseBroadcasterState:
-        values = self._read(now.context).tolist()
-        header = Header.from_nanoseconds(now.time_ns, self._frame_id)
-        orientation = Quaternion(*values[3:])
-        pose = PoseStamped(header, Pose(Point(*values[:3]), orientation))
-        if not (self._has_tf and is_valid(values)):
-            return state._replace(pose=pose)
-        transform = Transform(Vector3(*values[:3]), orientation)
+    def _show(self, topic: str) -> Callable[[PoseBroadcasterState], Any]:
+        return attrgetter(topic)
+
+    def _make(
+        self, header: Header, values: Array, last: PoseBroadcasterState
+    ) -> PoseBroadcasterState:
+        numbers = values.tolist()
+        orientation = Quaternion(*numbers[3:])
+        pose = PoseStamped(header, Pose(Point(*numbers[:3]), orientation))
+        if not (self._has_tf and is_valid(numbers)):
+            return last._replace(pose=pose)
+        transform = Transform(Vector3(*numbers[:3]), orientation)
         tf = TransformStamped(header, self._child_frame_id, transform)
         return PoseBroadcasterState(pose, TFMessage((tf,)))
 
@@ -445,14 +466,8 @@ _UNKNOWN = NavSatStatus()
 
 
 @dc.dataclass(frozen=True)
-class GPSSensorBroadcasterParameters:
+class GPSSensorBroadcasterParameters(SensorParameters):
     """Parameters of a GPSSensorBroadcaster."""
-
-    # Sensor to read.
-    sensor_name: str
-
-    # Frame of the message's header.
-    frame_id: str
 
     # Covariance of the position [m^2], 3 x 3 by rows.
     static_position_covariance: tuple[float, ...] = (0.0,) * 9
@@ -462,39 +477,23 @@ class GPSSensorBroadcasterParameters:
 
     def __post_init__(self) -> None:
         """Reject what the types alone can't express."""
-        check_not_empty(self, "sensor_name", "frame_id")
+        super().__post_init__()
         check_length(self, 9, "static_position_covariance")
 
 
-class GPSSensorBroadcaster(TickingController[NavSatFix]):
+class GPSSensorBroadcaster(SensorBroadcaster[NavSatFix]):
     """Publishes a place on earth.
-
-    .. pydrake_system::
-
-        name: GPSSensorBroadcaster
-        input_ports:
-        - controller_manager
-        - state_interfaces
-        output_ports:
-        - command_interfaces
-        - gps/fix
-
-    ==================  ====  ====  ==================================================
-    port                size  unit  meaning
-    ==================  ====  ====  ==================================================
-    controller_manager  --    --    Cycle: when to tick
-    state_interfaces    m     --    everything that is measured; it reads ``status``,
-                                    ``service``, ``latitude``, ``longitude`` and
-                                    ``altitude`` of ``<sensor_name>``, with
-                                    ``read_covariance_from_interface`` also
-                                    ``latitude_covariance`` and so on
-    command_interfaces  --    --    Tick; it commands nothing
-    gps/fix             --    --    NavSatFix of the last tick
-    ==================  ====  ====  ==================================================
 
     The state is what was published last. Covariances that are read are the diagonal of
     the message's matrix, in the order of their interfaces, as upstream has it.
     """
+
+    reads = (
+        "``status``, ``service``, ``latitude``, ``longitude`` and ``altitude`` of "
+        "``<sensor_name>``, with ``read_covariance_from_interface`` also "
+        "``latitude_covariance`` and so on"
+    )
+    topics: ClassVar = {"gps/fix": "NavSatFix of the last tick"}
 
     def __init__(
         self,
@@ -512,25 +511,23 @@ class GPSSensorBroadcaster(TickingController[NavSatFix]):
             names += [f"{name}_covariance" for name in _PLACE]
         sensor = parameters.sensor_name
         super().__init__(
+            parameters,
             params,
             NavSatFix(),
             state_interfaces=tuple(f"{sensor}/{name}" for name in names),
         )
-        self._frame_id = parameters.frame_id
         self._covariance = parameters.static_position_covariance
-        self._declare_topic("gps/fix", lambda message: message)
 
-    def _update(self, now: Now, state: NavSatFix) -> NavSatFix:
-        del state
-        values = self._read(now.context).tolist()
-        status, service, latitude, longitude, altitude, *diagonal = values
+    def _make(self, header: Header, values: Array, last: NavSatFix) -> NavSatFix:
+        del last
+        status, service, latitude, longitude, altitude, *diagonal = values.tolist()
         covariance, kind = self._covariance, _KNOWN
         if diagonal:
             x, y, z = diagonal
             covariance = (x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, z)
             kind = _DIAGONAL_KNOWN
         return NavSatFix(
-            Header.from_nanoseconds(now.time_ns, self._frame_id),
+            header,
             NavSatStatus(
                 to_code(status, _UNKNOWN.status), to_code(service, _UNKNOWN.service)
             ),
@@ -543,49 +540,27 @@ class GPSSensorBroadcaster(TickingController[NavSatFix]):
 
 
 @dc.dataclass(frozen=True)
-class MagnetometerBroadcasterParameters:
+class MagnetometerBroadcasterParameters(SensorParameters):
     """Parameters of a MagnetometerBroadcaster."""
-
-    # Sensor to read.
-    sensor_name: str
-
-    # Frame of the message's header.
-    frame_id: str
 
     # Covariance [T^2], 3 x 3 by rows.
     static_covariance: tuple[float, ...] = (0.0,) * 9
 
     def __post_init__(self) -> None:
         """Reject what the types alone can't express."""
-        check_not_empty(self, "sensor_name", "frame_id")
+        super().__post_init__()
         check_length(self, 9, "static_covariance")
 
 
-class MagnetometerBroadcaster(TickingController[MagneticField]):
+class MagnetometerBroadcaster(SensorBroadcaster[MagneticField]):
     """Publishes a magnetic field.
-
-    .. pydrake_system::
-
-        name: MagnetometerBroadcaster
-        input_ports:
-        - controller_manager
-        - state_interfaces
-        output_ports:
-        - command_interfaces
-        - magnetic_field
-
-    ==================  ====  ====  ==================================================
-    port                size  unit  meaning
-    ==================  ====  ====  ==================================================
-    controller_manager  --    --    Cycle: when to tick
-    state_interfaces    m     --    everything that is measured; it reads
-                                    ``<sensor_name>/magnetic_field.{x,y,z}`` [T]
-    command_interfaces  --    --    Tick; it commands nothing
-    magnetic_field      --    --    MagneticField of the last tick
-    ==================  ====  ====  ==================================================
 
     The state is what was published last.
     """
+
+    names = tuple(f"magnetic_field.{axis}" for axis in "xyz")
+    reads = "``<sensor_name>/magnetic_field.{x,y,z}`` [T]"
+    topics: ClassVar = {"magnetic_field": "MagneticField of the last tick"}
 
     def __init__(
         self,
@@ -598,21 +573,14 @@ class MagnetometerBroadcaster(TickingController[MagneticField]):
             parameters: The broadcaster's parameters.
             params: Rate and surroundings of the broadcaster.
         """
-        sensor = parameters.sensor_name
-        super().__init__(
-            params,
-            MagneticField(),
-            state_interfaces=tuple(f"{sensor}/magnetic_field.{a}" for a in "xyz"),
-        )
-        self._frame_id = parameters.frame_id
+        super().__init__(parameters, params, MagneticField())
         self._covariance = parameters.static_covariance
-        self._declare_topic("magnetic_field", lambda message: message)
 
-    def _update(self, now: Now, state: MagneticField) -> MagneticField:
-        del state
-        field = Vector3(*self._read(now.context).tolist())
-        header = Header.from_nanoseconds(now.time_ns, self._frame_id)
-        return MagneticField(header, field, self._covariance)
+    def _make(
+        self, header: Header, values: Array, last: MagneticField
+    ) -> MagneticField:
+        del last
+        return MagneticField(header, Vector3(*values.tolist()), self._covariance)
 
 
 @dc.dataclass(frozen=True)
@@ -627,34 +595,19 @@ class StateInterfacesBroadcasterParameters:
         check_not_empty(self, "interfaces")
 
 
-class StateInterfacesBroadcaster(TickingController[Float64Values]):
+class StateInterfacesBroadcaster(SensorBroadcaster[Float64Values]):
     """Publishes the values of any state interfaces.
-
-    .. pydrake_system::
-
-        name: StateInterfacesBroadcaster
-        input_ports:
-        - controller_manager
-        - state_interfaces
-        output_ports:
-        - command_interfaces
-        - names
-        - values
-
-    ==================  ====  ====  ==================================================
-    port                size  unit  meaning
-    ==================  ====  ====  ==================================================
-    controller_manager  --    --    Cycle: when to tick
-    state_interfaces    m     --    everything that is measured; it reads what the
-                                    parameter ``interfaces`` lists
-    command_interfaces  --    --    Tick; it commands nothing
-    names               --    --    Keys: these names, always the same
-    values              --    --    Float64Values of the last tick, in their order;
-                                    NaN before the first one
-    ==================  ====  ====  ==================================================
 
     The state is what was published last.
     """
+
+    reads = "what the parameter ``interfaces`` lists"
+    topics: ClassVar = {
+        "names": "Keys: these names, always the same",
+        "values": (
+            "Float64Values of the last tick, in their order; NaN before the first one"
+        ),
+    }
 
     def __init__(
         self,
@@ -679,15 +632,17 @@ class StateInterfacesBroadcaster(TickingController[Float64Values]):
                 f"{', '.join(map(repr, others))} aren't"
             )
         nothing = Float64Values(values=(math.nan,) * len(names))
-        super().__init__(params, nothing, state_interfaces=names)
-        keys = Keys(keys=names)
-        self._declare_topic("names", lambda _: keys)
-        self._declare_topic("values", lambda message: message)
+        super().__init__(parameters, params, nothing, state_interfaces=names)
 
-    def _update(self, now: Now, state: Float64Values) -> Float64Values:
-        del state
-        values = tuple(self._read(now.context).tolist())
-        return Float64Values(Header.from_nanoseconds(now.time_ns), values)
+    def _show(self, topic: str) -> Callable[[Float64Values], Any]:
+        keys = Keys(keys=self.state_interfaces)
+        return (lambda _: keys) if topic == "names" else super()._show(topic)
+
+    def _make(
+        self, header: Header, values: Array, last: Float64Values
+    ) -> Float64Values:
+        del last
+        return Float64Values(header, tuple(values.tolist()))
 
 
 # Names of before, by those of now.
@@ -737,32 +692,15 @@ class Vda5050SafetyStateBroadcasterParameters:
             raise ValueError("interfaces must name at least one, got none")
 
 
-class Vda5050SafetyStateBroadcaster(TickingController[VDA5050SafetyState]):
+class Vda5050SafetyStateBroadcaster(SensorBroadcaster[VDA5050SafetyState]):
     """Publishes whether a safety field is violated, and which emergency stop holds.
-
-    .. pydrake_system::
-
-        name: Vda5050SafetyStateBroadcaster
-        input_ports:
-        - controller_manager
-        - state_interfaces
-        output_ports:
-        - command_interfaces
-        - vda5050_safety_state
-
-    ====================  ====  ====  ================================================
-    port                  size  unit  meaning
-    ====================  ====  ====  ================================================
-    controller_manager    --    --    Cycle: when to tick
-    state_interfaces      m     --    everything that is measured; it reads what the
-                                      parameter ``interfaces`` lists
-    command_interfaces    --    --    Tick; it commands nothing
-    vda5050_safety_state  --    --    VDA5050SafetyState of the last tick
-    ====================  ====  ====  ================================================
 
     The state is what was published last. An interface tells something unless it is 0 or
     NaN. Of several emergency stops a manual one comes first, then a remote one.
     """
+
+    reads = "what the parameter ``interfaces`` lists"
+    topics: ClassVar = {"vda5050_safety_state": "VDA5050SafetyState of the last tick"}
 
     def __init__(
         self,
@@ -778,19 +716,22 @@ class Vda5050SafetyStateBroadcaster(TickingController[VDA5050SafetyState]):
         names, stops = parameters.interfaces, parameters.interfaces.e_stop
         groups = (names.field_violation, stops.manual, stops.remote, stops.autoack)
         super().__init__(
-            params, VDA5050SafetyState(), state_interfaces=tuple(sum(groups, ()))
+            parameters,
+            params,
+            VDA5050SafetyState(),
+            state_interfaces=tuple(sum(groups, ())),
         )
         # Of each interface: what it tells.
         kinds = ("", "manual", "remote", "autoAck")
         self._kinds = [k for k, g in zip(kinds, groups, strict=True) for _ in g]
-        self._declare_topic("vda5050_safety_state", lambda message: message)
 
-    def _update(self, now: Now, state: VDA5050SafetyState) -> VDA5050SafetyState:
-        del state
-        values = self._read(now.context).tolist()
+    def _make(
+        self, header: Header, values: Array, last: VDA5050SafetyState
+    ) -> VDA5050SafetyState:
+        del header, last
         told = [
             kind
-            for kind, value in zip(self._kinds, values, strict=True)
+            for kind, value in zip(self._kinds, values.tolist(), strict=True)
             if value and not math.isnan(value)
         ]
         stops = [kind for kind in told if kind]
