@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_drake.arrays import Array
-from arm_drake.rollout.csv import TIME
 from arm_drake.rollout.rollout import Rollout
+from arm_drake.rollout.table import TIME
 
 # Times nearer to each other are the same [s]: logs have whole nanoseconds, or numbers
 # that are rounded to these.

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple, Protocol
 from arm_drake.errors import ArmDrakeError, InputError, OutputError, suggest
 from arm_drake.output_files import writing
 from arm_drake.rollout.bag import BagWriter, read_mcap, write_mcap
-from arm_drake.rollout.csv import TableWriter, read_csv, write_csv
 from arm_drake.rollout.npz import read_npz, write_npz
 from arm_drake.rollout.rollout import Reference, Rollout, check_fields
+from arm_drake.rollout.table import TableWriter, read_csv, write_csv
 
 Write = Callable[[Rollout, Path], None]
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 # What writes, reads and draws rollouts knows them, so it is imported when it is used.
 _FORMATS = "arm_drake.rollout.formats"
-_TABLE = "arm_drake.rollout.csv"
+_TABLE = "arm_drake.rollout.table"
 _LINK_POSES = "arm_drake.rollout.link_poses"
 _PLOT = "arm_drake.visualization.plot"
 
