@@ -9,8 +9,7 @@ from typing import Any
 
 from arm_drake.output_files import check_writable
 from arm_drake.rollout.comparison import Comparison, compare
-from arm_drake.rollout.rollout import Rollout
-from arm_drake.rollout.table import TIME
+from arm_drake.rollout.rollout import TIME, Rollout
 from arm_drake.visualization.comparison_plot import plot_comparison
 from arm_drake.visualization.plot import check_plot_path
 

@@ -1,1 +1,1 @@
-"""rollout."""
+"""Rollouts, their comparison, and the files that they are in."""

@@ -1,13 +1,18 @@
-"""Rollouts as bags of ROS 2 messages, in an `.mcap` file."""
+"""Rollouts as bags of ROS 2 messages, in an `.mcap` file.
+
+What ROS has messages for is in topics as ROS names them; the rest is in topics of ours,
+as JSON, so that a rollout comes out of its bag as it went in.
+"""
 
 import functools
 import itertools
 import json
 import math
+import operator
 import re
 import xml.etree.ElementTree as ET
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,8 +31,15 @@ from arm_drake.rollout.link_poses import (
     root_links,
 )
 from arm_drake.rollout.mcap import MAGIC, McapFile, load_types, type_of
-from arm_drake.rollout.npz import AS_THEY_ARE, make_static, read_static
-from arm_drake.rollout.rollout import GoalRecord, Rollout, SentMessage, to_plain
+from arm_drake.rollout.rollout import (
+    STATIC_FIELDS,
+    GoalRecord,
+    Rollout,
+    SentMessage,
+    make_static,
+    read_static,
+    to_plain,
+)
 
 # Names of topics that are ours; in front of them stands the robot's namespace.
 STATIC, GOALS = "/arm_drake/rollout", "/arm_drake/goals"
@@ -91,14 +103,7 @@ def _topic_part(link: str) -> str:
 
 @functools.lru_cache(maxsize=16)  # Every row asks.
 def group_commands(names: tuple[str, ...]) -> Mapping[str, list[tuple[str, int]]]:
-    """Return the command interfaces of each joint or other component.
-
-    Args:
-        names: "<joint>/<interface>" of each.
-
-    Returns:
-        Names of interfaces with their places among all, by joint.
-    """
+    """Return by joint the names of "<joint>/<interface>", and their places here."""
     groups: dict[str, list[tuple[str, int]]] = {}
     for index, name in enumerate(names):
         joint, _, interface = name.rpartition("/")
@@ -302,11 +307,7 @@ class RobotTopics:
         self._sent_at, self._num_sent = -math.inf, 0
 
     def tell(self, rollout: Rollout) -> Iterator[BagMessage]:
-        """Yield the messages of what is new, not in the order of their times.
-
-        Args:
-            rollout: Goes on where the last one ended; rows that it had are left out.
-        """
+        """Yield messages of what is later than the last rollout, not in their order."""
         times = np.round(rollout.time * NANOSECONDS).astype(np.int64)
         new = np.flatnonzero(times > self._last_ns)
         start = max(int(times[new[0]]) if len(new) else self._last_ns, 0)
@@ -414,14 +415,7 @@ class BagWriter:
     """Writes rollouts of one or several robots, part by part, into one file."""
 
     def __init__(self, path: Path) -> None:
-        """Create the file, in place of one that is there.
-
-        Args:
-            path: File to write.
-
-        Raises:
-            MissingExtraError: If rosbags isn't installed.
-        """
+        """Create the file, in place of one that is there; it takes rosbags."""
         self._types = load_types()
         # It comes with rosbags.
         import zstandard
@@ -433,12 +427,7 @@ class BagWriter:
         self._clock_ns = -1
 
     def write(self, *rollouts: Rollout) -> None:
-        """Write what is new, so that the file is complete up to here.
-
-        Args:
-            rollouts: Each goes on where the last one of the same robot ended; rows that
-                it had are left out.
-        """
+        """Write what is later than each robot's last rollout; the file is complete."""
         messages: list[BagMessage] = []
         for rollout in rollouts:
             topics = self._robots.setdefault(rollout.namespace, RobotTopics())
@@ -477,13 +466,8 @@ class BagWriter:
         return self._channels[message.topic]
 
 
-def write_mcap(rollout: Rollout, path: Path) -> None:
-    """Write all of a rollout.
-
-    Args:
-        rollout: The rollout.
-        path: File to write.
-    """
+def write_rollout(rollout: Rollout, path: Path) -> None:
+    """Write all of a rollout."""
     writer = BagWriter(path)
     try:
         writer.write(rollout)
@@ -495,16 +479,10 @@ def write_mcap(rollout: Rollout, path: Path) -> None:
 _Messages = list[tuple[int, Any]]
 
 
-def read_mcap(path: Path, robot: str | None = None) -> dict[str, Any]:
-    """Return the fields of a rollout.
+def read_fields(path: Path, robot: str | None = None) -> dict[str, Any]:
+    """Return the fields of a robot's rollout, by default of the first robot.
 
-    Args:
-        path: File of a BagWriter.
-        robot: Name of the robot; by default the first one.
-
-    Raises:
-        InputError: If it is something else, or has no such robot.
-        MissingExtraError: If rosbags isn't installed.
+    Raises InputError if the file is something else, or has no such robot.
     """
     types = load_types()
     from rosbags.rosbag2 import Reader
@@ -554,79 +532,98 @@ def _read(topics: Mapping[str, _Messages], robot: str | None) -> dict[str, Any]:
     return _read_robot(topics, prefix, statics[prefix])
 
 
+class _RobotMessages:
+    """Messages of one robot, and the rows that they belong to."""
+
+    def __init__(self, topics: Mapping[str, _Messages], prefix: str) -> None:
+        self._topics, self._prefix = topics, prefix
+        self.times_ns = [time_ns for time_ns, _ in self.of(JOINT_STATES)]
+        self.rows = {time_ns: row for row, time_ns in enumerate(self.times_ns)}
+
+    def of(self, topic: str) -> _Messages:
+        """Return the messages of a topic, none if it isn't there."""
+        return self._topics.get(f"{self._prefix}{topic}", [])
+
+    def texts(self, topic: str) -> list[str]:
+        """Return the messages of a topic that are texts."""
+        return [message.data for _, message in self.of(topic)]
+
+    def fill(self, topic: str, size: int, read: Callable[[Any], Any]) -> Array:
+        """Return a value for each row, NaN where there is no message."""
+        values = np.full((len(self.rows), size), np.nan)
+        for time_ns, message in self.of(topic):
+            values[self.rows[time_ns]] = read(message)
+        return values
+
+
 def _read_robot(
     topics: Mapping[str, _Messages], prefix: str, static: dict[str, Any]
 ) -> dict[str, Any]:
-    def messages(topic: str) -> _Messages:
-        return topics.get(f"{prefix}{topic}", [])
-
-    states = messages(JOINT_STATES)
-    rows = {time_ns: row for row, (time_ns, _) in enumerate(states)}
+    found = _RobotMessages(topics, prefix)
     num_joints = len(static["joint_names"])
+    goals = {}
+    for text in found.texts(GOALS):
+        each = json.loads(text)
+        goals[each["number"]] = GoalRecord(**each["goal"])
+    messages = (json.loads(text) for text in found.texts(MESSAGES))
+    return {
+        # Goals, messages and description are in topics of their own.
+        **{name: static[name] for name in STATIC_FIELDS if name in static},
+        "time": np.array(found.times_ns, dtype=float) / 1e9,
+        **{
+            name: found.fill(JOINT_STATES, num_joints, operator.attrgetter(name))
+            for name in ("position", "velocity", "effort")
+        },
+        "effort_limit": np.array(static["effort_limit"], dtype=float),
+        "command": _read_commands(found, static["command_names"]),
+        "active": _read_active(found, len(static["controllers"])),
+        "references": dict(_read_references(found, static["references"])),
+        "free_poses": {
+            link: found.fill(pose_topic("", link), 7, _pose_numbers)
+            for link in static["free_poses"]
+        },
+        "contact_forces": {
+            link: np.nan_to_num(found.fill(contact_topic("", link), 3, _force))
+            for link in static["contact_forces"]
+        },
+        "goals": tuple(goals[number] for number in sorted(goals)),
+        "messages": tuple(SentMessage(**message) for message in messages),
+        "description": (found.texts(DESCRIPTION) or [""])[-1],
+    }
 
-    def fill(topic: str, size: int, read: Any) -> Array:
-        """Return a value for each row, NaN where there is no message."""
-        values = np.full((len(rows), size), np.nan)
-        for time_ns, message in messages(topic):
-            values[rows[time_ns]] = read(message)
-        return values
 
-    groups = group_commands(static["command_names"])
+def _read_commands(found: _RobotMessages, names: tuple[str, ...]) -> Array:
+    """Return the values of command interfaces, each in its column."""
+    groups = group_commands(names)
     order = [index for parts in groups.values() for _, index in parts]
-    command = np.full((len(rows), len(order)), np.nan)
-    command[:, order] = fill(
+    command = np.full((len(found.rows), len(order)), np.nan)
+    command[:, order] = found.fill(
         COMMANDS,
         len(order),
         lambda m: [value for part in m.interface_values for value in part.values],
     )
-    active = fill(ACTIVE, len(static["controllers"]), lambda m: m.data)
-    changes = sorted(rows[time_ns] for time_ns, _ in messages(ACTIVE))
-    for start, end in itertools.pairwise([*changes, len(rows)]):
+    return command
+
+
+def _read_active(found: _RobotMessages, num_controllers: int) -> Array:
+    """Return which controllers were active; a message is there where that changed."""
+    active = found.fill(ACTIVE, num_controllers, operator.attrgetter("data"))
+    changes = sorted(found.rows[time_ns] for time_ns, _ in found.of(ACTIVE))
+    for start, end in itertools.pairwise([*changes, len(found.rows)]):
         active[start:end] = active[start]
-    goals = {}
-    for _, message in messages(GOALS):
-        each = json.loads(message.data)
-        goals[each["number"]] = GoalRecord(**each["goal"])
-    references = {
-        name: (
-            joints,
-            fill(
-                f"/{name}{CONTROLLER_STATE}",
-                len(joints),
-                lambda m: m.reference.positions,
-            ),
-        )
-        for name, joints in static["references"].items()
+    return active
+
+
+def _read_references(
+    found: _RobotMessages, joints: Mapping[str, tuple[str, ...]]
+) -> Iterator[tuple[str, tuple[tuple[str, ...], Array]]]:
+    """Yield controllers with their joints and positions."""
+    positions = operator.attrgetter("reference.positions")
+    for name, names in joints.items():
+        topic = f"/{name}{CONTROLLER_STATE}"
         # Of one that never was active there are no messages.
-        if messages(f"/{name}{CONTROLLER_STATE}") or not rows
-    }
-    description = messages(DESCRIPTION)
-    return {
-        # Goals, messages and description are in topics of their own.
-        **{name: static[name] for name in AS_THEY_ARE if name in static},
-        "time": np.array([time_ns for time_ns, _ in states], dtype=float) / 1e9,
-        **{
-            name: fill(JOINT_STATES, num_joints, lambda m, n=name: getattr(m, n))
-            for name in ("position", "velocity", "effort")
-        },
-        "effort_limit": np.array(static["effort_limit"], dtype=float),
-        "command": command,
-        "active": active,
-        "references": references,
-        "free_poses": {
-            link: fill(pose_topic("", link), 7, _pose_numbers)
-            for link in static["free_poses"]
-        },
-        "contact_forces": {
-            link: np.nan_to_num(fill(contact_topic("", link), 3, _force))
-            for link in static["contact_forces"]
-        },
-        "goals": tuple(goals[number] for number in sorted(goals)),
-        "messages": tuple(
-            SentMessage(**json.loads(message.data)) for _, message in messages(MESSAGES)
-        ),
-        "description": description[-1][1].data if description else "",
-    }
+        if found.of(topic) or not found.rows:
+            yield name, (names, found.fill(topic, len(names), positions))
 
 
 def _force(message: Any) -> list[float]:

@@ -1,4 +1,4 @@
-"""Where two rollouts differ, in numbers."""
+"""Differences of two rollouts, in numbers."""
 
 import dataclasses as dc
 import math
@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_drake.arrays import Array
-from arm_drake.rollout.rollout import Rollout
-from arm_drake.rollout.table import TIME
+from arm_drake.rollout.rollout import TIME, Rollout
 
 # Times nearer to each other are the same [s]: logs have whole nanoseconds, or numbers
 # that are rounded to these.
@@ -128,13 +127,7 @@ def compare(a: Rollout, b: Rollout, tolerance: float = 0.0) -> Comparison:
 def _common_rows(
     a: Array, b: Array, columns: Mapping[str, Array]
 ) -> tuple[NDArray[np.intp], dict[str, Array], bool]:
-    """Return rows of A, the columns of B at their times, and whether in between.
-
-    Args:
-        a: Times of A [s].
-        b: Times of B [s].
-        columns: Columns of B.
-    """
+    """Return rows of A, the columns of B at their times, and whether in between."""
     if not len(a) or not len(b):
         return np.zeros(0, dtype=np.intp), dict.fromkeys(columns, np.zeros(0)), False
     after = np.minimum(np.searchsorted(b, a - _SAME_TIME), len(b) - 1)

@@ -1,29 +1,26 @@
-"""Which file type is written and read by what."""
+"""File types of rollouts: which module writes and reads each, imported when used."""
 
+import importlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
+import numpy as np
+
 from arm_drake.errors import ArmDrakeError, InputError, OutputError, suggest
 from arm_drake.output_files import writing
-from arm_drake.rollout.bag import BagWriter, read_mcap, write_mcap
-from arm_drake.rollout.npz import read_npz, write_npz
-from arm_drake.rollout.rollout import Reference, Rollout, check_fields
-from arm_drake.rollout.table import TableWriter, read_csv, write_csv
 
-Write = Callable[[Rollout, Path], None]
-
-# Returns the fields of a Rollout; a Reference is its joints and positions.
-Read = Callable[[Path, str | None], dict[str, Any]]
+# Longer than any simulation [s]: about a century.
+_MAX_TIME = 3.2e9
 
 
 class PartWriter(Protocol):
-    """Writes a rollout part by part; the file is complete after each of them."""
+    """Writes rollouts part by part; the file is complete after each of them."""
 
     def __init__(self, path: Path) -> None:
         """Create the file, in place of one that is there."""
 
-    def write(self, *rollouts: Rollout) -> None:
+    def write(self, *rollouts: Any) -> None:
         """Write what is new of each robot."""
 
     def close(self) -> None:
@@ -31,69 +28,43 @@ class PartWriter(Protocol):
 
 
 class _Format(NamedTuple):
-    write: Write
-    read: Read
+    # It has write_rollout(rollout, path), and read_fields(path, robot), which returns
+    # the fields of a Rollout; a Reference is its joints and positions.
+    module: str
 
-    # What writes it while it grows, if that is possible.
-    stream: type[PartWriter] | None = None
+    # The PartWriter there, if a file of this type can grow.
+    part_writer: str = ""
+
+    def load(self, name: str) -> Any:
+        return getattr(importlib.import_module(self.module), name)
 
 
 _FORMATS: Mapping[str, _Format] = {
-    ".npz": _Format(write_npz, lambda path, _: read_npz(path)),
-    ".csv": _Format(write_csv, lambda path, _: read_csv(path), TableWriter),
-    ".mcap": _Format(write_mcap, read_mcap, BagWriter),
+    ".csv": _Format("arm_drake.rollout.table", "TableWriter"),
+    ".mcap": _Format("arm_drake.rollout.bag", "BagWriter"),
+    ".npz": _Format("arm_drake.rollout.npz"),
 }
 
 
-def writer_for(path: Path) -> Write:
-    """Return what writes a rollout to a file of this type.
-
-    Raises:
-        OutputError: If the type is unknown.
-    """
-    return _find(path, OutputError).write
+def writer_for(path: Path) -> Callable[[Any, Path], None]:
+    """Return what writes a rollout to a file, or raise OutputError."""
+    write: Callable[[Any, Path], None] = _find(path, OutputError).load("write_rollout")
+    return write
 
 
-def reader_for(path: Path) -> Read:
-    """Return what reads a rollout from a file of this type.
-
-    Raises:
-        InputError: If the type is unknown.
-    """
-    return _find(path, InputError).read
-
-
-def save_rollout(rollout: Rollout, path: Path) -> None:
-    """Write a rollout; `Rollout.save` does that.
-
-    Args:
-        rollout: The rollout.
-        path: File to write.
-
-    Raises:
-        MissingExtraError: If what the file needs isn't installed.
-        OutputError: If the file can't be written, or its type is unknown.
-    """
+def save_rollout(rollout: Any, path: Path) -> None:
+    """Write a rollout, as `Rollout.save` says."""
     write = writer_for(path)
     with writing(path):
         write(rollout, path)
 
 
 def load_fields(path: Path, robot: str | None) -> dict[str, Any]:
-    """Return the fields of the rollout in a file; `Rollout.load` makes it of them.
-
-    Args:
-        path: File to read.
-        robot: Name of the robot, in a bag of several; by default the first one.
-
-    Raises:
-        InputError: If the file can't be read, or is no rollout.
-        MissingExtraError: If what the file needs isn't installed.
-    """
-    read = reader_for(path)
+    """Return the fields of the rollout in a file, as `Rollout.load` says."""
+    read = _find(path, InputError).load("read_fields")
     try:
-        fields = read(path, robot)
-        check_fields(fields)
+        fields: dict[str, Any] = read(path, robot)
+        _check_fields(fields)
         known = fields.get("robot_name")
         if robot and known and robot != known:
             problem = f"no robot {robot!r}; {suggest(robot, [known])}"
@@ -107,31 +78,26 @@ def load_fields(path: Path, robot: str | None) -> dict[str, Any]:
         reason = " ".join(str(error).split()) or type(error).__name__
         text = f"can't be read: it is damaged or no log ({reason})"
         raise InputError(text, file=path) from None
-    wanted = fields.pop("references")
-    references = {name: Reference(*parts) for name, parts in wanted.items()}
-    return {**fields, "references": references}
+    return fields
 
 
 def can_stream(path: Path) -> bool:
     """Return whether a file of this type can be written while it grows."""
-    return path.suffix in _FORMATS and _FORMATS[path.suffix].stream is not None
+    return path.suffix in _FORMATS and bool(_FORMATS[path.suffix].part_writer)
 
 
 def stream_writer_for(path: Path) -> type[PartWriter]:
-    """Return what writes a rollout to a file of this type while it grows.
-
-    Raises:
-        OutputError: If the type is unknown, or can only be written at the end.
-    """
-    stream = _find(path, OutputError).stream
-    if stream is None:
-        known = sorted(suffix for suffix, each in _FORMATS.items() if each.stream)
+    """Return what writes a file while it grows, or raise OutputError."""
+    found = _find(path, OutputError)
+    if not found.part_writer:
+        known = sorted(suffix for suffix, row in _FORMATS.items() if row.part_writer)
         raise OutputError(
             f"a {path.suffix} file can't grow while a simulation runs; expected one "
             f"of {', '.join(known)}, or Rollout.save at the end",
             file=path,
         )
-    return stream
+    writer: type[PartWriter] = found.load(found.part_writer)
+    return writer
 
 
 def _find(path: Path, error: type[InputError]) -> _Format:
@@ -142,3 +108,39 @@ def _find(path: Path, error: type[InputError]) -> _Format:
             file=path,
         )
     return _FORMATS[path.suffix]
+
+
+def _check_fields(fields: Mapping[str, Any]) -> None:
+    """Raise ValueError if fields of a Rollout don't fit together."""
+    time, joints = np.asarray(fields["time"]), fields["joint_names"]
+    if time.ndim != 1 or not np.all(np.abs(time) <= _MAX_TIME):
+        raise ValueError("times are no numbers of seconds")
+    if np.any(np.diff(time) <= 0.0):
+        raise ValueError("times don't rise")
+    num_rows, num_joints = len(time), len(joints)
+    names = fields.get("command_names", ())
+    shapes: dict[str, tuple[Any, tuple[int, ...]]] = {
+        name: (fields[name], (num_rows, num_joints))
+        for name in ("position", "velocity", "effort")
+    }
+    shapes["effort_limit"] = fields["effort_limit"], (num_joints,)
+    if names:
+        shapes["command"] = fields["command"], (num_rows, len(names))
+    if fields.get("controllers"):
+        shapes["active"] = fields["active"], (num_rows, len(fields["controllers"]))
+    for link, poses in fields.get("free_poses", {}).items():
+        shapes[f"pose of {link!r}"] = poses, (num_rows, 7)
+    for link, forces in fields.get("contact_forces", {}).items():
+        shapes[f"contact force of {link!r}"] = forces, (num_rows, 3)
+    for controller, (wanted, position) in fields["references"].items():
+        what = f"reference of {controller!r}"
+        shapes[what] = position, (num_rows, len(wanted))
+    for name, (values, shape) in shapes.items():
+        found = np.shape(values)
+        if found != shape:
+            raise ValueError(f"{name} has shape {found}, expected {shape}")
+    if len(fields["joint_types"]) != num_joints:
+        raise ValueError(f"{len(fields['joint_types'])} types of {num_joints} joints")
+    info = fields.get("info", {})
+    if not isinstance(info, Mapping) or not isinstance(info.get("robot", {}), Mapping):
+        raise ValueError("info is no mapping with a mapping of the robot")

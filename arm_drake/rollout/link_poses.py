@@ -1,21 +1,47 @@
-"""Where links were in the world: from joint positions and the robot's description.
+"""Poses of links in the world, of joint positions and the robot's description.
 
-Where links are in their parents, of a description and the positions of its joints.
-
-As robot_state_publisher tells it: `/tf` for joints that move, `/tf_static` for others.
+Sources: robot_state_publisher (`/tf` for joints that move, `/tf_static` for others)
+and URDF (order of roll, pitch and yaw).
 """
 
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from arm_drake.arrays import Array
 from arm_drake.description.joints import FREE_TYPES, WORLD
 from arm_drake.errors import InputError, suggest
-from arm_drake.rollout.rollout import Rollout
+
+
+class RecordedMotion(Protocol):
+    """What of a Rollout says where links were."""
+
+    @property
+    def time(self) -> Array:
+        """Times [s], shape (N,)."""
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of J joints."""
+
+    @property
+    def position(self) -> Array:
+        """Their positions [rad] or [m], shape (N, J)."""
+
+    @property
+    def free_poses(self) -> Mapping[str, Array]:
+        """Poses in the world of links that nothing holds, shape (N, 7)."""
+
+    @property
+    def info(self) -> Mapping[str, Any]:
+        """What made it; the robot's pose is there."""
+
+    @property
+    def description(self) -> str:
+        """An expanded URDF."""
 
 
 class LinkTransform(NamedTuple):
@@ -37,11 +63,7 @@ class LinkTransform(NamedTuple):
     is_prismatic: bool = False
 
     def poses(self, position: Array) -> Array:
-        """Return x, y, z [m] and quaternion w, x, y, z in the parent, shape (N, 7).
-
-        Args:
-            position: Positions of the joint [rad] or [m], shape (N,).
-        """
+        """Return x, y, z [m], quaternion w, x, y, z in the parent by joint position."""
         moved = np.tile(self.origin, (len(position), 1))
         turned = np.tile(self.rotation, (len(position), 1))
         if self.joint and self.is_prismatic:
@@ -57,11 +79,10 @@ class LinkTransform(NamedTuple):
 def read_transforms(
     description: str, pose: Sequence[float] = (0.0,) * 6
 ) -> tuple[LinkTransform, ...]:
-    """Return the poses of links in their parents, but for those that nothing holds.
+    """Return where links are in their parents, in the order of the URDF's joints.
 
-    Args:
-        description: An expanded URDF.
-        pose: Where the robot stands: x, y, z [m], roll, pitch, yaw [rad].
+    Those that nothing holds are left out. The pose is the robot's: x, y, z [m], roll,
+    pitch, yaw [rad].
     """
     return tuple(
         _moved(_read_joint(joint), pose)
@@ -71,12 +92,7 @@ def read_transforms(
 
 
 def root_links(description: str, transforms: Iterable[LinkTransform]) -> list[str]:
-    """Return the links that are in no parent, the world left out.
-
-    Args:
-        description: An expanded URDF.
-        transforms: The poses of its links.
-    """
+    """Return the links that are in no parent, the world left out."""
     held = {transform.child for transform in transforms}
     root = ET.fromstring(description)  # noqa: S314  what was loaded.
     names = [link.get("name", "") for link in root.iterfind("link")]
@@ -89,11 +105,7 @@ def fixed_pose(pose: Sequence[float] | Array) -> tuple[Array, Array]:
 
 
 def base_pose(info: Mapping[str, Any]) -> list[float]:
-    """Return where a robot stands: x, y, z [m], roll, pitch, yaw [rad].
-
-    Args:
-        info: What made its rollout.
-    """
+    """Return x, y, z [m], roll, pitch, yaw [rad] of a robot by its rollout's info."""
     pose = info.get("robot", {}).get("pose") or [0.0] * 6
     return [float(number) for number in pose]
 
@@ -172,19 +184,11 @@ _TOOL = re.compile(
 _FINGER, _ARM = 4, 3
 
 
-def read_link_poses(rollout: Rollout, link: str) -> Array:
-    """Return the poses of a link in the world.
+def read_link_poses(rollout: RecordedMotion, link: str) -> Array:
+    """Return x, y, z [m], quaternion w, x, y, z of a link in the world, shape (N, 7).
 
-    Args:
-        rollout: A rollout with a description.
-        link: Name of the link.
-
-    Returns:
-        x, y, z [m], quaternion w, x, y, z, shape (N, 7); NaN where positions are.
-
-    Raises:
-        InputError: If there is no description, no such link, or where it was is
-            recorded nowhere.
+    They are NaN where positions are. Raises InputError if there is no description, no
+    such link, or where it was is recorded nowhere.
     """
     transforms = _transforms(rollout)
     links = {*transforms, *(t.parent for t in transforms.values()), *_links(rollout)}
@@ -201,19 +205,13 @@ def read_link_poses(rollout: Rollout, link: str) -> Array:
     return poses
 
 
-def find_tip(rollout: Rollout) -> str:
+def find_tip(rollout: RecordedMotion) -> str:
     """Return the link whose way tells most: the end effector, or a moving base.
 
     It is at the end of the chain with the most joints that move by themselves. A hand
     with fingers counts as a whole, and of what is fixed there a frame that is called
     like a tool is taken, else the last one. A base that moves freely stands for
-    itself if it carries no arm.
-
-    Args:
-        rollout: A rollout with a description.
-
-    Raises:
-        InputError: If there is no description.
+    itself if it carries no arm. Raises InputError if there is no description.
     """
     transforms = _transforms(rollout)
     following = _mimics(rollout)
@@ -231,7 +229,7 @@ def find_tip(rollout: Rollout) -> str:
     return max(candidates, key=lambda link: sum(1 for _ in _chain(transforms, link)))
 
 
-def _transforms(rollout: Rollout) -> dict[str, LinkTransform]:
+def _transforms(rollout: RecordedMotion) -> dict[str, LinkTransform]:
     """Return where links are in their parents, by their names."""
     if not rollout.description:
         raise InputError(
@@ -246,13 +244,13 @@ def _transforms(rollout: Rollout) -> dict[str, LinkTransform]:
     return {transform.child: transform for transform in transforms}
 
 
-def _links(rollout: Rollout) -> Iterator[str]:
+def _links(rollout: RecordedMotion) -> Iterator[str]:
     root = ET.fromstring(rollout.description)  # noqa: S314  what was loaded.
     names = (link.get("name", "") for link in root.iterfind("link"))
     return (name for name in names if name != WORLD)
 
 
-def _mimics(rollout: Rollout) -> set[str]:
+def _mimics(rollout: RecordedMotion) -> set[str]:
     """Return the joints that follow others."""
     root = ET.fromstring(rollout.description)  # noqa: S314
     joints = (j for j in root.iterfind("joint") if j.find("mimic") is not None)
@@ -287,10 +285,7 @@ def _without_fingers(
 ) -> str:
     """Return the body that carries the fingers of which one ends in a link, or its own.
 
-    Args:
-        transforms: Where links are, by their names.
-        tip: The end of a chain.
-        moving: Number of joints that move each link.
+    `moving` is the number of joints that move each link.
     """
     moved = [t for t in transforms.values() if t.joint]
     for above in _chain(transforms, tip):
@@ -304,7 +299,7 @@ def _without_fingers(
     return _body(transforms, tip)
 
 
-def _root_poses(rollout: Rollout, root: str) -> Array:
+def _root_poses(rollout: RecordedMotion, root: str) -> Array:
     """Return the poses of a link without a parent, shape (N, 7)."""
     num = len(rollout.time)
     if root in rollout.free_poses:

@@ -1,4 +1,4 @@
-"""An MCAP file that is complete after every flush, whenever its writer ends.
+"""MCAP files that are complete after every flush, and ROS 2's messages as their bytes.
 
 Source of the format: mcap.dev, "MCAP Format Specification", version 0. Each flush puts
 one more chunk where the end was and an end behind it, in a single write. The end has a
@@ -48,10 +48,7 @@ class McapFile:
     ) -> None:
         """Create the file, in place of one that is there.
 
-        Args:
-            path: File to write.
-            compress: Compresses the records of a chunk.
-            compression: What MCAP calls that.
+        `compress` does so to the records of a chunk, `compression` is its MCAP name.
         """
         self._compress, self._compression = compress, compression
         self._schemas: dict[str, tuple[int, bytes]] = {}
@@ -77,13 +74,9 @@ class McapFile:
         schema: str,
         metadata: Mapping[str, str],
     ) -> int:
-        """Return the number of a new channel.
+        """Return the number of a new channel, of a type such as "std_msgs/msg/String".
 
-        Args:
-            topic: Name of the topic.
-            type_: Type of its messages, such as "std_msgs/msg/String".
-            schema: Definition of the type and of those that it contains.
-            metadata: What else is to be known of it.
+        The schema is the definition of the type and of those that it contains.
         """
         if type_ not in self._schemas:
             number = len(self._schemas) + 1
@@ -101,13 +94,7 @@ class McapFile:
         return channel
 
     def write(self, channel: int, time_ns: int, data: bytes) -> None:
-        """Write a message, at the next flush or when there are enough of them.
-
-        Args:
-            channel: Number of its channel.
-            time_ns: When it was logged, and published [ns].
-            data: The message.
-        """
+        """Write a message, at the next flush or when there are enough of them."""
         sequence = self._counts[channel]
         self._counts[channel] += 1
         place = (time_ns, len(self._records))
@@ -201,11 +188,7 @@ class McapFile:
         return chunk + bytes(indexes)
 
     def _summary(self, start: int) -> bytes:
-        """Return an end of the file that says what is in it, and where.
-
-        Args:
-            start: Where it will stand in the file.
-        """
+        """Return an end of the file, to stand at `start`, that says what is where."""
         end = _data_end()
         pairs = enumerate(self._counts)
         statistics = struct.pack(
@@ -292,22 +275,14 @@ _PACKAGES = {
 
 
 def type_of(message: str) -> str | None:
-    """Return the type of a message in ROS, None if a bag has no topic for it.
-
-    Args:
-        message: Name of its class.
-    """
+    """Return the type in ROS of a class of messages, None if bags have no topic."""
     package = _PACKAGES.get(message)
     return package and f"{package}/msg/{message}"
 
 
 @functools.cache
 def load_types() -> "RosTypes":
-    """Return the types.
-
-    Raises:
-        MissingExtraError: If rosbags isn't installed.
-    """
+    """Return the types, or raise MissingExtraError if rosbags isn't installed."""
     try:
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     except ImportError:
@@ -322,11 +297,7 @@ class RosTypes:
     """Makes messages of plain data."""
 
     def __init__(self, store: Any) -> None:
-        """Create it.
-
-        Args:
-            store: A type store of rosbags.
-        """
+        """Create it with a type store of rosbags."""
         self._store = store
         self._plans: dict[str, tuple[Any, dict[str, Any], dict[str, Any]]] = {}
 
@@ -341,12 +312,7 @@ class RosTypes:
         return text
 
     def encode(self, type_: str, fields: Mapping[str, Any]) -> bytes:
-        """Return a message as bytes in CDR.
-
-        Args:
-            type_: Its type, such as "std_msgs/msg/String".
-            fields: Its fields as plain data; those that are left out are 0 or empty.
-        """
+        """Return plain data as a message in CDR; fields left out are 0 or empty."""
         return bytes(self._store.serialize_cdr(self._make(type_, fields), type_))
 
     def decode(self, type_: str, data: bytes) -> Any:

@@ -1,28 +1,36 @@
-"""What a simulation leaves behind: arrays with names, to save and to look at."""
+"""Rollouts: what a simulation leaves behind, as arrays with names."""
 
 import dataclasses as dc
 import enum
 import importlib
+import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_drake import interfaces
 from arm_drake.arrays import Array
-from arm_drake.errors import suggest
+from arm_drake.errors import MissingExtraError, suggest
+from arm_drake.rollout.formats import load_fields, save_rollout
+from arm_drake.rollout.link_poses import find_tip, read_link_poses
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-# What writes, reads and draws rollouts knows them, so it is imported when it is used.
-_FORMATS = "arm_drake.rollout.formats"
-_TABLE = "arm_drake.rollout.table"
-_LINK_POSES = "arm_drake.rollout.link_poses"
+# What draws rollouts knows them, and needs Matplotlib: it is imported when it is used.
 _PLOT = "arm_drake.visualization.plot"
+
+# Name of the column of times.
+TIME = "time [s]"
+_POSE = ("x [m]", "y [m]", "z [m]", "qw", "qx", "qy", "qz")
+
+# Units of command interfaces of joints that turn, and of those that slide.
+_UNITS = {"acceleration": ("rad/s^2", "m/s^2")}
 
 # An effort within this part of its limit is at the limit.
 _AT_LIMIT = 1e-6
@@ -222,7 +230,7 @@ class Rollout:
             MissingExtraError: If what the file needs isn't installed.
             OutputError: If the file can't be written, or its type is unknown.
         """
-        _import(_FORMATS).save_rollout(self, Path(path))
+        save_rollout(self, Path(path))
 
     @classmethod
     def load(cls, path: str | Path, robot: str | None = None) -> Self:
@@ -239,14 +247,39 @@ class Rollout:
             InputError: If the file can't be read, or is no rollout.
             MissingExtraError: If what the file needs isn't installed.
         """
-        return cls(**_import(_FORMATS).load_fields(Path(path), robot))
+        fields = load_fields(Path(path), robot)
+        read = fields.pop("references").items()
+        references = {name: Reference(*parts) for name, parts in read}
+        return cls(**fields, references=references)
 
     def columns(self) -> dict[str, Array]:
         """Return every quantity of the rows, each of shape (N,), with unit in its name.
 
         They are the columns of a `.csv` file.
         """
-        return _import(_TABLE).make_columns(self)
+        columns = {TIME: self.time}
+        types = dict(zip(self.joint_names, self.joint_types, strict=True))
+        for quantity in interfaces.STATE_INTERFACES:
+            values = getattr(self, quantity)
+            for index, (name, kind) in enumerate(types.items()):
+                unit = interfaces.unit(quantity, kind)
+                columns[f"{name} {quantity} [{unit}]"] = values[:, index]
+        for controller, reference in self.references.items():
+            for index, name in enumerate(reference.joint_names):
+                unit = interfaces.unit(interfaces.POSITION, types[name])
+                head = f"{controller} {name} reference [{unit}]"
+                columns[head] = reference.position[:, index]
+        for index, name in enumerate(self.command_names):
+            columns[f"command {name}{_unit(name, types)}"] = self.command[:, index]
+        for index, name in enumerate(self.controllers):
+            columns[f"{name} active"] = self.active[:, index]
+        for link, poses in self.free_poses.items():
+            for index, part in enumerate(_POSE):
+                columns[f"pose {link} {part}"] = poses[:, index]
+        for link, forces in self.contact_forces.items():
+            for index, axis in enumerate("xyz"):
+                columns[f"contact force {link} {axis} [N]"] = forces[:, index]
+        return columns
 
     def to_pandas(self) -> "pd.DataFrame":
         """Return the rows as a data frame: one column for each quantity, as a `.csv`.
@@ -256,7 +289,13 @@ class Rollout:
         Raises:
             MissingExtraError: If pandas isn't installed.
         """
-        return _import(_TABLE).make_frame(self)
+        try:
+            import pandas as pd
+        except ImportError:
+            raise MissingExtraError("Rollout.to_pandas", "pandas") from None
+        columns = self.columns()
+        index = pd.Index(columns.pop(TIME), name=TIME)
+        return pd.DataFrame(columns, index=index)
 
     def link_poses(self, link: str) -> Array:
         """Return where a link was in the world: x, y, z [m], quaternion w, x, y, z.
@@ -269,7 +308,7 @@ class Rollout:
         Raises:
             InputError: If the rollout has no description, or no such link.
         """
-        return _import(_LINK_POSES).read_link_poses(self, link)
+        return read_link_poses(self, link)
 
     def find_tip(self) -> str:
         """Return the end effector's link, or the base that moves without an arm.
@@ -277,7 +316,7 @@ class Rollout:
         Raises:
             InputError: If the rollout has no description.
         """
-        return _import(_LINK_POSES).find_tip(self)
+        return find_tip(self)
 
     def plot(
         self,
@@ -303,56 +342,20 @@ class Rollout:
             OutputError: If the picture can't be written, or its type is unknown.
         """
         path = None if path is None else Path(path)
-        draw = _import(_PLOT).draw_rollout
+        draw: Callable[..., Figure] = importlib.import_module(_PLOT).draw_rollout
         return draw(self, path, kind=kind, joints=joints, link=link)
 
 
-def _import(module: str) -> Any:
-    return importlib.import_module(module)
-
-
-# Longer than any simulation [s]: about a century.
-_MAX_TIME = 3.2e9
-
-
-def check_fields(fields: Mapping[str, Any]) -> None:
-    """Raise ValueError if fields of a Rollout don't fit together.
-
-    Args:
-        fields: They, by name; references are joints and positions.
-    """
-    time, joints = np.asarray(fields["time"]), fields["joint_names"]
-    if time.ndim != 1 or not np.all(np.abs(time) <= _MAX_TIME):
-        raise ValueError("times are no numbers of seconds")
-    if np.any(np.diff(time) <= 0.0):
-        raise ValueError("times don't rise")
-    num_rows, num_joints = len(time), len(joints)
-    names = fields.get("command_names", ())
-    shapes: dict[str, tuple[Any, tuple[int, ...]]] = {
-        name: (fields[name], (num_rows, num_joints))
-        for name in ("position", "velocity", "effort")
-    }
-    shapes["effort_limit"] = fields["effort_limit"], (num_joints,)
-    if names:
-        shapes["command"] = fields["command"], (num_rows, len(names))
-    if fields.get("controllers"):
-        shapes["active"] = fields["active"], (num_rows, len(fields["controllers"]))
-    for link, poses in fields.get("free_poses", {}).items():
-        shapes[f"pose of {link!r}"] = poses, (num_rows, 7)
-    for link, forces in fields.get("contact_forces", {}).items():
-        shapes[f"contact force of {link!r}"] = forces, (num_rows, 3)
-    for controller, (wanted, position) in fields["references"].items():
-        what = f"reference of {controller!r}"
-        shapes[what] = position, (num_rows, len(wanted))
-    for name, (values, shape) in shapes.items():
-        found = np.shape(values)
-        if found != shape:
-            raise ValueError(f"{name} has shape {found}, expected {shape}")
-    if len(fields["joint_types"]) != num_joints:
-        raise ValueError(f"{len(fields['joint_types'])} types of {num_joints} joints")
-    info = fields.get("info", {})
-    if not isinstance(info, Mapping) or not isinstance(info.get("robot", {}), Mapping):
-        raise ValueError("info is no mapping with a mapping of the robot")
+def _unit(command: str, types: dict[str, str]) -> str:
+    """Return the unit of a command interface, where it is known."""
+    joint, _, name = command.rpartition("/")
+    if joint not in types:
+        return ""
+    if name in interfaces.STATE_INTERFACES:
+        return f" [{interfaces.unit(name, types[joint])}]"
+    if name in _UNITS:
+        return f" [{_UNITS[name][types[joint] == 'prismatic']}]"
+    return ""
 
 
 # Plain data: what JSON can hold.
@@ -381,3 +384,75 @@ def to_plain(value: Any) -> Plain:
     if value is None or isinstance(value, bool | int | str):
         return value
     return str(value)
+
+
+# Grows when a reader of before couldn't understand what is written.
+_VERSION = 1
+
+# Fields of a Rollout that `read_static` returns as they are.
+STATIC_FIELDS = (
+    "robot_name",
+    "namespace",
+    "joint_names",
+    "joint_types",
+    "command_names",
+    "controllers",
+    "goals",
+    "messages",
+    "info",
+    "description",
+)
+
+
+def make_static(rollout: Rollout, *, is_whole: bool = True) -> str:
+    """Return what isn't in the rows, as JSON; not whole without what a bag has beside.
+
+    That are goals, messages and the robot's description.
+    """
+    more = (
+        {
+            "goals": rollout.goals,
+            "messages": rollout.messages,
+            "description": rollout.description,
+        }
+        if is_whole
+        else {}
+    )
+    return json.dumps(
+        to_plain(
+            {
+                "version": _VERSION,
+                "robot_name": rollout.robot_name,
+                "namespace": rollout.namespace,
+                "joint_names": rollout.joint_names,
+                "joint_types": rollout.joint_types,
+                "effort_limit": rollout.effort_limit.tolist(),
+                "command_names": rollout.command_names,
+                "controllers": rollout.controllers,
+                "references": {
+                    name: reference.joint_names
+                    for name, reference in rollout.references.items()
+                },
+                "free_poses": list(rollout.free_poses),
+                "contact_forces": list(rollout.contact_forces),
+                "info": rollout.info,
+                **more,
+            }
+        ),
+        ensure_ascii=False,
+    )
+
+
+def read_static(text: str) -> dict[str, Any]:
+    """Return what `make_static` has written; raise ValueError if it isn't that."""
+    data = json.loads(text)
+    if not isinstance(data, dict) or data.pop("version", None) != _VERSION:
+        raise ValueError(f"expected version {_VERSION} of a rollout")
+    for name in ("joint_names", "joint_types", "command_names"):
+        data[name] = tuple(data[name])
+    data["references"] = {k: tuple(v) for k, v in data["references"].items()}
+    goals, messages = data.get("goals", ()), data.get("messages", ())
+    data["goals"] = tuple(GoalRecord(**goal) for goal in goals)
+    data["messages"] = tuple(SentMessage(**message) for message in messages)
+    data["effort_limit"] = [float(limit) for limit in data["effort_limit"]]
+    return data

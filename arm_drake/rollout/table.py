@@ -5,24 +5,14 @@ import math
 import re
 from collections.abc import Iterable
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, Any
 
 import numpy as np
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
-from arm_drake.errors import InputError, MissingExtraError
-from arm_drake.rollout.rollout import Rollout
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-# Name of the column of times.
-TIME = "time [s]"
-_POSE = ("x [m]", "y [m]", "z [m]", "qw", "qx", "qy", "qz")
-
-# Units of command interfaces of joints that turn, and of those that slide.
-_UNITS = {"acceleration": ("rad/s^2", "m/s^2")}
+from arm_drake.errors import InputError
+from arm_drake.rollout.rollout import TIME, Rollout
 
 # How columns are called, and what they are, in the order in which they are tried.
 _HEADS = {
@@ -39,95 +29,32 @@ _HEADS = {
 }
 
 
-def make_columns(rollout: Rollout) -> dict[str, Array]:
-    """Return the columns of the rows by their heads, each of shape (N,).
-
-    Args:
-        rollout: A rollout.
-    """
-    columns = {TIME: rollout.time}
-    types = dict(zip(rollout.joint_names, rollout.joint_types, strict=True))
-    for quantity in interfaces.STATE_INTERFACES:
-        values = getattr(rollout, quantity)
-        for index, (name, kind) in enumerate(types.items()):
-            unit = interfaces.unit(quantity, kind)
-            columns[f"{name} {quantity} [{unit}]"] = values[:, index]
-    for controller, reference in rollout.references.items():
-        for index, name in enumerate(reference.joint_names):
-            unit = interfaces.unit(interfaces.POSITION, types[name])
-            head = f"{controller} {name} reference [{unit}]"
-            columns[head] = reference.position[:, index]
-    for index, name in enumerate(rollout.command_names):
-        columns[f"command {name}{_unit(name, types)}"] = rollout.command[:, index]
-    for index, name in enumerate(rollout.controllers):
-        columns[f"{name} active"] = rollout.active[:, index]
-    for link, poses in rollout.free_poses.items():
-        for index, part in enumerate(_POSE):
-            columns[f"pose {link} {part}"] = poses[:, index]
-    for link, forces in rollout.contact_forces.items():
-        for index, axis in enumerate("xyz"):
-            columns[f"contact force {link} {axis} [N]"] = forces[:, index]
-    return columns
-
-
-def make_frame(rollout: Rollout) -> "pd.DataFrame":
-    """Return the columns of the rows but for the time, which is the index.
-
-    Args:
-        rollout: A rollout.
-
-    Raises:
-        MissingExtraError: If pandas isn't installed.
-    """
-    try:
-        import pandas as pd
-    except ImportError:
-        raise MissingExtraError("Rollout.to_pandas", "pandas") from None
-    columns = make_columns(rollout)
-    index = pd.Index(columns.pop(TIME), name=TIME)
-    return pd.DataFrame(columns, index=index)
-
-
-def write_csv(rollout: Rollout, path: Path) -> None:
-    """Write the rows of a rollout.
-
-    Args:
-        rollout: The rollout.
-        path: File to write.
-    """
+def write_rollout(rollout: Rollout, path: Path) -> None:
+    """Write the rows of a rollout."""
     with path.open("w", encoding="utf-8", newline="") as file:
-        columns = make_columns(rollout)
-        write_head(file, columns)
-        write_rows(file, columns.values())
+        columns = rollout.columns()
+        _write_head(file, columns)
+        _write_rows(file, columns.values())
 
 
 class TableWriter:
     """Writes the rows of a robot's rollouts, part by part."""
 
     def __init__(self, path: Path) -> None:
-        """Create the file, in place of one that is there.
-
-        Args:
-            path: File to write.
-        """
+        """Create the file, in place of one that is there."""
         self._file = path.open("w", encoding="utf-8", newline="")
         self._heads: list[str] = []
         self._last = -math.inf
 
     def write(self, *rollouts: Rollout) -> None:
-        """Write what is new, so that all of it is in the file.
-
-        Args:
-            rollouts: One, which goes on where the last one ended; rows that it had are
-                left out.
-        """
+        """Write the rows of a single rollout that are new, so that they are there."""
         (rollout,) = rollouts
-        columns = make_columns(rollout)
+        columns = rollout.columns()
         if not self._heads:
             self._heads = list(columns)
-            write_head(self._file, columns)
+            _write_head(self._file, columns)
         new = rollout.time > self._last
-        write_rows(self._file, [columns[head][new] for head in self._heads])
+        _write_rows(self._file, [columns[head][new] for head in self._heads])
         if new.any():
             self._last = float(rollout.time[-1])
         self._file.flush()
@@ -137,33 +64,22 @@ class TableWriter:
         self._file.close()
 
 
-def write_head(file: IO[str], heads: Iterable[str]) -> None:
+def _write_head(file: IO[str], heads: Iterable[str]) -> None:
     """Write the first line of a table."""
     csv.writer(file, lineterminator="\n").writerow(heads)
 
 
-def write_rows(file: IO[str], columns: Iterable[Array]) -> None:
-    """Write rows of a table; NaN is nothing.
-
-    Args:
-        file: Where to.
-        columns: Columns, each of shape (N,).
-    """
+def _write_rows(file: IO[str], columns: Iterable[Array]) -> None:
+    """Write columns, each of shape (N,), as rows; NaN is nothing."""
     for row in zip(*columns, strict=True):
         numbers = ("" if math.isnan(number) else repr(float(number)) for number in row)
         file.write(",".join(numbers) + "\n")
 
 
-def read_csv(path: Path) -> dict[str, Any]:
-    """Return the fields of a rollout that its table has.
+def read_fields(path: Path, robot: str | None = None) -> dict[str, Any]:
+    """Return the fields that a table has of its only rollout, or raise InputError.
 
     A row that is cut short, by the end of who wrote it, is left out.
-
-    Args:
-        path: File of `write_csv`.
-
-    Raises:
-        InputError: If it is something else.
     """
     try:
         with path.open(encoding="utf-8", newline="") as file:
@@ -245,15 +161,3 @@ def _match(head: str) -> tuple[str, re.Match[str]]:
         if match := pattern.fullmatch(head):
             return kind, match
     raise ValueError(f"unknown column {head!r}")
-
-
-def _unit(command: str, types: dict[str, str]) -> str:
-    """Return the unit of a command interface, where it is known."""
-    joint, _, name = command.rpartition("/")
-    if joint not in types:
-        return ""
-    if name in interfaces.STATE_INTERFACES:
-        return f" [{interfaces.unit(name, types[joint])}]"
-    if name in _UNITS:
-        return f" [{_UNITS[name][types[joint] == 'prismatic']}]"
-    return ""
