@@ -7,7 +7,7 @@ import pytest
 
 from arm_drake.bundled import bundled_motions, bundled_robots
 from arm_drake.controllers import CONTROLLER_TYPES, find_controller_type
-from arm_drake.controllers.registry import EQUIVALENTS
+from arm_drake.controllers.other_types import load_other_types
 from arm_drake.controllers.type_table import render_others, render_types
 from arm_drake.description.plugin_control import PLUGIN_TYPES
 from arm_drake.worlds.world import WORLDS
@@ -51,7 +51,7 @@ def render_bundled() -> str:
 
 def render_run_as() -> str:
     run_as = {}
-    for name in (*CONTROLLER_TYPES, *EQUIVALENTS):
+    for name in (*CONTROLLER_TYPES, *load_other_types().equivalents):
         row = find_controller_type(name, installed={})
         if row is not None and row.runs_as:
             run_as[name] = row.runs_as

@@ -1,7 +1,7 @@
 """The controller types, by their ros2_control names.
 
 To add one, write its module (parameters dataclass and system) and its test, then add
-its row to `STANDARD_TYPES`.
+its row to `STANDARD_TYPES` of the registry.
 """
 
 from collections.abc import Callable, Mapping
@@ -11,8 +11,8 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
 )
+from arm_drake.controllers.other_types import load_other_types, parameters_of
 from arm_drake.controllers.registry import (
-    EQUIVALENTS,
     STANDARD_TYPES,
     ControllerType,
     ControllerTypes,
@@ -20,7 +20,6 @@ from arm_drake.controllers.registry import (
     check_controller_type,
     check_controller_types,
     installed_types,
-    parameters_of,
 )
 
 __all__ = [
@@ -57,7 +56,8 @@ def find_controller_type(
         InputError: If an installed package offers what can't be used.
     """
     ours = CONTROLLER_TYPES.get(name)
-    is_ours = name in EQUIVALENTS if ours is None else not ours.origin
+    equivalent = load_other_types().equivalents.get(name) if ours is None else None
+    is_ours = equivalent is not None if ours is None else not ours.origin
     others = ("arm_drake",) if is_ours else ()
     if own and name in own:
         origin = "load_robot(controller_types=...)"
@@ -74,9 +74,8 @@ def find_controller_type(
         return row_as_written and row_as_written._replace(
             runs_as=row_as_written.runs_as or written
         )
-    if name not in EQUIVALENTS:
+    if equivalent is None:
         return None
-    equivalent = EQUIVALENTS[name]
     row = CONTROLLER_TYPES[equivalent.runs_as]
     return row._replace(
         parameters=parameters_of(equivalent) or row.parameters,

@@ -1,67 +1,25 @@
-"""Known controller types of other packages that are not one of ours.
+"""Controller types of other packages, of which ours know something."""
 
-The report says of them what they do, and what stands closest. Sources are the packages'
-plugin descriptions and code; where they lie stands beside each.
-"""
-
+import dataclasses as dc
 import difflib
-from collections.abc import Iterable
+import functools
+from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Literal, NamedTuple
 
-# Types that neither move a joint nor tell what physics makes: they serve a device, and
-# a simulation without them lacks nothing. By type, what they do.
-HARDWARE_ONLY = {
-    # ros-industrial/ros2_canopen: canopen_ros2_controllers.
-    "canopen_ros2_controllers/CanopenProxyController": (
-        "only passes messages of the CAN bus on"
-    ),
-    # Elite-Robots/Elite_Robots_CS_ROS2_Driver: eli_cs_controllers.
-    "eli_cs_controllers/GPIOController": "only serves the real robot's plugs",
-    "eli_cs_controllers/SpeedScalingStateBroadcaster": (
-        "only tells the real robot's speed slider"
-    ),
-    # PickNikRobotics/ros2_epick_gripper: epick_controllers.
-    "epick_controllers/EpickStatusPublisherController": (
-        "only tells the real gripper's status"
-    ),
-    # kroshu/kuka_drivers: controllers.
-    "kuka_controllers/ControlModeHandler": "only sets the real robot's control mode",
-    "kuka_controllers/EventBroadcaster": "only tells the real robot's events",
-    "kuka_controllers/FRIConfigurationController": (
-        "only sets how often the real robot is told something"
-    ),
-    "kuka_controllers/FRIStateBroadcaster": "only tells the real connection's state",
-    "kuka_controllers/KssMessageHandler": "only passes the real robot's messages on",
-    # OnRobot/onrobot-ros2: onrobot_gripper_controllers.
-    "onrobot_gripper_controllers/GripperRecoveryController": (
-        "only clears the real gripper's faults"
-    ),
-    # PickNikRobotics/picknik_controllers.
-    "picknik_reset_fault_controller/PicknikResetFaultController": (
-        "only clears the real robot's faults"
-    ),
-    # PickNikRobotics/ros2_robotiq_gripper: robotiq_controllers.
-    "robotiq_controllers/RobotiqActivationController": (
-        "only activates the real gripper"
-    ),
-    # UniversalRobots/Universal_Robots_ROS2_Driver: ur_controllers.
-    "ur_controllers/FreedriveModeController": (
-        "only lets a person guide the real robot by hand"
-    ),
-    "ur_controllers/FrictionModelController": (
-        "only sets up the real robot's own torque control"
-    ),
-    "ur_controllers/GPIOController": "only serves the real robot's plugs",
-    "ur_controllers/GravityUpdateController": (
-        "only tells the real robot where down is"
-    ),
-    "ur_controllers/SpeedScalingStateBroadcaster": (
-        "only tells the real robot's speed slider"
-    ),
-    "ur_controllers/URConfigurationController": (
-        "only sets up the real robot's own controller"
-    ),
-}
+from arm_drake import yaml_files
+
+_FILE = Path(__file__).with_name("other_types.yaml")
+
+
+class Equivalent(NamedTuple):
+    """Which type of the registry another package's type is."""
+
+    runs_as: str
+
+    # What a trajectory controller commands by default, as those of ROS 1 say by their
+    # names; empty if that type's parameters are this one's.
+    commands: Literal["", "position", "velocity", "effort"] = ""
 
 
 class Other(NamedTuple):
@@ -74,120 +32,54 @@ class Other(NamedTuple):
     closest: str = ""
 
 
-_JTC = "joint_trajectory_controller/JointTrajectoryController"
-_PID = "pid_controller/PidController"
-_OWN_MOTIONS = "it makes Cartesian motions of its own"
-_ONE_JOINT = "it is of ROS 1, and takes one 'joint'"
-_PID_OF_ROS_1 = "it is of ROS 1, a PID with other parameters"
+class OtherTypes(NamedTuple):
+    """The tables of `other_types.yaml`, where each is explained."""
 
-# By type, or by package with a "/" at its end.
-OTHERS = {
-    "canopen_ros2_controllers/": Other(
-        "it asks drives on the CAN bus to move",
-        "forward_command_controller/ForwardCommandController",
-    ),
-    # fzi-forschungszentrum-informatik/cartesian_controllers.
-    "cartesian_compliance_controller/": Other(_OWN_MOTIONS, _JTC),
-    "cartesian_force_controller/": Other(_OWN_MOTIONS, _JTC),
-    "cartesian_motion_controller/": Other(_OWN_MOTIONS, _JTC),
-    "crisp_controllers/": Other("it computes efforts of Cartesian control itself"),
-    # DoosanRobotics/doosan-robot2: dsr_controller2/config/dsr_controller2.yaml.
-    "dsr_controller2/": Other("it asks Doosan's own controller for motions", _JTC),
-    "dsr_joint_trajectory/": Other("it asks Doosan's own controller for motions", _JTC),
-    # ros-controls/ros_controllers (ROS 1).
-    "effort_controllers/JointEffortController": Other(
-        _ONE_JOINT, "effort_controllers/JointGroupEffortController with 'joints'"
-    ),
-    "effort_controllers/JointGroupPositionController": Other(_PID_OF_ROS_1, _PID),
-    "effort_controllers/JointPositionController": Other(_PID_OF_ROS_1, _PID),
-    "effort_controllers/JointVelocityController": Other(_PID_OF_ROS_1, _PID),
-    "force_torque_sensor_controller/ForceTorqueSensorController": Other(
-        "it is of ROS 1", "force_torque_sensor_broadcaster/ForceTorqueSensorBroadcaster"
-    ),
-    "imu_sensor_controller/ImuSensorController": Other(
-        "it is of ROS 1", "imu_sensor_broadcaster/IMUSensorBroadcaster"
-    ),
-    "position_controllers/JointPositionController": Other(
-        _ONE_JOINT, "position_controllers/JointGroupPositionController with 'joints'"
-    ),
-    "velocity_controllers/JointPositionController": Other(_PID_OF_ROS_1, _PID),
-    "velocity_controllers/JointVelocityController": Other(
-        _ONE_JOINT, "velocity_controllers/JointGroupVelocityController with 'joints'"
-    ),
-    # PickNikRobotics/ros2_epick_gripper: epick_gripper_action_controller.cpp.
-    "epick_controllers/": Other(
-        "it switches suction, of which the physics knows nothing"
-    ),
-    # frankarobotics/franka_ros2.
-    "franka_example_controllers/": Other(
-        "it is an example of what Franka's own controller can do", _JTC
-    ),
-    "franka_robot_state_broadcaster/": Other(
-        "it tells what Franka's own controller knows",
-        "joint_state_broadcaster/JointStateBroadcaster",
-    ),
-    # The package's name; its types are called after what they command.
-    "gripper_controllers/GripperActionController": Other(
-        "it isn't said whether it commands positions or efforts",
-        "position_controllers/GripperActionController",
-    ),
-    "kuka_controllers/JointGroupImpedanceController": Other(
-        "it sets stiffness and damping of KUKA's own controller"
-    ),
-    # lbr-stack/lbr_fri_ros2_stack: lbr_ros2_control.
-    "lbr_ros2_control/LBRJointPositionCommandController": Other(
-        "it takes messages of its own",
-        "position_controllers/JointGroupPositionController",
-    ),
-    "lbr_ros2_control/LBRStateBroadcaster": Other(
-        "it tells what KUKA's own controller knows",
-        "joint_state_broadcaster/JointStateBroadcaster",
-    ),
-    # ros-controls/ros2_controllers: they ask a vendor's controller for motions.
-    "motion_primitives_controllers/": Other(
-        "it asks a vendor's own controller for motions", _JTC
-    ),
-    # PAL's bases have mecanum wheels.
-    "omni_drive_controller/OmniDriveController": Other(
-        "its parameters are PAL's own",
-        "mecanum_drive_controller/MecanumDriveController",
-    ),
-    # OnRobot/onrobot-ros2: onrobot_gripper_controllers/README.md.
-    "onrobot_gripper_controllers/GripperStateBroadcaster": Other(
-        "it tells what the real gripper knows",
-        "joint_state_broadcaster/JointStateBroadcaster",
-    ),
-    "onrobot_gripper_controllers/ParallelGripperActionController": Other(
-        "it stops the real gripper in its own way",
-        "parallel_gripper_action_controller/GripperActionController",
-    ),
-    "picknik_twist_controller/": Other(
-        "it asks a vendor's own controller for Cartesian velocities", _JTC
-    ),
-    # paolofrance/scaled_fjt_controller: it interpolates linearly.
-    "scaled_fjt_controller/ScaledFjtController": Other(
-        "it interpolates in a way of its own", _JTC
-    ),
-    "ur_controllers/ForceModeController": Other(
-        "it asks the real robot to push with a force",
-        "admittance_controller/AdmittanceController",
-    ),
-    "ur_controllers/ForceTorqueStateBroadcaster": Other(
-        "its parameters are its own",
-        "force_torque_sensor_broadcaster/ForceTorqueSensorBroadcaster",
-    ),
-    # Its action is that of trajectories, but a goal is refused while one runs, and it
-    # claims no joint: ur_controllers/doc/index.rst.
-    "ur_controllers/PassthroughTrajectoryController": Other(
-        "it hands whole trajectories to the real robot", _JTC
-    ),
-    "ur_controllers/ToolContactController": Other(
-        "it asks the real robot to stop at a contact"
-    ),
-    "ur_controllers/TwistController": Other(
-        "it asks the real robot for Cartesian velocities", _JTC
-    ),
-}
+    equivalents: Mapping[str, Equivalent]
+    hardware_only: Mapping[str, str]
+
+    # By type, or by package with a "/" at its end.
+    others: Mapping[str, Other]
+
+
+@functools.cache
+def load_other_types() -> OtherTypes:
+    """Read the tables; done when a type isn't ours, which is rare."""
+    tables = yaml_files.load(_FILE)
+    return OtherTypes(
+        {name: Equivalent(**row) for name, row in tables["equivalents"].items()},
+        tables["hardware_only"],
+        {name: Other(**row) for name, row in tables["others"].items()},
+    )
+
+
+@functools.cache
+def parameters_of(equivalent: Equivalent) -> type | None:
+    """Return the dataclass of a type's parameters, None if that of what it runs as."""
+    if not equivalent.commands:
+        return None
+    # Not at the top: few robots have one.
+    from arm_drake.controllers.joint_trajectory.parameters import (
+        CommandInterface,
+        JointTrajectoryControllerParameters,
+        StateInterface,
+    )
+
+    # They always read the same.
+    states: tuple[StateInterface, ...] = ("position", "velocity")
+    return dc.make_dataclass(
+        "JointTrajectoryControllerParametersOfRos1",
+        [
+            (
+                "command_interfaces",
+                tuple[CommandInterface, ...],
+                (equivalent.commands,),
+            ),
+            ("state_interfaces", tuple[StateInterface, ...], states),
+        ],
+        bases=(JointTrajectoryControllerParameters,),
+        frozen=True,
+    )
 
 
 def describe_unknown(
@@ -199,11 +91,12 @@ def describe_unknown(
         name: A type that is neither in the registry nor equivalent to one.
         known: The types that exist.
     """
+    _, hardware_only, others = load_other_types()
     what, done = f"controller type {name!r}", "the controller does not run"
-    if name in HARDWARE_ONLY:
+    if name in hardware_only:
         done = "left out; a simulation lacks nothing"
-        return "info", f"{what} {HARDWARE_ONLY[name]}", done
-    other = OTHERS.get(name) or OTHERS.get(f"{name.partition('/')[0]}/")
+        return "info", f"{what} {hardware_only[name]}", done
+    other = others.get(name) or others.get(f"{name.partition('/')[0]}/")
     if other is not None:
         closest = f"; the closest type is {other.closest}" if other.closest else ""
         return "error", f"{what} is not simulated: {other.does}{closest}", done

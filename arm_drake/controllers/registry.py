@@ -1,19 +1,11 @@
-"""Our controller types, by their ros2_control names: those of ros2_controllers.
-
-Controller types of other packages that are one of ours by another name.
-
-Vendors' drivers bring types of their own, and names of ROS 1 live on in files for
-ROS 2. Only those are here whose parameters, actions and behaviour in a simulation are
-those of one of ros2_control's types; where that can be read stands beside each. They
-are run as it, and the report says so.
-"""
+"""Tables of the controller types that run here, by their ros2_control names."""
 
 import dataclasses as dc
 import functools
 import importlib
 import importlib.metadata
 from collections.abc import Callable, Iterator, Mapping, MutableMapping
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 from arm_drake.controllers.controller_interface import (
     ControllerInterface,
@@ -43,15 +35,7 @@ class ControllerType(NamedTuple):
 
 
 def check_controller_type(row: object, origin: str) -> ControllerType:
-    """Return a controller type that somebody else brings.
-
-    Args:
-        row: What they bring.
-        origin: Where it comes from, for the message.
-
-    Raises:
-        InputError: If it isn't a usable ControllerType.
-    """
+    """Return a type that somebody else brings, or raise InputError that names them."""
     if not isinstance(row, ControllerType):
         raise InputError(f"{origin}: expected an arm_drake.ControllerType, got {row!r}")
     if not (isinstance(row.parameters, type) and dc.is_dataclass(row.parameters)):
@@ -66,14 +50,7 @@ def check_controller_type(row: object, origin: str) -> ControllerType:
 
 
 def check_controller_types(types: object) -> dict[str, ControllerType]:
-    """Return controller types by name, as `load_robot` takes them.
-
-    Args:
-        types: A mapping of names to types.
-
-    Raises:
-        InputError: If it is none.
-    """
+    """Return controller types by name as `load_robot` takes them, or InputError."""
     if not isinstance(types, Mapping) or not all(isinstance(n, str) for n in types):
         raise InputError(
             "controller_types: expected a mapping of names to "
@@ -85,44 +62,164 @@ def check_controller_types(types: object) -> dict[str, ControllerType]:
     }
 
 
-class LazyType(NamedTuple):
-    """A type that isn't imported yet: modules of this package, and names in them."""
+# Our types: "module:Parameters:System", names below this package. Types that share a
+# system have its `interface` as a fourth part. Without a system, a type's parameters
+# are read, but it isn't simulated.
+STANDARD_TYPES: Mapping[str, str] = {
+    "joint_state_broadcaster/JointStateBroadcaster": (
+        "joint_state_broadcaster:JointStateBroadcasterParameters:JointStateBroadcaster"
+    ),
+    "joint_trajectory_controller/JointTrajectoryController": (
+        "joint_trajectory:parameters.JointTrajectoryControllerParameters"
+        ":controller.JointTrajectoryController"
+    ),
+    "forward_command_controller/ForwardCommandController": (
+        "forward_command_controller:ForwardCommandControllerParameters"
+        ":ForwardCommandController"
+    ),
+    "forward_command_controller/MultiInterfaceForwardCommandController": (
+        "forward_command_controller:MultiInterfaceForwardCommandControllerParameters"
+        ":MultiInterfaceForwardCommandController"
+    ),
+    "position_controllers/JointGroupPositionController": (
+        "forward_command_controller:JointGroupControllerParameters"
+        ":JointGroupController:position"
+    ),
+    "velocity_controllers/JointGroupVelocityController": (
+        "forward_command_controller:JointGroupControllerParameters"
+        ":JointGroupController:velocity"
+    ),
+    "effort_controllers/JointGroupEffortController": (
+        "forward_command_controller:JointGroupControllerParameters"
+        ":JointGroupController:effort"
+    ),
+    "position_controllers/GripperActionController": (
+        "gripper_controllers:GripperActionControllerParameters:GripperActionController"
+    ),
+    "effort_controllers/GripperActionController": (
+        "gripper_controllers:EffortGripperActionControllerParameters"
+        ":GripperActionController:effort"
+    ),
+    "parallel_gripper_action_controller/GripperActionController": (
+        "gripper_controllers:ParallelGripperActionControllerParameters"
+        ":ParallelGripperActionController"
+    ),
+    "pid_controller/PidController": (
+        "pid_controller:PidControllerParameters:PidController"
+    ),
+    "diff_drive_controller/DiffDriveController": (
+        "bases.diff_drive_controller:DiffDriveControllerParameters:DiffDriveController"
+    ),
+    "bicycle_steering_controller/BicycleSteeringController": (
+        "bases.steering_controllers:BicycleSteeringControllerParameters"
+        ":SteeringController"
+    ),
+    "tricycle_steering_controller/TricycleSteeringController": (
+        "bases.steering_controllers:TricycleSteeringControllerParameters"
+        ":SteeringController"
+    ),
+    "ackermann_steering_controller/AckermannSteeringController": (
+        "bases.steering_controllers:AckermannSteeringControllerParameters"
+        ":SteeringController"
+    ),
+    "tricycle_controller/TricycleController": (
+        "bases.tricycle_controller:TricycleControllerParameters:TricycleController"
+    ),
+    "mecanum_drive_controller/MecanumDriveController": (
+        "bases.mecanum_drive_controller:MecanumDriveControllerParameters"
+        ":MecanumDriveController"
+    ),
+    "omni_wheel_drive_controller/OmniWheelDriveController": (
+        "bases.omni_wheel_drive_controller:OmniWheelDriveControllerParameters"
+        ":OmniWheelDriveController"
+    ),
+    "admittance_controller/AdmittanceController": (
+        "admittance_controller:AdmittanceControllerParameters:AdmittanceController"
+    ),
+    "gpio_controllers/GpioCommandController": (
+        "gpio_controllers:GpioCommandControllerParameters:GpioCommandController"
+    ),
+    "chained_filter_controller/ChainedFilter": (
+        "chained_filter_controller:ChainedFilterParameters:ChainedFilter"
+    ),
+    "imu_sensor_broadcaster/IMUSensorBroadcaster": (
+        "sensor_broadcasters:IMUSensorBroadcasterParameters:IMUSensorBroadcaster"
+    ),
+    "force_torque_sensor_broadcaster/ForceTorqueSensorBroadcaster": (
+        "force_torque_sensor_broadcaster:ForceTorqueSensorBroadcasterParameters"
+        ":ForceTorqueSensorBroadcaster"
+    ),
+    "range_sensor_broadcaster/RangeSensorBroadcaster": (
+        "sensor_broadcasters:RangeSensorBroadcasterParameters:RangeSensorBroadcaster"
+    ),
+    "pose_broadcaster/PoseBroadcaster": (
+        "sensor_broadcasters:PoseBroadcasterParameters:PoseBroadcaster"
+    ),
+    "gps_sensor_broadcaster/GPSSensorBroadcaster": (
+        "sensor_broadcasters:GPSSensorBroadcasterParameters:GPSSensorBroadcaster"
+    ),
+    "magnetometer_broadcaster/MagnetometerBroadcaster": (
+        "sensor_broadcasters:MagnetometerBroadcasterParameters:MagnetometerBroadcaster"
+    ),
+    "battery_state_broadcaster/BatteryStateBroadcaster": (
+        "battery_state_broadcaster:BatteryStateBroadcasterParameters"
+        ":BatteryStateBroadcaster"
+    ),
+    "state_interfaces_broadcaster/StateInterfacesBroadcaster": (
+        "sensor_broadcasters:StateInterfacesBroadcasterParameters"
+        ":StateInterfacesBroadcaster"
+    ),
+    "vda5050_safety_state_broadcaster/Vda5050SafetyStateBroadcaster": (
+        "sensor_broadcasters:Vda5050SafetyStateBroadcasterParameters"
+        ":Vda5050SafetyStateBroadcaster"
+    ),
+    # By other packages, and by older names.
+    "passthrough_controller/PassthroughController": (
+        "passthrough_controller:PassthroughControllerParameters:PassthroughController"
+    ),
+    "ur_controllers/ScaledJointTrajectoryController": (
+        "joint_trajectory:parameters.ScaledJointTrajectoryControllerParameters"
+        ":controller.JointTrajectoryController"
+    ),
+    "joint_state_controller/JointStateController": (
+        "joint_state_broadcaster:JointStateBroadcasterParameters:JointStateBroadcaster"
+    ),
+}
 
-    # Dataclass of the parameters, and where it is.
-    parameters: str
-    module: str
+# Those of them that are run as another one.
+RUNS_AS: Mapping[str, str] = {
+    "ur_controllers/ScaledJointTrajectoryController": (
+        "joint_trajectory_controller/JointTrajectoryController"
+    ),
+    "joint_state_controller/JointStateController": (
+        "joint_state_broadcaster/JointStateBroadcaster"
+    ),
+}
 
-    # Class of the system, and where it is if not there, too. Without one its parameters
-    # are read, but it isn't simulated.
-    system: str = ""
-    system_module: str = ""
 
-    # The `interface` that the system is made with, of one for several types.
-    interface: str = ""
+def load_type(row: str, runs_as: str = "") -> ControllerType:
+    """Import the controller type of a row of `STANDARD_TYPES`."""
+    module, parameters, system, interface = (*row.split(":"), "", "")[:4]
+    make = import_name(f"{module}.{system}") if system else None
+    if make is not None and interface:
+        make = functools.partial(make, interface=interface)
+    return ControllerType(import_name(f"{module}.{parameters}"), make, runs_as)
 
-    runs_as: str = ""
 
-    def load(self) -> ControllerType:
-        """Import it."""
-        parameters = _find(self.module, self.parameters)
-        if not self.system:
-            return ControllerType(parameters, runs_as=self.runs_as)
-        system = _find(self.system_module or self.module, self.system)
-        if self.interface:
-            system = functools.partial(system, interface=self.interface)
-        return ControllerType(parameters, system, self.runs_as)
+def import_name(name: str) -> Any:
+    """Return what a dotted name below this package stands for."""
+    module, _, attribute = name.rpartition(".")
+    with without_collection():
+        found = importlib.import_module(f"arm_drake.controllers.{module}")
+    return getattr(found, attribute)
 
 
 class ControllerTypes(MutableMapping[str, ControllerType]):
     """Controller types by name, each imported when it is first asked for."""
 
-    def __init__(self, rows: dict[str, LazyType]) -> None:
-        """Create the table of some types.
-
-        Args:
-            rows: They, by name.
-        """
-        self._rows: dict[str, ControllerType | LazyType] = {**rows}
+    def __init__(self, rows: Mapping[str, str]) -> None:
+        """Create the table of rows like those of `STANDARD_TYPES`, by name."""
+        self._rows: dict[str, ControllerType | str] = {**rows}
         self._added: dict[str, ControllerType] = {}
 
     @property
@@ -133,8 +230,8 @@ class ControllerTypes(MutableMapping[str, ControllerType]):
     def __getitem__(self, name: str) -> ControllerType:
         """Return a type."""
         row = self._rows[name]
-        if isinstance(row, LazyType):
-            row = self._rows[name] = row.load()
+        if isinstance(row, str):
+            row = self._rows[name] = load_type(row, RUNS_AS.get(name, ""))
         return row
 
     def __setitem__(self, name: str, row: ControllerType) -> None:
@@ -159,194 +256,6 @@ class ControllerTypes(MutableMapping[str, ControllerType]):
         return name in self._rows
 
 
-def _find(module: str, name: str) -> Any:
-    with without_collection():
-        found = importlib.import_module(f"arm_drake.controllers.{module}")
-    return getattr(found, name)
-
-
-_JSB = "joint_state_broadcaster/JointStateBroadcaster"
-_JTC = "joint_trajectory_controller/JointTrajectoryController"
-
-# Ours; those without a system have their parameters checked alone.
-STANDARD_TYPES: dict[str, LazyType] = {
-    _JSB: LazyType(
-        "JointStateBroadcasterParameters",
-        "joint_state_broadcaster",
-        "JointStateBroadcaster",
-    ),
-    _JTC: LazyType(
-        "JointTrajectoryControllerParameters",
-        "joint_trajectory.parameters",
-        "JointTrajectoryController",
-        "joint_trajectory.controller",
-    ),
-    "forward_command_controller/ForwardCommandController": LazyType(
-        "ForwardCommandControllerParameters",
-        "forward_command_controller",
-        "ForwardCommandController",
-    ),
-    "forward_command_controller/MultiInterfaceForwardCommandController": LazyType(
-        "MultiInterfaceForwardCommandControllerParameters",
-        "forward_command_controller",
-        "MultiInterfaceForwardCommandController",
-    ),
-    "position_controllers/JointGroupPositionController": LazyType(
-        "JointGroupControllerParameters",
-        "forward_command_controller",
-        "JointGroupController",
-        interface="position",
-    ),
-    "velocity_controllers/JointGroupVelocityController": LazyType(
-        "JointGroupControllerParameters",
-        "forward_command_controller",
-        "JointGroupController",
-        interface="velocity",
-    ),
-    "effort_controllers/JointGroupEffortController": LazyType(
-        "JointGroupControllerParameters",
-        "forward_command_controller",
-        "JointGroupController",
-        interface="effort",
-    ),
-    "position_controllers/GripperActionController": LazyType(
-        "GripperActionControllerParameters",
-        "gripper_controllers",
-        "GripperActionController",
-    ),
-    "effort_controllers/GripperActionController": LazyType(
-        "EffortGripperActionControllerParameters",
-        "gripper_controllers",
-        "GripperActionController",
-        interface="effort",
-    ),
-    "parallel_gripper_action_controller/GripperActionController": LazyType(
-        "ParallelGripperActionControllerParameters",
-        "gripper_controllers",
-        "ParallelGripperActionController",
-    ),
-    "pid_controller/PidController": LazyType(
-        "PidControllerParameters", "pid_controller", "PidController", "pid_controller"
-    ),
-    "diff_drive_controller/DiffDriveController": LazyType(
-        "DiffDriveControllerParameters",
-        "bases.diff_drive_controller",
-        "DiffDriveController",
-        "bases.diff_drive_controller",
-    ),
-    "bicycle_steering_controller/BicycleSteeringController": LazyType(
-        "BicycleSteeringControllerParameters",
-        "bases.steering_controllers",
-        "SteeringController",
-        "bases.steering_controllers",
-    ),
-    "tricycle_steering_controller/TricycleSteeringController": LazyType(
-        "TricycleSteeringControllerParameters",
-        "bases.steering_controllers",
-        "SteeringController",
-        "bases.steering_controllers",
-    ),
-    "ackermann_steering_controller/AckermannSteeringController": LazyType(
-        "AckermannSteeringControllerParameters",
-        "bases.steering_controllers",
-        "SteeringController",
-        "bases.steering_controllers",
-    ),
-    "tricycle_controller/TricycleController": LazyType(
-        "TricycleControllerParameters",
-        "bases.tricycle_controller",
-        "TricycleController",
-        "bases.tricycle_controller",
-    ),
-    "mecanum_drive_controller/MecanumDriveController": LazyType(
-        "MecanumDriveControllerParameters",
-        "bases.mecanum_drive_controller",
-        "MecanumDriveController",
-        "bases.mecanum_drive_controller",
-    ),
-    "omni_wheel_drive_controller/OmniWheelDriveController": LazyType(
-        "OmniWheelDriveControllerParameters",
-        "bases.omni_wheel_drive_controller",
-        "OmniWheelDriveController",
-        "bases.omni_wheel_drive_controller",
-    ),
-    "admittance_controller/AdmittanceController": LazyType(
-        "AdmittanceControllerParameters",
-        "admittance_controller",
-        "AdmittanceController",
-        "admittance_controller",
-    ),
-    "gpio_controllers/GpioCommandController": LazyType(
-        "GpioCommandControllerParameters", "gpio_controllers", "GpioCommandController"
-    ),
-    "chained_filter_controller/ChainedFilter": LazyType(
-        "ChainedFilterParameters", "chained_filter_controller", "ChainedFilter"
-    ),
-    "imu_sensor_broadcaster/IMUSensorBroadcaster": LazyType(
-        "IMUSensorBroadcasterParameters",
-        "sensor_broadcasters",
-        "IMUSensorBroadcaster",
-    ),
-    "force_torque_sensor_broadcaster/ForceTorqueSensorBroadcaster": LazyType(
-        "ForceTorqueSensorBroadcasterParameters",
-        "force_torque_sensor_broadcaster",
-        "ForceTorqueSensorBroadcaster",
-    ),
-    "range_sensor_broadcaster/RangeSensorBroadcaster": LazyType(
-        "RangeSensorBroadcasterParameters",
-        "sensor_broadcasters",
-        "RangeSensorBroadcaster",
-    ),
-    "pose_broadcaster/PoseBroadcaster": LazyType(
-        "PoseBroadcasterParameters", "sensor_broadcasters", "PoseBroadcaster"
-    ),
-    "gps_sensor_broadcaster/GPSSensorBroadcaster": LazyType(
-        "GPSSensorBroadcasterParameters",
-        "sensor_broadcasters",
-        "GPSSensorBroadcaster",
-    ),
-    "magnetometer_broadcaster/MagnetometerBroadcaster": LazyType(
-        "MagnetometerBroadcasterParameters",
-        "sensor_broadcasters",
-        "MagnetometerBroadcaster",
-    ),
-    "battery_state_broadcaster/BatteryStateBroadcaster": LazyType(
-        "BatteryStateBroadcasterParameters",
-        "battery_state_broadcaster",
-        "BatteryStateBroadcaster",
-    ),
-    "state_interfaces_broadcaster/StateInterfacesBroadcaster": LazyType(
-        "StateInterfacesBroadcasterParameters",
-        "sensor_broadcasters",
-        "StateInterfacesBroadcaster",
-    ),
-    "vda5050_safety_state_broadcaster/Vda5050SafetyStateBroadcaster": LazyType(
-        "Vda5050SafetyStateBroadcasterParameters",
-        "sensor_broadcasters",
-        "Vda5050SafetyStateBroadcaster",
-    ),
-    # By other packages, and by older names.
-    "passthrough_controller/PassthroughController": LazyType(
-        "PassthroughControllerParameters",
-        "passthrough_controller",
-        "PassthroughController",
-    ),
-    "ur_controllers/ScaledJointTrajectoryController": LazyType(
-        "ScaledJointTrajectoryControllerParameters",
-        "joint_trajectory.parameters",
-        "JointTrajectoryController",
-        "joint_trajectory.controller",
-        runs_as=_JTC,
-    ),
-    "joint_state_controller/JointStateController": LazyType(
-        "JointStateBroadcasterParameters",
-        "joint_state_broadcaster",
-        "JointStateBroadcaster",
-        runs_as=_JSB,
-    ),
-}
-
-
 # Group of the entry points: a name is a ros2_control type, its object a ControllerType.
 ENTRY_POINTS = "arm_drake.controllers"
 
@@ -363,11 +272,7 @@ class InstalledType(NamedTuple):
     others: tuple[str, ...] = ()
 
     def load(self) -> object:
-        """Import what the package offers.
-
-        Raises:
-            InputError: If it can't be imported.
-        """
+        """Import what the package offers, or raise InputError."""
         try:
             loaded: object = self.entry_point.load()
         # Code of others, which can fail in every way; it must not take ours with it.
@@ -392,81 +297,3 @@ def installed_types() -> Mapping[str, InstalledType]:
             others = (*first.others, origin)
             found[entry_point.name] = first._replace(others=others)
     return found
-
-
-class Equivalent(NamedTuple):
-    """Which type of the registry another package's type is."""
-
-    runs_as: str
-
-    # What a trajectory controller commands by default, as those of ROS 1 say by their
-    # names; empty if that type's parameters are this one's.
-    commands: Literal["", "position", "velocity", "effort"] = ""
-
-
-@functools.cache
-def parameters_of(equivalent: Equivalent) -> type | None:
-    """Return the dataclass of a type's parameters, None if that of what it runs as.
-
-    Args:
-        equivalent: A row of `EQUIVALENTS`.
-    """
-    if not equivalent.commands:
-        return None
-    # Not at the top: few robots have one.
-    from arm_drake.controllers.joint_trajectory.parameters import (
-        CommandInterface,
-        JointTrajectoryControllerParameters,
-        StateInterface,
-    )
-
-    # They always read the same.
-    states: tuple[StateInterface, ...] = ("position", "velocity")
-    return dc.make_dataclass(
-        "JointTrajectoryControllerParametersOfRos1",
-        [
-            (
-                "command_interfaces",
-                tuple[CommandInterface, ...],
-                (equivalent.commands,),
-            ),
-            ("state_interfaces", tuple[StateInterface, ...], states),
-        ],
-        bases=(JointTrajectoryControllerParameters,),
-        frozen=True,
-    )
-
-
-_SCALED = "ur_controllers/ScaledJointTrajectoryController"
-_PARALLEL_GRIPPER = "parallel_gripper_action_controller/GripperActionController"
-
-EQUIVALENTS = {
-    # ROS 1: same parameters, action and splines; the topic is called `command` there.
-    # ros-controls/ros_controllers: joint_trajectory_controller/ros_control_plugins.xml.
-    "effort_controllers/JointTrajectoryController": Equivalent(_JTC, "effort"),
-    "position_controllers/JointTrajectoryController": Equivalent(_JTC, "position"),
-    "velocity_controllers/JointTrajectoryController": Equivalent(_JTC, "velocity"),
-    # ROS 1: these, slowed down as the robot says, which here is never.
-    # UniversalRobots/Universal_Robots_ROS_scaled_controllers:
-    # scaled_joint_trajectory_controller/src/scaled_joint_trajectory_controller.cpp.
-    "position_controllers/ScaledJointTrajectoryController": Equivalent(
-        _JTC, "position"
-    ),
-    "velocity_controllers/ScaledJointTrajectoryController": Equivalent(
-        _JTC, "velocity"
-    ),
-    # That of ur_controllers, parameter by parameter.
-    # Elite-Robots/Elite_Robots_CS_ROS2_Driver: eli_cs_controllers.
-    "eli_cs_controllers/ScaledJointTrajectoryController": Equivalent(_SCALED),
-    # A subclass without further parameters; a topic and the robot slow it down, from
-    # 100 %. FANUC-CORPORATION/fanuc_driver: fanuc_controllers.
-    "fanuc_controllers/ScaledJointTrajectoryController": Equivalent(_JTC),
-    # A copy, of the time before upstream's commanded efforts.
-    # frankaemika/franka_ros2: joint_effort_trajectory_controller/README.md.
-    "joint_effort_trajectory_controller/JointTrajectoryController": Equivalent(_JTC),
-    # What upstream's deprecated grippers call their successor in their warning.
-    # ros-controls/ros2_controllers: gripper_controllers (jazzy).
-    "parallel_gripper_controllers/GripperActionController": Equivalent(
-        _PARALLEL_GRIPPER
-    ),
-}

@@ -13,20 +13,18 @@ from arm_drake.controllers.registry import (
     STANDARD_TYPES,
     ControllerType,
     ControllerTypes,
-    LazyType,
     check_controller_type,
+    load_type,
 )
 
-BROADCASTER = LazyType(
-    "JointStateBroadcasterParameters",
-    "joint_state_broadcaster",
-    "JointStateBroadcaster",
+BROADCASTER = (
+    "joint_state_broadcaster:JointStateBroadcasterParameters:JointStateBroadcaster"
 )
 
 
 @pytest.mark.parametrize("name", STANDARD_TYPES)
 def test_all_of_ours_can_be_imported(name: str) -> None:
-    row = STANDARD_TYPES[name].load()
+    row = load_type(STANDARD_TYPES[name])
 
     assert check_controller_type(row, "") == row
     assert row.system is not None
@@ -42,7 +40,7 @@ def test_a_type_is_the_same_whenever_it_is_asked_for() -> None:
 
 
 def test_a_type_without_a_system_has_its_parameters() -> None:
-    row = BROADCASTER._replace(system="").load()
+    row = load_type(BROADCASTER.rpartition(":")[0])
 
     assert row == ControllerType(JointStateBroadcasterParameters)
 

@@ -8,12 +8,13 @@ import pytest
 import arm_drake as ad
 from arm_drake import cli
 from arm_drake.controllers import CONTROLLER_TYPES, find_controller_type
-from arm_drake.controllers.other_types import HARDWARE_ONLY, OTHERS
-from arm_drake.controllers.registry import EQUIVALENTS
+from arm_drake.controllers.other_types import load_other_types
 from tests import models
 
 JTC = "joint_trajectory_controller/JointTrajectoryController"
 JSB = "joint_state_broadcaster/JointStateBroadcaster"
+
+EQUIVALENTS, HARDWARE_ONLY, OTHERS = load_other_types()
 
 # Every name that is run as a trajectory controller, as C++ calls it too.
 TRAJECTORY_TYPES = [
@@ -211,6 +212,16 @@ def test_what_only_serves_hardware_is_no_defect(
     files = [str(tmp_path / name) for name in ("robot.urdf", "controllers.yaml")]
     assert cli.main(["check", files[0], "--controllers", files[1]]) == 0
     assert line.removeprefix("info: file:5: ") in capsys.readouterr().out
+
+
+def test_the_tables_are_read_for_an_unknown_type_alone(tmp_path: Path) -> None:
+    load_other_types.cache_clear()
+
+    load(tmp_path, JTC)
+    assert load_other_types.cache_info().currsize == 0
+
+    load(tmp_path, "my_package/MyController")
+    assert load_other_types.cache_info().currsize == 1
 
 
 def test_the_rest_of_the_robot_runs_without_it(tmp_path: Path) -> None:

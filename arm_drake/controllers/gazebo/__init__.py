@@ -1,6 +1,5 @@
-"""Gazebo's joint plugins: which system stands for which tag."""
+"""Gazebo's plugins and sensors that run here: the system that stands for each tag."""
 
-import importlib
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -8,40 +7,26 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
 )
+from arm_drake.controllers.registry import import_name
 from arm_drake.description import gazebo_plugins
 from arm_drake.description.gazebo_plugins import ContactSensorTag
 
-# Modules of this package, and the systems in them; imported when a robot has the tag.
-_SYSTEMS: Mapping[type, tuple[str, str]] = {
-    gazebo_plugins.JointPositionController: (
-        "gazebo.joint_controllers",
-        "JointPositionController",
-    ),
-    gazebo_plugins.JointController: (
-        "gazebo.joint_controllers",
-        "JointController",
-    ),
+# "module:System" by class of the tag, imported when a robot has one.
+_SYSTEMS: Mapping[type, str] = {
+    gazebo_plugins.JointPositionController: "joint_controllers:JointPositionController",
+    gazebo_plugins.JointController: "joint_controllers:JointController",
     gazebo_plugins.JointTrajectoryController: (
-        "gazebo.joint_trajectory",
-        "JointTrajectoryController",
+        "joint_trajectory:JointTrajectoryController"
     ),
-    gazebo_plugins.JointStatePublisher: (
-        "gazebo.joint_state_publisher",
-        "JointStatePublisher",
-    ),
-    ContactSensorTag: ("gazebo.contact_sensor", "ContactSensor"),
-    gazebo_plugins.DiffDrive: ("gazebo.diff_drive", "DiffDrive"),
-    gazebo_plugins.GazeboRosDiffDrive: (
-        "gazebo.diff_drive",
-        "GazeboRosDiffDrive",
-    ),
+    gazebo_plugins.JointStatePublisher: "joint_state_publisher:JointStatePublisher",
+    ContactSensorTag: "contact_sensor:ContactSensor",
+    gazebo_plugins.DiffDrive: "diff_drive:DiffDrive",
+    gazebo_plugins.GazeboRosDiffDrive: "diff_drive:GazeboRosDiffDrive",
     gazebo_plugins.GazeboRosJointPoseTrajectory: (
-        "gazebo.joint_trajectory",
-        "GazeboRosJointPoseTrajectory",
+        "joint_trajectory:GazeboRosJointPoseTrajectory"
     ),
     gazebo_plugins.GazeboRosJointStatePublisher: (
-        "gazebo.joint_state_publisher",
-        "GazeboRosJointStatePublisher",
+        "joint_state_publisher:GazeboRosJointStatePublisher"
     ),
 }
 
@@ -50,14 +35,9 @@ _OF_ALL = (gazebo_plugins.JointPositionController, gazebo_plugins.JointControlle
 
 
 def find_system(kind: type) -> Callable[..., ControllerInterface]:
-    """Return the class of the system that stands for tags.
-
-    Args:
-        kind: Class of the tags.
-    """
-    module, name = _SYSTEMS[kind]
-    found = importlib.import_module(f"arm_drake.controllers.{module}")
-    system: Callable[..., ControllerInterface] = getattr(found, name)
+    """Return the class of the system that stands for tags of a class."""
+    module, name = _SYSTEMS[kind].split(":")
+    system: Callable[..., ControllerInterface] = import_name(f"gazebo.{module}.{name}")
     return system
 
 
