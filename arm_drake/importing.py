@@ -1,4 +1,4 @@
-"""Imports without the search for garbage: what they make is much, and it stays."""
+"""Imports without the cyclic garbage collector."""
 
 import contextlib
 import gc
@@ -10,7 +10,9 @@ def without_collection() -> Iterator[None]:
     """Let Python look for no garbage meanwhile, nor at once afterwards.
 
     It would look through all that is new after every 700 objects, and twice more before
-    it takes it for old: a tenth of the time until a first simulation.
+    it takes it for old. `arm-drake sim doosan_a0912 --headless --duration 0.05` takes
+    0.9 s of processor time, and 0.09 s more with the collector on; if what is new were
+    not made old at the end, 0.07 s of these would come back. (`gc.callbacks` timed.)
     """
     was_on = gc.isenabled()
     gc.disable()

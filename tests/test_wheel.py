@@ -94,14 +94,15 @@ def list_dependencies(needed: Sequence[str]) -> dict[str, metadata.Distribution]
     return found
 
 
-def test_the_wheel_has_the_robots_and_nothing_of_the_tests(wheel: Path) -> None:
+def test_the_wheel_is_the_package_and_the_robots(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as file:
         names = set(file.namelist())
 
-    for folder in ("models", "configs"):
+    for folder in ("arm_drake", "models", "configs"):
         for path in (ROOT / folder).rglob("*"):
             if path.is_file() and "__pycache__" not in path.parts:
-                assert f"arm_drake/{path.relative_to(ROOT).as_posix()}" in names
+                name = path.relative_to(ROOT).as_posix().removeprefix("arm_drake/")
+                assert f"arm_drake/{name}" in names
     tops = {name.partition("/")[0] for name in names}
     assert {top.partition("-")[0] for top in tops} == {"arm_drake"}
 

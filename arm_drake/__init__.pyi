@@ -1,0 +1,66 @@
+"""The public names, for type checkers and for `__init__.py`, which imports them."""
+
+# One statement for each module.
+# ruff: isort: skip_file
+
+from arm_drake.batch import (
+    Outcome as Outcome,
+    Run as Run,
+    RunError as RunError,
+    RunResult as RunResult,
+    RunResults as RunResults,
+    RunsInterrupted as RunsInterrupted,
+    iterate_many as iterate_many,
+    run_many as run_many,
+)
+from arm_drake.controllers import (
+    ControllerType as ControllerType,
+    register_controller as register_controller,
+)
+from arm_drake.controllers.controller_interface import (
+    ControllerInterface as ControllerInterface,
+    ControllerInterfaceParams as ControllerInterfaceParams,
+    TickingController as TickingController,
+)
+from arm_drake.controllers.cycles import Now as Now
+from arm_drake.description.report import LoadReport as LoadReport
+from arm_drake.description.robot import Robot as Robot
+from arm_drake.diagram import build_diagram as build_diagram
+from arm_drake.errors import (
+    ArmDrakeError as ArmDrakeError,
+    ParameterError as ParameterError,
+)
+from arm_drake.loading import load_robot as load_robot
+from arm_drake.messages import (
+    Float64MultiArray as Float64MultiArray,
+    FollowJointTrajectoryGoal as FollowJointTrajectoryGoal,
+    GoalStatus as GoalStatus,
+    Header as Header,
+    JointState as JointState,
+    JointTolerance as JointTolerance,
+    JointTrajectory as JointTrajectory,
+    JointTrajectoryPoint as JointTrajectoryPoint,
+    MultiDOFCommand as MultiDOFCommand,
+    SpeedScalingFactor as SpeedScalingFactor,
+    SwitchController as SwitchController,
+)
+from arm_drake.notebook import (
+    PageHandle as PageHandle,
+    Recording as Recording,
+    animate as animate,
+    simulate as simulate,
+    view as view,
+)
+from arm_drake.options import SimulationOptions as SimulationOptions
+from arm_drake.rollout.rollout import Rollout as Rollout
+from arm_drake.simulation.clients import ControllerHandle as ControllerHandle
+from arm_drake.simulation.mailbox import GoalHandle as GoalHandle
+from arm_drake.simulation.motion import Motion as Motion
+from arm_drake.simulation.motion_files import load_motion as load_motion
+from arm_drake.simulation.simulation import Simulation as Simulation
+from arm_drake.visualization.meshcat import start_meshcat as start_meshcat
+from arm_drake.visualization.page import Page as Page
+from arm_drake.visualization.page.live_simulation import (
+    LiveSimulation as LiveSimulation,
+)
+from arm_drake.visualization.page.robot_viewer import RobotViewer as RobotViewer
