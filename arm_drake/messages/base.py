@@ -1,9 +1,8 @@
-"""Times, headers and the state of joints (`builtin_interfaces`, `std_msgs`, ...).
+"""Base of the messages, times, headers and the state of joints, and checks of fields.
 
-What the fields of messages must be, checked where a message is made.
-
-A controller reads messages in its ticks and relies on their types. All that goes into a
-simulation is checked, so that a slip is an error in the line that made it.
+These messages are of `builtin_interfaces`, `std_msgs` and `sensor_msgs`. A controller
+reads messages in its ticks and relies on their types. All that goes into a simulation
+is checked where it is made, so that a slip is an error in the line that made it.
 """
 
 import dataclasses as dc
@@ -238,7 +237,9 @@ class Time(Message):
             raise ValueError(
                 f"nanoseconds: expected an integer of 64 bits, got {nanoseconds!r}"
             )
-        # Past the checks, for this is done at every tick.
+        # Past the checks: it is done at every tick, and may be beyond ROS's range.
+        # It takes 0.4 us so, 0.7 us with object.__setattr__, 1.3 us with the checks; a
+        # tick of a joint_state_broadcaster with its `joint_states` takes 8 us.
         time = object.__new__(cls)
         fields = time.__dict__
         fields["sec"], fields["nanosec"] = divmod(nanoseconds, NANOSECONDS)
@@ -302,7 +303,7 @@ class Header(Message):
 
     @classmethod
     def from_nanoseconds(cls, stamp_ns: int, frame_id: str = "") -> Self:
-        """Return the header of a time [ns]; quick, for messages of every tick."""
+        """Return the header of a time [ns]; 0.9 us, where 1.6 us with the checks."""
         header = object.__new__(cls)
         fields = header.__dict__
         fields["stamp"], fields["frame_id"] = Time.from_nanoseconds(stamp_ns), frame_id
@@ -337,7 +338,10 @@ def make_lazy(kind: type[M], make: Callable[[], M]) -> M:
     """Return a message that is made when one of its fields is asked for, once.
 
     It is one of its kind in all respects: it equals the message that is made, and
-    `dataclasses.replace` and `pickle` make ordinary ones of it.
+    `dataclasses.replace` and `pickle` make ordinary ones of it. A subscriber evaluates
+    a topic at every tick and looks at few of its messages: a tick of a trajectory
+    controller of six joints whose outputs are read takes 60 us, and 100 us if all
+    messages are made (`python -m tests.benchmarks.ticks`, "looked at").
 
     Args:
         kind: Class of the message, a frozen dataclass.
