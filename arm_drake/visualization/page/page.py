@@ -1,14 +1,451 @@
-"""A page: Meshcat's scene with a panel, for the thread that made it."""
+"""A page: Meshcat's scene with a panel, and the web server behind it.
 
+The server runs in a thread of its own, so that a page answers while a simulation steps,
+and no browser makes the simulation wait. Meshcat listens to this machine alone; all
+that a browser sees of it comes through the server, on one port. A page belongs to the
+thread that made it.
+"""
+
+import asyncio
+import contextlib
+import errno
+import ipaddress
+import json
 import queue
+import socket
+import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
+from urllib.parse import quote, urlsplit
+
+from tornado.httpclient import AsyncHTTPClient, HTTPClientError, HTTPRequest
+from tornado.httpserver import HTTPServer
+from tornado.iostream import IOStream, StreamClosedError
+from tornado.tcpclient import TCPClient
+from tornado.web import Application, HTTPError, RequestHandler, StaticFileHandler
+from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from arm_drake.errors import InputError
 from arm_drake.visualization.page.scene import Event, Scene
-from arm_drake.visualization.page.server import PageServer
 from arm_drake.visualization.page.widgets import Section
+
+# A browser that takes nothing for so long is left; when it wakes up it connects again
+# and gets all that is there [s].
+PATIENCE = 10.0
+
+# Bytes at a time, and of one frame at most.
+_CHUNK = 1 << 16
+
+# A websocket's frames: the largest size that is said in its second byte, and the bit
+# of the first byte that says that it is about the connection.
+_SMALL_FRAME = 125
+_IS_CONTROL = 0x08
+
+Message = Mapping[str, Any]
+
+
+def is_own(name: str) -> bool:
+    """Return whether somebody may call this machine so: an address, or its own name.
+
+    A web site's name may lead here, too.
+
+    Args:
+        name: What stands in an address before the port.
+    """
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        names = {socket.gethostname(), socket.getfqdn()}
+        return name.lower() in {own.lower() for own in names}
+    return True
+
+
+def is_local(name: str) -> bool:
+    """Return whether a name or an address is that of this machine, for itself alone."""
+    if name == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(name).is_loopback
+    except ValueError:
+        return False
+
+
+class _OwnNames(RequestHandler):
+    """Answers only those who ask for this machine by its own name.
+
+    Else a web site could have its name lead here, and read and move the robot.
+    """
+
+    def prepare(self) -> None:
+        name = self.request.host_name.strip("[]")
+        known = self.settings["is_public"] and is_own(name)
+        if not (known or is_local(name)):
+            self.set_status(403)
+            self.finish("Ask for this machine by its address, or by its own name.")
+            return
+        self.set_header("Cache-Control", "no-store")
+
+
+class Files(_OwnNames, StaticFileHandler):
+    """The page's own files."""
+
+
+class Tunnel(_OwnNames):
+    """Hands on to Meshcat what is asked of it."""
+
+    def initialize(self, port: int, streams: set[IOStream]) -> None:
+        """Take where Meshcat listens, and where to keep streams that are open."""
+        self._port = port
+        self._streams = streams
+
+    async def get(self, path: str) -> None:
+        """Answer with Meshcat's file, or connect with it."""
+        if self.request.headers.get("Upgrade", "").lower() == "websocket":
+            await self._join_streams()
+            return
+        request = HTTPRequest(
+            f"http://localhost:{self._port}/{quote(path)}", decompress_response=False
+        )
+        try:
+            answer = await AsyncHTTPClient().fetch(request)
+        except HTTPClientError as error:
+            raise HTTPError(error.code) from None
+        except OSError:
+            raise HTTPError(502) from None
+        for name in ("Content-Type", "Content-Encoding"):
+            if name in answer.headers:
+                self.set_header(name, answer.headers[name])
+        self.write(answer.body)
+
+    async def _join_streams(self) -> None:
+        """Let the browser and Meshcat speak to each other, byte by byte."""
+        headers = self.request.headers
+        if urlsplit(headers.get("Origin", "")).netloc != self.request.host:
+            raise HTTPError(403)
+        try:
+            meshcat = await TCPClient().connect("localhost", self._port)
+        except OSError:
+            raise HTTPError(502) from None
+        lines = [f"GET / HTTP/1.1\r\nHost: localhost:{self._port}"]
+        lines += [
+            f"{name}: {value}"
+            for name, value in headers.get_all()
+            if name == "Upgrade" or name == "Connection" or name.startswith("Sec-")
+        ]
+        browser = self.detach()
+        streams = {meshcat, browser}
+        self._streams |= streams
+        try:
+            await meshcat.write("\r\n".join([*lines, "\r\n"]).encode("latin-1"))
+            await asyncio.gather(
+                _pump(meshcat, browser), self._hand_on(browser, meshcat)
+            )
+        except StreamClosedError:
+            pass
+        finally:
+            self._streams -= streams
+            for stream in streams:
+                stream.close()
+
+    async def _hand_on(self, browser: IOStream, meshcat: IOStream) -> None:
+        """Hand on what a browser says; on a public page, only that it is still there.
+
+        A message that makes no sense ends Drake's Meshcat.
+        """
+        if not self.settings["is_public"]:
+            await _pump(browser, meshcat)
+        while True:
+            # The frames of RFC 6455, section 5.2.
+            head = await browser.read_bytes(2)
+            size, extra = head[1] & 0x7F, b""
+            if size > _SMALL_FRAME:
+                extra = await browser.read_bytes(2 if size == _SMALL_FRAME + 1 else 8)
+                size = int.from_bytes(extra)
+            if size > _CHUNK:
+                raise StreamClosedError
+            rest = await browser.read_bytes(size + (4 if head[1] & 0x80 else 0))
+            if head[0] & _IS_CONTROL:
+                await meshcat.write(head + extra + rest)
+
+
+class PanelSocket(_OwnNames, WebSocketHandler):
+    """A browser's panel."""
+
+    def initialize(
+        self,
+        clients: set["PanelSocket"],
+        messages: dict[str, Message],
+        on_event: Callable[[str, Any], None],
+    ) -> None:
+        """Take who is connected, what they know, and who listens to them."""
+        self._clients = clients
+        self._messages = messages
+        self._on_event = on_event
+        self._waiting: dict[str, Message] = {}
+        self._is_sending = False
+
+    def open(self, *args: str, **kwargs: str) -> None:
+        """Tell all that there is."""
+        self._clients.add(self)
+        for message in self._messages.values():
+            self.send(message)
+
+    def on_close(self) -> None:
+        """Forget it."""
+        self._clients.discard(self)
+
+    def on_message(self, message: str | bytes) -> None:
+        """Take an event; what is none is ignored."""
+        try:
+            said = json.loads(message)
+            name, value = said["id"], said.get("value")
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            return
+        if isinstance(name, str):
+            self._on_event(name, value)
+
+    def send(self, message: Message) -> None:
+        """Send a message when the browser has taken those before it."""
+        if message["type"] == "panel":
+            self._waiting.pop("patch", None)
+        join(self._waiting, message)
+        if not self._is_sending:
+            self._is_sending = True
+            asyncio.get_running_loop().create_task(self._send_all())
+
+    async def _send_all(self) -> None:
+        try:
+            while self._waiting:
+                text = json.dumps(self._waiting.pop(next(iter(self._waiting))))
+                sent = asyncio.ensure_future(self.write_message(text))
+                # Given up, it fails when the connection ends, and nobody asks for it.
+                sent.add_done_callback(
+                    lambda done: done.cancelled() or done.exception()
+                )
+                await asyncio.wait_for(asyncio.shield(sent), PATIENCE)
+        except WebSocketClosedError:
+            pass
+        except TimeoutError:
+            self.close()
+        finally:
+            self._is_sending = False
+
+
+def join(messages: dict[str, Message], message: Message) -> None:
+    """Add a message to those that count."""
+    kind = message["type"]
+    if kind != "patch":
+        messages[kind] = message
+        return
+    changes = dict(messages.get(kind, {}).get("changes", {}))
+    for name, change in message["changes"].items():
+        changes[name] = {**changes.get(name, {}), **change}
+    messages[kind] = {"type": kind, "changes": changes}
+
+
+async def _pump(source: IOStream, sink: IOStream) -> None:
+    """Hand on all that comes; raise StreamClosedError when one is closed."""
+    while True:
+        chunk = await source.read_bytes(_CHUNK, partial=True)
+        try:
+            await asyncio.wait_for(asyncio.shield(sink.write(chunk)), PATIENCE)
+        except TimeoutError:
+            raise StreamClosedError from None
+
+
+_STATIC = Path(__file__).parent / "static"
+
+# Ports that a page may have, and the first that is tried, and how many after it.
+_PORTS = range(1024, 65536)
+_FIRST_PORT = 7000
+_TRIED_PORTS = 100
+
+# Names of all addresses of this machine.
+_ANYWHERE = ("*", "0.0.0.0", "::")  # noqa: S104
+
+# A sentence of a browser is short.
+_LONGEST_MESSAGE = 1 << 16
+
+
+class PageServer:
+    """Serves a page until it is closed."""
+
+    def __init__(
+        self,
+        *,
+        host: str,
+        port: int | None,
+        meshcat_port: int,
+        on_event: Callable[[str, Any], None],
+    ) -> None:
+        """Start to serve.
+
+        Args:
+            host: Address to listen on: "localhost", "*" for all, or one of this
+                machine's.
+            port: Port to listen on; if it is taken, the first free one after it. By
+                default the first free one from 7000 on.
+            meshcat_port: Where Meshcat listens on this machine.
+            on_event: Called with the name of a widget and its new value, in the
+                server's thread.
+
+        Raises:
+            InputError: If it can't listen there.
+        """
+        self.is_public = not is_local(host)
+        self._sockets = _listen(host, port)
+        self.port = int(self._sockets[0].getsockname()[1])
+        self.has_moved = port is not None and port != self.port
+        name = host if host not in _ANYWHERE else socket.gethostname()
+        self.url = f"http://{f'[{name}]' if ':' in name else name}:{self.port}/"
+        self._clients: set[PanelSocket] = set()
+        self._streams: set[IOStream] = set()
+        self._messages: dict[str, Message] = {}
+        self._application = self._make_application(meshcat_port, on_event)
+        self._loop = asyncio.new_event_loop()
+        self._is_up, self._is_closing = threading.Event(), asyncio.Event()
+        self._thread = threading.Thread(
+            target=self._serve, name="arm_drake page", daemon=True
+        )
+        self._thread.start()
+        self._is_up.wait()
+
+    @property
+    def num_clients(self) -> int:
+        """How many browsers are connected."""
+        return len(self._clients)
+
+    def send(self, message: Message) -> None:
+        """Send a message to all browsers, and to those that come later.
+
+        Of messages of the same `type` the last one counts; but those of type "patch"
+        have changes by widget, and are joined.
+        """
+        with contextlib.suppress(RuntimeError):  # It is closed.
+            self._loop.call_soon_threadsafe(self._send, message)
+
+    def close(self) -> None:
+        """End all connections, and the thread."""
+        if not self._thread.is_alive():
+            return
+        self._loop.call_soon_threadsafe(self._is_closing.set)
+        self._thread.join()
+
+    def _make_application(
+        self, meshcat_port: int, on_event: Callable[[str, Any], None]
+    ) -> Application:
+        meshcat = {"port": meshcat_port, "streams": self._streams}
+        panel = {
+            "clients": self._clients,
+            "messages": self._messages,
+            "on_event": on_event,
+        }
+        files = {"path": str(_STATIC), "default_filename": "index.html"}
+        return Application(
+            [
+                (r"/meshcat/(.*)", Tunnel, meshcat),
+                (r"/panel", PanelSocket, panel),
+                (r"/(.*)", Files, files),
+            ],
+            log_function=lambda handler: None,
+            websocket_max_message_size=_LONGEST_MESSAGE,
+            websocket_ping_interval=PATIENCE,
+            is_public=self.is_public,
+        )
+
+    def _serve(self) -> None:
+        asyncio.set_event_loop(self._loop)
+        try:
+            self._loop.run_until_complete(self._run())
+        finally:
+            self._loop.close()
+
+    async def _run(self) -> None:
+        server = HTTPServer(self._application)
+        server.add_sockets(self._sockets)
+        self._is_up.set()
+        await self._is_closing.wait()
+        server.stop()
+        for stream in list(self._streams):
+            stream.close()
+        for client in list(self._clients):
+            client.close()
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(server.close_all_connections(), 0.2)
+        tasks = asyncio.all_tasks() - {asyncio.current_task()}
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    def _send(self, message: Message) -> None:
+        if message["type"] == "panel":
+            self._messages.pop("patch", None)
+        join(self._messages, message)
+        for client in self._clients:
+            client.send(message)
+
+
+def _listen(host: str, port: int | None) -> list[socket.socket]:
+    """Return sockets on the first free port."""
+    if port is not None and port not in _PORTS:
+        raise InputError(f"port {port}: expected {_PORTS[0]} to {_PORTS[-1]}")
+    first = _FIRST_PORT if port is None else port
+    for tried in range(first, min(first + _TRIED_PORTS, _PORTS.stop)):
+        try:
+            return _bind(host, tried)
+        except OSError as error:
+            if error.errno == errno.EADDRINUSE:
+                continue
+            if error.errno == errno.EACCES:
+                raise InputError(f"port {tried}: not allowed") from None
+            break
+        except ValueError:
+            break
+    else:
+        raise InputError(f"no port from {first} to {tried} is free")
+    raise InputError(
+        f"host {host!r}: expected localhost, * (all addresses) or an address of this "
+        "machine"
+    )
+
+
+def _bind(host: str, port: int) -> list[socket.socket]:
+    """Return sockets on a port.
+
+    Raises:
+        OSError: If that can't be.
+        ValueError: If the host is no address.
+    """
+    if host == "localhost":
+        addresses = ["127.0.0.1", "::1"]
+    elif host in _ANYWHERE:
+        if socket.has_dualstack_ipv6():
+            server = socket.create_server(
+                ("::", port), family=socket.AF_INET6, dualstack_ipv6=True
+            )
+            server.setblocking(False)
+            return [server]
+        addresses = ["0.0.0.0"]  # noqa: S104  so it was asked for.
+    else:
+        addresses = [str(ipaddress.ip_address(host))]
+    with contextlib.ExitStack() as stack:
+        sockets: list[socket.socket] = []
+        for address in addresses:
+            family = socket.AF_INET6 if ":" in address else socket.AF_INET
+            try:
+                made = socket.create_server((address, port), family=family)
+            except OSError as error:
+                # Many machines have no IPv6.
+                if sockets and error.errno != errno.EADDRINUSE:
+                    continue
+                raise
+            made.setblocking(False)
+            sockets.append(stack.enter_context(made))
+        stack.pop_all()
+        return sockets
+
 
 # Meshcat ends its connections within milliseconds [s].
 _LONGEST_GOODBYE = 1.0

@@ -15,8 +15,8 @@ import pytest
 from pydrake.geometry import Box, Rgba
 
 from arm_drake.errors import InputError
-from arm_drake.visualization.page import Event, Page, server
-from arm_drake.visualization.page import server as handlers
+from arm_drake.visualization.page import Event, Page
+from arm_drake.visualization.page import page as module
 from tests.test_memory import resident_memory
 from tests.visualization.page.clients import (
     BINARY,
@@ -206,7 +206,7 @@ def test_a_place_that_cannot_be_is_said(options: dict[str, Any], message: str) -
 
 
 def test_that_no_port_is_free_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(server, "_TRIED_PORTS", 2)
+    monkeypatch.setattr(module, "_TRIED_PORTS", 2)
     first = free_ports(2)
 
     with (
@@ -396,7 +396,7 @@ def test_a_panel_that_is_not_read_is_dropped_and_the_others_go_on(
     page: Page, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     # Less than this the other one must take to read, on a busy machine, too.
-    monkeypatch.setattr(handlers, "PATIENCE", 3.0)
+    monkeypatch.setattr(module, "PATIENCE", 3.0)
     count, size = 300, MIB
 
     with Panel(page.port, buffer=4096), Panel(page.port) as other:
@@ -419,7 +419,7 @@ def test_a_panel_that_is_not_read_is_dropped_and_the_others_go_on(
 def test_a_panel_that_does_not_answer_pings_is_dropped(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(server, "PATIENCE", 0.3)
+    monkeypatch.setattr(module, "PATIENCE", 0.3)
 
     with Page() as page:
         page.set_panel("robot", [])
@@ -432,7 +432,7 @@ def test_a_panel_that_does_not_answer_pings_is_dropped(
 def test_a_scene_that_is_not_read_is_dropped_and_the_others_go_on(
     page: Page, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(handlers, "PATIENCE", 3.0)
+    monkeypatch.setattr(module, "PATIENCE", 3.0)
     meshcat, rng = page.meshcat, np.random.default_rng(1)
     line = np.asfortranarray(rng.random((3, 200_000)))  # 2.4 MB on the wire.
 
