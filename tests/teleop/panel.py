@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 
 import arm_drake as ad
-from arm_drake.visualization.page.remotes import find_remotes
-from arm_drake.visualization.page.widgets import Button, Buttons, Remote, Slider
+from arm_drake.visualization.page.widgets import Button, Buttons, Slider
+from arm_drake.visualization.teleop.remote import Remote
+from arm_drake.visualization.teleop.remotes import find_remotes
 from tests.robots import read_index, robots_folder
 
 # How often a remote is called [s], as the viewer does.

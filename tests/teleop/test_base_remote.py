@@ -9,8 +9,8 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 import arm_drake as ad
 from arm_drake.errors import InputError
-from arm_drake.visualization.page.remotes import BaseRemote, find_remotes
 from arm_drake.visualization.page.widgets import Slider
+from arm_drake.visualization.teleop.remotes import BaseRemote, find_remotes
 from tests import carts
 from tests.rollouts.test_sideways_bases import BASES as SIDEWAYS
 from tests.rollouts.test_sideways_bases import Base

@@ -8,14 +8,14 @@ import pytest
 
 import arm_drake as ad
 from arm_drake.errors import InputError
-from arm_drake.visualization.page.remotes import (
+from arm_drake.visualization.page.widgets import Slider
+from arm_drake.visualization.teleop.remotes import (
     AdmittanceRemote,
     CommandRemote,
     ForwardRemote,
     GpioRemote,
     TopicRemote,
 )
-from arm_drake.visualization.page.widgets import Slider
 from tests import models
 from tests.carts import plugin
 from tests.teleop import panel

@@ -8,8 +8,8 @@ import pytest
 from arm_drake.errors import InputError
 from arm_drake.messages import GoalStatus
 from arm_drake.plant.joint_ranges import find_gripper_ranges
-from arm_drake.visualization.page.remotes import GripperRemote
 from arm_drake.visualization.page.widgets import Slider
+from arm_drake.visualization.teleop.remotes import GripperRemote
 from tests import models
 from tests.teleop import panel
 

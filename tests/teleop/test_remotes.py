@@ -9,13 +9,14 @@ import pytest
 import arm_drake as ad
 from arm_drake.errors import InputError
 from arm_drake.messages import Duration, JointTrajectory, JointTrajectoryPoint
-from arm_drake.visualization.page.remotes import (
+from arm_drake.visualization.page.widgets import Slider
+from arm_drake.visualization.teleop.remote import Remote
+from arm_drake.visualization.teleop.remotes import (
     BaseRemote,
     ForwardRemote,
     TrajectoryRemote,
     find_remotes,
 )
-from arm_drake.visualization.page.widgets import Remote, Slider
 from tests import models
 from tests.robots import robot_names
 from tests.teleop import panel

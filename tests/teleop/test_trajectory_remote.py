@@ -10,8 +10,8 @@ import pytest
 import arm_drake as ad
 from arm_drake.errors import InputError
 from arm_drake.messages import JointTrajectory
-from arm_drake.visualization.page.remotes import TrajectoryRemote
 from arm_drake.visualization.page.widgets import Slider
+from arm_drake.visualization.teleop.remotes import TrajectoryRemote
 from tests import models
 from tests.carts import plugin
 from tests.teleop import panel

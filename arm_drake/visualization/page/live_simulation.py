@@ -27,8 +27,8 @@ from arm_drake.visualization.page import (
 )
 from arm_drake.visualization.page.live_views import LiveViews
 from arm_drake.visualization.page.panel import make_report
-from arm_drake.visualization.page.remotes import find_remotes
-from arm_drake.visualization.page.widgets import Remote
+from arm_drake.visualization.teleop.remote import Remote
+from arm_drake.visualization.teleop.remotes import find_remotes
 
 # What was missed of real time for longer than this is given up [s].
 _LONGEST_LAG = 0.1

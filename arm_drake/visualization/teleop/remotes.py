@@ -1,11 +1,10 @@
-"""What a person sends to controllers: sliders and buttons, and the same as methods.
+"""Remotes of all kinds of controllers: sliders and buttons, and the same as methods.
 
-Sliders for the joints of a controller that follows trajectories.
-
-The model is rqt_joint_trajectory_controller (ros2_controllers, master): each goal is a
-trajectory of one point with all joints, whose time lets the slowest joint move at its
-largest speed times a factor, at first 50 %. There no goal takes less than 0.5 s over
-the factor; here a short way may be quicker, so that the robot follows the slider.
+The model of the one for trajectories is rqt_joint_trajectory_controller
+(ros2_controllers, master): each goal is a trajectory of one point with all joints,
+whose time lets the slowest joint move at its largest speed times a factor, at first
+50 %. There no goal takes less than 0.5 s over the factor; here a short way may be
+quicker, so that the robot follows the slider.
 """
 
 import dataclasses as dc
@@ -37,13 +36,11 @@ from arm_drake.messages import (
 )
 from arm_drake.messages.control import InterfaceValue
 from arm_drake.simulation.topics import COMMANDS, TOPIC, ControllerTopics
-from arm_drake.visualization.page.widgets import (
+from arm_drake.visualization.page.widgets import Button, Buttons, Slider
+from arm_drake.visualization.teleop.remote import (
     Axis,
-    Button,
-    Buttons,
     GrippingRemote,
     Remote,
-    Slider,
     find_axis,
     find_plugins,
     shown,
@@ -681,20 +678,6 @@ class TrajectoryRemote(GrippingRemote):
             self._percent = value
         else:
             self.go_to({part.removeprefix("goal:"): value})
-
-
-__all__ = [
-    "AdmittanceRemote",
-    "BaseRemote",
-    "CommandRemote",
-    "ForwardRemote",
-    "GpioRemote",
-    "GripperRemote",
-    "Remote",
-    "TopicRemote",
-    "TrajectoryRemote",
-    "find_remotes",
-]
 
 
 def find_remotes(simulation: "Simulation") -> list[Remote]:

@@ -1,0 +1,1 @@
+"""Controllers commanded by hand: what a page's sliders and buttons send."""

@@ -1,0 +1,371 @@
+"""The base class of remotes: widgets that command one controller, and their ranges."""
+
+import dataclasses as dc
+import math
+from abc import ABC, abstractmethod
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+from arm_drake import interfaces
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.cycles import Cycle
+from arm_drake.description.robot import Robot
+from arm_drake.description.ros2_control import InterfaceInfo
+from arm_drake.errors import InputError, suggest
+from arm_drake.interfaces import ACCELERATION, EFFORT, POSITION, VELOCITY
+from arm_drake.manager import ControllerManager
+from arm_drake.plant.joint_ranges import joint_ranges
+from arm_drake.visualization.page.widgets import Button, Buttons, Slider, Widget
+
+if TYPE_CHECKING:
+    from arm_drake.simulation.simulation import Simulation
+
+# Measured values are shown in such steps, in their unit: they never stand quite still.
+_DIGITS = 4
+
+
+class Remote(ABC):
+    """Commands one controller by widgets; what they do are methods too.
+
+    It sends nothing before somebody uses it. What was sent is forgotten when the
+    controller is deactivated, as the controller forgets it.
+    """
+
+    def __init__(self, simulation: "Simulation", controller: str) -> None:
+        """Create it; `find_remotes` does that.
+
+        Args:
+            simulation: Where the controller runs.
+            controller: Its name; `<robot>/<name>` where there are several robots.
+        """
+        self._manager, loaded, self._system = simulation.directory.find(controller)
+        self.controller = controller
+        self.title = controller
+        self._simulation = simulation
+        self._handle = simulation.controller(controller)
+        self._name = loaded.name
+        self._activation: int | None = None
+        # Made once by the classes below.
+        self._layout: tuple[Widget, ...] = ()
+        # Fields of the widgets as they were told last.
+        self._told: dict[str, dict[str, Any]] = {}
+
+    @abstractmethod
+    def _values(self) -> Mapping[str, float]:
+        """Return what the sliders show, by their parts of the ids."""
+
+    @abstractmethod
+    def _act(self, part: str, value: float | None) -> None:
+        """Do what a widget of an active controller stands for.
+
+        Args:
+            part: Its part of the id.
+            value: Value of a slider; None of a button.
+        """
+
+    @abstractmethod
+    def _forget(self) -> None:
+        """Forget what was sent."""
+
+    @property
+    def is_active(self) -> bool:
+        """Whether the controller runs and takes commands of its topics."""
+        cycle = self._cycle()
+        return self._name in cycle.active and self._name not in cycle.chained
+
+    def widgets(self) -> tuple[Widget, ...]:
+        """Return the widgets as they are now; ids start with `remote:<controller>:`."""
+        self._renew()
+        self._told = self._fields()
+        return tuple(_with_fields(widget, self._told) for widget in self._layout)
+
+    def changes(self) -> dict[str, dict[str, Any]]:
+        """Return new values of fields of the widgets since the last time, by id."""
+        self._renew()
+        fields = self._fields()
+        news = {
+            name: {key: v for key, v in new.items() if self._told[name].get(key) != v}
+            if name in self._told
+            else new
+            for name, new in fields.items()
+        }
+        self._told = fields
+        return {name: new for name, new in news.items() if new}
+
+    def handle(self, event_id: str, value: Any = None) -> None:
+        """Do what somebody did in the browser.
+
+        Args:
+            event_id: Id of the widget.
+            value: Value of a slider, which is kept within its range; None of a button.
+
+        Raises:
+            InputError: If the controller isn't active, or there is no such widget or
+                value.
+        """
+        # The browser shows another value than it was told.
+        self._told.get(event_id, {}).pop("value", None)
+        known = {widget.id: widget for widget in self._leaves()}
+        if event_id not in known:
+            raise self._error(f"no widget {event_id!r}; {suggest(event_id, known)}")
+        widget = known[event_id]
+        if isinstance(widget, Slider):
+            number = self._number(value, widget.label)
+            value = min(max(number, widget.lower), widget.upper)
+        else:
+            value = None
+        self._prepare()
+        self._act(event_id.removeprefix(self._id("")), value)
+
+    def tick(self, time: float) -> None:
+        """Send what must be repeated; to be called ten times a second of its time.
+
+        Args:
+            time: Simulated time [s].
+        """
+        del time
+        self._renew()
+
+    def reset(self) -> None:
+        """Forget what was sent: the simulation starts anew."""
+        self._forget()
+
+    def _prepare(self) -> None:
+        """Raise InputError if the controller takes nothing now."""
+        self._renew()
+        cycle = self._cycle()
+        if self._name not in cycle.active:
+            raise self._error("it isn't active; activate it first")
+        if self._name in cycle.chained:
+            raise self._error("another controller commands it, so it takes no topic")
+
+    def _renew(self) -> None:
+        """Forget what was sent in an activation that has ended."""
+        activation = self._cycle().active.get(self._name)
+        if activation != self._activation:
+            self._activation = activation
+            self._forget()
+
+    def _cycle(self) -> Cycle:
+        root = self._simulation.simulator.get_context()
+        context = self._manager.GetMyContextFromRoot(root)
+        cycle: Cycle = self._manager.GetOutputPort("cycle").Eval(context)
+        return cycle
+
+    def _measured(self) -> defaultdict[str, float]:
+        """Return positions of joints [rad] or [m]; 0 for those that aren't there.
+
+        A controller that names such a joint is loaded, and can't be activated.
+        """
+        state = self._simulation.joint_states(self._manager.robot.name)
+        return defaultdict(float, zip(state.name, state.position, strict=True))
+
+    def _publish(self, port: str, data: Any) -> None:
+        """Publish on a topic that is a port of the controller."""
+        own = port if port.startswith("/") else f"/{self._name}/{port}"
+        self._simulation.topic(f"/{self._manager.prefix}{own[1:]}").publish(data)
+
+    def _id(self, part: str) -> str:
+        return f"remote:{self.controller}:{part}"
+
+    def _fields(self) -> dict[str, dict[str, Any]]:
+        """Return the fields that change of every widget."""
+        values, is_enabled = self._values(), self.is_active
+        start = self._id("")
+        fields: dict[str, dict[str, Any]] = {}
+        for widget in self._leaves():
+            fields[widget.id] = {"is_enabled": is_enabled}
+            part = widget.id.removeprefix(start)
+            if part in values:
+                fields[widget.id]["value"] = values[part]
+        return fields
+
+    def _leaves(self) -> Iterator[Slider | Button]:
+        for widget in self._layout:
+            if isinstance(widget, Buttons):
+                yield from widget.buttons
+            elif isinstance(widget, Slider | Button):
+                yield widget
+
+    def _number(self, value: Any, what: str) -> float:
+        try:
+            if not isinstance(value, bool) and math.isfinite(value):
+                return float(value)
+        except (TypeError, OverflowError):
+            pass
+        raise self._error(f"{what}: expected a finite number, got {value!r}")
+
+    def _error(self, problem: str) -> InputError:
+        return InputError(f"controller {self.controller!r}: {problem}")
+
+
+class GrippingRemote(Remote):
+    """A remote of joints, among which there may be a gripper's."""
+
+    # Where the gripper is open and where closed, by what moves it.
+    _grips: Mapping[str, tuple[float, float]]
+
+    @abstractmethod
+    def _move_grips(self, positions: Mapping[str, float]) -> None:
+        """Send positions of the gripper, by what moves it."""
+
+    def open(self) -> None:
+        """Open the gripper that is among the joints.
+
+        Raises:
+            InputError: If there is none, or the controller takes nothing now.
+        """
+        self._grip(0)
+
+    def close(self) -> None:
+        """Close the gripper that is among the joints; raises as `open`."""
+        self._grip(1)
+
+    def _grip(self, end: int) -> None:
+        if not self._grips:
+            raise self._error("none of its joints is known to be a gripper's")
+        self._move_grips({name: ends[end] for name, ends in self._grips.items()})
+
+
+def find_plugins(manager: ControllerManager, name: str) -> tuple[Any, ...]:
+    """Return the tags of Gazebo's plugins that a controller stands for.
+
+    Args:
+        manager: Its manager.
+        name: Its name there.
+    """
+    for controller in manager.robot.controllers.controllers:
+        if controller.name == name:
+            return controller.plugins
+    return ()
+
+
+def shown(measured: float) -> float:
+    """Return a measured value as sliders show it."""
+    return round(measured, _DIGITS) + 0.0
+
+
+def _with_fields(widget: Widget, fields: Mapping[str, dict[str, Any]]) -> Widget:
+    if isinstance(widget, Buttons):
+        buttons = (dc.replace(b, **fields.get(b.id, {})) for b in widget.buttons)
+        return Buttons(tuple(buttons))
+    return dc.replace(widget, **fields.get(widget.id, {}))
+
+
+# Largest speed of a joint without a limit [rad/s] and [m/s].
+_TURN, _SLIDE = 1.0, 0.1
+
+# Ends of the range of any other number without limits, in its unit.
+_END = 1.0
+
+# Limits further away stand for none, such as 1e16: a slider is no use.
+_FAR = 1e4
+
+
+@dc.dataclass(frozen=True)
+class Axis:
+    """A number that a controller is told about a joint, or about something else."""
+
+    # Such as "joint1/position".
+    name: str
+
+    # Such as "joint1" and "position".
+    joint: str
+    interface: str
+
+    # Where it can be put by a slider, and in which unit.
+    lower: float
+    upper: float
+    unit: str
+
+    # Whether it is the position of a joint that turns without end.
+    wraps: bool = False
+
+    # The joint's largest speed, or what stands for it [rad/s] or [m/s].
+    speed: float = _TURN
+
+    def show(self, value: float) -> float:
+        """Return a value as a slider shows it."""
+        return math.remainder(value, 2.0 * math.pi) if self.wraps else value
+
+    def nearest(self, value: float, present: float) -> float:
+        """Return what is the same as a value, and nearest to the present one.
+
+        Args:
+            value: What is wanted.
+            present: What is the case.
+        """
+        if not self.wraps:
+            return value
+        return present + math.remainder(value - present, 2.0 * math.pi)
+
+
+def find_axis(robot: Robot, params: ControllerInterfaceParams, name: str) -> Axis:
+    """Return what is to be known of a command interface.
+
+    Its range is that of the joint, within the limits that the hardware's description
+    gives the interface. A joint without a velocity limit is taken to reach 1 rad/s or
+    0.1 m/s; other limits that are missing are -1 and 1.
+
+    Args:
+        robot: The robot.
+        params: What the controller knows of it.
+        name: The interface; one of another controller stands for the joint that its
+            name tells.
+    """
+    owner, _, interface = name.rpartition("/")
+    joint = owner if owner in params.joint_types else owner.rpartition("/")[2]
+    kind = params.joint_types.get(joint)
+    limits = _find_interface(robot, f"{joint}/{interface}")
+    if kind is None or interface not in interfaces.MOTIONS:
+        ends = _narrow(-math.inf, math.inf, limits)
+        lower, upper = ends if all(map(math.isfinite, ends)) else (-_END, _END)
+        return Axis(name, joint, interface, lower, upper, "")
+    is_slide = kind == "prismatic"
+    speed = _known(params.velocity_limits.get(joint), _SLIDE if is_slide else _TURN)
+    wraps = False
+    if interface == POSITION:
+        own = next(r for r in joint_ranges(robot.description) if r.name == joint)
+        lower, upper, wraps = own.lower, own.upper, own.wraps
+    else:
+        largest = {
+            VELOCITY: speed,
+            ACCELERATION: _END,
+            EFFORT: _known(params.effort_limits.get(joint), _END),
+        }
+        lower, upper = -largest[interface], largest[interface]
+    inner = _narrow(lower, upper, limits)
+    wraps = wraps and inner == (lower, upper)
+    unit = ("m/s²" if is_slide else "rad/s²") if interface == ACCELERATION else ""
+    unit = unit or interfaces.unit(interface, kind)
+    return Axis(name, joint, interface, *inner, unit, wraps, speed)
+
+
+def _known(limit: float | None, otherwise: float) -> float:
+    """Return a limit if it is one."""
+    return limit if limit is not None and limit <= _FAR else otherwise
+
+
+def _find_interface(robot: Robot, name: str) -> InterfaceInfo | None:
+    """Return a command interface of the hardware, if its limits hold."""
+    for block in robot.description.hardware:
+        for component in (*block.joints, *block.gpios):
+            for interface in component.command_interfaces:
+                if f"{component.name}/{interface.name}" == name:
+                    holds = component.enable_limits and interface.enable_limits
+                    return interface if holds else None
+    return None
+
+
+def _narrow(
+    lower: float, upper: float, limits: InterfaceInfo | None
+) -> tuple[float, float]:
+    """Return a range within limits, unless they have nothing in common."""
+    if limits is None:
+        return lower, upper
+    inner_lower = lower if limits.min is None else max(lower, limits.min)
+    inner_upper = upper if limits.max is None else min(upper, limits.max)
+    if not inner_lower <= inner_upper:
+        return lower, upper
+    return inner_lower, inner_upper
