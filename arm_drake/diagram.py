@@ -1,4 +1,8 @@
-"""build_diagram: robots to one Drake Diagram. The table of contents of the program."""
+"""build_diagram: robots to one Drake Diagram, stage by stage.
+
+Each stage is a call, and this module is the one that knows them all: controllers, the
+plant with the world and the robots in it, hardware, what is seen and what is reported.
+"""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -7,7 +11,7 @@ from typing import NamedTuple
 from pydrake.geometry import Meshcat, SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 
 from arm_drake.control.drive_commands import DriveCommands
 from arm_drake.control.generic_system import GenericSystem
@@ -27,13 +31,18 @@ from arm_drake.hardware.drives import (
     may_let_go,
 )
 from arm_drake.hardware.hardware import (
+    Hardware,
     add_hardware,
     add_sensors,
     connect_forces,
     report_blind,
 )
 from arm_drake.hardware.mobile_bases import RobotBases
-from arm_drake.hardware.mock_hardware import add_mock_hardware
+from arm_drake.hardware.mock_hardware import (
+    add_mock_hardware,
+    make_blocks,
+    report_blocks,
+)
 from arm_drake.hardware.presets import (
     find_obstacles,
     find_world_obstacles,
@@ -70,8 +79,30 @@ from arm_drake.worlds.sdf_world import LoadedWorld, show_backdrop
 from arm_drake.worlds.world import World, load_world
 
 
+class Setting(NamedTuple):
+    """What is simulated together, and in which steps."""
+
+    robots: Sequence[Robot]
+    world: LoadedWorld
+
+    # As they were given, and with the world's gravity if none was.
+    given: SimulationOptions
+    options: SimulationOptions
+
+    # Step of the plant, and periods of the robots' controller managers [s].
+    step: float
+    periods: Sequence[float]
+
+    @property
+    def is_kinematic(self) -> bool:
+        """Whether joints are where they should be, without physics."""
+        return self.options.preset == "kinematic"
+
+
 class RobotParts(NamedTuple):
-    """A robot's controllers, which are in no builder yet."""
+    """A robot's controllers, which are in no builder yet, and what will add them."""
+
+    system: RobotSystems
 
     # What the robot offers them.
     there: Surroundings
@@ -84,23 +115,10 @@ class RobotParts(NamedTuple):
     # Hardware that mirrors commands, if that is what it has.
     blocks: Sequence[GenericSystem] = ()
 
-
-def load_parts(system: RobotSystems) -> RobotParts:
-    """Return the controllers of a robot.
-
-    Args:
-        system: What will add them.
-    """
-    robot, options = system.robot, system.options
-    blocks = None
-    if options.preset == "kinematic":
-        # Not at the top: most robots have physics.
-        from arm_drake.hardware.mock_hardware import make_blocks
-
-        blocks = make_blocks(robot)
-    there = system.find_surroundings(blocks, find_gripper_ranges(robot))
-    controllers, report = load_controllers_of(robot, system.period, options, there)
-    return RobotParts(there, controllers, report, blocks or ())
+    @property
+    def robot(self) -> Robot:
+        """The robot."""
+        return self.system.robot
 
 
 def build_diagram(
@@ -126,12 +144,49 @@ def build_diagram(
     Raises:
         InputError: If the robots can't be put together, or the world can't be used.
     """
+    setting = _choose_setting(robots, world, options)
+    builder = DiagramBuilder()
+    add_build_info(builder, BuildInfo(setting.options, setting.world.name))
+    parts = _load_parts(builder, setting)
+
+    plant, scene_graph = _add_empty_plant(builder, setting)
+    setting.world.add_to(plant)
+    obstacles = _find_obstacles(setting, parts, plant, scene_graph)
+    if any(obstacles):
+        return _build_accurate(setting, meshcat, obstacles)
+    bases = [
+        RobotBases.of(robot, has_physics=not setting.is_kinematic)
+        for robot in setting.robots
+    ]
+    models = _add_models(setting, bases, plant, scene_graph)
+
+    if setting.is_kinematic:
+        _add_kinematic_robots(builder, parts, plant, scene_graph, models)
+    else:
+        _add_dynamic_robots(builder, parts, plant, scene_graph, models, bases)
+    if meshcat is not None:
+        _add_meshcat(setting, builder, scene_graph, meshcat)
+    diagram = builder.Build()
+    diagram.set_name("arm_drake")
+
+    _report_world(setting, parts)
+    if not setting.is_kinematic:
+        _report_overlaps(diagram, plant, scene_graph, parts, models, bases)
+    return diagram
+
+
+def _choose_setting(
+    robots: Robot | Sequence[Robot],
+    world: World,
+    options: SimulationOptions | None,
+) -> Setting:
+    """Return robots and world with the steps that fit them; raises InputError."""
     options = SimulationOptions() if options is None else options
     if not isinstance(options, SimulationOptions):
         raise InputError(f"options: expected SimulationOptions, got {options!r}")
     robots = list_robots(robots)
     loaded = load_world(world, [path for r in robots for path in r.package_paths])
-    asked = options
+    given = options
     if options.gravity is None:
         options = dc.replace(options, gravity=loaded.gravity)
     rates = [robot.controllers.update_rate for robot in robots]
@@ -140,151 +195,64 @@ def build_diagram(
         # Shorter steps than the preset's meet the ticks of robots at odd rates.
         shorter = dc.replace(options, preset="accurate").largest_step
         step, periods = choose_time_step(shorter, rates, options.log_rate)
-    builder = DiagramBuilder()
-    systems = [
-        RobotSystems(
-            builder,
-            robot,
-            f"{robot.name}/" if len(robots) > 1 else "",
-            period,
-            options,
-            step,
-            loaded.name,
+    return Setting(robots, loaded, given, options, step, periods)
+
+
+def _load_parts(builder: DiagramBuilder, setting: Setting) -> list[RobotParts]:
+    """Return the controllers of each robot, which are to come into a builder."""
+    robots, options = setting.robots, setting.options
+    parts = []
+    for robot, period in zip(robots, setting.periods, strict=True):
+        prefix = f"{robot.name}/" if len(robots) > 1 else ""
+        system = RobotSystems(
+            builder, robot, prefix, period, options, setting.step, setting.world.name
         )
-        for robot, period in zip(robots, periods, strict=True)
-    ]
-    add_build_info(builder, BuildInfo(options, loaded.name))
-    is_kinematic = options.preset == "kinematic"
-    parts = [load_parts(system) for system in systems]
-    if is_kinematic:
-        plant, scene_graph = MultibodyPlant(0.0), builder.AddSystem(SceneGraph())
-        scene_graph.set_name("scene_graph")
-        plant.RegisterAsSourceForSceneGraph(scene_graph)
-    else:
-        plant, scene_graph = add_plant(builder, step, options)
-    loaded.add_to(plant)
-    if options.preset == "fast":
-        around = find_world_obstacles(plant, scene_graph)
-        obstacles = [
-            around + find_obstacles(robot, part.controllers, options)
-            for robot, part in zip(robots, parts, strict=True)
-        ]
-        if any(obstacles):
-            return _build_accurate(robots, loaded, asked, meshcat, obstacles)
-    bases = [RobotBases.of(r, has_physics=not is_kinematic) for r in robots]
-    models = [_add_model(plant, base, loaded, options) for base in bases]
-    plant.Finalize()
-    for base, model in zip(bases, models, strict=True):
-        place_free_links(plant, scene_graph, model, base.robot)
-        base.set_friction(plant, scene_graph, model)
-    if is_kinematic:
-        # Not at the top: most robots have physics.
-
-        add_mirrored_robots(systems, parts, plant, scene_graph, models)
-    else:
-        _add_robots(systems, parts, plant, scene_graph, models, bases)
-    if meshcat is not None:
-        add_visualizer(builder, scene_graph, meshcat, frame_rate=options.frame_rate)
-        show_backdrop(meshcat, has_grid=loaded.has_grid, background=loaded.background)
-    diagram = builder.Build()
-    diagram.set_name("arm_drake")
-    for part in parts:
-        _report_world(part.report, loaded)
-    if not is_kinematic:
-        free = [base.free_links for base in bases]
-        links = dict(zip(models, free, strict=True))
-        overlaps = separate(diagram, plant, scene_graph, links)
-        for robot, part, model in zip(robots, parts, models, strict=True):
-            _report_overlaps(part.report, robot, overlaps[model])
-    return diagram
+        blocks = make_blocks(robot) if setting.is_kinematic else None
+        there = system.find_surroundings(blocks, find_gripper_ranges(robot))
+        controllers, report = load_controllers_of(robot, period, options, there)
+        parts.append(RobotParts(system, there, controllers, report, blocks or ()))
+    return parts
 
 
-def _build_accurate(
-    robots: Sequence[Robot],
-    world: LoadedWorld,
-    options: SimulationOptions,
-    meshcat: Meshcat | None,
-    obstacles: Sequence[Sequence[str]],
-) -> Diagram:
-    """Return the diagram of robots for which another preset doesn't do."""
-    options = dc.replace(options, preset="accurate")
-    diagram = build_diagram(robots, world=world, options=options, meshcat=meshcat)
-    for robot, why in zip(robots, obstacles, strict=True):
-        report_fallback(why, _report_of(diagram, robot))
-    return diagram
+def _add_empty_plant(
+    builder: DiagramBuilder, setting: Setting
+) -> tuple[MultibodyPlant, SceneGraph]:
+    """Add a scene graph, and a plant if it has physics; without, it stays alone."""
+    if not setting.is_kinematic:
+        return add_plant(builder, setting.step, setting.options)
+    plant, scene_graph = MultibodyPlant(0.0), builder.AddSystem(SceneGraph())
+    scene_graph.set_name("scene_graph")
+    plant.RegisterAsSourceForSceneGraph(scene_graph)
+    return plant, scene_graph
 
 
-def _add_robots(
-    systems: Sequence[RobotSystems],
+def _find_obstacles(
+    setting: Setting,
     parts: Sequence[RobotParts],
     plant: MultibodyPlant,
     scene_graph: SceneGraph,
-    models: Sequence[ModelInstanceIndex],
-    bases: Sequence[RobotBases],
-) -> None:
-    """Add hardware and controllers of robots that move by their dynamics."""
-    builder = systems[0].builder
-    forces = {}
-    for system, part, model, base in zip(systems, parts, models, bases, strict=True):
-        robot, options = system.robot, system.options
-        there, controllers, report, _ = part
-        if options.self_collision:
-            pairs = find_disabled_collisions(robot, report)
-            filter_pairs(plant, scene_graph, model, pairs)
-        else:
-            filter_self_collision(plant, scene_graph, model)
-        holds = holds_joints(robot, report)
-        drive = make_robot_drive(
-            robot.description,
-            robot.pose,
-            options,
-            plant.time_step(),
-            stated=find_drive_gains(robot, report),
-            bare=find_bare_joints(robot, controllers),
-            lets_go=may_let_go(robot, controllers) or not holds,
-            grippers={joint.name for joint in find_gripper_joints(robot)},
-            carried=base.carried_inertia,
-            period=system.period,
-        )
-        commands = make_drive_commands(robot, there, controllers, drive, holds=holds)
-        report_times(plant.time_step(), system.period, options, report)
-        report_drive(robot, drive, controllers, report, holds=holds)
-        report_friction(robot, drive, controllers, options, report)
-        hardware = add_hardware(
-            builder,
-            plant,
-            model,
-            robot.description,
-            prefix=system.prefix,
-            drive=drive,
-            initial=robot.initial_positions,
-            options=options,
-            has_modes=commands.has_modes,
-            has_limits=commands.has_limits,
-        )
-        hardware = add_sensors(
-            hardware, builder, plant, scene_graph, model, robot, system.prefix
-        )
-        poses = plant.get_body_poses_output_port()
-        system.add_frames(poses, link_bodies(plant, model, robot.description.links))
-        log_free_poses(
-            builder,
-            plant,
-            model,
-            robot,
-            prefix=system.prefix,
-            period=system.log_period,
-        )
-        system.add(hardware, there, controllers, report, commands)
-        base.add_truths(
-            builder, plant, scene_graph, model, controllers, report, system.prefix
-        )
-        if hardware.friction is not None:
-            forces[model] = hardware.friction
-    connect_forces(builder, plant, forces)
-    push = plant.get_applied_spatial_force_input_port()
-    builder.ExportInput(push, "applied_spatial_force")
-    builder.ExportOutput(plant.get_state_output_port(), "state")
+) -> list[list[str]]:
+    """Return why each robot can't be simulated with the preset that was chosen."""
+    if setting.options.preset != "fast":
+        return []
+    around = find_world_obstacles(plant, scene_graph)
+    return [
+        around + find_obstacles(part.robot, part.controllers, setting.options)
+        for part in parts
+    ]
+
+
+def _build_accurate(
+    setting: Setting, meshcat: Meshcat | None, obstacles: Sequence[Sequence[str]]
+) -> Diagram:
+    """Return the diagram of robots for which another preset doesn't do."""
+    robots, options = setting.robots, dc.replace(setting.given, preset="accurate")
+    diagram = build_diagram(
+        robots, world=setting.world, options=options, meshcat=meshcat
+    )
+    for robot, why in zip(robots, obstacles, strict=True):
+        report_fallback(why, _report_of(diagram, robot))
+    return diagram
 
 
 def _report_of(diagram: Diagram, robot: Robot) -> LoadReport:
@@ -296,21 +264,19 @@ def _report_of(diagram: Diagram, robot: Robot) -> LoadReport:
     )
 
 
-def _report_world(report: LoadReport, world: LoadedWorld) -> None:
-    """Add what was not taken as written of a world to the report of a robot."""
-    for entry in world.report:
-        report.add(**dc.asdict(entry))
-
-
-def _report_overlaps(report: LoadReport, robot: Robot, overlaps: list[str]) -> None:
-    if overlaps:
-        report.add(
-            "warning",
-            "repair",
-            f"links overlap in the initial pose: {', '.join(overlaps)}",
-            "they pass through each other",
-            file=robot.description.file,
-        )
+def _add_models(
+    setting: Setting,
+    bases: Sequence[RobotBases],
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+) -> list[ModelInstanceIndex]:
+    """Add the robots to the plant, and finalize it."""
+    models = [_add_model(plant, base, setting.world, setting.options) for base in bases]
+    plant.Finalize()
+    for base, model in zip(bases, models, strict=True):
+        place_free_links(plant, scene_graph, model, base.robot)
+        base.set_friction(plant, scene_graph, model)
+    return models
 
 
 def _add_model(
@@ -319,6 +285,7 @@ def _add_model(
     world: LoadedWorld,
     options: SimulationOptions,
 ) -> ModelInstanceIndex:
+    """Add a robot with its actuators, and with the wheels that are rolled on."""
     robot, description = base.robot, base.describe()
     if world.has_things:
         description = with_surfaces(description, find_gripper_links(robot))
@@ -336,49 +303,190 @@ def _add_model(
     return model
 
 
-def add_mirrored_robots(
-    systems: Sequence[RobotSystems],
+def _add_dynamic_robots(
+    builder: DiagramBuilder,
+    parts: Sequence[RobotParts],
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    models: Sequence[ModelInstanceIndex],
+    bases: Sequence[RobotBases],
+) -> None:
+    """Add hardware and controllers of robots that move by their dynamics."""
+    forces = {}
+    for part, model, base in zip(parts, models, bases, strict=True):
+        system = part.system
+        _filter_collisions(part, plant, scene_graph, model)
+        hardware, commands = _add_drives(builder, part, plant, model, base)
+        hardware = add_sensors(
+            hardware, builder, plant, scene_graph, model, part.robot, system.prefix
+        )
+        _add_frames(part, plant, model, plant.get_body_poses_output_port())
+        log_free_poses(
+            builder,
+            plant,
+            model,
+            part.robot,
+            prefix=system.prefix,
+            period=system.log_period,
+        )
+        system.add(hardware, part.there, part.controllers, part.report, commands)
+        base.add_truths(
+            builder,
+            plant,
+            scene_graph,
+            model,
+            part.controllers,
+            part.report,
+            system.prefix,
+        )
+        if hardware.friction is not None:
+            forces[model] = hardware.friction
+    connect_forces(builder, plant, forces)
+    push = plant.get_applied_spatial_force_input_port()
+    builder.ExportInput(push, "applied_spatial_force")
+    builder.ExportOutput(plant.get_state_output_port(), "state")
+
+
+def _filter_collisions(
+    part: RobotParts,
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    model: ModelInstanceIndex,
+) -> None:
+    """Let the links of a robot touch each other as the options and its SRDF say."""
+    if part.system.options.self_collision:
+        pairs = find_disabled_collisions(part.robot, part.report)
+        filter_pairs(plant, scene_graph, model, pairs)
+    else:
+        filter_self_collision(plant, scene_graph, model)
+
+
+def _add_drives(
+    builder: DiagramBuilder,
+    part: RobotParts,
+    plant: MultibodyPlant,
+    model: ModelInstanceIndex,
+    base: RobotBases,
+) -> tuple[Hardware, DriveCommands]:
+    """Add what drives a robot's joints; return it with what makes its commands."""
+    system, there, controllers, report, _ = part
+    robot, options = system.robot, system.options
+    holds = holds_joints(robot, report)
+    drive = make_robot_drive(
+        robot.description,
+        robot.pose,
+        options,
+        plant.time_step(),
+        stated=find_drive_gains(robot, report),
+        bare=find_bare_joints(robot, controllers),
+        lets_go=may_let_go(robot, controllers) or not holds,
+        grippers={joint.name for joint in find_gripper_joints(robot)},
+        carried=base.carried_inertia,
+        period=system.period,
+    )
+    commands = make_drive_commands(robot, there, controllers, drive, holds=holds)
+    report_times(plant.time_step(), system.period, options, report)
+    report_drive(robot, drive, controllers, report, holds=holds)
+    report_friction(robot, drive, controllers, options, report)
+    hardware = add_hardware(
+        builder,
+        plant,
+        model,
+        robot.description,
+        prefix=system.prefix,
+        drive=drive,
+        initial=robot.initial_positions,
+        options=options,
+        has_modes=commands.has_modes,
+        has_limits=commands.has_limits,
+    )
+    return hardware, commands
+
+
+def _add_frames(
+    part: RobotParts,
+    plant: MultibodyPlant,
+    model: ModelInstanceIndex,
+    poses: OutputPort,
+) -> None:
+    """Add the poses of a robot's links, out of those of all bodies."""
+    bodies = link_bodies(plant, model, part.robot.description.links)
+    part.system.add_frames(poses, bodies)
+
+
+def _add_kinematic_robots(
+    builder: DiagramBuilder,
     parts: Sequence[RobotParts],
     plant: MultibodyPlant,
     scene_graph: SceneGraph,
     models: Sequence[ModelInstanceIndex],
 ) -> None:
-    """Add hardware and controllers of robots whose joints are where they should be.
-
-    Args:
-        systems: What adds the robots' systems.
-        parts: Their controllers.
-        plant: The finalized plant, which is in no builder.
-        scene_graph: The scene graph that it is registered with.
-        models: The robots' model instances.
-    """
-    builder = systems[0].builder
+    """Add hardware and controllers of robots whose joints are where they should be."""
     joints = {
-        system.robot.name: (
+        part.robot.name: (
             model,
-            [joint.name for joint in system.robot.description.movable_joints],
+            [joint.name for joint in part.robot.description.movable_joints],
         )
-        for system, model in zip(systems, models, strict=True)
+        for part, model in zip(parts, models, strict=True)
     }
     kinematic = builder.AddNamedSystem("plant", KinematicPlant(plant, joints))
-    for system, part, model in zip(systems, parts, models, strict=True):
-        robot, (there, controllers, report, blocks) = system.robot, part
-        moving: dict[str, tuple[str, ...]] = {}
-        for info, block in zip(robot.description.hardware, blocks, strict=True):
-            done, where = "as mock_components has it", f"ros2_control {info.name!r}"
-            for text in block.warnings:
-                report.add("warning", "ignored", text, done, where=where)
-            moving |= dict.fromkeys((j.name for j in info.joints), block.calculated)
-        report_motionless(controllers, moving, report)
-        report_blind(robot, report)
+    poses = kinematic.GetOutputPort("body_poses")
+    for part, model in zip(parts, models, strict=True):
+        system, there, controllers, report, blocks = part
+        report_motionless(
+            controllers, report_blocks(part.robot, blocks, report), report
+        )
+        report_blind(part.robot, report)
         order = command_order(there, controllers)
         hardware = add_mock_hardware(
-            builder, robot, blocks, order, there, system.prefix, system.period
+            builder, part.robot, blocks, order, there, system.prefix, system.period
         )
-        builder.Connect(hardware.joint_motions, kinematic.GetInputPort(robot.name))
+        motions = kinematic.GetInputPort(part.robot.name)
+        builder.Connect(hardware.joint_motions, motions)
         drive = DriveCommands((), order, velocity_lead=0.0)
-        poses = kinematic.GetOutputPort("body_poses")
-        system.add_frames(poses, link_bodies(plant, model, robot.description.links))
+        _add_frames(part, plant, model, poses)
         system.add(hardware, there, controllers, report, drive)
     kinematic.connect_geometry(builder, scene_graph)
     builder.ExportOutput(kinematic.GetOutputPort("state"), "state")
+
+
+def _add_meshcat(
+    setting: Setting,
+    builder: DiagramBuilder,
+    scene_graph: SceneGraph,
+    meshcat: Meshcat,
+) -> None:
+    """Add what draws the scene, and show the world's grid and background."""
+    rate, world = setting.options.frame_rate, setting.world
+    add_visualizer(builder, scene_graph, meshcat, frame_rate=rate)
+    show_backdrop(meshcat, has_grid=world.has_grid, background=world.background)
+
+
+def _report_world(setting: Setting, parts: Sequence[RobotParts]) -> None:
+    """Add what was not taken as written of the world to the robots' reports."""
+    for part in parts:
+        for entry in setting.world.report:
+            part.report.add(**dc.asdict(entry))
+
+
+def _report_overlaps(
+    diagram: Diagram,
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    parts: Sequence[RobotParts],
+    models: Sequence[ModelInstanceIndex],
+    bases: Sequence[RobotBases],
+) -> None:
+    """Let links that overlap at the start pass through each other, and report them."""
+    free = [base.free_links for base in bases]
+    links = dict(zip(models, free, strict=True))
+    overlaps = separate(diagram, plant, scene_graph, links)
+    for part, model in zip(parts, models, strict=True):
+        if overlaps[model]:
+            part.report.add(
+                "warning",
+                "repair",
+                f"links overlap in the initial pose: {', '.join(overlaps[model])}",
+                "they pass through each other",
+                file=part.robot.description.file,
+            )

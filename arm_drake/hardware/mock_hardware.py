@@ -21,6 +21,7 @@ from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.control.generic_system import GenericSystem, GenericSystemState
 from arm_drake.description.joints import JointInfo, last_master
+from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.hardware.hardware import Hardware
 from arm_drake.interfaces import CLAIMED_PORT
@@ -219,6 +220,19 @@ def make_blocks(robot: Robot) -> list[GenericSystem]:
         GenericSystem.from_component(block, joints, humble=robot.distro == "humble")
         for block in robot.description.hardware
     ]
+
+
+def report_blocks(
+    robot: Robot, blocks: Sequence[GenericSystem], report: LoadReport
+) -> dict[str, tuple[str, ...]]:
+    """Report what blocks warn about; return the interfaces that each joint moves by."""
+    moving: dict[str, tuple[str, ...]] = {}
+    for info, block in zip(robot.description.hardware, blocks, strict=True):
+        done, where = "as mock_components has it", f"ros2_control {info.name!r}"
+        for text in block.warnings:
+            report.add("warning", "ignored", text, done, where=where)
+        moving |= dict.fromkeys((j.name for j in info.joints), block.calculated)
+    return moving
 
 
 def add_mock_hardware(
