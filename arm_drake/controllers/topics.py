@@ -116,8 +116,8 @@ TakeMessage: TypeAlias = Callable[[T, Any, int, str], tuple[T, str]]
 class TopicController(TickingController[T]):
     """Base of controllers that messages command, while they are inactive in vain.
 
-    A subclass declares its topics by `_subscribe` and calls `_receive` in its
-    `_update`.
+    A subclass declares its topics by `_subscribe`, the last of its ports by
+    `_declare_events`, and calls `_receive` in its `_update`.
     """
 
     def __init__(
@@ -143,6 +143,10 @@ class TopicController(TickingController[T]):
         self.message_types[name] = kind
         self._topics.append((port, kind, take))
         return port
+
+    def _declare_events(self) -> None:
+        """Declare the output port of what was not accepted."""
+        self._declare_topic("events", lambda state: state.inbox.events)
 
     def _receive(self, now: Now, state: T, obstacle: str = "") -> T:
         """Return the state with what has come in; itself if nothing has."""

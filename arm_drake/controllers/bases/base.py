@@ -375,7 +375,7 @@ class BaseController(TopicController[B]):
             self._declare_topic(tf, self._describe_frames)
         for name, describe in outputs.items():
             self._declare_topic(name, describe)
-        self._declare_topic("events", lambda state: state.inbox.events)
+        self._declare_events()
 
     @abstractmethod
     def _check(

@@ -1,21 +1,13 @@
-"""Gazebo's own DiffDrive, which isn't ros2_control's.
+"""Gazebo's plugins for bases with differential drive, which aren't ros2_control's.
 
-Source: gz-sim, src/systems/diff_drive/DiffDrive.cc (Ignition Gazebo has the same), with
-gz-math's SpeedLimiter and DiffDriveOdometry.
-
-How Gazebo's plugins for bases with differential drive compute speeds and odometry.
-
-Sources: gz-math, src/SpeedLimiter.cc; gazebo_ros_pkgs, branch ros2,
-gazebo_plugins/src/gazebo_ros_diff_drive.cpp. The odometry of gz-math
-(src/DiffDriveOdometry.cc) is that of `arm_drake.control.diff_drive`.
-
-``libgazebo_ros_diff_drive.so`` of Gazebo Classic.
-
-Source: gazebo_ros_pkgs, branch ros2, gazebo_plugins/src/gazebo_ros_diff_drive.cpp.
+Sources: gz-sim, src/systems/diff_drive/DiffDrive.cc (Ignition Gazebo has the same);
+gz-math, src/SpeedLimiter.cc, and src/DiffDriveOdometry.cc, which is that of
+`arm_drake.control.diff_drive`; of Gazebo Classic gazebo_ros_pkgs, branch ros2,
+gazebo_plugins/src/gazebo_ros_diff_drive.cpp.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -32,17 +24,14 @@ from arm_drake.controllers.bases.base import (
     make_odometry,
     make_transform,
 )
-from arm_drake.controllers.controller_interface import (
-    ControllerInterfaceParams,
-    TickingController,
-)
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Now
 from arm_drake.controllers.gazebo.plugin import (
     drive_topics,
     find_twist_fault,
     ros_topic,
 )
-from arm_drake.controllers.topics import INACTIVE, Events, add_events, new_messages
+from arm_drake.controllers.topics import Inbox, TopicController
 from arm_drake.description.gazebo_plugins import DiffDrive as DiffDriveTag
 from arm_drake.description.gazebo_plugins import (
     GazeboRosDiffDrive as GazeboRosDiffDriveTag,
@@ -51,14 +40,12 @@ from arm_drake.messages import (
     NANOSECONDS,
     Bool,
     Header,
-    Message,
     Odometry,
     Point,
     Pose,
     PoseWithCovariance,
     Quaternion,
     TFMessage,
-    TopicRejected,
     Transform,
     TransformStamped,
     Twist,
@@ -190,15 +177,10 @@ class GazeboDriveState(NamedTuple):
     published: Odometry = Odometry()
     published_ns: int = 0
 
-    # Messages on the ports at the last tick.
-    twists: tuple[Twist, ...] = ()
-    switches: tuple[Bool, ...] = ()
-
-    # The latest messages that were not accepted.
-    events: Events = ()
+    inbox: Inbox = Inbox()
 
 
-class DiffDrive(TickingController[GazeboDriveState]):
+class DiffDrive(TopicController[GazeboDriveState]):
     """Turns the wheels of two sides so that a base moves as it is told.
 
     .. pydrake_system::
@@ -280,16 +262,13 @@ class DiffDrive(TickingController[GazeboDriveState]):
         )
         topics = drive_topics(tag, model)
         self._enable = topics.enable
-        self.message_types: Mapping[str, type[Message]] = {
-            topics.command: Twist,
-            topics.enable: Bool,
-        }
-        nothing = AbstractValue.Make(())
-        self._twists = self.DeclareAbstractInputPort(topics.command, nothing)
-        self._switches = self.DeclareAbstractInputPort(topics.enable, nothing)
+        self._subscribe(topics.command, Twist, self._take_twist)
+        self._subscribe(topics.enable, Bool, self._take_switch)
+        # Of both in one tick, a switch counts first.
+        self._topics.reverse()
         self._declare_topic(topics.odometry, lambda state: state.published)
         self._declare_topic(topics.tf, lambda state: make_transform(state.published))
-        self._declare_topic("events", lambda state: state.events)
+        self._declare_events()
 
     def _update(self, now: Now, state: GazeboDriveState) -> GazeboDriveState:
         state = self._receive(now, state)
@@ -320,56 +299,31 @@ class DiffDrive(TickingController[GazeboDriveState]):
         )
         return state._replace(published=message, published_ns=now.time_ns)
 
-    def _receive(
-        self, now: Now, state: GazeboDriveState, obstacle: str = ""
-    ) -> GazeboDriveState:
-        """Return the state with what has come in.
+    def _take_switch(
+        self, state: GazeboDriveState, message: Bool, time_ns: int, obstacle: str
+    ) -> tuple[GazeboDriveState, str]:
+        del time_ns
+        if obstacle:
+            return state, obstacle
+        target = state.target if message.data else _REST
+        return state._replace(is_enabled=message.data, target=target), ""
 
-        Args:
-            now: Where the inputs are read.
-            state: State after the last tick.
-            obstacle: Why no message is taken; empty if they are.
-        """
-        context, news = now.context, []
-        switches, all_switches = new_messages(
-            self._switches, context, Bool, state.switches
-        )
-        twists, all_twists = new_messages(self._twists, context, Twist, state.twists)
-        if all_switches is state.switches and all_twists is state.twists:
-            return state
-        target, is_enabled = state.target, state.is_enabled
-        for switch in switches:
-            if obstacle:
-                news.append(TopicRejected(switch, obstacle))
-                continue
-            is_enabled = switch.data
-            target = target if is_enabled else _REST
-        disabled = "" if is_enabled else f"{self._enable} is false"
-        for twist in twists:
-            fault = obstacle or find_twist_fault(twist) or disabled
-            if fault:
-                news.append(TopicRejected(twist, fault))
-            else:
-                target = (twist.linear.x, twist.angular.z)
-        return state._replace(
-            target=target,
-            is_enabled=is_enabled,
-            twists=all_twists,
-            switches=all_switches,
-            events=add_events(state.events, news),
-        )
+    def _take_twist(
+        self, state: GazeboDriveState, message: Twist, time_ns: int, obstacle: str
+    ) -> tuple[GazeboDriveState, str]:
+        del time_ns
+        fault = obstacle or find_twist_fault(message)
+        if not (fault or state.is_enabled):
+            fault = f"{self._enable} is false"
+        if fault:
+            return state, fault
+        return state._replace(target=(message.linear.x, message.angular.z)), ""
 
     def _deactivate(self, now: Now, state: GazeboDriveState) -> GazeboDriveState:
         del now
         return state._replace(
             command=np.zeros(len(state.command)), target=_REST, limited=(_REST, _REST)
         )
-
-    def _idle(self, now: Now, state: GazeboDriveState) -> GazeboDriveState:
-        return self._receive(now, state, INACTIVE)
-
-    def _command(self, state: GazeboDriveState) -> Array:
-        return state.command
 
 
 def _find_limits(tag: DiffDriveTag, kind: str) -> SpeedLimits:
@@ -482,14 +436,10 @@ class ClassicDriveState(NamedTuple):
     published: Odometry = Odometry()
     wheels: tuple[TransformStamped, ...] = ()
 
-    # Messages on the port at the last tick.
-    twists: tuple[Twist, ...] = ()
-
-    # The latest messages that were not accepted.
-    events: Events = ()
+    inbox: Inbox = Inbox()
 
 
-class GazeboRosDiffDrive(TickingController[ClassicDriveState]):
+class GazeboRosDiffDrive(TopicController[ClassicDriveState]):
     """Turns pairs of wheels so that a base moves as it is told, as Gazebo Classic does.
 
     .. pydrake_system::
@@ -570,7 +520,6 @@ class GazeboRosDiffDrive(TickingController[ClassicDriveState]):
         )
         shows = tag.publish_odom or tag.publish_odom_tf
         self._is_true = shows and tag.odometry_source == _WORLD
-        nothing = AbstractValue.Make(())
         self._links = None
         if self._is_true or tag.publish_wheel_tf:
             poses = AbstractValue.Make([RigidTransform()])
@@ -579,13 +528,12 @@ class GazeboRosDiffDrive(TickingController[ClassicDriveState]):
             ros_topic(name, tag.namespace, tag.remappings)
             for name in ("cmd_vel", "odom", "/tf")
         )
-        self.message_types: Mapping[str, type[Message]] = {topic: Twist}
-        self._topic = self.DeclareAbstractInputPort(topic, nothing)
+        self._subscribe(topic, Twist, self._take_twist)
         if tag.publish_odom:
             self._declare_topic(odom, lambda state: state.published)
         if tag.publish_odom_tf or tag.publish_wheel_tf:
             self._declare_topic(tf, self._describe_frames)
-        self._declare_topic("events", lambda state: state.events)
+        self._declare_events()
         self._frames = BaseFrames(tag.odometry_frame, tag.robot_base_frame)
         self._covariance = diagonal(
             (
@@ -662,28 +610,14 @@ class GazeboRosDiffDrive(TickingController[ClassicDriveState]):
             frames += make_transform(state.published).transforms
         return TFMessage(frames)
 
-    def _receive(
-        self, now: Now, state: ClassicDriveState, obstacle: str = ""
-    ) -> ClassicDriveState:
-        """Return the state with what has come in.
-
-        Args:
-            now: Where the inputs are read.
-            state: State after the last tick.
-            obstacle: Why no message is taken; empty if they are.
-        """
-        new, twists = new_messages(self._topic, now.context, Twist, state.twists)
-        if twists is state.twists:
-            return state
-        target, news = state.target, []
-        for twist in new:
-            fault = obstacle or find_twist_fault(twist)
-            if fault:
-                news.append(TopicRejected(twist, fault))
-            else:
-                target = (twist.linear.x, twist.angular.z)
-        events = add_events(state.events, news)
-        return state._replace(target=target, twists=twists, events=events)
+    def _take_twist(
+        self, state: ClassicDriveState, message: Twist, time_ns: int, obstacle: str
+    ) -> tuple[ClassicDriveState, str]:
+        del time_ns
+        fault = obstacle or find_twist_fault(message)
+        if fault:
+            return state, fault
+        return state._replace(target=(message.linear.x, message.angular.z)), ""
 
     def _deactivate(self, now: Now, state: ClassicDriveState) -> ClassicDriveState:
         del now
@@ -692,9 +626,3 @@ class GazeboRosDiffDrive(TickingController[ClassicDriveState]):
             told=np.zeros(state.told.shape),
             target=(0.0, 0.0),
         )
-
-    def _idle(self, now: Now, state: ClassicDriveState) -> ClassicDriveState:
-        return self._receive(now, state, INACTIVE)
-
-    def _command(self, state: ClassicDriveState) -> Array:
-        return state.command

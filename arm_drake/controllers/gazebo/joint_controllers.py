@@ -1,31 +1,20 @@
-"""What Gazebo's controllers of single joints share: numbers on topics move joints.
+"""Gazebo's controllers of single joints, all of a robot's at once: topics of numbers.
 
-Source: gz-sim, src/systems/joint_position_controller/JointPositionController.cc and
+Sources: gz-sim, src/systems/joint_position_controller/JointPositionController.cc and
 joint_controller/JointController.cc.
-
-Gazebo's JointController, all of a robot's at once.
-
-Source: gz-sim, src/systems/joint_controller/JointController.cc.
-
-Gazebo's JointPositionController, all of a robot's at once.
-
-Source: gz-sim, src/systems/joint_position_controller/JointPositionController.cc.
 """
 
 import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from pydrake.common.value import AbstractValue
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
-from arm_drake.controllers.controller_interface import (
-    ControllerInterfaceParams,
-    TickingController,
-)
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Now
 from arm_drake.controllers.gazebo.plugin import (
     GazeboPid,
@@ -36,17 +25,15 @@ from arm_drake.controllers.gazebo.plugin import (
 )
 from arm_drake.controllers.topics import (
     GRIPPER_COMMAND,
-    INACTIVE,
-    Events,
-    add_events,
+    Inbox,
+    TopicController,
     find_part_fault,
-    new_messages,
 )
 from arm_drake.description.gazebo_plugins import JointController as JointControllerTag
 from arm_drake.description.gazebo_plugins import (
     JointPositionController as JointPositionControllerTag,
 )
-from arm_drake.messages import NANOSECONDS, Float32, Float64, TopicRejected
+from arm_drake.messages import NANOSECONDS, Float32, Float64
 
 _GAINS = ("p_gain", "i_gain", "d_gain")
 _LIMITS = ("i_max", "i_min", "cmd_max", "cmd_min", "cmd_offset")
@@ -64,14 +51,10 @@ class JointCommandState(NamedTuple):
     # What to write, shape (k,).
     command: Array
 
-    # Messages on each topic's port at the last tick.
-    seen: tuple[tuple[Float64, ...], ...]
-
-    # The latest messages that were not accepted.
-    events: Events = ()
+    inbox: Inbox = Inbox()
 
 
-class GazeboCommandBase(TickingController[JointCommandState]):
+class GazeboCommandBase(TopicController[JointCommandState]):
     """Moves the joints of n tags by forces or velocities that follow from targets."""
 
     @abstractmethod
@@ -103,20 +86,10 @@ class GazeboCommandBase(TickingController[JointCommandState]):
         self._pid = GazeboPid.from_gains(
             *([getattr(tag, name) for tag in tags] for name in (*_GAINS, *_LIMITS))
         )
-        tag_of = {joint: k for k, tag in enumerate(tags) for joint in tag.joint_names}
-        followed = params.followed
-        moved = {
-            joint: k
-            for joint, k in tag_of.items()
-            if not by_force[k] and joint not in followed
-        }
-        # A joint that moves at a given velocity takes no notice of forces.
-        pushed = {
-            joint: k
-            for joint, k in tag_of.items()
-            if by_force[k] and followed.get(joint, (joint,))[0] not in moved
-        }
-        self._forces = JointForces.from_joints(pushed, followed, params.effort_limits)
+        moved, pushed = _split(tags, by_force, params.followed)
+        self._forces = JointForces.from_joints(
+            pushed, params.followed, params.effort_limits
+        )
         self._moved_by = np.array(list(moved.values()), dtype=np.intp)
         claims = (
             *(f"{joint}/effort" for joint in self._forces.joints),
@@ -128,32 +101,20 @@ class GazeboCommandBase(TickingController[JointCommandState]):
         ends = np.array(list((grips or {}).values())).reshape(-1, 2)
         self._grips = np.array(list(grips or {}), dtype=np.intp)
         self._open, self._way = ends[:, 0], ends[:, 1] - ends[:, 0]
-        names = (*topics, GRIPPER_COMMAND) if grips else topics
-        self._names = tuple(dict.fromkeys(names))
         super().__init__(
             params,
-            JointCommandState(
-                self._start,
-                self._pid.initial(),
-                self._at_rest,
-                ((),) * len(self._names),
-            ),
+            JointCommandState(self._start, self._pid.initial(), self._at_rest),
             state_interfaces=tuple(f"{tag.joint_names[0]}/{read}" for tag in tags),
             command_interfaces=claims,
         )
-        self.message_types: dict[str, type[Float64]] = {
-            name: Float32 if name == GRIPPER_COMMAND else Float64
-            for name in self._names
-        }
         # One topic may be that of several tags.
-        self._topics = [
-            (
-                self.DeclareAbstractInputPort(name, AbstractValue.Make(())),
-                [k for k, topic in enumerate(topics) if topic == name],
-            )
-            for name in self._names
-        ]
-        self._declare_topic("events", lambda state: state.events)
+        for name in dict.fromkeys(topics):
+            at = [k for k, topic in enumerate(topics) if topic == name]
+            self._subscribe(name, Float64, partial(self._take, name, at))
+        if grips:
+            self._subscribe(GRIPPER_COMMAND, Float64, self._take_part)
+            self.message_types[GRIPPER_COMMAND] = Float32
+        self._declare_events()
 
     @abstractmethod
     def _step(
@@ -178,41 +139,35 @@ class GazeboCommandBase(TickingController[JointCommandState]):
             command = np.concatenate([command, values[self._moved_by]])
         return state._replace(pid=pid, command=command)
 
-    def _receive(
-        self, now: Now, state: JointCommandState, obstacle: str = ""
-    ) -> JointCommandState:
-        """Return the state with what has come in.
+    def _take(
+        self,
+        name: str,
+        tags: list[int],
+        state: JointCommandState,
+        message: Float64,
+        time_ns: int,
+        obstacle: str,
+    ) -> tuple[JointCommandState, str]:
+        """Return the state with a target of tags."""
+        del time_ns
+        fault = obstacle or _find_fault(message)
+        if fault:
+            return state, f"{name}: {fault}"
+        targets = state.targets.copy()
+        targets[tags] = message.data
+        return state._replace(targets=targets), ""
 
-        Args:
-            now: Where the inputs are read.
-            state: State after the last tick.
-            obstacle: Why no message is taken; empty if they are.
-        """
-        targets, news, changed = state.targets, [], {}
-        for index, (port, tags) in enumerate(self._topics):
-            before = state.seen[index]
-            new, seen = new_messages(port, now.context, Float64, before)
-            if seen is before:
-                continue
-            changed[index] = seen
-            is_grip = self._names[index] == GRIPPER_COMMAND
-            find_fault = find_part_fault if is_grip else _find_fault
-            for message in new:
-                fault = obstacle or find_fault(message)
-                if fault:
-                    reason = f"{self._names[index]}: {fault}"
-                    news.append(TopicRejected(message, reason))
-                    continue
-                targets = targets.copy()
-                if is_grip:
-                    targets[self._grips] = self._open + message.data * self._way
-                else:
-                    targets[tags] = message.data
-        if not changed:
-            return state
-        seen_now = tuple(changed.get(k, old) for k, old in enumerate(state.seen))
-        events = add_events(state.events, news)
-        return state._replace(targets=targets, seen=seen_now, events=events)
+    def _take_part(
+        self, state: JointCommandState, message: Float64, time_ns: int, obstacle: str
+    ) -> tuple[JointCommandState, str]:
+        """Return the state with how far a gripper is to close."""
+        del time_ns
+        fault = obstacle or find_part_fault(message)
+        if fault:
+            return state, f"{GRIPPER_COMMAND}: {fault}"
+        targets = state.targets.copy()
+        targets[self._grips] = self._open + message.data * self._way
+        return state._replace(targets=targets), ""
 
     def _activate(self, now: Now, state: JointCommandState) -> JointCommandState:
         del now
@@ -222,11 +177,26 @@ class GazeboCommandBase(TickingController[JointCommandState]):
         del now
         return state._replace(command=self._at_rest)
 
-    def _idle(self, now: Now, state: JointCommandState) -> JointCommandState:
-        return self._receive(now, state, INACTIVE)
 
-    def _command(self, state: JointCommandState) -> Array:
-        return state.command
+def _split(
+    tags: Sequence[JointPositionControllerTag | JointControllerTag],
+    by_force: Sequence[bool],
+    followed: Mapping[str, tuple[str, float]],
+) -> tuple[dict[str, int], dict[str, int]]:
+    """Return which tags move joints by velocity, and which push joints, by joint."""
+    tag_of = {joint: k for k, tag in enumerate(tags) for joint in tag.joint_names}
+    moved = {
+        joint: k
+        for joint, k in tag_of.items()
+        if not by_force[k] and joint not in followed
+    }
+    # A joint that moves at a given velocity takes no notice of forces.
+    pushed = {
+        joint: k
+        for joint, k in tag_of.items()
+        if by_force[k] and followed.get(joint, (joint,))[0] not in moved
+    }
+    return moved, pushed
 
 
 def _find_fault(message: Float64) -> str:

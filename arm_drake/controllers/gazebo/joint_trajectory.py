@@ -1,15 +1,9 @@
-"""Gazebo's own JointTrajectoryController, which isn't ros2_control's.
+"""Gazebo's plugins that take joints from point to point of a trajectory.
 
-Source: gz-sim, src/systems/joint_trajectory_controller/JointTrajectoryController.cc.
+They aren't ros2_control's controller. n is the number of the controller's joints.
 
-Which point of a trajectory is the target, as Gazebo's own controller has it.
-
-Source: gz-sim, src/systems/joint_trajectory_controller/JointTrajectoryController.cc.
-n is the number of the controller's joints.
-
-``libgazebo_ros_joint_pose_trajectory.so`` of Gazebo Classic.
-
-Source: gazebo_ros_pkgs, branch ros2, gazebo_plugins/src/
+Sources: gz-sim, src/systems/joint_trajectory_controller/JointTrajectoryController.cc;
+of Gazebo Classic gazebo_ros_pkgs, branch ros2, gazebo_plugins/src/
 gazebo_ros_joint_pose_trajectory.cpp.
 """
 
@@ -18,14 +12,10 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from pydrake.common.value import AbstractValue
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
-from arm_drake.controllers.controller_interface import (
-    ControllerInterfaceParams,
-    TickingController,
-)
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Now
 from arm_drake.controllers.gazebo.plugin import (
     GazeboPid,
@@ -34,7 +24,7 @@ from arm_drake.controllers.gazebo.plugin import (
     ros_topic,
     trajectory_topic,
 )
-from arm_drake.controllers.topics import INACTIVE, Events, add_events, new_messages
+from arm_drake.controllers.topics import Inbox, TopicController
 from arm_drake.description.gazebo_plugins import (
     GazeboRosJointPoseTrajectory as GazeboRosJointPoseTrajectoryTag,
 )
@@ -47,7 +37,6 @@ from arm_drake.messages import (
     Float32,
     JointTrajectory,
     JointTrajectoryPoint,
-    TopicRejected,
 )
 
 
@@ -152,14 +141,10 @@ class GazeboTrajectoryState(NamedTuple):
     # Part of the points so far, in (0, 1]; 0 before the first one.
     progress: Float32 = Float32(0.0)
 
-    # Messages on the port at the last tick.
-    seen: tuple[JointTrajectory, ...] = ()
-
-    # The latest messages that were not accepted as they are.
-    events: Events = ()
+    inbox: Inbox = Inbox()
 
 
-class JointTrajectoryController(TickingController[GazeboTrajectoryState]):
+class JointTrajectoryController(TopicController[GazeboTrajectoryState]):
     """Takes joints from point to point of a trajectory by the forces of PIDs.
 
     .. pydrake_system::
@@ -252,12 +237,11 @@ class JointTrajectoryController(TickingController[GazeboTrajectoryState]):
             command_interfaces=claims,
         )
         topic = trajectory_topic(tag, params.robot_name)
-        self.message_types = {topic: JointTrajectory}
-        self._topic = self.DeclareAbstractInputPort(topic, AbstractValue.Make(()))
+        self._subscribe(topic, JointTrajectory, self._take)
         self._declare_topic(
             f"{topic}_progress", lambda state: state.progress, default=Float32()
         )
-        self._declare_topic("events", lambda state: state.events)
+        self._declare_events()
 
     def _update(self, now: Now, state: GazeboTrajectoryState) -> GazeboTrajectoryState:
         state = self._advance(now, self._receive(now, state))
@@ -284,35 +268,24 @@ class JointTrajectoryController(TickingController[GazeboTrajectoryState]):
             progress=Float32(following.progress),
         )
 
-    def _receive(
-        self, now: Now, state: GazeboTrajectoryState, obstacle: str = ""
-    ) -> GazeboTrajectoryState:
-        """Return the state with what has come in.
-
-        Args:
-            now: The time, and where the inputs are read.
-            state: State after the last tick.
-            obstacle: Why no message is taken; empty if they are.
-        """
-        new, seen = new_messages(self._topic, now.context, JointTrajectory, state.seen)
-        if seen is state.seen:
-            return state
-        following, news = state.following, []
-        for message in new:
-            fault = obstacle or self._find_fault(message)
-            if fault:
-                news.append(TopicRejected(message, fault))
-                continue
-            unknown = [name for name in message.joint_names if name not in self._at]
-            if unknown:
-                names = ", ".join(map(repr, unknown))
-                reason = f"no joint {names} here; the other joints follow it"
-                news.append(TopicRejected(message, reason))
-            stamp_ns = message.header.stamp.to_nanoseconds()
-            start_ns = stamp_ns if self._uses_stamp and stamp_ns else now.time_ns
-            following = Following(message, start_ns) if message.points else None
-        events = add_events(state.events, news)
-        return state._replace(following=following, seen=seen, events=events)
+    def _take(
+        self,
+        state: GazeboTrajectoryState,
+        message: JointTrajectory,
+        time_ns: int,
+        obstacle: str,
+    ) -> tuple[GazeboTrajectoryState, str]:
+        fault = obstacle or self._find_fault(message)
+        if fault:
+            return state, fault
+        unknown = [name for name in message.joint_names if name not in self._at]
+        if unknown:
+            names = ", ".join(map(repr, unknown))
+            fault = f"no joint {names} here; the other joints follow it"
+        stamp_ns = message.header.stamp.to_nanoseconds()
+        start_ns = stamp_ns if self._uses_stamp and stamp_ns else time_ns
+        following = Following(message, start_ns) if message.points else None
+        return state._replace(following=following), fault
 
     def _find_fault(self, message: JointTrajectory) -> str:
         """Return why a message is dropped; empty if it isn't."""
@@ -343,12 +316,6 @@ class JointTrajectoryController(TickingController[GazeboTrajectoryState]):
     ) -> GazeboTrajectoryState:
         del now
         return state._replace(command=self._at_rest)
-
-    def _idle(self, now: Now, state: GazeboTrajectoryState) -> GazeboTrajectoryState:
-        return self._receive(now, state, INACTIVE)
-
-    def _command(self, state: GazeboTrajectoryState) -> Array:
-        return state.command
 
 
 def _fill(
@@ -384,14 +351,10 @@ class PoseTrajectoryState(NamedTuple):
     # When the last point was set [ns]; None before the first one.
     last_ns: int | None = None
 
-    # Messages on the port at the last tick.
-    seen: tuple[JointTrajectory, ...] = ()
-
-    # The latest messages that were not accepted.
-    events: Events = ()
+    inbox: Inbox = Inbox()
 
 
-class GazeboRosJointPoseTrajectory(TickingController[PoseTrajectoryState]):
+class GazeboRosJointPoseTrajectory(TopicController[PoseTrajectoryState]):
     """Sets joints to the points of a trajectory, one after the other.
 
     .. pydrake_system::
@@ -461,9 +424,8 @@ class GazeboRosJointPoseTrajectory(TickingController[PoseTrajectoryState]):
             command_interfaces=tuple(name for _, name in here),
         )
         topic = ros_topic("set_joint_trajectory", tag.namespace, tag.remappings)
-        self.message_types = {topic: JointTrajectory}
-        self._topic = self.DeclareAbstractInputPort(topic, AbstractValue.Make(()))
-        self._declare_topic("events", lambda state: state.events)
+        self._subscribe(topic, JointTrajectory, self._take)
+        self._declare_events()
 
     def _update(self, now: Now, state: PoseTrajectoryState) -> PoseTrajectoryState:
         state = self._receive(now, state)
@@ -495,29 +457,19 @@ class GazeboRosJointPoseTrajectory(TickingController[PoseTrajectoryState]):
         # Times of ticks are cut to whole nanoseconds.
         return (time_ns - state.last_ns + 1) * self._rate < NANOSECONDS
 
-    def _receive(
-        self, now: Now, state: PoseTrajectoryState, obstacle: str = ""
-    ) -> PoseTrajectoryState:
-        """Return the state with what has come in.
-
-        Args:
-            now: The time, and where the inputs are read.
-            state: State after the last tick.
-            obstacle: Why no message is taken; empty if they are.
-        """
-        new, seen = new_messages(self._topic, now.context, JointTrajectory, state.seen)
-        if seen is state.seen:
-            return state
-        replay, news = state.replay, []
-        for message in new:
-            fault = obstacle or self._find_fault(message)
-            if fault:
-                news.append(TopicRejected(message, fault))
-                continue
-            start_ns = max(message.header.stamp.to_nanoseconds(), now.time_ns)
-            replay = Replay(message, 0, start_ns) if message.points else None
-        events = add_events(state.events, news)
-        return state._replace(replay=replay, seen=seen, events=events)
+    def _take(
+        self,
+        state: PoseTrajectoryState,
+        message: JointTrajectory,
+        time_ns: int,
+        obstacle: str,
+    ) -> tuple[PoseTrajectoryState, str]:
+        fault = obstacle or self._find_fault(message)
+        if fault:
+            return state, fault
+        start_ns = max(message.header.stamp.to_nanoseconds(), time_ns)
+        replay = Replay(message, 0, start_ns) if message.points else None
+        return state._replace(replay=replay), ""
 
     def _find_fault(self, message: JointTrajectory) -> str:
         """Return why a message is dropped; empty if it isn't."""
@@ -546,12 +498,6 @@ class GazeboRosJointPoseTrajectory(TickingController[PoseTrajectoryState]):
     def _deactivate(self, now: Now, state: PoseTrajectoryState) -> PoseTrajectoryState:
         del now
         return state._replace(command=self._nothing)
-
-    def _idle(self, now: Now, state: PoseTrajectoryState) -> PoseTrajectoryState:
-        return self._receive(now, state, INACTIVE)
-
-    def _command(self, state: PoseTrajectoryState) -> Array:
-        return state.command
 
 
 def _find_number_fault(message: JointTrajectory) -> str:
