@@ -1,5 +1,6 @@
 """Worlds: what a robot stands on, bumps into and picks up."""
 
+import functools
 import os
 import re
 import tempfile
@@ -7,26 +8,24 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
-from pydrake.geometry import SceneGraph
+from pydrake.geometry import RenderLabel, SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, FixedOffsetFrame, ModelInstanceIndex
+from pydrake.multibody.tree import (
+    BodyIndex,
+    FixedOffsetFrame,
+    ModelInstanceIndex,
+    world_index,
+)
 
+from arm_drake.bundled import models_folder
 from arm_drake.errors import InputError, suggest
 from arm_drake.plant.contact import add_ground
 from arm_drake.plant.drake_log import drake_messages
 from arm_drake.worlds.sdf_files import name_of
 from arm_drake.worlds.sdf_models import FOLDER
 from arm_drake.worlds.sdf_world import LoadedWorld, SdfWorld, read_world
-
-
-def _add_house(plant: MultibodyPlant) -> None:
-    # Not at the top: furniture takes long to import, and few runs have it.
-    from arm_drake.worlds.house import add_house
-
-    add_house(plant)
-
 
 # Files that are worlds, by the ends of their names.
 WORLD_SUFFIXES = (".world", ".sdf")
@@ -35,9 +34,9 @@ WORLD_SUFFIXES = (".world", ".sdf")
 # like one; what adds a world to a plant; or a world that is loaded already.
 World = str | Path | Callable[[MultibodyPlant], None] | LoadedWorld
 
-WORLDS: Mapping[str, LoadedWorld] = {
+WORLDS: Mapping[str, LoadedWorld | Path] = {
     "empty": LoadedWorld("empty", add_ground),
-    "house": LoadedWorld("house", _add_house, has_grid=False),
+    "house": models_folder() / "worlds/house/house.sdf",
     "void": LoadedWorld("void"),
 }
 
@@ -60,10 +59,8 @@ def load_world(world: World, package_paths: Sequence[Path] = ()) -> LoadedWorld:
     if callable(world):
         return LoadedWorld(add_to=_checked(world), has_things=True)
     if isinstance(world, str) and world in WORLDS:
-        return WORLDS[world]
+        return _load_built_in(world)
     if isinstance(world, Path) or (isinstance(world, str) and _is_file_name(world)):
-        # Not at the top, as the house.
-
         return load_sdf_world(Path(world).expanduser(), package_paths)
     if not isinstance(world, str):
         raise InputError(
@@ -86,6 +83,13 @@ def add_world(plant: MultibodyPlant, world: World) -> None:
             function finalizes the plant.
     """
     load_world(world).add_to(plant)
+
+
+@functools.cache
+def _load_built_in(name: str) -> LoadedWorld:
+    """Return a built-in world; a process reads its file once."""
+    world = WORLDS[name]
+    return world if isinstance(world, LoadedWorld) else load_sdf_world(world)
 
 
 def _is_file_name(world: str) -> bool:
@@ -256,21 +260,27 @@ def _add_standing(
         plant.AddFrame(FixedOffsetFrame(name, plant.world_frame(), X_WB, instance))
         frame_id = parsed.GetBodyFrameIdOrThrow(body.index())
         for geometry in inspector.GetGeometries(frame_id):
-            clone = inspector.CloneGeometryInstance(geometry)
-            clone.set_pose(X_WB @ RigidTransform(clone.pose()))
+            X_WG = X_WB @ RigidTransform(inspector.GetPoseInFrame(geometry))
             last = inspector.GetName(geometry).rpartition("::")[2]
-            clone.set_name(f"{model}::{name}::{last}")
+            label = f"{model}::{name}::{last}"
             properties = inspector.GetProximityProperties(geometry)
-            if properties is None:
-                plant.RegisterVisualGeometry(plant.world_body(), clone)
-            else:
+            if properties is not None:
                 plant.RegisterCollisionGeometry(
                     plant.world_body(),
-                    clone.pose(),
-                    clone.shape(),
-                    clone.name(),
+                    X_WG,
+                    inspector.GetShape(geometry),
+                    label,
                     properties,
                 )
+                continue
+            clone = inspector.CloneGeometryInstance(geometry)
+            clone.set_pose(X_WG)
+            clone.set_name(label)
+            if clone.perception_properties() is not None:
+                # It is that of the world body now, not that of the parsed one.
+                seen = clone.mutable_perception_properties()
+                seen.UpdateProperty("label", "id", RenderLabel(int(world_index())))
+            plant.RegisterVisualGeometry(plant.world_body(), clone)
 
 
 def _free_name(plant: MultibodyPlant, name: str) -> str:

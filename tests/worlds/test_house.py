@@ -9,16 +9,18 @@ import pytest
 from pydrake.geometry import Role, SceneGraph
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import FrameIndex
+from pydrake.multibody.tree import FrameIndex, world_index
 
 import arm_drake as ad
-from arm_drake.worlds.house import list_pieces
-from arm_drake.worlds.world import add_world
+from arm_drake.bundled import models_folder
+from arm_drake.worlds.world import add_world, load_world
 from tests import models
 from tests.robots import real_robot
 
 # Pieces of the tutorial's house: models of furniture, and of the house itself.
 NUM_PIECES, NUM_KINDS = 86, 63
+
+FILE = models_folder() / "worlds/house/house.sdf"
 
 # What is too flat to collide with, or is the ground.
 FLAT = {"Carpet_01", "FloorB_01"}
@@ -33,9 +35,14 @@ def scene() -> tuple[MultibodyPlant, SceneGraph]:
     return plant, scene_graph
 
 
+def kind_of(piece: str) -> str:
+    """Return a piece's name without its number."""
+    return piece.rpartition("_")[0]
+
+
 def rounded(kind: str, X: RigidTransform) -> tuple[object, ...]:
-    # Positions are written with six digits behind the point, and angles.
-    angles = np.round(RollPitchYaw(X.rotation()).vector(), 5) + 0.0
+    # Positions and angles are written with six digits behind the point.
+    angles = np.round(RollPitchYaw(X.rotation()).vector(), 6) + 0.0
     return (kind, *np.round(X.translation(), 6).tolist(), *angles.tolist())
 
 
@@ -56,7 +63,7 @@ def test_every_piece_of_the_tutorials_house_is_at_its_place(
     frames = [plant.get_frame(FrameIndex(i)) for i in range(plant.num_frames())]
 
     found = Counter(
-        rounded(frame.name().rpartition("_")[0], frame.CalcPoseInWorld(context))
+        rounded(kind_of(frame.name()), frame.CalcPoseInWorld(context))
         for frame in frames
         if frame.model_instance() == instance
     )
@@ -72,16 +79,37 @@ def test_every_piece_is_seen_and_what_is_not_flat_collides(
         {
             inspector.GetName(geometry).split("::")[1]
             for geometry in inspector.GetAllGeometryIds(role)
-            if "::" in inspector.GetName(geometry)
+            if inspector.GetName(geometry).startswith("house::")
         }
         for role in (Role.kIllustration, Role.kProximity)
     )
 
-    pieces = list_pieces()
+    pieces = {
+        link.get("name", "")
+        for link in ET.parse(FILE).getroot().iter("link")  # noqa: S314
+        if link.find("visual") is not None
+    }
     assert len(pieces) == NUM_PIECES
-    assert len({piece.kind for piece in pieces}) == NUM_KINDS
-    assert seen == {piece.name for piece in pieces}
-    assert solid == {piece.name for piece in pieces if piece.kind not in FLAT}
+    assert len({kind_of(piece) for piece in pieces}) == NUM_KINDS
+    assert seen == pieces
+    assert solid == {piece for piece in pieces if kind_of(piece) not in FLAT}
+
+
+def test_the_house_is_read_as_it_is_written() -> None:
+    assert len(load_world("house").report) == 0
+
+
+def test_cameras_see_the_house_as_the_world(
+    scene: tuple[MultibodyPlant, SceneGraph],
+) -> None:
+    inspector = scene[1].model_inspector()
+    labels = {
+        int(properties.GetProperty("label", "id"))
+        for geometry in inspector.GetAllGeometryIds(Role.kPerception)
+        if (properties := inspector.GetPerceptionProperties(geometry)) is not None
+    }
+
+    assert labels == {int(world_index())}
 
 
 def test_the_house_adds_no_bodies(scene: tuple[MultibodyPlant, SceneGraph]) -> None:
