@@ -79,16 +79,7 @@ def hardware_from_controllers(
     ]
     if not movable:
         return ()
-    claims: dict[str, list[str]] = {joint.name: [] for joint in movable}
-    for controller in config.controllers:
-        for name, interface in _claims(controller):
-            if name in claims and interface not in claims[name]:
-                claims[name].append(interface)
-    for joint in movable:
-        if joint.mimic is not None:
-            claims[joint.name] = []
-        elif not claims[joint.name]:
-            claims[joint.name] = [_POSITION]
+    claims = _claims_of(movable, config)
     counts = collections.Counter(name for names in claims.values() for name in names)
     listed = ", ".join(
         f"{name} ({count} joint{'s' if count > 1 else ''})"
@@ -113,6 +104,23 @@ def hardware_from_controllers(
             ),
         ),
     )
+
+
+def _claims_of(
+    joints: Sequence[JointInfo], config: ControllerManagerConfig
+) -> dict[str, list[str]]:
+    """Return the command interfaces of joints, as claimed or else by default."""
+    claims: dict[str, list[str]] = {joint.name: [] for joint in joints}
+    for controller in config.controllers:
+        for name, interface in _claims(controller):
+            if name in claims and interface not in claims[name]:
+                claims[name].append(interface)
+    for joint in joints:
+        if joint.mimic is not None:
+            claims[joint.name] = []
+        elif not claims[joint.name]:
+            claims[joint.name] = [_POSITION]
+    return claims
 
 
 def claimed_joints(config: ControllerManagerConfig) -> dict[str, str]:

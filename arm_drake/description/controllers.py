@@ -15,7 +15,6 @@ from arm_drake.description.controller_manager_parameters import (
     CONTROLLER_KEYS,
     DEFAULT_UPDATE_RATE,
     MANAGER,
-    MAX_UPDATE_RATE,
     PLUGIN_NODES,
     ControllerManagerParameters,
     HardwareComponentsInitialState,
@@ -64,6 +63,88 @@ class ControllerConfig:
 
     # The joints that these move.
     plugin_joints: frozenset[str] = frozenset()
+
+
+@dc.dataclass(frozen=True)
+class ControllerManagerConfig:
+    """A controller manager and its controllers, in the order of the manager's list."""
+
+    # Rate of the read-update-write loop [Hz].
+    update_rate: int = DEFAULT_UPDATE_RATE
+
+    controllers: tuple[ControllerConfig, ...] = ()
+
+    # Files that were read.
+    files: tuple[Path, ...] = ()
+
+    # Whether commands are kept within the joints' limits. None: as the distribution
+    # does by default.
+    enforce_command_limits: bool | None = None
+
+    hardware_components_initial_state: HardwareComponentsInitialState = dc.field(
+        default_factory=HardwareComponentsInitialState
+    )
+
+    # Parameters of the nodes of Gazebo's plugins, by the nodes' names.
+    plugin_nodes: Mapping[str, Parameters] = dc.field(default_factory=dict)
+
+
+def load_controllers(
+    files: Sequence[Path],
+    variables: Mapping[str, str],
+    report: LoadReport,
+    *,
+    packages: PackageFinder | None = None,
+    manager: str = MANAGER,
+    plugins: Collection[str] = (),
+) -> ControllerManagerConfig:
+    """Return what controllers YAML files configure.
+
+    Args:
+        files: YAML files; a later one overrides an earlier one.
+        variables: Values of `$(var NAME)`.
+        report: Where what is not taken as written is recorded.
+        packages: What resolves `$(find-pkg-share PACKAGE)` and `package://`.
+        manager: Name of the controller manager's node, where it has one of its own.
+        plugins: Names of nodes of Gazebo's plugins beside the usual ones.
+
+    Raises:
+        ParameterError: If a file can't be used.
+    """
+    reader = ParameterReader(variables, report, packages)
+    sections = [section for file in files for section in reader.read(file)]
+    if not any(section.name == MANAGER for section in sections):
+        sections = [_renamed(section, manager) for section in sections]
+    namespaces = _namespaces(sections)
+    nodes = Nodes(sections, namespaces)
+    managers = [
+        ManagedControllers(ns, nodes, reader, packages, report) for ns in namespaces
+    ]
+    controllers = _named_apart(managers, report)
+    _report_several(managers, report)
+    _report_absent(files, managers, controllers, report)
+    for name in reader.substitutions.unused:
+        report.add(
+            "warning",
+            "ignored",
+            f"no controllers YAML uses the variable {name!r}",
+            "it has no effect",
+        )
+    plugin_nodes = {
+        name: nodes.plugin_parameters(name, report)
+        for name in dict.fromkeys((*PLUGIN_NODES, *plugins))
+    }
+    names = [name for manager in managers for name in manager.controllers]
+    nodes.report_unused((*names, MANAGER), report)
+    further = [file for manager in managers for file in manager.files]
+    return ControllerManagerConfig(
+        update_rate=_first_given("update_rate", managers),
+        controllers=tuple(controllers),
+        files=tuple(dict.fromkeys((*files, *further))),
+        enforce_command_limits=_first_given("enforce_command_limits", managers),
+        hardware_components_initial_state=_together(m.settings for m in managers),
+        plugin_nodes={name: given for name, given in plugin_nodes.items() if given},
+    )
 
 
 class ManagedControllers:
@@ -273,115 +354,6 @@ def _is_below(key: str, name: str) -> bool:
     return key.startswith(f"{name}.")
 
 
-__all__ = [
-    "DEFAULT_UPDATE_RATE",
-    "MANAGER",
-    "MAX_UPDATE_RATE",
-    "ControllerConfig",
-    "ControllerManagerConfig",
-    "HardwareComponentsInitialState",
-    "load_controllers",
-]
-
-
-@dc.dataclass(frozen=True)
-class ControllerManagerConfig:
-    """A controller manager and its controllers, in the order of the manager's list."""
-
-    # Rate of the read-update-write loop [Hz].
-    update_rate: int = DEFAULT_UPDATE_RATE
-
-    controllers: tuple[ControllerConfig, ...] = ()
-
-    # Files that were read.
-    files: tuple[Path, ...] = ()
-
-    # Whether commands are kept within the joints' limits. None: as the distribution
-    # does by default.
-    enforce_command_limits: bool | None = None
-
-    hardware_components_initial_state: HardwareComponentsInitialState = dc.field(
-        default_factory=HardwareComponentsInitialState
-    )
-
-    # Parameters of the nodes of Gazebo's plugins, by the nodes' names.
-    plugin_nodes: Mapping[str, Parameters] = dc.field(default_factory=dict)
-
-
-def load_controllers(
-    files: Sequence[Path],
-    variables: Mapping[str, str],
-    report: LoadReport,
-    *,
-    packages: PackageFinder | None = None,
-    manager: str = MANAGER,
-    plugins: Collection[str] = (),
-) -> ControllerManagerConfig:
-    """Return what controllers YAML files configure.
-
-    Args:
-        files: YAML files; a later one overrides an earlier one.
-        variables: Values of `$(var NAME)`.
-        report: Where what is not taken as written is recorded.
-        packages: What resolves `$(find-pkg-share PACKAGE)` and `package://`.
-        manager: Name of the controller manager's node, where it has one of its own.
-        plugins: Names of nodes of Gazebo's plugins beside the usual ones.
-
-    Raises:
-        ParameterError: If a file can't be used.
-    """
-    reader = ParameterReader(variables, report, packages)
-    sections = [section for file in files for section in reader.read(file)]
-    if not any(section.name == MANAGER for section in sections):
-        sections = [_renamed(section, manager) for section in sections]
-    namespaces = _namespaces(sections)
-    nodes = Nodes(sections, namespaces)
-    managers = [
-        ManagedControllers(ns, nodes, reader, packages, report) for ns in namespaces
-    ]
-    controllers = _named_apart(managers, report)
-    _report_several(managers, report)
-    if files and all("update_rate" not in m.parameters for m in managers):
-        report.add(
-            "info",
-            "missing",
-            f"{MANAGER}.update_rate is not given",
-            f"{DEFAULT_UPDATE_RATE} Hz is used",
-            file=files[0],
-        )
-    if files and not controllers:
-        report.add(
-            "warning",
-            "missing",
-            "no controller is configured",
-            "no controller runs",
-            file=files[0],
-        )
-    for name in reader.substitutions.unused:
-        report.add(
-            "warning",
-            "ignored",
-            f"no controllers YAML uses the variable {name!r}",
-            "it has no effect",
-        )
-    plugin_nodes = {
-        name: nodes.plugin_parameters(name, report)
-        for name in dict.fromkeys((*PLUGIN_NODES, *plugins))
-    }
-    names = [name for manager in managers for name in manager.controllers]
-    nodes.report_unused((*names, MANAGER), report)
-    further = [file for manager in managers for file in manager.files]
-    config = ControllerManagerConfig(
-        update_rate=_first_given("update_rate", managers),
-        controllers=tuple(controllers),
-        files=tuple(dict.fromkeys((*files, *further))),
-        enforce_command_limits=_first_given("enforce_command_limits", managers),
-        hardware_components_initial_state=_together(m.settings for m in managers),
-        plugin_nodes={name: given for name, given in plugin_nodes.items() if given},
-    )
-    return config
-
-
 def _renamed(section: Section, manager: str) -> Section:
     """Return a section of the manager under the manager's usual name."""
     if section.name != manager:
@@ -426,6 +398,31 @@ def _named_apart(
                 controller, name=new, fallback_controllers=fallback
             )
     return list(controllers.values())
+
+
+def _report_absent(
+    files: Sequence[Path],
+    managers: Sequence[ManagedControllers],
+    controllers: Collection[ControllerConfig],
+    report: LoadReport,
+) -> None:
+    """Record an update rate and controllers that files don't give."""
+    if files and all("update_rate" not in m.parameters for m in managers):
+        report.add(
+            "info",
+            "missing",
+            f"{MANAGER}.update_rate is not given",
+            f"{DEFAULT_UPDATE_RATE} Hz is used",
+            file=files[0],
+        )
+    if files and not controllers:
+        report.add(
+            "warning",
+            "missing",
+            "no controller is configured",
+            "no controller runs",
+            file=files[0],
+        )
 
 
 def _report_several(managers: Sequence[ManagedControllers], report: LoadReport) -> None:
