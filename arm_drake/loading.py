@@ -1,4 +1,4 @@
-"""load_robot: a robot package on the disk becomes a Robot."""
+"""Loading of a robot: from a package on the disk to a Robot, stage by stage."""
 
 import copy
 import dataclasses as dc
@@ -7,6 +7,7 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from arm_drake.controllers import ControllerType, check_controller_types
 from arm_drake.description.bridge import find_bridge_files, load_bridges, split_bridges
@@ -115,6 +116,45 @@ def load_robot(
         InputError: If the files can't be used at all; or with ``strict``, if anything
             was not taken as written.
     """
+    loading = _start(source, package_paths, distro, name, controller_types)
+    description = _read_description(loading, xacro_args, decompose, max_faces)
+    bridges, config = _read_controllers(loading, description, controllers, variables)
+    description, config = _complete(loading, description, config)
+    robot = _make_robot(loading, description, config, bridges, pose, initial_positions)
+    _try(loading, robot)
+    if strict and len(robot.report):
+        raise InputError(f"not everything was taken as written:\n{robot.report}")
+    return robot
+
+
+class _Loading(NamedTuple):
+    """What is loaded, and how; its report and its files grow."""
+
+    # The file that is read first, and the name of the bundled robot if it is one.
+    entry: Path
+    bundled: str | None
+
+    # Folders that are searched for packages, and what searches them.
+    folders: tuple[Path, ...]
+    packages: PackageFinder
+
+    distro: str
+    name: str | None
+    types: Mapping[str, ControllerType]
+    report: LoadReport
+
+    # Files that xacro read.
+    files: set[Path]
+
+
+def _start(
+    source: Source,
+    package_paths: Source | Sequence[Source],
+    distro: str,
+    name: str | None,
+    controller_types: Mapping[str, ControllerType] | None,
+) -> _Loading:
+    """Return what is to be loaded, after a check of what can be told already."""
     if name is not None and (not name or "/" in name):
         raise InputError(f"name {name!r}: expected a name without '/'")
     if isinstance(package_paths, str | os.PathLike):
@@ -123,42 +163,88 @@ def load_robot(
     report = LoadReport()
     distro = _check_distro(distro, report)
     entry, bundled = find_entry(source)
-    folders = [_existing_folder(path) for path in package_paths]
+    folders = tuple(_existing_folder(path) for path in package_paths)
     packages = PackageFinder(entry, folders, report)
-    read: set[Path] = set()
-    text = expand_xacro(entry, dict(xacro_args or {}), packages, report, files=read)
-    description = parse_urdf(
+    return _Loading(
+        entry, bundled, folders, packages, distro, name, types, report, set()
+    )
+
+
+def _read_description(
+    loading: _Loading,
+    xacro_args: Mapping[str, str] | None,
+    decompose: bool,
+    max_faces: int | None,
+) -> RobotDescription:
+    """Return the robot that the entry file describes."""
+    entry, packages, report = loading.entry, loading.packages, loading.report
+    arguments = dict(xacro_args or {})
+    text = expand_xacro(entry, arguments, packages, report, files=loading.files)
+    return parse_urdf(
         text, entry, packages, report, decompose=decompose, max_faces=max_faces
     )
+
+
+def _read_controllers(
+    loading: _Loading,
+    description: RobotDescription,
+    controllers: Source | Sequence[Source] | None,
+    variables: Mapping[str, str] | None,
+) -> tuple[Sequence[Path], ControllerManagerConfig]:
+    """Return the YAML files of bridges, and what those of controllers configure."""
+    bundled, packages, report = loading.bundled, loading.packages, loading.report
     bridges, controllers = split_bridges(controllers)
     bridges = bridges or find_bridge_files(description, bundled, report)
     files = find_control_files(controllers, description, packages, bundled, report)
     if files is None:
-        config = default_controllers(description, report)
-    else:
-        config = load_controllers_config(
-            files,
-            dict(variables or {}),
-            report,
-            packages=packages,
-            manager=_manager_name(description),
-            plugins=gazebo_nodes(description),
-        )
+        return bridges, default_controllers(description, report)
+    return bridges, load_controllers_config(
+        files,
+        dict(variables or {}),
+        report,
+        packages=packages,
+        manager=_manager_name(description),
+        plugins=gazebo_nodes(description),
+    )
+
+
+def _complete(
+    loading: _Loading,
+    description: RobotDescription,
+    config: ControllerManagerConfig,
+) -> tuple[RobotDescription, ControllerManagerConfig]:
+    """Add what follows from both: hardware, plugins, sensors, a base that moves."""
+    report, entry = loading.report, loading.entry
     if not description.hardware:
-        others = plugin_joints(description)
         hardware = hardware_from_controllers(
-            config, description.joints, report, entry, others=others
+            config,
+            description.joints,
+            report,
+            entry,
+            others=plugin_joints(description),
         )
         description = dc.replace(description, hardware=hardware)
     description, config = add_plugins(description, config, report)
     config = add_contact_sensors(description, config, report)
-    has_free_base = _has_free_base(description, config)
-    if has_free_base:
+    if _has_free_base(description, config):
         root = copy.deepcopy(description.root)
         repair_free_base(root, description.base, report, entry)
         description = dc.replace(description, root=root)
-    robot = Robot(
-        name=name or description.name,
+    return description, config
+
+
+def _make_robot(
+    loading: _Loading,
+    description: RobotDescription,
+    config: ControllerManagerConfig,
+    bridges: Sequence[Path],
+    pose: Sequence[float] | None,
+    initial_positions: Mapping[str, float] | None,
+) -> Robot:
+    """Return the robot of a description and its controllers."""
+    report = loading.report
+    return Robot(
+        name=loading.name or description.name,
         description=description,
         controllers=config,
         report=report,
@@ -166,37 +252,39 @@ def load_robot(
             description, dict(initial_positions or {}), report
         ),
         pose=_check_pose(pose),
-        has_free_base=has_free_base,
-        package_paths=tuple(folders),
+        has_free_base=_has_free_base(description, config),
+        package_paths=loading.folders,
         source_files=find_source_files(
-            description, config, packages, (*read, *bridges)
+            description, config, loading.packages, (*loading.files, *bridges)
         ),
-        distro=distro,
-        bundled=bundled,
+        distro=loading.distro,
+        bundled=loading.bundled,
         sensors=find_sensors(description, config, report),
         topic_aliases=load_bridges(bridges, report),
-        controller_types=types,
+        controller_types=loading.types,
     )
+
+
+def _try(loading: _Loading, robot: Robot) -> None:
+    """Record what controllers, model and bases lack, and the places of all lines."""
+    entry, packages, report = loading.entry, loading.packages, loading.report
     surroundings = find_surroundings(
-        description,
+        robot.description,
         robot.initial_positions,
         sensors=robot.sensors,
         robot_name=robot.name,
     )
     load_controllers(
-        config,
+        robot.controllers,
         surroundings,
         report,
         judges_claims=False,
-        distro=distro,
-        controller_types=types,
+        distro=robot.distro,
+        controller_types=robot.controller_types,
     )
     check_model(robot)
     RobotBases.of(robot).report(report)
     report.add_lines(find_place(lambda: read_sources(entry, packages).files))
-    if strict and len(report):
-        raise InputError(f"not everything was taken as written:\n{report}")
-    return robot
 
 
 def _manager_name(description: RobotDescription) -> str:

@@ -342,14 +342,10 @@ def _make_tag(
         return None
     every = {shape: owner for owner, names in shapes.items() for shape in names}
     own = shapes.get(link, ())
-    # Of others it can't be told which part of a mesh is which shape.
-    whole = description.undivided
-    named = [
-        shape
-        for name in sensor.collisions
-        if name in every
-        for shape in (shapes[every[name]] if every[name] in whole else (name,))
-    ]
+    named: list[str] = []
+    for name in filter(every.__contains__, sensor.collisions):
+        is_whole = every[name] in description.undivided
+        named += shapes[every[name]] if is_whole else (name,)
     felt = tuple(f"{every[name]}::{name}" for name in named)
     for name in sensor.collisions:
         if name not in every:
