@@ -84,10 +84,6 @@ def find_bases(
     """Return the bases that controllers and Gazebo's plugins drive.
 
     Joints that the description lacks are left out: their controllers don't load.
-
-    Args:
-        description: The robot.
-        config: What the YAML configures.
     """
     bases = []
     joints = {joint.name for joint in description.movable_joints}
@@ -136,23 +132,13 @@ def _names(given: Mapping[str, Parameter], parameters: Iterable[str]) -> list[st
 
 
 def moved_joints(description: RobotDescription, joint: str) -> list[JointInfo]:
-    """Return a joint, and the mimic joints that follow it.
-
-    Args:
-        description: The robot.
-        joint: Name of a movable joint.
-    """
+    """Return a joint, and the mimic joints that follow it."""
     movable = {j.name: j for j in description.movable_joints}
     return [j for j in movable.values() if last_master(j, movable)[0] == joint]
 
 
 def rigid_links(description: RobotDescription, link: str) -> list[str]:
-    """Return a link, and those that fixed joints attach to it, directly or not.
-
-    Args:
-        description: The robot.
-        link: The link that is nearest to the root.
-    """
+    """Return a link, and those that fixed joints attach to it, directly or not."""
     found = [link]
     for parent in found:
         found += [
@@ -164,12 +150,7 @@ def rigid_links(description: RobotDescription, link: str) -> list[str]:
 
 
 def wheel_links(description: RobotDescription, joint: str) -> list[str]:
-    """Return the links of the wheels that a joint drives, mimic joints included.
-
-    Args:
-        description: The robot.
-        joint: Name of a driven joint.
-    """
+    """Return the links of the wheels that a joint drives, mimic joints included."""
     return [
         link
         for moved in moved_joints(description, joint)
@@ -184,10 +165,6 @@ def carried_inertia(
 
     That is the robot's mass at the rim of the wheels, shared by the joints of a base.
     Wheels that are neither cylinders nor spheres are left out.
-
-    Args:
-        description: The robot.
-        bases: What its controllers drive.
     """
     mass = total_mass(description)
     carried: dict[str, float] = {}
@@ -211,13 +188,7 @@ def report_bases(
     bases: Iterable[MobileBase],
     report: LoadReport,
 ) -> None:
-    """Record driven wheels that can't touch the ground, or have no friction.
-
-    Args:
-        description: The robot.
-        bases: What its controllers drive.
-        report: Where they are recorded.
-    """
+    """Record driven wheels that can't touch the ground, or have no friction."""
 
     def add(what: str, done: str, where: str) -> None:
         report.add("error", "invalid", what, done, where=where, file=description.file)
@@ -308,10 +279,6 @@ def find_axles(
     the axis of its cylinder; a sphere turns about what points to the left of the base,
     across the steering joint. Wheels that are driven lack one if a joint and those that
     follow it turn two of them, with axes in one direction.
-
-    Args:
-        description: The robot.
-        bases: What its controllers drive.
     """
     steering = [base for base in bases if base.steered]
     if not steering:
@@ -399,10 +366,6 @@ def with_axles(
     """Return a description whose URDF has joints for wheels to roll on.
 
     Only the URDF has them: the links and joints that it tells of are those of before.
-
-    Args:
-        description: The robot.
-        axles: What `find_axles` returns.
     """
     if not axles:
         return description
@@ -449,13 +412,7 @@ def with_axles(
 def report_axles(
     description: RobotDescription, axles: Sequence[Axle], report: LoadReport
 ) -> None:
-    """Record wheels that get an axle.
-
-    Args:
-        description: The robot.
-        axles: What `find_axles` returns.
-        report: Where they are recorded.
-    """
+    """Record wheels that get an axle."""
     others = {axle.other for axle in axles}
     for axle in axles:
         is_driven = bool(axle.other) or axle.link in others

@@ -1,4 +1,4 @@
-"""The YAML files of a ros_gz_bridge: which topics of ROS and of Gazebo are one.
+"""YAML files of a ros_gz_bridge: which topics of ROS and of Gazebo are one.
 
 Source: ros_gz, branch ros2, ros_gz_bridge (README.md, src/bridge_config.cpp,
 ros_gz_bridge/mappings.py); older names are those of ros_ign_bridge.
@@ -97,9 +97,7 @@ def split_bridges(
 ) -> tuple[list[Path], list[Source] | None]:
     """Return which of the files that a user names are bridges, and the others.
 
-    Args:
-        given: Controllers YAML files, and maybe bridges; None if none is named. Bridges
-            alone leave None: nothing is said of the controllers.
+    Bridges alone leave None: nothing is said of the controllers.
     """
     if given is None:
         return [], None
@@ -112,13 +110,7 @@ def split_bridges(
 def find_bridge_files(
     description: RobotDescription, bundled: str | None, report: LoadReport
 ) -> list[Path]:
-    """Return the bridges in the config folder of the description's package.
-
-    Args:
-        description: The robot.
-        bundled: Name of the bundled robot, if it is one.
-        report: Where files that look like bridges and aren't YAML are recorded.
-    """
+    """Return the bridges in the config folder of the description's package."""
     if bundled is not None:
         folders = [configs_folder() / bundled]
     else:
@@ -130,12 +122,7 @@ def find_bridge_files(
 
 
 def load_bridges(files: Sequence[Path], report: LoadReport) -> tuple[TopicAlias, ...]:
-    """Return the topics that bridges connect, in the order of the files.
-
-    Args:
-        files: Files of which `find_bridge_files` says that they are bridges.
-        report: Where entries that can't be used are recorded.
-    """
+    """Return the topics that bridges connect, in the order of the files."""
     aliases: dict[tuple[str, ...], TopicAlias] = {}
     for file in files:
         for alias in _Bridge(file, report).aliases():

@@ -62,14 +62,8 @@ def hardware_from_controllers(
     """Return one block with the command interfaces that the controllers claim.
 
     A joint that no controller names takes positions, a mimic joint nothing; all report
-    position, velocity and effort.
-
-    Args:
-        config: What the controllers YAML configures.
-        joints: Joints of the robot, with the mimic that holds.
-        report: Where the interfaces are recorded.
-        file: The description, to be named in the report.
-        others: Joints that something else moves, if no controller does.
+    position, velocity and effort. Joints in ``others`` have something else that moves
+    them, if no controller does.
     """
     claimed = claimed_joints(config)
     movable = [

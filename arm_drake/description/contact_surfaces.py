@@ -22,26 +22,14 @@ from arm_drake.description.urdf import RobotDescription
 
 
 def for_drake(mu: float) -> float:
-    """Return the coefficient that makes mu with what has 1, by Drake's harmonic mean.
-
-    Args:
-        mu: From 0 to 1.
-    """
+    """Return what makes mu with a coefficient of 1, by Drake's harmonic mean."""
     return mu / (2.0 - mu)
 
 
 def with_surfaces(
     description: RobotDescription, links: Collection[str]
 ) -> RobotDescription:
-    """Return a description whose collision meshes are surfaces, not hulls.
-
-    Args:
-        description: The robot.
-        links: Links whose meshes these are.
-
-    Raises:
-        OutputError: Neither the cache nor a temporary folder can be written.
-    """
+    """Return a description whose collision meshes are surfaces, not hulls."""
     root = copy.deepcopy(description.root)
     for link in root.iterfind("link"):
         if link.get("name") not in links:

@@ -1,4 +1,4 @@
-"""Which controllers YAML belongs to a description."""
+"""Controllers YAML files that belong to a description."""
 
 import itertools
 import os
@@ -39,15 +39,7 @@ def find_control_files(
     bundled: str | None,
     report: LoadReport,
 ) -> list[Path] | None:
-    """Return the controllers YAML files of a robot, None if nothing hints at any.
-
-    Args:
-        given: What the user names, if anything.
-        description: The robot; its Gazebo plugin may name files.
-        packages: What resolves package URIs.
-        bundled: Name of the bundled robot, if it is one.
-        report: Where files that are missing are recorded.
-    """
+    """Return the controllers YAML files of a robot, None if nothing hints at any."""
     if given is not None:
         files = [given] if isinstance(given, str | os.PathLike) else list(given)
         return [Path(file) for file in files]
@@ -167,12 +159,7 @@ _NAMES = {
 def default_controllers(
     description: RobotDescription, report: LoadReport
 ) -> ControllerManagerConfig:
-    """Return a trajectory controller of all joints that nothing else moves.
-
-    Args:
-        description: The robot; its hardware is taken to have what these need.
-        report: Where it is said.
-    """
+    """Return a trajectory controller of all joints that nothing else moves."""
     file = description.file
     moved = plugin_joints(description)
     joints = [

@@ -96,16 +96,7 @@ def is_managers(key: str) -> bool:
 def load_manager_parameters(
     parameters: Parameters, node: str, report: LoadReport
 ) -> ControllerManagerParameters:
-    """Return the parameters of a controller manager.
-
-    Args:
-        parameters: All parameters of its node.
-        node: Name of the node, for messages.
-        report: Where what has no effect is recorded.
-
-    Raises:
-        ParameterError: If one is of the wrong type or out of range.
-    """
+    """Return the parameters of a controller manager."""
     rate = parameters.get("update_rate")
     if rate is not None and isinstance(rate.value, float) and rate.value.is_integer():
         what = f"{rate.value} is a double; ros2_control refuses it for an integer"
@@ -156,14 +147,7 @@ def load_manager_parameters(
 def report_foreign(
     parameters: Parameters, node: str, controllers: Collection[str], report: LoadReport
 ) -> None:
-    """Report what stands in a manager's section and is neither its nor a controller's.
-
-    Args:
-        parameters: Parameters of sections of this manager alone.
-        node: Name of the manager's node, for messages.
-        controllers: Names of its controllers.
-        report: Where it is recorded, a line for each name.
-    """
+    """Report what in a manager's section is neither its nor a controller's."""
     groups: dict[str, dict[str, Parameter]] = {}
     for key, parameter in parameters.items():
         group, _, rest = key.partition(".")
@@ -204,15 +188,7 @@ def _report(
 
 
 def texts_of(parameter: Parameter | None, where: str) -> tuple[str, ...]:
-    """Return a parameter that is a list of texts; one text alone is a list of one.
-
-    Args:
-        parameter: The parameter; None if it is not given.
-        where: Its full name, for messages.
-
-    Raises:
-        ParameterError: If it is something else.
-    """
+    """Return a parameter that is a list of texts; one text alone is a list of one."""
     if parameter is None:
         return ()
     value = parameter.value
@@ -241,12 +217,7 @@ class Nodes:
     """Which sections reach which node."""
 
     def __init__(self, sections: Sequence[Section], namespaces: Sequence[str]) -> None:
-        """Create it.
-
-        Args:
-            sections: Sections of all files.
-            namespaces: Name spaces of the controller managers.
-        """
+        """Create it."""
         self.sections = tuple(sections)
         self._namespaces = tuple(namespaces)
         self._reached: set[int] = set()
@@ -277,12 +248,7 @@ class Nodes:
         return merge(self.sections[index] for index in reaching)
 
     def plugin_parameters(self, name: str, report: LoadReport) -> dict[str, Parameter]:
-        """Return the parameters of a plugin's node, those of all nodes included.
-
-        Args:
-            name: Name of the node. Of several name spaces, the first one's win.
-            report: Where those in its own sections are recorded that it doesn't read.
-        """
+        """Return the parameters of a plugin's node, those of all nodes included."""
         given: dict[str, Parameter] = {}
         for namespace in reversed(self._namespaces):
             given |= self.parameters(namespace, name)
@@ -317,12 +283,7 @@ class Nodes:
         ]
 
     def report_unused(self, names: Collection[str], report: LoadReport) -> None:
-        """Report sections that have reached no node.
-
-        Args:
-            names: Names of the nodes.
-            report: Where they are recorded.
-        """
+        """Report sections that have reached no node."""
         for index, section in enumerate(self.sections):
             if index in self._reached:
                 continue

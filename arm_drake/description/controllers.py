@@ -1,4 +1,4 @@
-"""Controllers YAML to a ControllerManagerConfig.
+"""ControllerManagerConfig: what controllers YAML files configure.
 
 Launch files decide about name spaces and spawn the controllers. Without them, every
 name space is taken, and every controller that has a type.
@@ -98,19 +98,7 @@ def load_controllers(
     manager: str = MANAGER,
     plugins: Collection[str] = (),
 ) -> ControllerManagerConfig:
-    """Return what controllers YAML files configure.
-
-    Args:
-        files: YAML files; a later one overrides an earlier one.
-        variables: Values of `$(var NAME)`.
-        report: Where what is not taken as written is recorded.
-        packages: What resolves `$(find-pkg-share PACKAGE)` and `package://`.
-        manager: Name of the controller manager's node, where it has one of its own.
-        plugins: Names of nodes of Gazebo's plugins beside the usual ones.
-
-    Raises:
-        ParameterError: If a file can't be used.
-    """
+    """Return what controllers YAML files configure; a later one overrides."""
     reader = ParameterReader(variables, report, packages)
     sections = [section for file in files for section in reader.read(file)]
     if not any(section.name == MANAGER for section in sections):
@@ -158,18 +146,7 @@ class ManagedControllers:
         packages: PackageFinder | None,
         report: LoadReport,
     ) -> None:
-        """Create it from what reaches its node.
-
-        Args:
-            namespace: Its name space.
-            nodes: The sections of all nodes.
-            reader: What reads further files.
-            packages: What resolves their names.
-            report: Where what has no effect is recorded.
-
-        Raises:
-            ParameterError: If a parameter of its own can't be used.
-        """
+        """Create it from what reaches its node."""
         self.namespace = namespace
         self.node = f"{namespace}/{MANAGER}".lstrip("/")
         self.parameters = nodes.parameters(namespace, MANAGER)
@@ -241,14 +218,7 @@ class ManagedControllers:
     def _choose(
         self, name: str, key: str, own: Parameter | None
     ) -> tuple[Parameter | None, str]:
-        """Return what the manager is told about a controller, and its full name.
-
-        Args:
-            name: Name of the controller.
-            key: Name of the parameter below it.
-            own: What the controller's own section says, which holds if that of the
-                manager says nothing.
-        """
+        """Return what the manager is told about a controller, and its full name."""
         given = self.parameters.get(f"{name}.{key}")
         if given is None:
             return own, f"{name}.{key}"

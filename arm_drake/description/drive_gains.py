@@ -1,4 +1,4 @@
-"""How Gazebo would drive the joints, as the description and the YAML say.
+"""Gains with which Gazebo would drive joints, as the description and the YAML say.
 
 Each simulator reads what is for the blocks of its own hardware plugin:
 
@@ -77,22 +77,12 @@ class DriveGains:
 
 
 def find_drive_gains(robot: Robot, report: LoadReport) -> dict[str, DriveGains]:
-    """Return the gains of the joints about which anything is said.
-
-    Args:
-        robot: The robot.
-        report: Where gains are recorded that can't be used, or that nothing reads.
-    """
+    """Return the gains of the joints about which anything is said."""
     return _Finder(robot, report).find_gains()
 
 
 def holds_joints(robot: Robot, report: LoadReport) -> bool:
-    """Return whether joints stand still that no controller commands.
-
-    Args:
-        robot: The robot.
-        report: Where values are recorded that can't be used.
-    """
+    """Return whether joints stand still that no controller commands."""
     return _Finder(robot, report).holds()
 
 

@@ -25,16 +25,7 @@ def parse_float(text: str) -> float | None:
 
 
 def numbers(text: str, file: Path, where: str) -> list[float]:
-    """Return the numbers of a text, separated by spaces.
-
-    Args:
-        text: The text of an attribute.
-        file: File to name.
-        where: Place to name, such as "joint 'elbow'".
-
-    Raises:
-        DescriptionError: If it holds anything else.
-    """
+    """Return the numbers of a text, separated by spaces."""
     found = []
     for word in re.findall(f"[^{_SPACES}]+", text):
         number = parse_float(word)
@@ -52,15 +43,7 @@ _BOOLS = {"true": True, "false": False}
 
 
 def parse_xml(text: str, file: Path) -> ET.Element:
-    """Return the root element of a text.
-
-    Args:
-        text: XML.
-        file: File to name.
-
-    Raises:
-        DescriptionError: If it is malformed, or nested too deep.
-    """
+    """Return the root element of a text."""
     try:
         root = ET.fromstring(text)  # noqa: S314  expat fetches no external entities.
     except ET.ParseError as error:
@@ -106,13 +89,7 @@ class ElementReader:
     """
 
     def __init__(self, place: str, report: LoadReport, file: Path) -> None:
-        """Create the reader.
-
-        Args:
-            place: Name of the part, such as "ros2_control 'arm'".
-            report: Where lines are added.
-            file: File to name in them.
-        """
+        """Create the reader."""
         self._place = place
         self._report = report
         self._file = file

@@ -1,4 +1,4 @@
-"""Which file is meant: the description of a robot, in a folder or by its name."""
+"""Entry file of a robot's description, by its path, its folder or a name."""
 
 import importlib.metadata
 import os
@@ -33,15 +33,7 @@ def example_robots() -> dict[str, Path]:
 
 
 def find_example(name: str) -> Path:
-    """Return the URDF file of an example.
-
-    Args:
-        name: Name of the robot, without "example:".
-
-    Raises:
-        DescriptionError: If there is no such robot.
-        MissingExtraError: If the examples aren't installed.
-    """
+    """Return the URDF file of an example."""
     if _folder() is None:
         raise MissingExtraError(_DISTRIBUTION, extra="robots")
     robots = example_robots()
@@ -77,15 +69,7 @@ Source = str | os.PathLike[str]
 
 
 def find_entry(source: Source) -> tuple[Path, str | None]:
-    """Return the entry file of a source, and its name if it is bundled.
-
-    Args:
-        source: A bundled robot, `example:NAME`, a file or a package folder.
-
-    Raises:
-        DescriptionError: If no single file is meant.
-        MissingExtraError: If an example is asked for and they aren't installed.
-    """
+    """Return the entry file of a source, and its name if it is bundled."""
     if not os.fspath(source):
         raise DescriptionError("no robot is named; expected a name, file or folder")
     robots = bundled_robots()

@@ -1,14 +1,12 @@
-"""`<gazebo>` tags of a URDF: its plugins, and what has no effect here.
+"""`<gazebo>` tags of a URDF: plugins, sensors, friction, and what has no effect here.
 
 Three generations of Gazebo have plugins of their own: Gazebo Classic, Ignition Gazebo
 and Gazebo Sim ("gz"). What a plugin is for is told by the name of its library and, from
 Ignition on, of its class. The fields of those that concern joints are in
-gazebo_joints and gazebo_drives.
+`gazebo_plugins`.
 
-`<sensor>` tags in `<gazebo>` tags of a URDF: what is measured, and where.
-
-Sources of the fields: SDFormat, sdf/1.11/sensor.sdf, contact.sdf, forcetorque.sdf;
-gazebo_ros_pkgs, branch ros2, gazebo_plugins/src/gazebo_ros_bumper.cpp.
+Sources of the sensors' fields: SDFormat, sdf/1.11/sensor.sdf, contact.sdf,
+forcetorque.sdf; gazebo_ros_pkgs, branch ros2, gazebo_plugins/src/gazebo_ros_bumper.cpp.
 """
 
 import collections
@@ -109,11 +107,7 @@ class GazeboPlugin:
 
 
 def read_gazebo_plugins(root: ET.Element) -> tuple[GazeboPlugin, ...]:
-    """Return the plugins in the `<gazebo>` tags of a URDF, those of sensors included.
-
-    Args:
-        root: The `<robot>` element.
-    """
+    """Return the plugins in `<gazebo>` tags of a URDF, also those of sensors."""
     return tuple(
         plugin
         for gazebo in root.iterfind("gazebo")
@@ -122,12 +116,7 @@ def read_gazebo_plugins(root: ET.Element) -> tuple[GazeboPlugin, ...]:
 
 
 def read_plugins(parent: ET.Element, reference: str) -> Iterator[GazeboPlugin]:
-    """Yield the plugins below an element.
-
-    Args:
-        parent: A `<gazebo>` tag, or a `<sensor>` in one.
-        reference: Link or joint that the `<gazebo>` tag refers to.
-    """
+    """Yield the plugins below an element."""
     for holder, plugin in _plugins(parent, ""):
         yield GazeboPlugin(
             name=attribute(plugin, "name"),
@@ -146,15 +135,7 @@ def report_gazebo(
     simulated: Collection[str] = ("ros2_control",),
     sensors: Collection[str] = (),
 ) -> None:
-    """Report the content of `<gazebo>` tags that has no effect, in two lines.
-
-    Args:
-        root: The `<robot>` element.
-        report: Where the lines are added.
-        file: File to name in them.
-        simulated: Kinds of plugins that the simulator stands in for.
-        sensors: Names of sensors that measure.
-    """
+    """Report the content of `<gazebo>` tags that has no effect, in two lines."""
     plugins = collections.Counter(
         repr(plugin.filename or plugin.name)
         for plugin in read_gazebo_plugins(root)
@@ -244,14 +225,7 @@ def read_joint_plugins(
     report: LoadReport,
     file: Path,
 ) -> tuple[JointPlugin, ...]:
-    """Return the plugins that move or report joints, in their order.
-
-    Args:
-        plugins: All plugins of a description.
-        joint_names: Joints of the robot.
-        report: Where fields that can't be used are recorded, and plugins left out.
-        file: File to name in the report.
-    """
+    """Return the plugins that move or report joints, in their order."""
     found = []
     for plugin in plugins:
         if plugin.kind != "other":
@@ -426,13 +400,7 @@ class GazeboSensor:
 def read_gazebo_sensors(
     root: ET.Element, report: LoadReport, file: Path
 ) -> tuple[GazeboSensor, ...]:
-    """Return the sensors in the `<gazebo>` tags of a URDF.
-
-    Args:
-        root: The `<robot>` element.
-        report: Where poses that can't be read are recorded.
-        file: File to name there.
-    """
+    """Return the sensors in the `<gazebo>` tags of a URDF."""
     return tuple(
         GazeboSensor(
             name=attribute(element, "name"),
@@ -457,13 +425,7 @@ def read_gazebo_sensors(
 def referred_link(
     reference: str, links: Collection[str], joints: Iterable[JointInfo]
 ) -> str:
-    """Return the link that a `<gazebo>` tag refers to: of a joint its child.
-
-    Args:
-        reference: Name of a link or joint, links before joints; else it is returned.
-        links: Links of the robot.
-        joints: Its joints.
-    """
+    """Return the link that a `<gazebo>` tag refers to: of a joint its child."""
     if reference in links:
         return reference
     return {joint.name: joint.child for joint in joints}.get(reference, reference)

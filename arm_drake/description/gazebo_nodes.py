@@ -1,4 +1,4 @@
-"""Which Gazebo a robot's blocks are for, and the ROS nodes of its plugins.
+"""The Gazebo that a robot's blocks are for, and the ROS nodes of its plugins.
 
 In Gazebo Classic a node is called as its `<plugin>` tag is (gazebo_ros, node.cpp), in
 Gazebo Sim always the same (gz_ros2_control_plugin.cpp).
@@ -36,11 +36,7 @@ _NO_EFFECT = "it has no effect"
 
 
 def gazebo_nodes(description: RobotDescription) -> dict[str, str]:
-    """Return the simulators of a robot's blocks by the nodes of their plugins.
-
-    Args:
-        description: The robot. Blocks without a plugin tag have its usual node.
-    """
+    """Return the simulators of a robot's blocks by the nodes of their plugins."""
     used = {simulator_of(block) for block in description.hardware}
     nodes = {_SIM_NODE: GAZEBO_SIM} if GAZEBO_SIM in used else {}
     if CLASSIC in used:
@@ -84,12 +80,7 @@ def parse_sdf_bool(text: str) -> bool | None:
 
 
 def report_unread(robot: Robot, report: LoadReport) -> None:
-    """Report parameters of the plugins' nodes, and tags, that no simulator reads.
-
-    Args:
-        robot: The robot.
-        report: Where a line is added for each name in each node or plugin.
-    """
+    """Report parameters of the plugins' nodes, and tags, that no simulator reads."""
     simulators = gazebo_nodes(robot.description)
     given = robot.controllers.plugin_nodes
     # What all nodes get need not be for these.

@@ -1,28 +1,19 @@
-"""How a dataclass of a Gazebo plugin says from which tags its fields are read.
+"""Gazebo plugins that move or report joints, drive bases or feel contact.
 
-Gazebo plugins that move joints or report them, with their fields and defaults.
-
-Those that drive bases are in gazebo_drives.
+Each is a dataclass with the fields and defaults of the plugin, whose metadata say from
+which tags they are read.
 
 Sources of the fields and of their defaults:
 
-- gz-sim: src/systems/joint_position_controller/JointPositionController.{hh,cc},
+- gz-sim, src/systems: joint_position_controller/JointPositionController.{hh,cc},
   joint_controller/JointController.{hh,cc}, joint_trajectory_controller/
-  JointTrajectoryController.{hh,cc}, joint_state_publisher/JointStatePublisher.{hh,cc}
-- gazebo_ros_pkgs, branch ros2: gazebo_plugins/src/gazebo_ros_joint_state_publisher.cpp,
-  gazebo_ros_joint_pose_trajectory.cpp
+  JointTrajectoryController.{hh,cc}, joint_state_publisher/JointStatePublisher.{hh,cc},
+  diff_drive/DiffDrive.cc, contact/Contact.cc
+- gazebo_ros_pkgs, branch ros2, gazebo_plugins/src:
+  gazebo_ros_joint_state_publisher.cpp,
+  gazebo_ros_joint_pose_trajectory.cpp, gazebo_ros_diff_drive.cpp, gazebo_ros_bumper.cpp
 - gz_ros2_control: gz_ros2_control_plugin.cpp; gazebo_ros2_control:
   gazebo_ros2_control_plugin.cpp
-
-Gazebo plugins that drive bases, with their fields and defaults.
-
-Sources of both: gz-sim, src/systems/diff_drive/DiffDrive.cc; gazebo_ros_pkgs, branch
-ros2, gazebo_plugins/src/gazebo_ros_diff_drive.cpp.
-
-Contact sensors of Gazebo, with the fields of their tags.
-
-Sources: gz-sim, src/systems/contact/Contact.cc; gazebo_ros_pkgs, branch ros2,
-gazebo_plugins/src/gazebo_ros_bumper.cpp.
 """
 
 import dataclasses as dc
@@ -31,12 +22,7 @@ from typing import Any
 
 
 def tags(*names: str, default: Any = ()) -> Any:
-    """Return a field that is read from these tags instead of the one of its name.
-
-    Args:
-        names: The tags; none if what stands there is found in the robot.
-        default: Its value where none is given.
-    """
+    """Return a field that is read from these tags instead of the one of its name."""
     return dc.field(default=default, metadata={"tags": names})
 
 

@@ -1,12 +1,8 @@
 """Inertias that Drake can simulate with, in place of those that no body can have.
 
 If every body that moves can move on its own, the robot's mass matrix is positive
-definite; `bodies` says what that takes.
-
-Links that move together, and what inertia their joint needs.
-
-Links fixed to each other are one body, as in Drake. What slides needs a mass, what
-turns an inertia: about the joint's axis, or if the axis itself moves, about the
+definite. Links fixed to each other are one body, as in Drake. What slides needs a mass,
+what turns an inertia: about the joint's axis, or if the axis itself moves, about the
 parallel one through the centre of mass.
 """
 
@@ -246,12 +242,7 @@ class Body:
         return "every axis" if self._type == "floating" else "the joint's axis"
 
     def can_turn(self, inertial: Inertial, tolerance: float) -> bool:
-        """Return whether the body has the inertia that its joint needs.
-
-        Args:
-            inertial: The links together, in the frame of the first one.
-            tolerance: What part of the whole inertia is none.
-        """
+        """Return whether the body has the inertia that its joint needs."""
         if self._type == "prismatic":
             return True
         if self._type == "floating":
@@ -391,27 +382,14 @@ def _project(inertia: Array) -> Array:
 
 
 def repair_inertials(root: ET.Element, report: LoadReport, file: Path) -> None:
-    """Give what joints move a mass and inertia that it can move with.
-
-    Args:
-        root: The `<robot>` element, its numbers checked, its meshes converted.
-        report: Where each repair is recorded.
-        file: The file that the robot came from.
-    """
+    """Give what joints move a mass and inertia that it can move with."""
     _repair(root, moving_bodies(root), report, file)
 
 
 def repair_free_base(
     root: ET.Element, base: str, report: LoadReport, file: Path
 ) -> None:
-    """Give a base that moves freely a mass and inertia that it can move with.
-
-    Args:
-        root: The `<robot>` element as `repair_inertials` left it.
-        base: The link that moves freely.
-        report: Where each repair is recorded.
-        file: The file that the robot came from.
-    """
+    """Give a base that moves freely a mass and inertia that it can move with."""
     _repair(root, [free_body(root, base)], report, file)
 
 

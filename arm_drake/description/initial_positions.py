@@ -1,4 +1,4 @@
-"""Where `<ros2_control>` lets joints start."""
+"""Initial positions of joints, as `<ros2_control>` and the user give them."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -25,11 +25,6 @@ def initial_values(
     That is `initial_value` of the position's state interface, as Gazebo and
     `mock_components/GenericSystem` read it; else that of its command interface; else
     the joint's parameter `initial_position`, the form up to Galactic.
-
-    Args:
-        hardware: Blocks of the description.
-        report: Where values are recorded that are not used.
-        file: File to name in the report.
     """
     values: dict[str, float] = {}
     for block in hardware:
@@ -85,17 +80,7 @@ def _report_others(joint: ComponentInfo, reader: ElementReader, where: str) -> N
 def find_initial_positions(
     description: RobotDescription, given: dict[str, float], report: LoadReport
 ) -> dict[str, float]:
-    """Return where the joints start [rad] or [m]: within their limits.
-
-    Args:
-        description: The robot, with what its hardware says.
-        given: Positions that win over those of the files.
-        report: Where positions are recorded that had to be changed.
-
-    Raises:
-        InputError: If ``given`` names no joint or no finite number, or a joint that
-            follows another to a different place.
-    """
+    """Return where the joints start [rad] or [m]: within their limits."""
     movable = {joint.name: joint for joint in description.movable_joints}
     for name in given:
         if name not in movable:

@@ -61,11 +61,7 @@ class JointLimits:
     position_range: Range | None = dc.field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Check the numbers.
-
-        Raises:
-            ValueError: If one is NaN, or a maximum is negative.
-        """
+        """Check the numbers."""
         _refuse_nan(self)
         for name in _MAXIMA:
             value = getattr(self, name)
@@ -101,11 +97,7 @@ class SoftJointLimits:
     slope: float | None = dc.field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Check the numbers.
-
-        Raises:
-            ValueError: If one is NaN.
-        """
+        """Check the numbers."""
         _refuse_nan(self)
         low, high, gain = self.min_position, self.max_position, self.k_position
         found = None
@@ -135,10 +127,6 @@ def find_joint_limits(
     command interfaces; acceleration, deceleration and jerk have only these.
     `<limits enable="false"/>` of an interface takes the limits of its quantity away, of
     a joint all. The soft ones are those of `<safety_controller>`, None without it.
-
-    Args:
-        description: The robot.
-        report: Where limits are recorded that can't hold.
     """
     components: dict[str, list[ComponentInfo]] = {}
     for block in description.hardware:

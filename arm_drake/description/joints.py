@@ -1,6 +1,4 @@
-"""Joints of a robot, and whether they make a robot with its links.
-
-Which joints follow others: `<mimic>` of the URDF and what `<ros2_control>` says.
+"""Joints of a robot: whether they make a robot with its links, and which follow others.
 
 Newer ros2_control takes the URDF's `<mimic>`, unless the joint in the block has
 `mimic="false"`. Up to Humble, a block's joint had the parameters `mimic` and
@@ -107,13 +105,7 @@ class JointInfo:
 def check_structure(
     links: tuple[str, ...], joints: tuple[JointInfo, ...], file: Path
 ) -> None:
-    """Raise DescriptionError if links and joints make no trees.
-
-    Args:
-        links: Names of the links.
-        joints: The joints.
-        file: File to name.
-    """
+    """Raise DescriptionError if links and joints make no trees."""
     for kind, names in (("link", links), ("joint", [j.name for j in joints])):
         repeated = sorted({name for name in names if list(names).count(name) > 1})
         if repeated:
@@ -167,13 +159,7 @@ def _check_tree(joints: tuple[JointInfo, ...], file: Path) -> None:
 def drop_bad_mimics(
     joints: tuple[JointInfo, ...], file: Path, report: LoadReport
 ) -> tuple[JointInfo, ...]:
-    """Return the joints without `<mimic>` tags that nothing can follow.
-
-    Args:
-        joints: The joints.
-        file: File to name.
-        report: Where each one is recorded.
-    """
+    """Return the joints without `<mimic>` tags that nothing can follow."""
     by_name = {joint.name: joint for joint in joints}
     for name, joint in by_name.items():
         problem = _mimic_problem(joint, by_name)
@@ -260,14 +246,7 @@ def find_mimics(
     report: LoadReport,
     file: Path,
 ) -> tuple[JointInfo, ...]:
-    """Return the joints with the mimic that holds.
-
-    Args:
-        joints: Joints of the URDF, whose `<mimic>` relations make no circle.
-        hardware: Blocks of the description.
-        report: Where relations are recorded that differ from what is written.
-        file: File to name in the report.
-    """
+    """Return the joints with the mimic that holds."""
     found = {joint.name: joint for joint in joints}
     components = [
         (component, block)
@@ -287,12 +266,7 @@ def find_mimics(
 
 
 def write_mimics(root: ET.Element, joints: Sequence[JointInfo]) -> None:
-    """Give the joints of a URDF the `<mimic>` that holds.
-
-    Args:
-        root: The `<robot>` element, changed in place.
-        joints: Joints with the mimic that holds.
-    """
+    """Give the joints of a URDF the `<mimic>` that holds."""
     found = {joint.name: joint.mimic for joint in joints}
     for element in root.iterfind("joint"):
         for mimic in element.findall("mimic"):

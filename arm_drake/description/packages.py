@@ -1,19 +1,13 @@
-"""Find ROS packages and the files that robot descriptions name.
+"""ROS packages and their files, where descriptions name them.
 
 A package is a folder with a `package.xml`. Source trees and install trees
 (`share/<package>`) are searched alike. First come the folders that the user names, the
 entry file's own package and what ROS has installed; then what lies around the entry
 file, the nearest first, for one repository may hold several copies of a package.
 
-What the setup.py of a Python package says about the places of its files.
-
-The file is read, never executed.
-
-Where a ROS package's files lie once it is installed.
-
 Descriptions name files by their place below `share/<package>`. In a source tree some
 of them lie elsewhere: `install(DIRECTORY ...)` in CMakeLists.txt, or `data_files` in
-setup.py, says where they go.
+setup.py, says where they go. Both files are read, never executed.
 """
 
 import ast
@@ -41,16 +35,9 @@ _MAX_LINKS = 50_000
 
 
 def show_as_installed(package: Path, rules: list[Installed], shown: Path) -> None:
-    """Fill a folder with links to a package's files, in their installed places.
+    """Fill a new folder with links to a package's files, in their installed places.
 
-    Args:
-        package: Folder of the package; what it doesn't install is shown in place.
-        rules: What is installed elsewhere.
-        shown: The folder to fill; it must not exist.
-
-    Raises:
-        OSError: If a file or folder can't be read, or stands where another must be.
-        ValueError: If a place lies outside the folder, or there are too many links.
+    What the package doesn't install is shown in place.
     """
     shown.mkdir(parents=True)
     links = _Links()
@@ -120,16 +107,7 @@ _MAX_FILES = 10_000
 def setup_rules(
     package: Path, text: str, below_share: Callable[[str], PurePosixPath | None]
 ) -> Iterator[Installed]:
-    """Yield what `data_files` of a setup.py says.
-
-    Args:
-        package: Folder of the package.
-        text: Content of its setup.py.
-        below_share: Returns the place in the package that a destination is, or None.
-
-    Raises:
-        ValueError: If there is more in the file than in any setup.py.
-    """
+    """Yield what `data_files` of a setup.py says."""
     try:
         tree = ast.parse(text)
     except (SyntaxError, ValueError, RecursionError, MemoryError):
@@ -246,16 +224,7 @@ _MAX_RULES = 20_000
 
 
 def installed_elsewhere(package: Path, name: str) -> list[Installed]:
-    """Return what a source package installs to a place other than its own.
-
-    Args:
-        package: Folder of the package.
-        name: Name of the package.
-
-    Raises:
-        OSError: If something can't be read.
-        ValueError: If there is more to read than in any package.
-    """
+    """Return what a source package installs to a place other than its own."""
     below_share = functools.partial(_below_share, name=name)
     setup = _read(package / "setup.py")
     rules = itertools.chain(
@@ -445,13 +414,7 @@ class PackageFinder:
         package_paths: Sequence[Path] = (),
         report: LoadReport | None = None,
     ) -> None:
-        """Create a finder.
-
-        Args:
-            entry: The description's entry file.
-            package_paths: Folders to search first, with all that lies below them.
-            report: Where a package that only seems to be the right one is recorded.
-        """
+        """Create a finder."""
         self._entry = entry
         parents = list(entry.resolve().parents)
         owners = [i for i, p in enumerate(parents) if os.path.isfile(p / "package.xml")]
@@ -473,28 +436,13 @@ class PackageFinder:
         self._installed: Path | None = None
 
     def find(self, name: str) -> Path:
-        """Return the folder of a package, as `share/<package>` where it is installed.
-
-        Args:
-            name: Name in its package.xml, or of its folder.
-
-        Raises:
-            PackageError: If there is no such package.
-        """
+        """Return the folder of a package, as `share/<package>` where installed."""
         if name not in self._found:
             self._found[name] = self._as_installed(name, self._search(name))
         return self._found[name]
 
     def resolve(self, uri: str, relative_to: Path) -> Path:
-        """Return the path that a file name or URI in a description stands for.
-
-        Args:
-            uri: `package://`, `model://`, `file://`, an absolute or a relative path.
-            relative_to: Folder that relative paths start from.
-
-        Raises:
-            PackageError: If the package isn't found. The file itself isn't looked at.
-        """
+        """Return the path that a file name or URI in a description stands for."""
         scheme, separator, rest = uri.partition("://")
         if "\0" in unquote(uri):
             raise PackageError(
@@ -521,13 +469,6 @@ class PackageFinder:
 
         Authors write down where a file lay on their own machine, or relative to their
         package instead of to their file: it is looked for in the entry's package too.
-
-        Args:
-            uri: As for `resolve`.
-            relative_to: As for `resolve`.
-
-        Raises:
-            PackageError: If the package isn't found. A file need not be.
         """
         path = self.resolve(uri, relative_to)
         # Unlike that of Path, it takes names that no file can have.
@@ -679,11 +620,7 @@ def _subfolders(folder: Path) -> list[Path]:
 
 
 def package_name(manifest: Path) -> str:
-    """Return the name in a `package.xml`, or that of its folder.
-
-    Args:
-        manifest: The file.
-    """
+    """Return the name in a `package.xml`, or that of its folder."""
     try:
         match = _NAME.search(manifest.read_text(encoding="utf-8", errors="replace"))
     except OSError:

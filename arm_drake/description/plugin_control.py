@@ -94,11 +94,6 @@ def find_carrier(
 
     The force of a mimic joint acts on the one that it follows; positions and velocities
     it has from that.
-
-    Args:
-        movable: The movable joints, by name.
-        name: The joint.
-        interface: What is commanded of it.
     """
     joint = movable[name]
     if joint.mimic is not None and interface != interfaces.EFFORT:
@@ -120,14 +115,7 @@ class PluginSorter:
         report: LoadReport,
         file: Path,
     ) -> None:
-        """Create it.
-
-        Args:
-            movable: The movable joints, by name.
-            taken: Joints that controllers command, and which controller.
-            report: Where joints are recorded that a plugin doesn't get.
-            file: File to name there.
-        """
+        """Create it."""
         self._movable = movable
         self._taken = taken
         self._report = report
@@ -297,11 +285,6 @@ def add_plugins(
 
     A joint that several plugins move follows the last of them, as in Gazebo; one that a
     controller of the YAML claims is left to it.
-
-    Args:
-        description: The robot.
-        config: Its controllers.
-        report: Where joints are recorded that a plugin doesn't get.
     """
     movable = {joint.name: joint for joint in description.movable_joints}
     sorter = PluginSorter(movable, claimed_joints(config), report, description.file)

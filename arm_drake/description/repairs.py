@@ -80,13 +80,7 @@ _Ignored = collections.Counter[tuple[str, str]]
 
 
 def clean(root: ET.Element, file: Path, report: LoadReport) -> None:
-    """Remove from a URDF what isn't read, and record each kind of thing once.
-
-    Args:
-        root: The `<robot>` element.
-        file: File it came from.
-        report: Where it is recorded.
-    """
+    """Remove from a URDF what isn't read, and record each kind of thing once."""
     ignored: _Ignored = collections.Counter()
     for child in list(root):
         _clean(root, child, "", ignored)
@@ -127,15 +121,6 @@ def repair_materials(
 
     Drake refuses two colours under one name, which ROS doesn't. A texture is replaced
     by its mean colour: most meshes of a URDF's textures have no texture coordinates.
-
-    Args:
-        root: The `<robot>` element, changed in place.
-        file: File it came from; relative paths start in its folder.
-        packages: What resolves package URIs.
-        report: Where every change is recorded.
-
-    Raises:
-        DescriptionError: If a number is malformed.
     """
     colors: dict[str, str] = {}
     for material in root.iter("material"):
@@ -238,20 +223,7 @@ def normalise(
     decompose: bool = False,
     max_faces: int | None = None,
 ) -> None:
-    """Change a URDF in place into what Drake takes.
-
-    Args:
-        root: The `<robot>` element.
-        file: File it came from; relative mesh paths start in its folder.
-        packages: What resolves package URIs.
-        report: Where every change is recorded.
-        decompose: Whether a collision mesh becomes several convex parts, not one hull.
-        max_faces: Triangles of each mesh that is drawn; by default all.
-
-    Raises:
-        DescriptionError: If a number is malformed.
-        MissingExtraError: If ``decompose`` or ``max_faces`` needs what isn't installed.
-    """
+    """Change a URDF in place into what Drake takes."""
     clean(root, file, report)
     for tag in ("link", "joint"):
         for element in root.iterfind(tag):
@@ -364,20 +336,7 @@ def repair_geometry(
     decompose: bool,
     max_faces: int | None = None,
 ) -> None:
-    """Make every `<visual>` and `<collision>` fit for Drake, or remove it.
-
-    Args:
-        root: The `<robot>` element, changed in place.
-        file: File it came from; relative mesh paths start in its folder.
-        packages: What resolves package URIs.
-        report: Where every change is recorded.
-        decompose: Whether a collision mesh becomes several convex parts, not one hull.
-        max_faces: Triangles of each mesh that is drawn; by default all.
-
-    Raises:
-        DescriptionError: If a number is malformed.
-        MissingExtraError: If ``decompose`` or ``max_faces`` needs what isn't installed.
-    """
+    """Make every `<visual>` and `<collision>` fit for Drake, or remove it."""
     for link in root.iterfind("link"):
         for tag in ("visual", "collision"):
             for index, element in enumerate(link.findall(tag)):

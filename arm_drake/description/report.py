@@ -1,4 +1,4 @@
-"""The load report: one line for everything that was not taken as written."""
+"""LoadReport: one line for everything that was not taken as written."""
 
 import dataclasses as dc
 import json
@@ -174,9 +174,6 @@ def find_place(
     """Return what finds file and line of a place in a description.
 
     A name that xacro computes is found if only one tag can be meant.
-
-    Args:
-        files: Returns the description's files; called when a place is asked for.
     """
     tags: list[tuple[str, str, Path, int]] = []
 

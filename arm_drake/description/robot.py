@@ -33,10 +33,6 @@ def make_portable(text: str, file: Path) -> str:
 
     So are files named that stand relative to the entry file. Paths to anywhere else
     stay as they are.
-
-    Args:
-        text: The expanded description.
-        file: Its entry file, which is called by its name where it is in no package.
     """
 
     def rename(match: re.Match[str]) -> str:
@@ -63,11 +59,7 @@ def make_portable(text: str, file: Path) -> str:
 
 
 def name_portably(path: str) -> str:
-    """Return a package URI in place of a path into a package; others as they are.
-
-    Args:
-        path: An absolute path, or a URI of one.
-    """
+    """Return a package URI in place of a path into a package; others as they are."""
     place = re.sub("^(file:)?/+", "/", path)
     # As it is written: what climbs out of a package is named from that package.
     end = len(place.rstrip("/"))
@@ -147,11 +139,7 @@ class Robot:
 
 
 def list_robots(robots: Robot | Sequence[Robot]) -> list[Robot]:
-    """Return one or several robots as a list.
-
-    Raises:
-        InputError: If there is none, or two have the same name.
-    """
+    """Return one or several robots as a list."""
     several = [robots] if isinstance(robots, Robot) else list(robots)
     if not several:
         raise InputError("no robot was given; expected at least one")

@@ -102,11 +102,6 @@ def find_rollers(
     A wheel whose description has three joints of its own has its rollers. The radius is
     that of the wheel's largest cylinder or sphere to collide with, else what the
     controller says.
-
-    Args:
-        description: The robot.
-        config: What the YAML configures.
-        bases: What its controllers drive.
     """
     types = {controller.name: controller for controller in config.controllers}
     tree = _Tree(description)
@@ -217,10 +212,6 @@ def with_rollers(
 
     Only the URDF has them: the links and joints that it tells of are those of before.
     The wheels' own shapes to collide with are left out.
-
-    Args:
-        description: The robot.
-        rollers: What `find_rollers` returns.
     """
     if not rollers:
         return description
@@ -269,13 +260,7 @@ def _add_roller(
 def report_rollers(
     description: RobotDescription, rollers: Sequence[Rollers], report: LoadReport
 ) -> None:
-    """Record wheels that get rollers.
-
-    Args:
-        description: The robot.
-        rollers: What `find_rollers` returns.
-        report: Where they are recorded.
-    """
+    """Record wheels that get rollers."""
     for wheel in rollers:
         report.add(
             "info",

@@ -1,13 +1,9 @@
-"""`<ros2_control>` blocks of a URDF to HardwareInfo.
-
-Follows `hardware_interface/src/component_parser.cpp` of ros2_control. What makes it
-reject a description is a line in the report here, and the element concerned is left
-out.
-
-`<ros2_control>` blocks as frozen dataclasses.
+"""`<ros2_control>` blocks of a URDF, read into HardwareInfo.
 
 Names of classes and fields follow `hardware_interface/hardware_info.hpp` of
-ros2_control.
+ros2_control, the rules its `hardware_interface/src/component_parser.cpp`. What makes
+that reject a description is a line in the report here, and the element concerned is
+left out.
 """
 
 import dataclasses as dc
@@ -170,14 +166,7 @@ _END_CHILDREN = ("mechanical_reduction", "offset")
 def read_transmissions(
     block: ET.Element, block_type: str, joints: Sequence[str], reader: ElementReader
 ) -> tuple[TransmissionInfo, ...]:
-    """Return the transmissions of a block.
-
-    Args:
-        block: The `<ros2_control>` element.
-        block_type: "system", "actuator" or "sensor".
-        joints: Joints of the block.
-        reader: What reports transmissions that are left out.
-    """
+    """Return the transmissions of a block."""
     found = []
     for element in block.iterfind("transmission"):
         name = attribute(element, "name")
@@ -266,14 +255,7 @@ _PID_INTERFACES = {"position_pid": "position", "velocity_pid": "velocity"}
 def read_hardware(
     root: ET.Element, joint_names: Iterable[str], report: LoadReport, file: Path
 ) -> tuple[HardwareInfo, ...]:
-    """Return the `<ros2_control>` blocks of a URDF.
-
-    Args:
-        root: The `<robot>` element.
-        joint_names: Joints of the robot.
-        report: Where everything that is not taken as written is recorded.
-        file: File to name in the report.
-    """
+    """Return the `<ros2_control>` blocks of a URDF."""
     types = {attribute(e, "name"): e.get("type", "") for e in root.iterfind("joint")}
     joints = {name: types.get(name, "") for name in joint_names}
     offered: dict[str, str] = {}
@@ -299,15 +281,7 @@ class _BlockReader(ElementReader):
         report: LoadReport,
         file: Path,
     ) -> None:
-        """Create the reader.
-
-        Args:
-            block: The `<ros2_control>` element.
-            joint_types: URDF types of the robot's joints.
-            offered: Blocks by the interfaces that they offer; is added to.
-            report: Where lines are added.
-            file: File to name in them.
-        """
+        """Create the reader."""
         self._block = block
         self._name = attribute(block, "name")
         super().__init__(f"ros2_control {self._name!r}", report, file)
@@ -514,13 +488,7 @@ _STATES = _COMMANDS
 def report_hardware(
     hardware: Sequence[HardwareInfo], report: LoadReport, file: Path
 ) -> None:
-    """Report what the blocks say that has no effect here, a line per sort and block.
-
-    Args:
-        hardware: Blocks of the description.
-        report: Where the lines are added.
-        file: File to name in them.
-    """
+    """Report what the blocks say that has no effect here, a line per sort and block."""
     for block in hardware:
         reader = ElementReader(f"ros2_control {block.name!r}", report, file)
         _report_plugin(block, reader)

@@ -1,12 +1,11 @@
-"""ROS 2 parameter files to the parameters of nodes, as rcl reads them.
+"""ROS 2 parameter files, read into the parameters of nodes as rcl reads them.
 
 A file maps node names, with wildcards and name spaces, to `ros__parameters`. The rules
 are those of rcl_yaml_param_parser (parse.c) and of rclcpp's parameter_map. What they
 refuse but can only mean one thing is taken, with a line in the report.
 
-What launch files put into parameter files: `$(var NAME)` and its kin.
-
-Vendors have templates of their own, `<NAME>` and `${NAME}`, which their scripts fill.
+Launch files put `$(var NAME)` and its kin into parameter files. Vendors have templates
+of their own, `<NAME>` and `${NAME}`, which their scripts fill.
 """
 
 import dataclasses as dc
@@ -49,11 +48,7 @@ _TYPES = {f"{_TAG}bool": bool, f"{_TAG}int": int, f"{_TAG}float": float}
 
 
 def scalar(node: yaml.ScalarNode) -> bool | int | float | str:
-    """Return the value that rcl gives a scalar.
-
-    Raises:
-        YamlError: If it doesn't fit its tag, or rcl has no such tag.
-    """
+    """Return the value that rcl gives a scalar."""
     text = str(node.value)
     if node.tag == f"{_TAG}str" or (node.tag == UNTAGGED and node.style in ("'", '"')):
         return text
@@ -124,13 +119,7 @@ class Substitutions:
         packages: PackageFinder | None,
         report: LoadReport,
     ) -> None:
-        """Create it.
-
-        Args:
-            variables: Values by name, whatever the kind of substitution or template.
-            packages: What resolves `$(find-pkg-share PACKAGE)`.
-            report: Where templates without a value are recorded.
-        """
+        """Create it."""
         self._variables = {name: str(value) for name, value in variables.items()}
         self._packages = packages
         self._report = report
@@ -159,16 +148,7 @@ class Substitutions:
     def apply(
         self, root: yaml.Node, file: Path, loader: type[yaml_files.Loader]
     ) -> yaml.Node:
-        """Return the nodes of a file with every `$(...)` replaced.
-
-        Args:
-            root: Root of the file's nodes, which may be changed.
-            file: The file, for messages.
-            loader: What makes nodes of a value that is a list.
-
-        Raises:
-            ParameterError: If any has no value; it names all of them.
-        """
+        """Return the nodes of a file with every `$(...)` replaced."""
         task = _Task(self._variables, self._packages, loader)
         result = task.visit(root)
         self._used |= task.used
@@ -377,22 +357,12 @@ class ParameterReader:
         report: LoadReport,
         packages: PackageFinder | None = None,
     ) -> None:
-        """Create a reader.
-
-        Args:
-            variables: Values of `$(var NAME)`.
-            report: Where what is not taken as written is recorded.
-            packages: What resolves `$(find-pkg-share PACKAGE)`.
-        """
+        """Create a reader."""
         self.substitutions = Substitutions(variables, packages, report)
         self._report = report
 
     def read(self, file: Path) -> list[Section]:
-        """Return the sections of a file in their order.
-
-        Raises:
-            ParameterError: If the file can't be used.
-        """
+        """Return the sections of a file in their order."""
         try:
             text = yaml_files.read_text(file, MAX_SIZE)
             text = self.substitutions.fill_templates(text)

@@ -1,9 +1,8 @@
-"""Sensors of `<ros2_control>`: what they measure, and where they sit on the robot.
+"""Sensors of a robot: what they measure, and where they sit on it.
 
 A `<sensor>` of `<ros2_control>` has names of values and no place. The place is looked
-for where robots' authors write it.
-
-Contact sensors ("bumpers") of `<gazebo>` tags as systems of the robot.
+for where robots' authors write it. Contact sensors ("bumpers") of `<gazebo>` tags are
+systems of the robot.
 
 Sources: gz-sim, src/systems/contact/Contact.cc; gazebo_ros_pkgs, branch ros2,
 gazebo_plugins/src/gazebo_ros_bumper.cpp.
@@ -81,11 +80,6 @@ def find_sensors(
     that its `<param name="frame_id">` names; in the frame that a controller gives for
     it (`frame_id` beside `sensor_name`, `tf.child_frame_id` beside `pose_name`,
     `ft_sensor.frame.id`); in the link called as it is, with "_link" or "_frame" behind.
-
-    Args:
-        description: The robot.
-        config: Its controllers.
-        report: Where sensors without a place are recorded, and those that are guessed.
     """
     places = _Places(description, config, report)
     found = []
@@ -269,12 +263,7 @@ def accelerating_joints(description: RobotDescription) -> tuple[str, ...]:
 def sensed_names(
     sensors: Sequence[SensorInfo], accelerations: Sequence[str]
 ) -> tuple[str, ...]:
-    """Return the names of what sensors measure, "<sensor>/<interface>".
-
-    Args:
-        sensors: The sensors.
-        accelerations: Joints whose acceleration is measured.
-    """
+    """Return the names of what sensors measure, "<sensor>/<interface>"."""
     names = [
         f"{sensor.name}/{name}" for sensor in sensors for name in sensor.interfaces
     ]
@@ -292,13 +281,7 @@ _WORLD = "world"
 def add_contact_sensors(
     description: RobotDescription, config: ControllerManagerConfig, report: LoadReport
 ) -> ControllerManagerConfig:
-    """Return the controllers of a robot, and its contact sensors among them.
-
-    Args:
-        description: The robot.
-        config: Its controllers.
-        report: Where sensors are recorded that have nothing to feel with.
-    """
+    """Return the controllers of a robot, and its contact sensors among them."""
     if not any(sensor.type == CONTACT for sensor in description.gazebo_sensors):
         return config
     shapes = {

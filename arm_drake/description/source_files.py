@@ -1,4 +1,4 @@
-"""Which files a robot was made of, and which of them have changed."""
+"""Files that a robot was made of, and which of them have changed."""
 
 import contextlib
 import dataclasses as dc
@@ -34,12 +34,6 @@ def find_source_files(
 
     They are its description, its controllers YAML, its meshes and the textures that it
     names itself; what a mesh file refers to is left out.
-
-    Args:
-        description: The robot.
-        controllers: How it is controlled.
-        packages: What resolves package URIs.
-        others: Further files, those that xacro read among them.
     """
     meshes = _mesh_files(description, packages)
     files = {description.file, *controllers.files, *others, *meshes}
@@ -51,19 +45,12 @@ def watched_files(robot: Robot) -> tuple[Path, ...]:
 
     They are its source files and the SRDF files for it. Loading doesn't read those, and
     looking for them takes a walk through all packages.
-
-    Args:
-        robot: The robot.
     """
     return _sorted({*robot.source_files, *find_srdf_files(robot)})
 
 
 def file_of(error: Exception) -> tuple[Path, ...]:
-    """Return the file that an error names, if it names one.
-
-    Args:
-        error: Why a robot can't be loaded.
-    """
+    """Return the file that an error names, if it names one."""
     file = error.file if isinstance(error, InputError) else None
     return () if file is None else (_absolute(Path(file)),)
 

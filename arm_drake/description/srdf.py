@@ -38,10 +38,6 @@ def find_disabled_collisions(robot: Robot, report: LoadReport) -> Pairs:
 
     The SRDF files of the description's own package and of the MoveIt packages around
     it are read; those for another robot are left out.
-
-    Args:
-        robot: The robot.
-        report: Where a file that can't be read is recorded.
     """
     pairs, description = set(), robot.description
     for _, root in _roots(robot, report):
@@ -58,9 +54,6 @@ def find_group_states(robot: Robot) -> tuple[GroupState, ...]:
     Of states of one group with the same name, and of positions of one joint, the first
     counts. Joints that the robot doesn't have, that follow others or that have several
     degrees of freedom are left out.
-
-    Args:
-        robot: The robot.
     """
     joints = {j.name for j in robot.description.movable_joints if j.mimic is None}
     states: dict[tuple[str, str], GroupState] = {}
@@ -78,11 +71,7 @@ def find_group_states(robot: Robot) -> tuple[GroupState, ...]:
 
 
 def find_srdf_files(robot: Robot) -> tuple[Path, ...]:
-    """Return the SRDF files that are for a robot.
-
-    Args:
-        robot: The robot.
-    """
+    """Return the SRDF files that are for a robot."""
     return tuple(path for path, _ in _roots(robot, LoadReport()))
 
 

@@ -1,7 +1,7 @@
-"""URDF text to a RobotDescription: parsed, normalised, repaired.
+"""RobotDescription: a robot as its URDF describes it, read once and mended for Drake.
 
-What Drake can't take as it stands is changed in the text handed to it, and every change
-is a line in the load report.
+What Drake can't take as it stands is changed in the tree that is handed to it, see
+`repairs`, and every change is a line in the load report.
 """
 
 import dataclasses as dc
@@ -150,20 +150,7 @@ def parse_urdf(
     decompose: bool = False,
     max_faces: int | None = None,
 ) -> RobotDescription:
-    """Return the robot that a URDF text describes.
-
-    Args:
-        text: Expanded URDF.
-        file: File it came from; relative mesh paths start in its folder.
-        packages: What resolves package URIs.
-        report: Where every repair is recorded.
-        decompose: Whether a collision mesh becomes several convex parts, not one hull.
-        max_faces: Triangles of each mesh that is drawn; by default all.
-
-    Raises:
-        DescriptionError: If the text is no robot.
-        MissingExtraError: If ``decompose`` or ``max_faces`` needs what isn't installed.
-    """
+    """Return the robot that a URDF text describes."""
     root = parse_xml(text, file)
     links = _link_names(root, file)
     joints = tuple(_joint(element, file, report) for element in root.iterfind("joint"))

@@ -1,20 +1,16 @@
-"""Expand xacro files with the `xacro` package, without a ROS installation.
+"""Expansion of xacro files with the `xacro` package, without a ROS installation.
 
 xacro keeps its arguments and its stacks of files in module globals and asks
 `ament_index_python` for packages. Both are replaced for the time of one expansion, so
-that nothing leaks from one load into the next. So is the evaluation of expressions, for
-a description must not run programs.
+that nothing leaks from one load into the next.
 
-Evaluate the expressions of xacro files, and nothing that leaves the expression.
+So is the evaluation of expressions, for a description must not run programs. xacro
+looks for names with two underscores in the outermost code alone, and `$(eval)` has all
+of Python's functions. Here the whole expression is searched, and what can reach such
+names by other ways is replaced: `vars`, `type`, `str.format`.
 
-xacro looks for names with two underscores in the outermost code alone, and `$(eval)`
-has all of Python's functions. Here the whole expression is searched, and what can
-reach such names by other ways is replaced: `vars`, `type`, `str.format`.
-
-What xacro files ask for, read without expanding them.
-
-xacro stops at the first thing that is missing. Here all files that can be reached are
-read, so that one message lists everything.
+xacro stops at the first thing that is missing. To list everything in one message, the
+files that can be reached are read without expanding them, too.
 """
 
 import ast
@@ -99,16 +95,7 @@ def eval_expression(
     symbols: dict[str, Any],
     local_symbols: Mapping[str, Any] | None = None,
 ) -> Any:
-    """Return what `${expression}` stands for; takes the place of `xacro.safe_eval`.
-
-    Args:
-        expression: Text of the expression.
-        symbols: Values by name.
-        local_symbols: Further values by name, which come first.
-
-    Raises:
-        Exception: Of any type, if the expression is malformed or forbidden.
-    """
+    """Return what `${expression}` stands for; takes the place of `xacro.safe_eval`."""
     code = _compile(expression)
     symbols.update(__builtins__=dict(_HELPERS))
     return eval(code, symbols, local_symbols)  # noqa: S307 What it reaches is checked.
@@ -117,16 +104,7 @@ def eval_expression(
 def eval_argument(
     expression: str, symbols: dict[str, Any], local_symbols: Mapping[str, Any]
 ) -> Any:
-    """Return what `$(eval expression)` stands for; takes the place of `eval`.
-
-    Args:
-        expression: Text of the expression.
-        symbols: Values by name.
-        local_symbols: Further values by name, which come first.
-
-    Raises:
-        Exception: Of any type, if the expression is malformed or forbidden.
-    """
+    """Return what `$(eval expression)` stands for; takes the place of `eval`."""
     functions = {name: getattr(builtins, name) for name in _FUNCTIONS}
     symbols.update(__builtins__=functions | _HELPERS)
     return eval(_compile(expression), symbols, local_symbols)  # noqa: S307
@@ -143,15 +121,7 @@ def make_symbols() -> dict[str, Any]:
 
 
 def open_regular(path: str | Path, mode: str = "r") -> Any:
-    """Open a file; refuse a pipe or device, which would be read for ever.
-
-    Args:
-        path: The file.
-        mode: As that of `open`.
-
-    Raises:
-        OSError: If it can't be opened.
-    """
+    """Open a file; refuse a pipe or device, which would be read for ever."""
     if os.path.exists(path) and not (os.path.isfile(path) or os.path.isdir(path)):
         raise OSError(errno.EINVAL, "Not a regular file", str(path))
     return open(path, mode)
@@ -159,12 +129,7 @@ def open_regular(path: str | Path, mode: str = "r") -> Any:
 
 @contextlib.contextmanager
 def replaced(names: dict[str, Any], **values: Any) -> Iterator[None]:
-    """Give names other values for a while.
-
-    Args:
-        names: Values by name, such as those of a module.
-        **values: The other values.
-    """
+    """Give names other values for a while."""
     saved = {name: names[name] for name in values if name in names}
     names.update(values)
     try:
@@ -309,12 +274,7 @@ class XacroSources:
 
 
 def read_sources(entry: Path, packages: PackageFinder) -> XacroSources:
-    """Return what a file and all that it includes declare and lack.
-
-    Args:
-        entry: The description's entry file.
-        packages: What resolves `$(find <package>)`.
-    """
+    """Return what a file and all that it includes declare and lack."""
     sources = XacroSources()
     waiting, seen = [entry], {entry.resolve()}
     while waiting and len(seen) < _MAX_FILES:
@@ -330,12 +290,7 @@ def read_sources(entry: Path, packages: PackageFinder) -> XacroSources:
 
 
 def missing_packages(entry: Path, packages: PackageFinder) -> dict[str, list[str]]:
-    """Return the places that ask for a package that isn't found, by its name.
-
-    Args:
-        entry: The description's entry file.
-        packages: What resolves `$(find <package>)`.
-    """
+    """Return the places that ask for a package that isn't found, by its name."""
     missing: dict[str, list[str]] = {}
     for path in read_sources(entry, packages).files:
         text = _text(path)
@@ -423,19 +378,9 @@ def expand_xacro(
     *,
     files: set[Path] | None = None,
 ) -> str:
-    """Return the URDF text that a file stands for.
+    """Return the URDF text that a file stands for; a plain URDF is its own.
 
-    Args:
-        path: A xacro file, or a plain URDF, which is returned as it is.
-        args: Values of xacro arguments.
-        packages: What resolves `$(find <package>)`.
-        report: Where arguments that no file asks for are recorded.
-        files: Where every file that is read is added, YAML too; if the expansion fails,
-            also what it couldn't read.
-
-    Raises:
-        DescriptionError: If the file can't be read or expanded.
-        PackageError: If a package isn't found.
+    Every file that is read is added to ``files``, also where the expansion fails.
     """
     files = set() if files is None else files
     files.add(path)
@@ -539,12 +484,7 @@ def _read(path: Path) -> str:
 
 @contextlib.contextmanager
 def _our_own(find: Callable[[str], Path], opened: set[str]) -> Iterator[None]:
-    """Let xacro use what is ours: the lookup of packages, `eval` and `open`.
-
-    Args:
-        find: Finds a package.
-        opened: Where the names of files are added that xacro opens.
-    """
+    """Let xacro use what is ours: the lookup of packages, `eval` and `open`."""
 
     def eval_find(name: str) -> str:
         return str(find(name))

@@ -99,17 +99,6 @@ def keep(
     """Write the files of a mesh so that no reader ever sees half of them.
 
     A cache that can't be written is replaced by a temporary folder, with a report line.
-
-    Args:
-        folder: The cache.
-        key: 64 hexadecimal digits.
-        suffix: Type of the files, such as ".obj".
-        contents: The files.
-        notes: What `find` is to return with them.
-        report: Receives that the cache can't be written.
-
-    Raises:
-        OutputError: The temporary folder can't be written either.
     """
     record = {
         "sha256": [hashlib.sha256(content).hexdigest() for content in contents],
@@ -207,11 +196,7 @@ np.savez(result, *(points for points, _ in parts))
 
 
 def require_decomposition() -> str:
-    """Return the version of the library that decomposes.
-
-    Raises:
-        MissingExtraError: It isn't installed.
-    """
+    """Return the version of the library that decomposes."""
     if importlib.util.find_spec("coacd") is None:
         raise MissingExtraError("convex decomposition of meshes", "decompose")
     return importlib.metadata.version("coacd")
@@ -242,11 +227,7 @@ def split(surfaces: list[Surface]) -> list[Array]:
 
 
 def decompose(surfaces: list[Surface]) -> list[Array]:
-    """Return the points of convex parts that cover a mesh, each of shape (n, 3).
-
-    Raises:
-        ValueError: The mesh can't be decomposed; the message says why.
-    """
+    """Return the points of convex parts that cover a mesh, each of shape (n, 3)."""
     points, faces = _joined(surfaces)
     stream = io.BytesIO()
     np.savez(stream, vertices=points, faces=faces)
@@ -444,23 +425,7 @@ def convert_visual(
     color: Color | None = None,
     max_faces: int | None = None,
 ) -> Path | None:
-    """Return a glTF file that Drake draws with scale 1, or None and a report line.
-
-    Args:
-        source: The mesh file.
-        scale: Factors for x, y and z; negative ones mirror.
-        report: Receives what was not taken as written.
-        where: Place in the description, such as "link 'link1', visual 0".
-        file: The description.
-        cache_dir: Folder of converted meshes, by default `cache_directory`.
-        color: For a mesh that has no colour of its own.
-        max_faces: Triangles at most; by default as many as the mesh has.
-
-    Raises:
-        InputError: `max_faces` is less than the triangles of a solid.
-        MissingExtraError: The library that decimates isn't installed.
-        OutputError: Neither the cache nor a temporary folder can be written.
-    """
+    """Return a glTF file that Drake draws with scale 1, or None and a report line."""
     settings: tuple[object, ...] = (color,)
     if max_faces is not None:
         settings = (color, max_faces, require_decimation(max_faces))
@@ -484,20 +449,8 @@ def convert_collision(
 ) -> tuple[Path, ...]:
     """Return OBJ files of convex bodies, or none and a report line.
 
-    Args:
-        source: The mesh file.
-        scale: Factors for x, y and z; negative ones mirror.
-        report: Receives what was not taken as written.
-        where: Place in the description, such as "link 'link1', collision 0".
-        file: The description.
-        cache_dir: Folder of converted meshes, by default `cache_directory`.
-        decompose: Whether to cover the mesh with convex parts, one file each, instead
-            of its convex hull.
-        by_piece: Whether each piece that touches no other one has a hull of its own.
-
-    Raises:
-        MissingExtraError: The library that decomposes isn't installed.
-        OutputError: Neither the cache nor a temporary folder can be written.
+    A mesh becomes its convex hull; with ``by_piece`` each piece that touches no other
+    one its own hull, with ``decompose`` convex parts that cover the mesh.
     """
     library = (require_decomposition(),) if decompose else ()
     mode: Mode = "parts" if decompose else "pieces" if by_piece else "hull"
@@ -510,14 +463,6 @@ def convert_surface(
     """Return an OBJ file with the triangles of a collision mesh, or None.
 
     What can't be read was told when its hull was made.
-
-    Args:
-        source: The mesh file.
-        scale: Factors for x, y and z; negative ones mirror.
-        cache_dir: Folder of converted meshes, by default `cache_directory`.
-
-    Raises:
-        OutputError: Neither the cache nor a temporary folder can be written.
     """
     conversion = _Conversion("surface", source, scale, LoadReport(), "", None)
     paths = conversion.run(cache_dir, ())

@@ -46,16 +46,7 @@ def read_collada(
     texture: Callable[[str], bytes | None],
     notes: list[ReportEntry],
 ) -> Iterator[tuple[Surface, Array]]:
-    """Yield surfaces with the (4, 4) matrix that puts them into the robot's link.
-
-    Args:
-        content: The file.
-        texture: Returns an image as a PNG or JPEG file, by the name in the file.
-        notes: Receives what can't be used.
-
-    Raises:
-        ValueError: The file can't be used; pycollada raises many other exceptions.
-    """
+    """Yield surfaces with the (4, 4) matrix that puts them into the robot's link."""
     # Not at the top: the import takes longer than all hits of the cache together.
     import collada
 
@@ -214,11 +205,7 @@ _OF_LINES = (".mtl", ".obj", ".ply")
 
 
 def read_bytes(path: Path) -> bytes:
-    """Return the content of a file.
-
-    Raises:
-        OSError: It can't be read, is no file or too large; `strerror` says it.
-    """
+    """Return the content of a file."""
     size = path.stat().st_size
     if path.exists() and not path.is_file():  # A pipe would never end.
         raise OSError(errno.EINVAL, "it is no file")
@@ -287,17 +274,7 @@ _STL_TEXT = re.compile(rb"^\s*(facet|endsolid)\b", re.IGNORECASE | re.MULTILINE)
 def read_surfaces(
     source: Path, content: bytes, scale: tuple[float, ...], notes: list[ReportEntry]
 ) -> list[Surface]:
-    """Return the surfaces of a mesh file.
-
-    Args:
-        source: The file; its suffix tells the type.
-        content: What is in it.
-        scale: Factors for x, y and z.
-        notes: Receives what can't be used.
-
-    Raises:
-        Exception: What the parsers of other projects answer a bad file with.
-    """
+    """Return the surfaces of a mesh file."""
     if content.startswith(b"version https://git-lfs"):
         raise ValueError("a Git LFS pointer, fetch it with `git lfs pull`")
 
@@ -399,11 +376,7 @@ def _opacities(content: bytes) -> dict[str, float]:
 
 
 def _honest_stl(content: bytes, notes: list[ReportEntry]) -> bytes:
-    """Return a binary STL file with as many triangles as its header tells.
-
-    Raises:
-        ValueError: There are fewer.
-    """
+    """Return a binary STL file with as many triangles as its header tells."""
     is_text = b"\0" not in content[:_STL_HEADER] and _STL_TEXT.search(content[:4096])
     if is_text or len(content) < _STL_HEADER:
         return content

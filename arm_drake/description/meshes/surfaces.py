@@ -214,15 +214,7 @@ _TEXTURED = "its textured part stays as it is"
 
 
 def require_decimation(max_faces: int) -> str:
-    """Return the version of the library that decimates, a part of cache keys.
-
-    Args:
-        max_faces: Triangles that a mesh is to have at most.
-
-    Raises:
-        InputError: If so few can't be a mesh.
-        MissingExtraError: If the library isn't installed.
-    """
+    """Return the version of the library that decimates, a part of cache keys."""
     if max_faces < _FEWEST:
         raise InputError(f"max_faces: expected {_FEWEST} or more, got {max_faces}")
     try:
@@ -238,11 +230,6 @@ def decimate(
     """Return surfaces with fewer triangles, all together no more than asked for.
 
     Every surface keeps its share of them. Surfaces with a texture stay as they are.
-
-    Args:
-        surfaces: The surfaces of one mesh.
-        max_faces: Triangles of the mesh at most.
-        notes: Receives what was done.
     """
     count = _count(surfaces)
     if count <= max_faces:
