@@ -1,4 +1,4 @@
-"""SDF files as XML elements that know their lines."""
+"""SDF files: their elements and lines, where files they name are, and notes."""
 
 import copy
 import dataclasses as dc
@@ -48,14 +48,10 @@ class SdfFile:
 
 
 def read_sdf(path: Path, *, root_tag: str = "sdf") -> SdfFile:
-    """Return the elements of an SDF file.
+    """Return the elements of an SDF file, whose topmost one is called `root_tag`.
 
     Nothing outside the file is read: a document type, which can name other files, is
     refused.
-
-    Args:
-        path: The file.
-        root_tag: What its topmost element is called.
 
     Raises:
         InputError: If it can't be read, is malformed, or is no SDF.
@@ -66,45 +62,7 @@ def read_sdf(path: Path, *, root_tag: str = "sdf") -> SdfFile:
         text = read_text(path, MAX_SIZE)
     except YamlError as error:
         raise InputError(str(error), file=path) from None
-    builder, lines, depth = ET.TreeBuilder(), {}, 0
-    # Names with prefixes, such as "drake:", stay as they are.
-    parser = expat.ParserCreate()
-
-    def start(tag: str, attributes: dict[str, str]) -> None:
-        nonlocal depth
-        depth += 1
-        if depth > _MAX_DEPTH:
-            problem = f"elements are nested more than {_MAX_DEPTH} deep"
-            raise InputError(
-                f"{problem}; no SDF needs that",
-                file=path,
-                line=parser.CurrentLineNumber,
-            )
-        lines[builder.start(tag, attributes)] = parser.CurrentLineNumber
-
-    def end(tag: str) -> None:
-        nonlocal depth
-        depth -= 1
-        builder.end(tag)
-
-    def refuse(*_: object) -> None:
-        raise InputError(
-            "a document type isn't read; expected <sdf> without <!DOCTYPE>",
-            file=path,
-            line=parser.CurrentLineNumber,
-        )
-
-    parser.StartElementHandler, parser.EndElementHandler = start, end
-    parser.CharacterDataHandler = builder.data
-    parser.StartDoctypeDeclHandler = refuse
-    try:
-        parser.Parse(text, True)
-    except expat.ExpatError as error:
-        reason = expat.errors.messages[error.code]
-        raise InputError(
-            f"malformed XML: {reason}", file=path, line=error.lineno
-        ) from None
-    file = SdfFile(path, builder.close(), lines)
+    file = _parse(path, text)
     if file.root.tag != root_tag:
         problem = f"expected <{root_tag}> at the top, got <{file.root.tag}>"
         raise file.error(problem, file.root)
@@ -112,6 +70,43 @@ def read_sdf(path: Path, *, root_tag: str = "sdf") -> SdfFile:
         problem = '<sdf> has no version; expected such as version="1.6"'
         raise file.error(problem, file.root)
     return file
+
+
+def _parse(path: Path, text: str) -> SdfFile:
+    """Return the elements of a text, with their lines."""
+    builder, lines, depth = ET.TreeBuilder(), {}, 0
+    # Names with prefixes, such as "drake:", stay as they are.
+    parser = expat.ParserCreate()
+
+    def refuse(problem: str) -> InputError:
+        return InputError(problem, file=path, line=parser.CurrentLineNumber)
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > _MAX_DEPTH:
+            problem = f"elements are nested more than {_MAX_DEPTH} deep"
+            raise refuse(f"{problem}; no SDF needs that")
+        lines[builder.start(tag, attributes)] = parser.CurrentLineNumber
+
+    def end(tag: str) -> None:
+        nonlocal depth
+        depth -= 1
+        builder.end(tag)
+
+    def start_doctype(*_: object) -> None:
+        problem = "a document type isn't read; expected <sdf> without <!DOCTYPE>"
+        raise refuse(problem)
+
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.CharacterDataHandler = builder.data
+    parser.StartDoctypeDeclHandler = start_doctype
+    try:
+        parser.Parse(text, True)
+    except expat.ExpatError as error:
+        problem = f"malformed XML: {expat.errors.messages[error.code]}"
+        raise InputError(problem, file=path, line=error.lineno) from None
+    return SdfFile(path, builder.close(), lines)
 
 
 def text_of(element: ET.Element, tag: str) -> str:
@@ -152,12 +147,7 @@ class ModelFinder:
     """Finds what an SDF file and the models in it name."""
 
     def __init__(self, world: Path, package_paths: Sequence[Path] = ()) -> None:
-        """Create a finder.
-
-        Args:
-            world: The file of the world.
-            package_paths: Folders to search first, with all that lies below them.
-        """
+        """Create it for the file of a world; `package_paths` are searched first."""
         self._packages = PackageFinder(world, package_paths)
         self._package_paths = tuple(package_paths)
         parents = list(world.resolve().parents)
@@ -174,10 +164,8 @@ class ModelFinder:
     def find_model(self, uri: str, relative_to: Path) -> Path | None:
         """Return the SDF file of a model, or None.
 
-        Args:
-            uri: `model://`, `package://`, `file://`, a path, or an address of Fuel,
-                whose models are taken where they are already.
-            relative_to: Folder that relative paths start from.
+        An address is `model://`, `package://`, `file://`, a path that starts from
+        `relative_to`, or one of Fuel, whose models are taken where they are already.
         """
         if _REMOTE.match(uri):
             parts = [unquote(part) for part in uri.split("/") if part]
@@ -189,12 +177,7 @@ class ModelFinder:
         return _file_of_model(path)
 
     def find_file(self, uri: str, relative_to: Path) -> Path | None:
-        """Return where a file or folder is, or None.
-
-        Args:
-            uri: As that of `find_model`; remote files are never there.
-            relative_to: Folder that relative paths start from.
-        """
+        """Return where a file or folder is, or None; a remote one never is."""
         if _REMOTE.match(uri) or "\0" in unquote(uri):
             return None
         scheme, found, rest = uri.partition("://")
@@ -302,10 +285,10 @@ def _version(text: str) -> tuple[int, ...]:
 
 
 class Notes:
-    """What was not taken as written of a world and its models."""
+    """A load report of what was not taken as written of a world and its models."""
 
     def __init__(self) -> None:
-        """Create it, with an empty report."""
+        """Start an empty report."""
         self.report = LoadReport()
 
     def add(
@@ -319,17 +302,7 @@ class Notes:
         element: ET.Element,
         where: str = "",
     ) -> None:
-        """Add a line about an element.
-
-        Args:
-            severity: As in a load report.
-            kind: As in a load report.
-            what: What is the matter.
-            done: What was done about it.
-            file: File that it is in.
-            element: The element.
-            where: Place in the file, such as "model 'table'".
-        """
+        """Add a line about an element; `where` is its place, as `place` says it."""
         line = file.lines.get(element)
         self.report.add(
             severity, kind, what, done, where=where, file=file.path, line=line
@@ -359,5 +332,5 @@ class Notes:
 
     @staticmethod
     def place(parent: str, element: ET.Element) -> str:
-        """Return the place of an element that is inside of another place."""
+        """Return the place of an element in another place, such as "model 'table'"."""
         return ", ".join(filter(None, (parent, name_of(element))))

@@ -1,4 +1,4 @@
-"""A `<world>` of an SDF file, cleaned: what Drake is to read, and what it is not."""
+"""Worlds as loaded, and the `<world>` of an SDF file, cleaned for Drake."""
 
 import dataclasses as dc
 import xml.etree.ElementTree as ET
@@ -50,16 +50,9 @@ def show_backdrop(
     meshcat: Meshcat,
     *,
     has_grid: bool = True,
-    background: tuple[float, float, float] | None = None,
+    background: Vector | None = None,
 ) -> None:
-    """Show a page as a world wants it.
-
-    Args:
-        meshcat: The page.
-        has_grid: Whether it has its grid.
-        background: Colour behind everything, red, green and blue from 0 to 1; None
-            leaves Meshcat's own.
-    """
+    """Show a page as a world wants it; without a background it keeps Meshcat's."""
     meshcat.SetProperty("/Grid", "visible", has_grid)
     if background is not None:
         for end in ("top_color", "bottom_color"):
@@ -85,7 +78,6 @@ _LOST = ("actor", "population", "road")
 
 # What Drake reads of a world beside models.
 _FRAMES = ("frame", "joint")
-
 
 # More than on any star; the solver of contacts gives up at 1e12 [m/s^2].
 _MOST_GRAVITY = 1e6
@@ -122,11 +114,9 @@ class SdfWorld:
 
 
 def read_world(path: Path, package_paths: Sequence[Path] = ()) -> SdfWorld:
-    """Return a world of an SDF file, with all that it includes.
+    """Return the world of an SDF file, with all that it includes.
 
-    Args:
-        path: The file; one that has a model and no world is a world with this model.
-        package_paths: Folders to search first for models.
+    A file that has a model and no world is a world with this model.
 
     Raises:
         InputError: If the file can't be used.

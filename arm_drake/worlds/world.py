@@ -1,4 +1,4 @@
-"""Worlds: what a robot stands on, bumps into and picks up."""
+"""Worlds by name, by file and by function, and how they are added to plants."""
 
 import functools
 import os
@@ -201,11 +201,7 @@ def _keep_what_drake_takes(
 def _try_to_parse(
     world: SdfWorld, elements: Sequence[Element]
 ) -> tuple[MultibodyPlant, SceneGraph]:
-    """Return a plant of its own with some elements.
-
-    Raises:
-        RuntimeError: If Drake refuses them.
-    """
+    """Return a plant of its own with some elements; RuntimeError if Drake refuses."""
     plant, scene_graph = MultibodyPlant(time_step=1e-3), SceneGraph()
     plant.RegisterAsSourceForSceneGraph(scene_graph)
     _parse(plant, world, elements)
@@ -214,11 +210,7 @@ def _try_to_parse(
 
 
 def _parse(plant: MultibodyPlant, world: SdfWorld, elements: Sequence[Element]) -> None:
-    """Add elements to a plant, and what Drake says of them to the report.
-
-    Raises:
-        RuntimeError: If Drake refuses them.
-    """
+    """Add elements to a plant, and what Drake says of them to the report."""
     parser = Parser(plant)
     parser.SetAutoRenaming(True)
     text = world.text([*world.frames, *elements])
