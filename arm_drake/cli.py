@@ -1,4 +1,4 @@
-"""The command `arm-drake`: arguments in, one call, text out."""
+"""The command line `arm-drake`: its arguments, and the start of its commands."""
 
 import argparse
 import contextlib
@@ -11,7 +11,7 @@ import sys
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from arm_drake.errors import ArmDrakeError, InputError, suggest
 from arm_drake.importing import without_collection
@@ -72,7 +72,8 @@ SHOWN = ("visual", "frames", "names", "collision", "inertia", "joint_axes")
 
 
 def add_view_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of `view`."""
+    """Add the arguments of `view`."""
+    _add_robot_arguments(parser)
     parser.add_argument(
         "--position",
         metavar="V",
@@ -147,7 +148,21 @@ def add_plot_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def add_sim_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of `sim`."""
+    """Add the arguments of `sim`."""
+    _add_robot_arguments(parser)
+    _add_scene_arguments(parser)
+    _add_solver_arguments(parser)
+    _add_output_arguments(parser)
+    add = parser.add_argument
+    add("--paused", action="store_true", help="wait for the page's play button")
+    add("--ghost", action="store_true", help="draw the commanded positions, too")
+    add("--trail", metavar="LINK", help="draw the way of a link's origin")
+    add("--contacts", action="store_true", help="draw contact forces")
+    add_page_arguments(parser)
+
+
+def _add_scene_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what happens, where it does, and how it starts."""
     add = parser.add_argument
     add("--motion", metavar="NAME|FILE", help="what to send to the controllers")
     add(
@@ -199,6 +214,11 @@ def add_sim_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="controller not to start; repeatable",
     )
+
+
+def _add_solver_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add how time passes, and the physics' step."""
+    add = parser.add_argument
     add("--headless", action="store_true", help="no browser")
     add("--hold", action="store_true", help="keep the page until Ctrl-C")
     add(
@@ -221,34 +241,24 @@ def add_sim_arguments(parser: argparse.ArgumentParser) -> None:
         type=positive,
         help="largest step [s] (0.001; fast: 0.01)",
     )
+
+
+def _add_output_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the files that are written."""
+    add = parser.add_argument
     add("--log", metavar="FILE", type=Path, help="write the rollout: .npz, .csv, .mcap")
     add("--log-contacts", action="store_true", help="contact forces in the log, too")
     add("--record", metavar="FILE.html", type=Path, help="write an animated page")
     add_plot_arguments(parser)
     add("--screenshot", metavar="FILE.png", type=Path, help="take a picture at the end")
     add("--video", metavar="FILE.mp4", type=Path, help="film the simulation")
-    add("--paused", action="store_true", help="wait for the page's play button")
-    add("--ghost", action="store_true", help="draw the commanded positions, too")
-    add("--trail", metavar="LINK", help="draw the way of a link's origin")
-    add("--contacts", action="store_true", help="draw contact forces")
-    add_page_arguments(parser)
 
 
 _LOG = "a log: .npz, .csv or .mcap"
 
 
-def add_compare(commands: Any) -> argparse.ArgumentParser:
-    """Add the command `compare`, and return its parser.
-
-    Args:
-        commands: Where commands are added.
-    """
-    parser: argparse.ArgumentParser = commands.add_parser(
-        "compare",
-        help="say where two logs differ",
-        description="Exits with 0 if the rollouts are equal within the tolerance, 1 if "
-        "they differ, 2 if a file can't be used.",
-    )
+def add_compare_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `compare`."""
     parser.add_argument("a", metavar="A", type=Path, help=_LOG)
     parser.add_argument("b", metavar="B", type=Path, help="another one")
     parser.add_argument(
@@ -262,22 +272,11 @@ def add_compare(commands: Any) -> argparse.ArgumentParser:
         "--plot", metavar="FILE.png", type=Path, help="draw what differs most"
     )
     parser.add_argument("--name", help="robot to compare, in logs of several")
-    return parser
+    _add_json(parser)
 
 
-def add_replay(commands: Any) -> None:
-    """Add the command `replay`.
-
-    Args:
-        commands: Where commands are added.
-    """
-    parser: argparse.ArgumentParser = commands.add_parser(
-        "replay",
-        help="show a log in the browser",
-        description="Shows a recorded rollout until Ctrl-C: play, pause, speed, a "
-        "slider for the time. With --record, --video, --screenshot or --plot it writes "
-        "these files instead.",
-    )
+def add_replay_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `replay`."""
     add = parser.add_argument
     add("file", metavar="FILE", type=Path, help=_LOG)
     add(
@@ -316,13 +315,10 @@ _SEVERAL = ("position", "ghost")
 
 
 def parse_arguments(arguments: Sequence[str] | None = None) -> argparse.Namespace:
-    """Return what a command line says; `command` is the name of the command.
+    """Return what a command line says, or by default that of the process.
 
-    Xacro arguments may stand anywhere after ROBOT. Ends the process with exit code 2
-    for words that can't be used.
-
-    Args:
-        arguments: Words of the command line; by default those of the process.
+    `command` is the name of the command. Xacro arguments may stand anywhere after
+    ROBOT. Ends the process with exit code 2 for words that can't be used.
     """
     parser = make_parser()
     # Argparse takes positional words from one place only and leaves the others.
@@ -354,48 +350,18 @@ def make_parser() -> argparse.ArgumentParser:
     version = f"arm-drake {importlib.metadata.version('arm-drake')}"
     parser.add_argument("--version", action="version", version=version)
     commands = parser.add_subparsers(metavar="COMMAND", dest="command", required=True)
+    for name, command in _COMMANDS.items():
+        description = command.description
+        command.add_arguments(
+            commands.add_parser(name, help=command.help, description=description)
+        )
+    return parser
 
-    listing = commands.add_parser("list", help="bundled robots, worlds and motions")
-    _add_json(listing)
 
-    check = commands.add_parser(
-        "check",
-        help="load a robot and print what was not taken as written",
-        description="Exits with 0 if the robot can be used, 1 if something is lost "
-        "(with --strict: if there is anything to report), 2 if it can't be loaded.",
-    )
-    _add_robot_arguments(check)
-
-    view = commands.add_parser(
-        "view",
-        help="look at a robot, without physics",
-        description="Shows the robot in the browser until Ctrl-C, with sliders for its "
-        "joints, and again when its files change. With --screenshot it takes a "
-        "picture of all of the robot instead, which needs Chromium and "
-        "`pip install 'arm-drake[browser]'`.",
-    )
-    _add_robot_arguments(view)
-    add_view_arguments(view)
-
-    sim = commands.add_parser(
-        "sim",
-        help="simulate a robot with its controllers",
-        description="Exits with 0 if it ran, 1 if a goal or a controller failed, or "
-        "if a message or a switch was refused, 2 if something can't be used, found "
-        "before the simulation starts.",
-    )
-    _add_robot_arguments(sim)
-    add_sim_arguments(sim)
-
-    graph = commands.add_parser(
-        "graph",
-        help="draw topics, controllers, interfaces and hardware",
-        description="Draws which controllers read and command which interfaces. "
-        "Every system and port of Drake's own diagram is in "
-        "build_diagram(robot).GetGraphvizString().",
-    )
-    _add_robot_arguments(graph)
-    graph.add_argument(
+def _add_graph_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `graph`."""
+    _add_robot_arguments(parser)
+    parser.add_argument(
         "-o",
         "--output",
         metavar="FILE",
@@ -404,20 +370,15 @@ def make_parser() -> argparse.ArgumentParser:
         help="picture to write: .svg, .png, .pdf, or .dot for Graphviz",
     )
 
-    add_replay(commands)
-    _add_json(add_compare(commands))
 
-    cache = commands.add_parser(
-        "cache",
-        help="where converted meshes are kept",
-        description="Prints the folder of converted meshes, and how much is in it.",
-    )
-    cache.add_argument("--clear", action="store_true", help="remove them")
-    _add_json(cache)
-    return parser
+def _add_cache_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `cache`."""
+    parser.add_argument("--clear", action="store_true", help="remove them")
+    _add_json(parser)
 
 
 def _add_robot_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add which robot to load, and how."""
     parser.add_argument(
         "robot",
         metavar="ROBOT",
@@ -486,7 +447,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="backslashreplace")
     options = parse_arguments(arguments)
     try:
-        return _COMMANDS[options.command](options)
+        return _COMMANDS[options.command].run(options)
     except ArmDrakeError as error:
         print(f"arm-drake: {error}", file=sys.stderr)
         return _USAGE_ERROR
@@ -502,12 +463,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def load_robot_of(
     options: argparse.Namespace, positions: Mapping[str, float] | None = None
 ) -> Any:
-    """Load the robot that a command line names.
-
-    Args:
-        options: What was parsed.
-        positions: Initial positions by joint [rad] or [m], beside those in `options`.
-    """
+    """Load the robot of a command line, with initial positions besides [rad, m]."""
     with unbroken(), without_collection():  # Drake would make an ImportError of Ctrl-C.
         from arm_drake.loading import load_robot
 
@@ -609,13 +565,68 @@ def _cache(options: argparse.Namespace) -> int:
     return 0
 
 
-_COMMANDS: Mapping[str, Callable[[argparse.Namespace], int]] = {
-    "list": _list,
-    "check": _check,
-    "view": _view,
-    "sim": _sim,
-    "graph": _graph,
-    "replay": _replay,
-    "compare": _compare,
-    "cache": _cache,
+class _Command(NamedTuple):
+    """A command: what `--help` says of it, its arguments, and what runs it."""
+
+    help: str
+    description: str | None
+    add_arguments: Callable[[argparse.ArgumentParser], None]
+    run: Callable[[argparse.Namespace], int]
+
+
+_COMMANDS: Mapping[str, _Command] = {
+    "list": _Command("bundled robots, worlds and motions", None, _add_json, _list),
+    "check": _Command(
+        "load a robot and print what was not taken as written",
+        "Exits with 0 if the robot can be used, 1 if something is lost "
+        "(with --strict: if there is anything to report), 2 if it can't be loaded.",
+        _add_robot_arguments,
+        _check,
+    ),
+    "view": _Command(
+        "look at a robot, without physics",
+        "Shows the robot in the browser until Ctrl-C, with sliders for its "
+        "joints, and again when its files change. With --screenshot it takes a "
+        "picture of all of the robot instead, which needs Chromium and "
+        "`pip install 'arm-drake[browser]'`.",
+        add_view_arguments,
+        _view,
+    ),
+    "sim": _Command(
+        "simulate a robot with its controllers",
+        "Exits with 0 if it ran, 1 if a goal or a controller failed, or "
+        "if a message or a switch was refused, 2 if something can't be used, found "
+        "before the simulation starts.",
+        add_sim_arguments,
+        _sim,
+    ),
+    "graph": _Command(
+        "draw topics, controllers, interfaces and hardware",
+        "Draws which controllers read and command which interfaces. "
+        "Every system and port of Drake's own diagram is in "
+        "build_diagram(robot).GetGraphvizString().",
+        _add_graph_arguments,
+        _graph,
+    ),
+    "replay": _Command(
+        "show a log in the browser",
+        "Shows a recorded rollout until Ctrl-C: play, pause, speed, a "
+        "slider for the time. With --record, --video, --screenshot or --plot it writes "
+        "these files instead.",
+        add_replay_arguments,
+        _replay,
+    ),
+    "compare": _Command(
+        "say where two logs differ",
+        "Exits with 0 if the rollouts are equal within the tolerance, 1 if "
+        "they differ, 2 if a file can't be used.",
+        add_compare_arguments,
+        _compare,
+    ),
+    "cache": _Command(
+        "where converted meshes are kept",
+        "Prints the folder of converted meshes, and how much is in it.",
+        _add_cache_arguments,
+        _cache,
+    ),
 }
