@@ -1,22 +1,26 @@
 """The controller manager: the read-update-write loop, as a system of the diagram."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial
+from types import MappingProxyType
 from typing import NamedTuple, cast
 
 import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import (
+    AbstractStateIndex,
     Context,
     DiagramBuilder,
+    DiscreteStateIndex,
+    OutputPort,
     State,
 )
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.control.drive_commands import DriveCommands, DriveMode
-from arm_drake.control.joint_limits import CommandLimits
+from arm_drake.control.joint_limits import CommandLimits, Previous
 from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     TickingController,
@@ -66,6 +70,9 @@ class Readings(NamedTuple):
         )
 
 
+_NO_PERIODS: Mapping[str, int] = MappingProxyType({})
+
+
 class Loop:
     """The read-update-write loop of a robot."""
 
@@ -99,21 +106,16 @@ class Loop:
     def begin(
         self, readings: Readings, number: int, time_ns: int, period_ns: int
     ) -> Cycle:
-        """Return what controllers are told in a cycle.
-
-        Args:
-            readings: What is held and read.
-            number: Number of the cycle.
-            time_ns: Its time [ns].
-            period_ns: Time since the last one [ns].
-        """
+        """Return what controllers are told in a cycle; its times are in [ns]."""
         held, values = readings.held, None
         active, chain = held.active, held.chained
         if readings.is_switching:
             plan = self._lifecycle.switch(held, readings.new_requests)
             active, chain = plan.active, plan.chained
             values, _ = self._seed(readings, plan.mode)
-        periods = self._lifecycle.periods(held, active, time_ns)
+        periods: Mapping[str, int] = _NO_PERIODS
+        if self._lifecycle.slow:
+            periods = self._lifecycle.periods(held, active, time_ns)
         return Cycle(
             number,
             time_ns,
@@ -129,14 +131,7 @@ class Loop:
     def finish(
         self, ticks: Ticks, asleep: frozenset[str], readings: Readings, cycle: Cycle
     ) -> ManagerState:
-        """Return what a cycle leads to, once controllers have ticked.
-
-        Args:
-            ticks: What their ticks leave behind.
-            asleep: Controllers that have nothing to do until something comes.
-            readings: What is held and read.
-            cycle: What the controllers were told.
-        """
+        """Return what a cycle leads to, once controllers have ticked."""
         held = readings.held
         active, chain, mode = held.active, held.chained, held.mode
         events, number = held.events, held.next_activation
@@ -154,25 +149,16 @@ class Loop:
         failed = self._claimants.write(ticks, cycle, held.cycle, values)
         previous, all_limited = held.previous, held.limited
         if self._limits is not None:
-            if fresh is not None:
-                previous = self._claimants.forget(previous, cycle, held.cycle)
-            previous, limited, lost = self._limits.apply(
-                self._lifecycle.claims(active),
-                values,
-                readings.measure(),
-                previous,
-                cycle.period_ns / NANOSECONDS,
+            previous, limited = self._limit(
+                readings, cycle, active, values, failed, is_fresh=fresh is not None
             )
-            if lost:
-                owners = self._claimants.owners(active, lost)
-                self._claimants.restore(values, held.values, owners)
-                failed |= owners
             news = [CommandLimited(j) for j in limited if j not in held.limited]
             if news:
                 events = add_news(events, news)
                 all_limited |= {event.joint for event in news}
-        last_ns, skipped = held.last_ns, self._claimants.skipped(cycle)
+        last_ns, skipped = held.last_ns, None
         if cycle.periods:
+            skipped = self._claimants.skipped(cycle)
             due = {n: cycle.time_ns for n, p in cycle.periods.items() if p}
             last_ns = {**last_ns, **due}
         drive = self._drive.write(mode, values, drive, fresh=fresh, skipped=skipped)
@@ -197,6 +183,38 @@ class Loop:
             all_limited,
             failing,
         )
+
+    def _limit(
+        self,
+        readings: Readings,
+        cycle: Cycle,
+        active: Mapping[str, int],
+        values: Array,
+        failed: dict[str, str],
+        *,
+        is_fresh: bool,
+    ) -> tuple[Previous, Collection[str]]:
+        """Hold values to limits; whoever commands what has no limited value fails.
+
+        Return what is remembered of the joints, and those that were limited.
+        """
+        assert self._limits is not None
+        held = readings.held
+        previous = held.previous
+        if is_fresh:
+            previous = self._claimants.forget(previous, cycle, held.cycle)
+        previous, limited, lost = self._limits.apply(
+            self._lifecycle.claims(active),
+            values,
+            readings.measure(),
+            previous,
+            cycle.period_ns / NANOSECONDS,
+        )
+        if lost:
+            owners = self._claimants.owners(active, lost)
+            self._claimants.restore(values, held.values, owners)
+            failed |= owners
+        return previous, limited
 
     def _seed(self, readings: Readings, mode: DriveMode) -> tuple[Array, Array]:
         """Return the values and the drive vector with which a mode starts."""
@@ -330,87 +348,102 @@ class ControllerManager(PythonSystem):
         limits: CommandLimits | None = None,
         keep: object = None,
     ) -> None:
-        """Create the system.
-
-        Args:
-            robot: The robot.
-            controllers: Its controllers.
-            report: Its load report, with what its controllers lack.
-            prefix: Start of the names of the robot's ports and systems.
-            period: Period of the manager in Drake's time [s].
-            log_period: Period of the log of the joints' states [s].
-            drive: What makes the servo's input of commands.
-            surroundings: Interfaces of the robot.
-            limits: What commands are held to, if they are.
-            keep: What must live as long as the diagram, such as the servo's plant.
-        """
+        """Create the system; `RobotSystems` does that."""
         super().__init__()
         self.robot = robot
+        # Its load report, with what its controllers lack.
         self.report = report
         self.controllers = tuple(controllers)
+        # Start of the names of the robot's ports and systems.
         self.prefix = prefix
+        # Periods of the manager, and of the log of joints' states, in Drake's time [s].
         self.period = period
         self.log_period = log_period
         self.commands = command_order(surroundings, self.controllers)
+        # What must live as long as the diagram, such as the servo's plant.
         self._keep = keep
         self._update_rate = robot.controllers.update_rate
+        self._drive = drive
         systems = {c.name: c.system for c in self.controllers if c.system is not None}
-        self._lifecycle = Lifecycle(
-            controller_infos(self.controllers),
-            {name: system.params.update_rate for name, system in systems.items()},
-            {
-                c.name: c.fallback_controllers
-                for c in robot.controllers.controllers
-                if c.name in systems
-            },
-            drive,
-            update_rate=self._update_rate,
-            distro=robot.distro,
-            refuse=surroundings.refuse,
-        )
-
-        self._switch = self.DeclareAbstractInputPort(
-            SWITCH_PORT, AbstractValue.Make(())
-        )
-        J = len(surroundings.joint_types)
+        self._lifecycle = self._make_lifecycle(systems, surroundings)
+        nothing, J = AbstractValue.Make(()), len(surroundings.joint_types)
+        self._switch = self.DeclareAbstractInputPort(SWITCH_PORT, nothing)
         self._measured = self.DeclareVectorInputPort(interfaces.STATE_PORT, 3 * J)
-        motions = self.DeclareVectorInputPort(interfaces.MOTIONS_PORT, 2 * J)
         self._keeper = TickKeeper(
             systems,
-            motions,
-            lambda name: self.DeclareAbstractInputPort(name, AbstractValue.Make(())),
+            self.DeclareVectorInputPort(interfaces.MOTIONS_PORT, 2 * J),
+            lambda name: self.DeclareAbstractInputPort(name, nothing),
         )
         claimants = Claimants(systems, self.commands, drive.joints)
         self._loop = Loop(self._lifecycle, claimants, drive, limits, surroundings)
-        initial = surroundings.initial_positions
-        values = np.array(initial_values(self.commands, drive.joints, initial))
-        hold = drive.initial([initial[joint] for joint in drive.joints])
-        started = [c.name for c in self.controllers if c.state == "active"]
-        state = self._lifecycle.start(started, values, hold, self._keeper.start())
+        state = self._start(surroundings)
         kept = self.DeclareAbstractState(AbstractValue.Make(state))
         self._state_index = int(kept)
-        ports = (self._switch, *self._keeper.inboxes)
-        self._cycle = self.DeclareAbstractOutputPort(
-            "cycle",
-            lambda: AbstractValue.Make(()),
-            self._calc_cycle,
-            prerequisites_of_calc={
-                self.time_ticket(),
-                self.xa_ticket(),
-                *(self.input_port_ticket(port.get_index()) for port in ports),
-                self.input_port_ticket(self._measured.get_index()),
-            },
-        )
+        self._cycle = self._declare_read("cycle", self._calc_cycle, is_of_now=True)
         flags = [float(c.name in state.active) for c in self.controllers]
-        self._drive = drive
-        told = drive.told(hold)
-        states = [self.DeclareDiscreteState(x) for x in (values, told, flags)]
-        self._values, self._drive_state, self._flags = map(int, states)
+        start = (state.values, drive.told(state.drive), flags)
+        numbers = [self.DeclareDiscreteState(x) for x in start]
+        self._values, self._drive_state, self._flags = map(int, numbers)
         self._stored = None
         if surroundings.stored:
             self._stored_states = StoredStates(surroundings, self.commands)
             self._stored = self.DeclareDiscreteState(list(surroundings.stored.values()))
             self.DeclareStateOutputPort(STORED_PORT, self._stored)
+        self._declare_shown(kept, numbers)
+        # Computed anew only when something is put on a port.
+        self._news = self._declare_read("news", self._calc_news)
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
+
+    def _make_lifecycle(
+        self, systems: Mapping[str, ControllerInterface], surroundings: Surroundings
+    ) -> Lifecycle:
+        """Return what decides which controllers are active."""
+        return Lifecycle(
+            controller_infos(self.controllers),
+            {name: system.params.update_rate for name, system in systems.items()},
+            {
+                c.name: c.fallback_controllers
+                for c in self.robot.controllers.controllers
+                if c.name in systems
+            },
+            self._drive,
+            update_rate=self._update_rate,
+            distro=self.robot.distro,
+            refuse=surroundings.refuse,
+        )
+
+    def _start(self, surroundings: Surroundings) -> ManagerState:
+        """Return the state before the first cycle, in which controllers start."""
+        drive, initial = self._drive, surroundings.initial_positions
+        values = np.array(initial_values(self.commands, drive.joints, initial))
+        hold = drive.initial([initial[joint] for joint in drive.joints])
+        started = [c.name for c in self.controllers if c.state == "active"]
+        return self._lifecycle.start(started, values, hold, self._keeper.start())
+
+    def _declare_read(
+        self,
+        name: str,
+        calc: Callable[[Context, AbstractValue], None],
+        *,
+        is_of_now: bool = False,
+    ) -> OutputPort:
+        """Declare what is computed of messages, and of time, state and measurements."""
+        ports = [self._switch, *self._keeper.inboxes]
+        more = {self.time_ticket(), self.xa_ticket(), self._measured.ticket()}
+        return self.DeclareAbstractOutputPort(
+            name,
+            lambda: AbstractValue.Make(()),
+            calc,
+            prerequisites_of_calc={
+                *(port.ticket() for port in ports),
+                *(more if is_of_now else ()),
+            },
+        )
+
+    def _declare_shown(
+        self, kept: AbstractStateIndex, numbers: Iterable[DiscreteStateIndex]
+    ) -> None:
+        """Declare the ports that show the state."""
         self._declare(
             "controllers", lambda state: list_states(self.controllers, state.active)
         )
@@ -418,19 +451,9 @@ class ControllerManager(PythonSystem):
         claimed = self._lifecycle.claimed
         self._declare(interfaces.CLAIMED_PORT, lambda state: claimed(state.active))
         names = (interfaces.VALUES_PORT, "drive", "active")
-        for name, index in zip(names, states, strict=True):
+        for name, index in zip(names, numbers, strict=True):
             self.DeclareStateOutputPort(name, index)
         self.DeclareStateOutputPort(interfaces.TICKS_PORT, kept)
-        # Computed anew only when something is put on a port.
-        self._news = self.DeclareAbstractOutputPort(
-            "news",
-            lambda: AbstractValue.Make(()),
-            self._calc_news,
-            prerequisites_of_calc={
-                self.input_port_ticket(port.get_index()) for port in ports
-            },
-        )
-        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
 
     def find_problems(
         self, context: Context, request: SwitchController
@@ -491,7 +514,7 @@ class ControllerManager(PythonSystem):
         return self._loop.begin(readings, number, *times)
 
     def _update(self, context: Context, state: State) -> None:
-        held = self._state(context)
+        held: ManagerState = context.get_abstract_state(self._state_index).get_value()
         if self._keeper.are_direct:
             cycle = self._find_cycle(context, held)
         else:  # Others ask for it too, and the port remembers it.

@@ -118,9 +118,6 @@ def due_period(
 Refusal = Callable[[Collection[str], Collection[str]], str]
 
 
-_NO_PERIODS: Mapping[str, int] = MappingProxyType({})
-
-
 class Activation(NamedTuple):
     """Which controllers are active after a switch."""
 
@@ -166,7 +163,8 @@ class Lifecycle:
         self._distro = distro
         # Whether requests that don't say so are all or nothing.
         self._is_strict = distro == "rolling"
-        self._slow = {name for name, rate in rates.items() if rate < update_rate}
+        # Those with a rate of their own.
+        self.slow = {name for name, rate in rates.items() if rate < update_rate}
 
     def start(
         self,
@@ -248,10 +246,8 @@ class Lifecycle:
             active: Which controllers are active in this one.
             time_ns: Its time [ns].
         """
-        if not self._slow:
-            return _NO_PERIODS
         periods = {}
-        for name in self._slow & active.keys():
+        for name in self.slow & active.keys():
             is_new = active[name] != held.cycle.active.get(name)
             due = due_period(
                 time_ns,
@@ -466,13 +462,7 @@ class TickKeeper:
         cycle: Cycle,
         held: ManagerState,
     ) -> tuple[Ticks, frozenset[str]]:
-        """Return what a cycle leaves behind, and who has nothing to do after it.
-
-        Args:
-            context: Context of the manager.
-            cycle: The cycle, with what the last one left behind.
-            held: What the manager holds.
-        """
+        """Return what a cycle leaves behind, and who has nothing to do after it."""
         news, asleep = cycle.news, held.asleep
         ticks: dict[str, Tick[Any]] = {}
         given: Given | None = None
@@ -488,20 +478,12 @@ class TickKeeper:
                 else:
                     tick = member.ticks.Eval(context)
             ticks[name] = tick
-        return ticks, self._find_asleep(ticks, cycle.active, asleep)
+        if ticks.keys() - cycle.active.keys() - asleep:
+            asleep = self._find_asleep(ticks, cycle.active)
+        return ticks, asleep
 
-    def _find_asleep(
-        self, ticks: Ticks, active: Collection[str], last: frozenset[str]
-    ) -> frozenset[str]:
-        """Return the controllers that have nothing to do until something comes.
-
-        Args:
-            ticks: What a cycle has left behind.
-            active: Controllers that were active in it.
-            last: Those that had nothing to do in it.
-        """
-        if all(name in active or name in last for name in ticks):
-            return last
+    def _find_asleep(self, ticks: Ticks, active: Collection[str]) -> frozenset[str]:
+        """Return the controllers that have nothing to do until something comes."""
         return frozenset(
             name
             for name, member in self._members.items()
@@ -632,10 +614,8 @@ class Claimants:
                 fresh |= claimant.joints
         return fresh
 
-    def skipped(self, cycle: Cycle) -> Mask | None:
-        """Return the joints of the drive whose controller doesn't tick, if any."""
-        if not cycle.periods:
-            return None
+    def skipped(self, cycle: Cycle) -> Mask:
+        """Return the joints of the drive whose controller doesn't tick."""
         skipped = self._mask(())
         for claimant in self._claimants:
             if cycle.periods.get(claimant.name) == 0:

@@ -479,7 +479,7 @@ def test_joints_whose_controller_started_or_ended_are_fresh():
 def test_joints_whose_controller_does_not_tick_are_skipped():
     claims = Claims(arm=("a/position",), hand=("b/position",)).claimants
 
-    assert claims.skipped(make_cycle(["arm", "hand"])) is None
+    assert not claims.skipped(make_cycle(["arm", "hand"])).any()
     found = [claims.skipped(make_cycle(["hand"], hand=ns)) for ns in (0, 20_000_000)]
     assert [mask.tolist() for mask in found] == [[False, True], [False, False]]
 
