@@ -1,6 +1,6 @@
-"""What the load report says about how a robot's joints are driven."""
+"""Lines of the load report about drives, dry friction, and times of a simulation."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import Final
 
 import numpy as np
@@ -48,44 +48,14 @@ def report_drive(
         report: Where the lines are added.
         holds: Whether joints that nobody commands hold their position.
     """
-
-    def note(what: str, done: str) -> None:
-        report.add("info", "repair", what, done, where=SERVO)
-
-    lacking = dict(zip(drive.names, drive.lacking_inertia.tolist(), strict=True))
-    light = {name: inertia for name, inertia in lacking.items() if inertia}
-    if drive.rotor_inertia.any():
-        step = f"{1e3 * drive.plant.time_step():.3g} ms"
-        rotors = ", ".join(f"{name} {inertia:.2g}" for name, inertia in light.items())
-        note(
-            f"steps are {step}, links much lighter than drives of their efforts",
-            f"the drives have rotors of their own [kg·m² or kg]: {rotors}",
-        )
-    elif light:
-        note(
-            f"links are much lighter than drives of {_listed(light)}",
-            "they get no rotors; with SimulationOptions(reflected_inertia=True) they "
-            "do, and carry heavier payloads",
-        )
-    if drive.pid is not None:
-        pairs = zip(drive.names, drive.pid.position, drive.pid.velocity, strict=True)
-        own = [name for name, *gains in pairs if any(gains)]
-        note(
-            f"PID gains of the description drive {_listed(own)}",
-            "as under Gazebo Classic, which knows nothing of the robot's weight",
-        )
-        _report_stiff(drive, report)
-    if drive.rated:
-        note(
-            f"position_proportional_gain drives {_listed(drive.rated)}",
-            "velocities become gain x update_rate x error, as in Gazebo Sim",
-        )
+    _report_rotors(drive, report)
+    _report_gains(drive, report)
     active = [c for c in controllers if c.state == "active"]
     claimed = {name.rpartition("/")[0] for name in claimed_interfaces(robot, active)}
     left = [name for name in drive.names if name not in claimed]
     if left:
         done = "they hold their positions" if holds else "they swing freely"
-        note(f"no active controller commands {_listed(left)}", done)
+        _note(report, f"no active controller commands {_listed(left)}", done)
     locked = [
         name
         for name, lower, upper in zip(
@@ -94,29 +64,76 @@ def report_drive(
         if lower == upper
     ]
     if locked:
-        note(f"no room between its limits: {_listed(locked)}", "they can't move")
+        what = f"no room between its limits: {_listed(locked)}"
+        _note(report, what, "they can't move")
     passive = [
         joint.name
         for joint in robot.description.movable_joints
         if joint.mimic is None and joint.name not in drive.names
     ]
     if passive:
-        note(f"no command interface: {_listed(passive)}", "they swing freely")
+        _note(report, f"no command interface: {_listed(passive)}", "they swing freely")
+    _report_unlimited(drive, claimed_interfaces(robot, controllers), report)
+
+
+def _note(report: LoadReport, what: str, done: str) -> None:
+    report.add("info", "repair", what, done, where=SERVO)
+
+
+def _report_rotors(drive: RobotDrive, report: LoadReport) -> None:
+    """Report links that are light for their drives."""
+    lacking = dict(zip(drive.names, drive.lacking_inertia.tolist(), strict=True))
+    light = {name: inertia for name, inertia in lacking.items() if inertia}
+    if drive.rotor_inertia.any():
+        step = f"{1e3 * drive.plant.time_step():.3g} ms"
+        rotors = ", ".join(f"{name} {inertia:.2g}" for name, inertia in light.items())
+        _note(
+            report,
+            f"steps are {step}, links much lighter than drives of their efforts",
+            f"the drives have rotors of their own [kg·m² or kg]: {rotors}",
+        )
+    elif light:
+        _note(
+            report,
+            f"links are much lighter than drives of {_listed(light)}",
+            "they get no rotors; with SimulationOptions(reflected_inertia=True) they "
+            "do, and carry heavier payloads",
+        )
+
+
+def _report_gains(drive: RobotDrive, report: LoadReport) -> None:
+    """Report joints that follow gains of their description."""
+    if drive.pid is not None:
+        pairs = zip(drive.names, drive.pid.position, drive.pid.velocity, strict=True)
+        own = [name for name, *gains in pairs if any(gains)]
+        _note(
+            report,
+            f"PID gains of the description drive {_listed(own)}",
+            "as under Gazebo Classic, which knows nothing of the robot's weight",
+        )
+        _report_stiff(drive, report)
+    if drive.rated:
+        _note(
+            report,
+            f"position_proportional_gain drives {_listed(drive.rated)}",
+            "velocities become gain x update_rate x error, as in Gazebo Sim",
+        )
+
+
+def _report_unlimited(
+    drive: RobotDrive, claimed: Collection[str], report: LoadReport
+) -> None:
+    """Report joints that follow any velocity."""
     velocities = set(interfaces.interface_names(drive.names, [interfaces.VELOCITY]))
-    commanded = {
-        name.rpartition("/")[0]
-        for name in velocities & claimed_interfaces(robot, controllers)
-    }
+    commanded = {name.rpartition("/")[0] for name in velocities.intersection(claimed)}
     unlimited = [
         name
         for name, limit in zip(drive.names, drive.gains.velocity_limit, strict=True)
         if np.isinf(limit) and name in commanded
     ]
     if unlimited:
-        note(
-            f"no velocity limit: {_listed(unlimited)}",
-            "velocity commands are followed whatever they are",
-        )
+        what = f"no velocity limit: {_listed(unlimited)}"
+        _note(report, what, "velocity commands are followed whatever they are")
 
 
 def _report_stiff(drive: RobotDrive, report: LoadReport) -> None:

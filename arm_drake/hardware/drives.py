@@ -1,4 +1,4 @@
-"""What drives a robot's joints: the numbers of its servo, and the plant it knows."""
+"""Drives of a robot's joints: the servo's numbers, and the plant it computes with."""
 
 import dataclasses as dc
 import math
@@ -155,24 +155,59 @@ def make_robot_drive(
     is_driven = np.array([joint.name not in bare for joint in joints], dtype=bool)
     strength = _strength(description, limits, samples)
     lacking = compute_rotor_inertia(samples, limits, strength, time_step) * is_driven
-    is_fast = options.preset == "fast"
-    has_rotors = options.reflected_inertia
-    if has_rotors is None:
-        # Where nothing is unknown, there is no payload to need them.
-        has_rotors = time_step > _LONG_STEP and not is_fast
-    rotors = lacking if has_rotors else np.zeros(n)
+    rotors = lacking if _gets_rotors(options, time_step) else np.zeros(n)
     add_rotors(plant, dict(zip([j.name for j in joints], rotors, strict=True)))
     if not options.gravity_compensation:
         plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, 0.0])
     rows = [(stated or {}).get(joint.name, DriveGains()) for joint in joints]
     pid = DrivePid([r.position_pid for r in rows], [r.velocity_pid for r in rows])
     is_passive = n < len([j for j in description.movable_joints if j.mimic is None])
-    is_careful = lets_go or is_passive or pid.is_given or bool(carried)
+    known = samples.with_rotors(rotors)
+    gains = _make_gains(
+        joints,
+        known,
+        limits,
+        options,
+        plant,
+        carried=carried or {},
+        is_careful=lets_go or is_passive or pid.is_given or bool(carried),
+        command_period=period,
+        friction=sum_friction(plant, description, joints) * options.friction,
+        rates=[row.position_rate for row in rows],
+    )
+    rated = [j.name for j, row in zip(joints, rows, strict=True) if row.position_rate]
+    return RobotDrive(
+        joints=joints,
+        plant=plant,
+        N=N,
+        rotor_inertia=rotors,
+        lacking_inertia=lacking,
+        gains=_with_grippers(gains, joints, limits, grippers),
+        pid=pid if pid.is_given else None,
+        min_inertia=known.inertia.min(axis=0),
+        rated=tuple(rated),
+    )
+
+
+def _make_gains(
+    joints: Sequence[JointInfo],
+    known: DynamicsSamples,
+    limits: DriveLimits,
+    options: SimulationOptions,
+    plant: MultibodyPlant,
+    *,
+    carried: Mapping[str, float],
+    is_careful: bool,
+    command_period: float,
+    friction: np.ndarray,
+    rates: Sequence[float | None],
+) -> ServoGains:
+    """Return the numbers of a servo; what wheels carry becomes rotors of its plant."""
+    time_step, is_fast = plant.time_step(), options.preset == "fast"
     observer_gain = CAREFUL_OBSERVER_GAIN if is_careful else OBSERVER_GAIN
     if is_fast or not options.disturbance_observer:
         observer_gain = 0.0
-    known = samples.with_rotors(rotors)
-    load = np.array([(carried or {}).get(joint.name, 0.0) for joint in joints])
+    load = np.array([carried.get(joint.name, 0.0) for joint in joints])
     ground = compute_carried_inertia(
         known.inertia.min(axis=0),
         load,
@@ -181,35 +216,41 @@ def make_robot_drive(
         observer_gain=observer_gain,
     )
     add_rotors(plant, dict(zip([j.name for j in joints], ground, strict=True)))
-    gains = compute_servo_gains(
+    return compute_servo_gains(
         known.with_rotors(ground),
         limits,
         bandwidth=options.servo_bandwidth,
         time_step=time_step,
-        command_period=period,
+        command_period=command_period,
         carried=load,
         observer_gain=observer_gain,
-        friction=sum_friction(plant, description, joints) * options.friction,
-        position_rate=np.array([row.position_rate or math.nan for row in rows]),
+        friction=friction,
+        position_rate=np.array([rate or math.nan for rate in rates]),
         is_exact=is_fast,
         is_coordinated=not is_fast,
     )
-    if grippers:
-        at = tuple(i for i, joint in enumerate(joints) if joint.name in grippers)
-        steps = np.where(limits.is_prismatic, *_LET_GO)
-        gains = dc.replace(gains, grippers=at, step=steps)
-    rated = [j.name for j, row in zip(joints, rows, strict=True) if row.position_rate]
-    return RobotDrive(
-        joints=joints,
-        plant=plant,
-        N=N,
-        rotor_inertia=rotors,
-        lacking_inertia=lacking,
-        gains=gains,
-        pid=pid if pid.is_given else None,
-        min_inertia=known.inertia.min(axis=0),
-        rated=tuple(rated),
-    )
+
+
+def _gets_rotors(options: SimulationOptions, time_step: float) -> bool:
+    """Return whether light joints get rotors of their own."""
+    if options.reflected_inertia is not None:
+        return options.reflected_inertia
+    # Where nothing is unknown, there is no payload to need them.
+    return time_step > _LONG_STEP and options.preset != "fast"
+
+
+def _with_grippers(
+    gains: ServoGains,
+    joints: Sequence[JointInfo],
+    limits: DriveLimits,
+    grippers: Collection[str],
+) -> ServoGains:
+    """Return gains that know which joints press against things."""
+    if not grippers:
+        return gains
+    at = tuple(i for i, joint in enumerate(joints) if joint.name in grippers)
+    steps = np.where(limits.is_prismatic, *_LET_GO)
+    return dc.replace(gains, grippers=at, step=steps)
 
 
 def drive_limits(joints: Sequence[JointInfo]) -> DriveLimits:

@@ -84,17 +84,8 @@ def add_hardware(
 ) -> Hardware:
     """Add a robot's servo, friction and state interfaces, and connect the plant.
 
-    Args:
-        builder: Where to add them.
-        plant: The finalized plant, already in the builder.
-        model: The robot's model instance.
-        description: The robot.
-        prefix: Start of the names of the systems.
-        drive: What drives its commanded joints.
-        initial: Initial positions [rad] by joint.
-        options: How to simulate.
-        has_modes: Whether joints may follow anything else than positions.
-        has_limits: Whether effort and velocity may be limited at run time.
+    `has_modes` says that joints may follow anything else than positions, `has_limits`
+    that effort and velocity may be limited at run time.
     """
     names, alone = drive.names, drive.plant
     add_rotors(plant, dict(zip(names, drive.rotor_inertia, strict=True)), model)
@@ -109,7 +100,7 @@ def add_hardware(
     effort = command = None
     if names:
         at = state_indices(alone, alone.GetModelInstanceByName("robot"), names)
-        knows_friction = forces is not None and options.friction_compensation
+        known = forces if options.friction_compensation else None
         servo = builder.AddNamedSystem(
             f"{prefix}servo",
             make_joint_servo(
@@ -119,7 +110,7 @@ def add_hardware(
                 drive.N,
                 has_modes=has_modes,
                 has_limits=has_limits,
-                knows_friction=knows_friction,
+                knows_friction=known is not None,
                 pid=drive.pid,
                 start=np.array([initial[name] for name in names]),
             ),
@@ -127,11 +118,9 @@ def add_hardware(
         D = _reduced_state(plant, model, alone, description)
         reduced = _gain(builder, f"{prefix}servo_state", D, state)
         builder.Connect(reduced, servo.GetInputPort("state"))
-        if forces is not None and knows_friction:
-            num_positions = plant.num_positions(model)
-            rows = np.array(state_indices(plant, model, names)[1]) - num_positions
-            picked = np.eye(plant.num_velocities(model))[rows]
-            braked = _gain(builder, f"{prefix}servo_friction", picked, forces)
+        if known is not None:
+            D = _picked_velocities(plant, model, names)
+            braked = _gain(builder, f"{prefix}servo_friction", D, known)
             builder.Connect(braked, servo.GetInputPort("friction"))
         effort, command = servo.GetOutputPort("effort"), servo.GetInputPort("command")
         builder.Connect(effort, plant.get_actuation_input_port(model))
@@ -139,6 +128,15 @@ def add_hardware(
         builder, plant, model, description, names, effort, prefix
     )
     return Hardware(names, command, joint_states, motions, forces, drive)
+
+
+def _picked_velocities(
+    plant: MultibodyPlant, model: ModelInstanceIndex, names: Sequence[str]
+) -> np.ndarray:
+    """Return what picks joints out of the robot's generalized forces."""
+    rows = np.array(state_indices(plant, model, names)[1]) - plant.num_positions(model)
+    picked: np.ndarray = np.eye(plant.num_velocities(model))[rows]
+    return picked
 
 
 def _reduced_state(

@@ -1,4 +1,4 @@
-"""What a diagram does for robots that stand on wheels."""
+"""Robots on wheels in the plant: their wheels, their true motion, and the ground."""
 
 import dataclasses as dc
 from collections.abc import Iterator, Sequence
@@ -410,16 +410,6 @@ def report_ground(
 
     Heights are known above a ground at z = 0 alone, as the built-in worlds have it.
     Wheels with springs reach what they reach by themselves.
-
-    Args:
-        plant: The finalized plant; robots stand where they start.
-        scene_graph: Its scene graph.
-        model: The robot's model instance.
-        robot: The robot.
-        report: Where it is recorded.
-        bases: What the robot's controllers drive.
-        axles: Axles that the plant has besides.
-        rollers: Rollers likewise.
     """
     if not robot.has_free_base:
         return
@@ -437,18 +427,7 @@ def report_ground(
     if not shapes or not any(map(_is_at_zero, grounds)):
         return
     lowest = min(lowest_height(shape) for shape in shapes)
-    if abs(lowest) > _OFF_GROUND:
-        z = 0.0 if robot.pose is None else robot.pose[2]
-        is_above = lowest > 0.0
-        side, does = ("above", "falls") if is_above else ("below", "is pushed out")
-        report.add(
-            "warning",
-            "invalid",
-            f"the base starts {abs(lowest):.3g} m {side} the ground",
-            f"it {does}; expected z = {z - lowest:.3g} m",
-            where="pose",
-            file=file,
-        )
+    _report_height(robot, lowest, report)
     for base in bases:
         wheels = find_wheels(
             plant, scene_graph, model, robot.description, base, axles, rollers
@@ -470,6 +449,22 @@ def report_ground(
                 where=f"joint {joint!r}",
                 file=file,
             )
+
+
+def _report_height(robot: Robot, lowest: float, report: LoadReport) -> None:
+    """Record a robot whose lowest point [m] isn't on the ground."""
+    if abs(lowest) > _OFF_GROUND:
+        z = 0.0 if robot.pose is None else robot.pose[2]
+        is_above = lowest > 0.0
+        side, does = ("above", "falls") if is_above else ("below", "is pushed out")
+        report.add(
+            "warning",
+            "invalid",
+            f"the base starts {abs(lowest):.3g} m {side} the ground",
+            f"it {does}; expected z = {z - lowest:.3g} m",
+            where="pose",
+            file=robot.description.file,
+        )
 
 
 def _what_stands(

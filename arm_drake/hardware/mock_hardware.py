@@ -87,15 +87,7 @@ class MockHardware(PythonSystem):
         measured: Sequence[str],
         period: float,
     ) -> None:
-        """Create the system.
-
-        Args:
-            robot: The robot.
-            blocks: Its hardware blocks.
-            order: Names of the command values.
-            measured: Names of what is measured.
-            period: Period of the manager in Drake's time [s].
-        """
+        """Create the system; `order` names the values, `measured` what is read."""
         super().__init__()
         self._blocks = tuple(blocks)
         self._period = period

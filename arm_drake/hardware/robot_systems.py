@@ -1,4 +1,4 @@
-"""What a diagram has for each robot beside its hardware: manager, controllers, logs."""
+"""Manager, controllers and logs of one robot, connected with its hardware."""
 
 import dataclasses as dc
 from collections.abc import Mapping, Sequence
@@ -112,16 +112,7 @@ class RobotSystems:
             drive: What the hardware is told.
         """
         builder, prefix = self.builder, self.prefix
-        rate = self.robot.controllers.update_rate
-        if not has_rate(self.period, rate):
-            report.add(
-                "warning",
-                "repair",
-                f"update_rate {rate} Hz doesn't fit those of the other robots",
-                f"its cycles come at {1.0 / self.period:.6g} Hz",
-                where=MANAGER,
-                file=next(iter(self.robot.controllers.files), None),
-            )
+        self._report_rate(report)
         manager = builder.AddNamedSystem(
             f"{prefix}{MANAGER}",
             ControllerManager(
@@ -139,24 +130,12 @@ class RobotSystems:
                 keep=hardware.drive,
             ),
         )
-        joint_states = hardware.joint_states
-        self._record(joint_states)
+        self._record(hardware.joint_states)
         if self.options.log_contacts:
             self._record_contacts(hardware.contacts, report)
-        for port, name in (
-            (hardware.command, "drive"),
-            (hardware.values, interfaces.VALUES_PORT),
-            (hardware.claimed, interfaces.CLAIMED_PORT),
-        ):
-            if port is not None:
-                builder.Connect(manager.GetOutputPort(name), port)
-        for port, name in (
-            (joint_states, interfaces.STATE_PORT),
-            (hardware.joint_motions, interfaces.MOTIONS_PORT),
-        ):
-            builder.Connect(port, manager.GetInputPort(name))
+        self._connect(manager, hardware)
         everything = hardware.everything or self._all_states(
-            manager, joint_states, hardware.readings
+            manager, hardware.joint_states, hardware.readings
         )
         systems = {c.name: c.system for c in controllers if c.system is not None}
         for name, system in systems.items():
@@ -168,9 +147,37 @@ class RobotSystems:
         if controllers:
             switch = manager.GetInputPort(SWITCH_PORT)
             builder.ExportInput(switch, f"{prefix}{MANAGER}.{SWITCH_PORT}")
-        builder.ExportOutput(joint_states, f"{prefix}joint_states")
+        builder.ExportOutput(hardware.joint_states, f"{prefix}joint_states")
         for name in (interfaces.VALUES_PORT, "active"):
             self._log(manager.GetOutputPort(name), name, self.period)
+
+    def _report_rate(self, report: LoadReport) -> None:
+        """Report a manager whose cycles don't come at its rate."""
+        rate = self.robot.controllers.update_rate
+        if not has_rate(self.period, rate):
+            report.add(
+                "warning",
+                "repair",
+                f"update_rate {rate} Hz doesn't fit those of the other robots",
+                f"its cycles come at {1.0 / self.period:.6g} Hz",
+                where=MANAGER,
+                file=next(iter(self.robot.controllers.files), None),
+            )
+
+    def _connect(self, manager: ControllerManager, hardware: Hardware) -> None:
+        """Connect the manager with the hardware."""
+        for port, name in (
+            (hardware.command, "drive"),
+            (hardware.values, interfaces.VALUES_PORT),
+            (hardware.claimed, interfaces.CLAIMED_PORT),
+        ):
+            if port is not None:
+                self.builder.Connect(manager.GetOutputPort(name), port)
+        for state, name in (
+            (hardware.joint_states, interfaces.STATE_PORT),
+            (hardware.joint_motions, interfaces.MOTIONS_PORT),
+        ):
+            self.builder.Connect(state, manager.GetInputPort(name))
 
     def add_frames(self, body_poses: OutputPort, bodies: Sequence[int]) -> None:
         """Add the poses of the links, and export them.

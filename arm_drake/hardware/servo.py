@@ -30,12 +30,33 @@ c of this step and c[-] of the one before: its joints are where the ideal drive 
 in continuous time.
 
 A joint whose description has PID gains applies what these say, as under Gazebo Classic.
-Everything here is evaluated at every step of the plant, hence no Python.
-
-The equations of the joint servo; see the package for what they say.
-
-Each system reads no more than it uses: at every step Drake looks up all variables of a
+Everything here is evaluated at every step of the plant, hence no Python. Each system
+reads no more than it uses: at every step Drake looks up all variables of a
 SymbolicVectorSystem, which costs more than what is computed with them.
+
+.. pydrake_system::
+
+    name: servo
+    input_ports:
+    - state
+    - command
+    - friction
+    output_ports:
+    - effort
+
+========  ========  ==========  ======================================================
+port      size      unit        meaning
+========  ========  ==========  ======================================================
+state     2m        rad, rad/s  state [q; v] of the robot's m joints
+command   2n or 7n  rad, rad/s  desired positions, then desired velocities; with modes
+                                also accelerations [rad/s^2] and efforts [N·m], and
+                                whether the velocity, the acceleration or the effort
+                                alone is followed (1 or 0); with limits 2n more, lower
+                                limits of efforts and of the velocities of approaches,
+                                0 where there is none
+friction  n         N·m         dry friction, if it is made up for
+effort    n         N·m         what the actuators apply, within the effort limits
+========  ========  ==========  ======================================================
 """
 
 import dataclasses as dc
@@ -290,6 +311,7 @@ class EffortLaws:
         """
         n = layout.num_joints
         self._gains, self._layout = gains, layout
+        self.knows_friction = knows_friction
         has_limit = bool(np.isfinite(gains.effort_limit).any())
         self.is_limited = gains.is_coordinated and (has_limit or layout.has_limits)
         self._limits = variables("limit", n if layout.has_limits else 0)
@@ -513,33 +535,9 @@ def make_joint_servo(
 ) -> Diagram:
     """Return the servo of a robot's n commanded joints.
 
-    .. pydrake_system::
-
-        name: servo
-        input_ports:
-        - state
-        - command
-        - friction
-        output_ports:
-        - effort
-
-    ========  ========  ==========  ==================================================
-    port      size      unit        meaning
-    ========  ========  ==========  ==================================================
-    state     2m        rad, rad/s  state [q; v] of the robot's m joints
-    command   2n or 7n  rad, rad/s  desired positions, then desired velocities; with
-                                    modes also accelerations [rad/s^2] and efforts
-                                    [N·m], and whether the velocity, the acceleration
-                                    or the effort alone is followed (1 or 0); with
-                                    limits 2n more, lower limits of efforts and of the
-                                    velocities of approaches, 0 where there is none
-    friction  n         N·m         dry friction, if it is made up for
-    effort    n         N·m         what the actuators apply, within the effort limits
-    ========  ========  ==========  ==================================================
-
     Args:
         control_plant: Finalized plant that holds this robot alone, with the step's
-            damping and its drives' rotors as rotor inertia (`set_rotor_inertia`).
+            damping and its drives' rotors as rotor inertia.
         gains: The servo's numbers.
         positions_at: Indices of the commanded positions in the state.
         velocities_at: Indices of the commanded velocities in the state.
@@ -551,8 +549,8 @@ def make_joint_servo(
         start: Initial positions [rad], shape (n,); for a servo with a part of the last
             command, which has neither modes nor limits.
     """
-    h, m = control_plant.time_step(), len(N)
-    layout = Layout(2 * m, positions_at, velocities_at, has_modes, has_limits)
+    h = control_plant.time_step()
+    layout = Layout(2 * len(N), positions_at, velocities_at, has_modes, has_limits)
     laws = EffortLaws(gains, layout, knows_friction=knows_friction)
     wiring = _Wiring()
     state = wiring.source("state", layout.num_states)
@@ -576,22 +574,40 @@ def make_joint_servo(
     if has_modes:
         read.append(wiring.add("felt", felt_acceleration(gains, layout, h), state))
     law = wiring.add("acceleration", acceleration_law(gains, layout, h), *read)
+    added = _add_efforts(wiring, laws, layout, control_plant, N, state, command, law)
+    if held is not None:
+        new = wiring.add("observer", laws.observer(), law, *added)
+        wiring.builder.Connect(new, held.get_input_port())
+    diagram = wiring.builder.Build()
+    diagram.set_name("servo")
+    return diagram
 
+
+def _add_efforts(
+    wiring: "_Wiring",
+    laws: EffortLaws,
+    layout: Layout,
+    plant: MultibodyPlant,
+    N: Array,
+    state: OutputPort,
+    command: OutputPort,
+    law: OutputPort,
+) -> list[OutputPort]:
+    """Add what makes efforts of accelerations; return s, and which joints are free."""
     # Of the law's output, u is what the first columns pick.
-    rest = law.size() - layout.num_joints
+    m, rest = len(N), law.size() - layout.num_joints
     u = wiring.times("spread", np.hstack([N, np.zeros((m, rest))]), law)
     still = wiring.add("still", ConstantVectorSource(np.zeros(m)))
-    efforts = [wiring.inverse_dynamics("inverse_dynamics", control_plant, N, state, u)]
+    efforts = [wiring.inverse_dynamics("inverse_dynamics", plant, N, state, u)]
     if laws.is_limited:
-        bias = wiring.inverse_dynamics("bias", control_plant, N, state, still)
-        efforts.append(bias)
-    if knows_friction:
+        efforts.append(wiring.inverse_dynamics("bias", plant, N, state, still))
+    if laws.knows_friction:
         efforts.append(wiring.source("friction", layout.num_joints))
     free = []
-    if has_modes:
+    if layout.has_modes:
         efforts.append(wiring.times("told", layout.pick(TAU_D, IS_TAU), command))
         free = [wiring.times("free", layout.pick(IS_TAU), command)]
-    if has_limits:
+    if layout.has_limits:
         limits = wiring.times("limits", layout.pick(layout.num_parts), command)
         efforts.append(limits)
     known = [wiring.join("efforts", efforts)]
@@ -599,13 +615,8 @@ def make_joint_servo(
     if laws.is_limited:
         scale = [wiring.add("scale", laws.scale(), *known)]
     effort = wiring.add("effort", laws.effort(), *known, *scale)
-    if held is not None:
-        new = wiring.add("observer", laws.observer(), law, *scale, *free)
-        wiring.builder.Connect(new, held.get_input_port())
     wiring.builder.ExportOutput(effort, "effort")
-    diagram = wiring.builder.Build()
-    diagram.set_name("servo")
-    return diagram
+    return [*scale, *free]
 
 
 class _Wiring:
