@@ -52,8 +52,7 @@ from arm_drake.hardware.robot_systems import RobotSystems
 from arm_drake.manager import ControllerManager
 from arm_drake.manager.hardware_interfaces import Surroundings
 from arm_drake.manager.loaded_controllers import LoadedController, command_order
-from arm_drake.manager.loading import report_motionless
-from arm_drake.manager.robot_controllers import load_controllers_of
+from arm_drake.manager.loading import load_controllers_of, report_motionless
 from arm_drake.options import SimulationOptions
 from arm_drake.plant.contact import separate
 from arm_drake.plant.initial_poses import log_free_poses, place_free_links

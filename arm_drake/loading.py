@@ -36,8 +36,8 @@ from arm_drake.description.xacro import expand_xacro, read_sources
 from arm_drake.errors import InputError, suggest
 from arm_drake.hardware.drives import check_model
 from arm_drake.hardware.mobile_bases import RobotBases
+from arm_drake.manager.hardware_interfaces import find_surroundings
 from arm_drake.manager.loading import load_controllers
-from arm_drake.manager.robot_controllers import find_surroundings
 
 # What names of distributions without rules of their own are taken as.
 _DISTRO_ALIASES = {

@@ -7,8 +7,7 @@ import pytest
 
 from arm_drake import interfaces
 from arm_drake.control.generic_system import GenericSystem
-from arm_drake.manager.hardware_interfaces import Surroundings
-from arm_drake.manager.robot_controllers import find_surroundings
+from arm_drake.manager.hardware_interfaces import Surroundings, find_surroundings
 from tests import models
 
 HARDWARE = """

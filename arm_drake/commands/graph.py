@@ -12,7 +12,7 @@ from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError
 from arm_drake.manager.loaded_controllers import LoadedController
-from arm_drake.manager.robot_controllers import load_controllers_of
+from arm_drake.manager.loading import load_controllers_of
 from arm_drake.output_files import check_suffix, check_writable, writing
 from arm_drake.visualization.control_graph import (
     ControlGraph,

@@ -135,17 +135,10 @@ def make_robot_drive(
 ) -> RobotDrive:
     """Return what drives a robot's commanded joints.
 
-    Args:
-        description: The robot.
-        pose: Pose of its base in the world.
-        options: How to simulate.
-        time_step: Step of the simulated plant [s].
-        stated: What the description itself says of drives, by joint.
-        bare: Joints that follow nothing but efforts, which get no rotor.
-        lets_go: Whether joints may move freely, beside those that are driven.
-        grippers: Joints that press against things and let them go again.
-        carried: Inertia of what wheels move on the ground [kg·m^2], by their joints.
-        period: Period of the commands [s]; 0 if they are of now.
+    `stated` is what the description says of drives, by joint; `bare` joints follow
+    nothing but efforts, and get no rotor; `lets_go` tells that joints may move freely
+    besides; `grippers` press against things and let them go again; `carried` is the
+    inertia of what wheels move on the ground [kg·m^2]; commands have a period [s].
     """
     joints = commanded_joints(description)
     plant = make_servo_plant(description, pose, options, time_step)

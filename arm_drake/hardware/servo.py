@@ -564,7 +564,6 @@ def make_joint_servo(
         before = np.concatenate([start, np.zeros_like(start)])
         mixed = mixed_command(gains.last_command, before, h)
         command = wiring.add("mixed", mixed, command)
-
     read = [state, command]
     held = None
     if gains.observer_gain:

@@ -1,10 +1,17 @@
-"""What a robot offers its controllers."""
+"""Command and state interfaces of a robot, and what else it offers its controllers."""
 
 import dataclasses as dc
-from collections.abc import Callable, Collection, Mapping, Sequence
+import math
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 
 from arm_drake import interfaces
 from arm_drake.control.admittance import ChainKinematics
+from arm_drake.control.generic_system import GenericSystem
+from arm_drake.description.ros2_control import ComponentInfo
+from arm_drake.description.sensors import SensorInfo, accelerating_joints, sensed_names
+from arm_drake.description.urdf import RobotDescription
+from arm_drake.plant.kinematics import PlantKinematics
 
 
 @dc.dataclass(frozen=True)
@@ -78,3 +85,163 @@ class Surroundings:
             self.joint_types, interfaces.STATE_INTERFACES
         )
         return (*joints, *self.sensed, *self.stored)
+
+
+def find_surroundings(
+    description: RobotDescription,
+    initial_positions: Mapping[str, float],
+    blocks: Sequence[GenericSystem] | None = None,
+    *,
+    sensors: Sequence[SensorInfo] = (),
+    robot_name: str = "",
+    world_name: str = "empty",
+) -> Surroundings:
+    """Return the joints and interfaces of a robot.
+
+    Args:
+        description: The robot.
+        initial_positions: Initial positions by joint [rad] or [m].
+        blocks: Hardware that mirrors commands, if that is what it has.
+        sensors: Its sensors; hardware that mirrors commands has none.
+        robot_name: Name of the robot.
+        world_name: Name of the world that it is in.
+    """
+    joints = description.movable_joints
+    movable = {joint.name: joint.type for joint in joints}
+    known = set(interfaces.interface_names(movable, interfaces.STATE_INTERFACES))
+    sensed: tuple[str, ...] = ()
+    if blocks is None:
+        commands, states = _described_interfaces(description)
+        sensed = sensed_names(sensors, accelerating_joints(description))
+        known.update(sensed)
+    else:
+        commands, states = _mirrored_interfaces(blocks)
+    velocities = {joint.name: joint.limits.velocity for joint in joints}
+    efforts = {joint.name: joint.limits.effort for joint in joints}
+    return Surroundings(
+        movable,
+        commands,
+        tuple(states),
+        initial_positions,
+        {name: value for name, value in states.items() if name not in known},
+        _driven(description, commands) if blocks is None else frozenset(),
+        _blocks(description),
+        components=_kinds(description),
+        other_types=frozenset(
+            f"{component.name}/{interface.name}"
+            for _, _, component in _components(description)
+            for interface in component.state_interfaces
+            if interface.data_type != "double"
+        ),
+        sensed=sensed,
+        has_physics=blocks is None,
+        refuse=None if blocks is None else partial(_find_objections, blocks),
+        velocity_limits={n: v for n, v in velocities.items() if v is not None},
+        effort_limits={n: e for n, e in efforts.items() if e is not None},
+        followed=_followed(description),
+        links=tuple(description.links),
+        robot_name=robot_name,
+        world_name=world_name,
+        make_kinematics=partial(PlantKinematics, description, initial_positions),
+    )
+
+
+def _components(
+    description: RobotDescription,
+) -> Iterator[tuple[str, str, ComponentInfo]]:
+    """Yield components of hardware with the name of their block, and their kind."""
+    for block in description.hardware:
+        for kind, components in (
+            ("joint", block.joints),
+            ("sensor", block.sensors),
+            ("gpio", block.gpios),
+        ):
+            for component in components:
+                yield block.name, kind, component
+
+
+def _described_interfaces(
+    description: RobotDescription,
+) -> tuple[tuple[str, ...], dict[str, float]]:
+    """Return command interfaces, and state interfaces with their initial values."""
+    commands: dict[str, None] = {}
+    states: dict[str, float] = {}
+    for _, kind, component in _components(description):
+        # As in GenericSystem, only joints start from 0.
+        default = 0.0 if kind == "joint" else math.nan
+        for interface in component.command_interfaces:
+            commands[f"{component.name}/{interface.name}"] = None
+        for interface in component.state_interfaces:
+            value = interface.initial_value
+            states[f"{component.name}/{interface.name}"] = (
+                default if value is None else value
+            )
+    return tuple(commands), states
+
+
+def _mirrored_interfaces(
+    blocks: Sequence[GenericSystem],
+) -> tuple[tuple[str, ...], dict[str, float]]:
+    """Return the same of hardware that mirrors commands."""
+    commands: dict[str, None] = {}
+    states: dict[str, float] = {}
+    for mirror in blocks:
+        commands |= dict.fromkeys(mirror.command_interfaces)
+        initial = zip(mirror.state_interfaces, mirror.initial_states(), strict=True)
+        states |= {name: float(value) for name, value in initial}
+    return tuple(commands), states
+
+
+def _kinds(description: RobotDescription) -> dict[str, str]:
+    """Return what components are by their names; of one name, a joint is first."""
+    return {
+        component.name: kind
+        for block in description.hardware
+        for kind, components in (
+            ("gpio", block.gpios),
+            ("sensor", block.sensors),
+            ("joint", block.joints),
+        )
+        for component in components
+    }
+
+
+def _blocks(description: RobotDescription) -> dict[str, str]:
+    """Return the names of the blocks that interfaces belong to."""
+    return {
+        f"{component.name}/{interface.name}": block
+        for block, _, component in _components(description)
+        for interface in (*component.command_interfaces, *component.state_interfaces)
+    }
+
+
+def _followed(description: RobotDescription) -> dict[str, tuple[str, float]]:
+    """Return what mimic joints follow in the end, and how far per unit of it."""
+    mimics = {j.name: j.mimic for j in description.movable_joints if j.mimic}
+    followed = {}
+    for name in mimics:
+        master, ratio = name, 1.0
+        while (mimic := mimics.get(master)) is not None:
+            master, ratio = mimic.joint, ratio * mimic.multiplier
+        followed[name] = (master, ratio)
+    return followed
+
+
+def _driven(description: RobotDescription, commands: Iterable[str]) -> frozenset[str]:
+    """Return the joints with a command interface that follow no other joint."""
+    commanded = {name.rpartition("/")[0] for name in commands}
+    joints = [j.name for j in description.movable_joints if j.mimic is None]
+    return frozenset(commanded.intersection(joints))
+
+
+def _find_objections(
+    blocks: Sequence[GenericSystem], start: Collection[str], stop: Collection[str]
+) -> str:
+    """Return why blocks can't start and stop command interfaces, "" if they can."""
+    objections = []
+    for block in blocks:
+        own = block.command_interfaces
+        started = [name for name in start if name in own]
+        stopped = [name for name in stop if name in own]
+        objections.append(block.prepare_switch(started, stopped))
+    return "; ".join(filter(None, objections))

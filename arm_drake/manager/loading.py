@@ -26,17 +26,20 @@ from arm_drake.controllers.gazebo import make_plugin
 from arm_drake.controllers.gazebo.plugin import find_unsupported
 from arm_drake.controllers.other_types import describe_unknown
 from arm_drake.description.controller_manager_parameters import (
+    MANAGER,
     HardwareComponentsInitialState,
 )
 from arm_drake.description.controllers import ControllerConfig, ControllerManagerConfig
 from arm_drake.description.parameters import load_parameters
 from arm_drake.description.report import Kind, LoadReport, Severity
+from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, ParameterError, suggest
 from arm_drake.interfaces import EFFORT, VELOCITY
-from arm_drake.manager.hardware_interfaces import Surroundings
+from arm_drake.manager.hardware_interfaces import Surroundings, find_surroundings
 from arm_drake.manager.lifecycle import effective_rate
 from arm_drake.manager.loaded_controllers import LoadedController, controller_infos
 from arm_drake.manager.switching import activation_order, find_cycle, plan_switch
+from arm_drake.options import SimulationOptions
 
 
 def report_gains(
@@ -443,6 +446,63 @@ class ControllerLoader:
             what = f"the description has no command interface {name!r}"
             self._add(controller, "info", "missing", what, "its joint's drive has it")
 
+    def find_missing_of(
+        self, loaded: Mapping[str, ControllerInterface]
+    ) -> dict[str, tuple[str, ...]]:
+        """Return what each controller lacks; report what the physics doesn't know."""
+        states = self._config.hardware_components_initial_state
+        configs = {c.name: c for c in self._config.controllers}
+        missing = {
+            name: find_missing(
+                system,
+                loaded,
+                self._surroundings,
+                states,
+                configured=list(configs),
+                reads_all=bool(configs[name].plugins),
+            )
+            for name, system in loaded.items()
+        }
+        for name, system in loaded.items():
+            if not missing[name]:
+                self.report_unsimulated(configs[name], system)
+        return missing
+
+    def choose_started(
+        self,
+        controllers: Iterable[LoadedController],
+        names: Iterable[str],
+        inactive: Iterable[str],
+        *,
+        judges_claims: bool,
+    ) -> list[str]:
+        """Return the controllers that start, in their order; report why others don't.
+
+        Args:
+            controllers: All controllers.
+            names: Their names, those first that are to have what they claim first.
+            inactive: Names of those not to start.
+            judges_claims: Whether one whose interfaces are claimed stays inactive.
+        """
+        infos, refuse = controller_infos(controllers), self._surroundings.refuse
+        configs = {c.name: c for c in self._config.controllers}
+        started: list[str] = []
+        for name in activation_order(infos, names):
+            info = infos[name]
+            if not info.is_configured or name in inactive:
+                continue
+            problems: Sequence[str] = info.missing
+            if judges_claims:
+                problems = plan_switch(infos, started, [name], [], strict=True).problems
+                if not problems and refuse is not None:
+                    fault = refuse(info.command_interfaces, ())
+                    problems = [fault] if fault else []
+            if problems:
+                self.report_obstacle(configs[name], info.missing, problems)
+            else:
+                started.append(name)
+        return started
+
     def report_obstacle(
         self,
         controller: ControllerConfig,
@@ -525,19 +585,9 @@ def load_controllers(
         config, surroundings, report, period, distro, controller_types
     )
     systems = loader.load_all()
-    loaded = {n: s for n, s in systems.items() if s is not None}
-    states = config.hardware_components_initial_state
-    plugins = {c.name for c in config.controllers if c.plugins}
-    missing = {
-        n: find_missing(
-            s, loaded, surroundings, states, configured=names, reads_all=n in plugins
-        )
-        for n, s in loaded.items()
-    }
-    configs = {c.name: c for c in config.controllers}
-    for name, system in loaded.items():
-        if not missing[name]:
-            loader.report_unsimulated(configs[name], system)
+    missing = loader.find_missing_of(
+        {n: s for n, s in systems.items() if s is not None}
+    )
     controllers = [
         LoadedController(
             c.name,
@@ -549,26 +599,54 @@ def load_controllers(
         )
         for c in config.controllers
     ]
-    infos = controller_infos(controllers)
-    started: list[str] = []
-    first = [c for c in config.controllers if c.name in set(active)]
-    waiting = list(dict.fromkeys(c.name for c in (*first, *config.controllers)))
-    for name in [n for n in activation_order(infos, waiting) if n in loaded]:
-        if name in inactive:
-            continue
-        problems: Sequence[str] = missing[name]
-        if judges_claims:
-            problems = plan_switch(infos, started, [name], [], strict=True).problems
-            if not problems and surroundings.refuse is not None:
-                fault = surroundings.refuse(infos[name].command_interfaces, ())
-                problems = [fault] if fault else []
-        if problems:
-            loader.report_obstacle(configs[name], missing[name], problems)
-        else:
-            started.append(name)
+    first = [c.name for c in config.controllers if c.name in set(active)]
+    started = loader.choose_started(
+        controllers, (*first, *names), inactive, judges_claims=judges_claims
+    )
     return tuple(
         dc.replace(c, state="active") if c.name in started else c for c in controllers
     )
+
+
+def load_controllers_of(
+    robot: Robot,
+    period: float | None = None,
+    options: SimulationOptions | None = None,
+    surroundings: Surroundings | None = None,
+) -> tuple[tuple[LoadedController, ...], LoadReport]:
+    """Return the controllers of a robot, and its report with what they lack.
+
+    Args:
+        robot: The robot; its own report stays as it is.
+        period: Period of its controller manager in Drake's time [s].
+        options: Which controllers to start or not.
+        surroundings: What the robot offers them, if not what its description says.
+    """
+    options = SimulationOptions() if options is None else options
+    report = LoadReport(robot.report)
+    controllers = load_controllers(
+        robot.controllers,
+        surroundings
+        or find_surroundings(
+            robot.description, robot.initial_positions, robot_name=robot.name
+        ),
+        report,
+        period=period,
+        active=options.active,
+        inactive=options.inactive,
+        distro=robot.distro,
+        controller_types=robot.controller_types,
+    )
+    if robot.controllers.enforce_command_limits and robot.distro == "humble":
+        report.add(
+            "warning",
+            "ignored",
+            "humble has no enforce_command_limits",
+            "commands aren't limited",
+            where=MANAGER,
+            file=next(iter(robot.controllers.files), None),
+        )
+    return controllers, report
 
 
 def report_motionless(

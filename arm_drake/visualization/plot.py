@@ -58,6 +58,17 @@ def draw_rollout(
             raise InputError(f"no joint {name!r} in the rollout; {hint}")
     if path is not None:
         check_plot_path(path)
+    picture = _draw(rollout, kind, chosen, link)
+    if path is not None:
+        with writing(path):
+            picture.savefig(path)
+    return picture
+
+
+def _draw(
+    rollout: "Rollout", kind: str, joints: Sequence[str], link: str | None
+) -> "Figure":
+    """Return a picture of a kind, which says so if there is nothing in it."""
     # Not at the top: a simulation without pictures must not wait for matplotlib.
     from arm_drake.visualization.plot_panels import say_if_empty
     from arm_drake.visualization.plots import (
@@ -78,11 +89,8 @@ def draw_rollout(
     if kind == "path":
         picture = plot_path(rollout, link)
     elif kind == "overview":
-        picture = plot_overview(rollout, chosen, link)
+        picture = plot_overview(rollout, joints, link)
     else:
-        picture = by_joint[kind](rollout, chosen)
+        picture = by_joint[kind](rollout, joints)
     say_if_empty(picture, len(rollout.time))
-    if path is not None:
-        with writing(path):
-            picture.savefig(path)
     return picture

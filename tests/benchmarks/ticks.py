@@ -51,7 +51,8 @@ from arm_drake.controllers.cycles import Cycle
 from arm_drake.hardware.drives import make_drive_commands, make_robot_drive
 from arm_drake.hardware.hardware import Hardware
 from arm_drake.hardware.robot_systems import RobotSystems
-from arm_drake.manager.robot_controllers import find_surroundings, load_controllers_of
+from arm_drake.manager.hardware_interfaces import find_surroundings
+from arm_drake.manager.loading import load_controllers_of
 from arm_drake.messages import (
     Float64MultiArray,
     FollowJointTrajectoryGoal,

@@ -8,7 +8,7 @@ import pytest
 import arm_drake as ad
 from arm_drake.cli import main
 from arm_drake.commands.graph import make_graph
-from arm_drake.manager.robot_controllers import load_controllers_of
+from arm_drake.manager.loading import load_controllers_of
 from arm_drake.visualization.control_graph import make_dot
 from tests.models import GRIPPER, pendulum, ros2_control, trajectory_controllers
 

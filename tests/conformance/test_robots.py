@@ -12,7 +12,7 @@ import pytest
 import arm_drake as ad
 from arm_drake.description.drive_gains import find_drive_gains
 from arm_drake.description.plugin_control import PLUGIN_TYPES
-from arm_drake.manager.robot_controllers import load_controllers_of
+from arm_drake.manager.loading import load_controllers_of
 from tests.robots import read_index, robot_names, robots_folder
 
 # The types that are simulated, and names of other packages for the same. To be extended

@@ -18,7 +18,7 @@ from arm_drake.controllers.admittance_controller import (
 )
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.errors import ParameterError
-from arm_drake.manager.robot_controllers import find_surroundings
+from arm_drake.manager.hardware_interfaces import find_surroundings
 from arm_drake.messages import (
     Header,
     JointTrajectory,
