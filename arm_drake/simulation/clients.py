@@ -54,6 +54,7 @@ from arm_drake.messages.base import to_message
 from arm_drake.simulation.directory import TopicInfo, TopicList
 from arm_drake.simulation.mailbox import GoalHandle, Mailbox
 from arm_drake.simulation.motion import StepMessage
+from arm_drake.simulation.motion_files import make_message
 from arm_drake.simulation.topics import (
     COMMANDS,
     REFERENCE,
@@ -98,18 +99,10 @@ class ControllerHandle:
         Args:
             message: What a step of a motion sends.
         """
-        if isinstance(message, Float64MultiArray):
-            self._topics.make_command(message.data)
-        elif isinstance(message, Twist):
-            self._topics.make_velocity(message)
-        elif isinstance(message, SpeedScalingFactor):
-            self._topics.check(SPEED_SCALING)
-        elif isinstance(message, JointTrajectory):
-            self._topics.check(TOPIC)
-        elif message is None:
+        if message is None:
             self._topics.find_action()
         elif not isinstance(message, SwitchController):
-            self._topics.make_goal(message)
+            make_message(self._topics, message)
 
     def command(
         self,
@@ -177,9 +170,8 @@ class ControllerHandle:
         Raises:
             InputError: If the controller has no such topic.
         """
-        self._topics.check(TOPIC)
-        # A copy: the same message once more is a new one.
-        self._send(TOPIC, dc.replace(trajectory), where)
+        port, message = self._topics.make_trajectory(trajectory)
+        self._send(port, message, where)
 
     def cancel(self) -> None:
         """Cancel the last goal that was sent to the controller, if there is one."""
@@ -198,9 +190,8 @@ class ControllerHandle:
         Raises:
             InputError: If the factor is none, or the controller has no such topic.
         """
-        self._topics.check(SPEED_SCALING)
-        message = self._topics.make_speed_scaling(factor)
-        self._send(SPEED_SCALING, message, where)
+        port, message = self._topics.make_speed_scaling(factor)
+        self._send(port, message, where)
 
     def set_parameters(self, changes: Mapping[str, Any]) -> None:
         """Change parameters from the controller's next tick on.
@@ -262,6 +253,18 @@ class ControllerHandle:
             self._mailbox.add_message(message, where)
         period = 1.0 / self._system.params.update_rate
         self._mailbox.publish(self._topics.exported_as(port), message, period)
+
+
+def send_step(handle: ControllerHandle, message: StepMessage, where: str) -> None:
+    """Send what a step of a motion sends to a controller."""
+    if message is None:
+        handle.cancel()
+        return
+    port, made = make_message(handle._topics, message)
+    if isinstance(made, Goal):
+        handle.send_goal(made, where=where)
+    else:
+        handle._send(port, made, where)
 
 
 # What is expected on ports of controllers that don't say it.

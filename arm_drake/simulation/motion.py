@@ -7,27 +7,15 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 from arm_drake.messages import (
-    Float64MultiArray,
     FollowJointTrajectoryGoal,
-    GripperCommand,
     JointTrajectory,
+    Message,
     SpeedScalingFactor,
-    SwitchController,
-    Twist,
 )
 
-# None cancels the controller's goal. Numbers are for any controller that takes
-# commands, also for one that takes them as another message.
-StepMessage: TypeAlias = (
-    FollowJointTrajectoryGoal
-    | JointTrajectory
-    | GripperCommand
-    | Float64MultiArray
-    | SpeedScalingFactor
-    | SwitchController
-    | Twist
-    | None
-)
+# One of those of `motion_files.STEP_KINDS`; None cancels the controller's goal. Numbers
+# are for any controller that takes commands, also as another message.
+StepMessage: TypeAlias = Message | None
 
 
 class TopicMessage(NamedTuple):
@@ -142,10 +130,8 @@ def _scaled_end(
 ) -> float:
     """Return when a trajectory ends [s]; if it stops for ever, when it does.
 
-    Args:
-        start: When it starts [s].
-        length: How long it takes at full speed [s].
-        factors: From when [s] its time passes how fast, in the order of the times.
+    It takes `length` [s] at full speed; `factors` say from when [s] its time passes how
+    fast, in order.
     """
     now, speed = start, 1.0
     for at, factor in factors:

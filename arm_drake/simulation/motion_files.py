@@ -1,4 +1,4 @@
-"""A motion from its file, or from a list as in one."""
+"""Motions from files: their parameters, tables, and the kinds of steps."""
 
 import csv
 import dataclasses as dc
@@ -7,7 +7,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from arm_drake import yaml_files
 from arm_drake.bundled import bundled_motions
@@ -22,12 +22,14 @@ from arm_drake.messages import (
     JointTolerance,
     JointTrajectory,
     JointTrajectoryPoint,
+    Message,
     SpeedScalingFactor,
     SwitchController,
     Time,
     Twist,
 )
 from arm_drake.simulation.motion import Motion, MotionStep, StepMessage, TopicMessage
+from arm_drake.simulation.topics import ControllerTopics
 
 T = TypeVar("T", bound=Time)
 
@@ -36,12 +38,7 @@ class Fields:
     """Checks the fields of one step; places are given from the step on."""
 
     def __init__(self, step: str, file: Path | None) -> None:
-        """Create it.
-
-        Args:
-            step: Place of the step, such as "[0]".
-            file: File of the step.
-        """
+        """Create it for a step at a place such as "[0]"."""
         self.step = step
         self._file = file
 
@@ -133,15 +130,7 @@ def fill_in(data: Any, given: Mapping[str, Any], file: Path | None) -> Any:
     """Return the list of a motion's steps, with the values of its parameters.
 
     A text that is nothing but `$(name)` becomes the value, whatever it is; inside a
-    text the value's own text stands.
-
-    Args:
-        data: A list of steps, or a mapping of `parameters` and `steps`.
-        given: Values that take the place of the defaults.
-        file: File it came from, for messages.
-
-    Raises:
-        MotionError: If a parameter isn't declared.
+    text the value's own text stands. `given` takes the place of the defaults.
     """
     declared: Mapping[str, Any] = {}
     steps = data
@@ -200,16 +189,7 @@ def _unknown(
 
 
 def read_goal(fields: Fields, value: Any, where: str) -> FollowJointTrajectoryGoal:
-    """Return a goal of the action.
-
-    Args:
-        fields: What checks the step's fields.
-        value: The goal as the file has it.
-        where: Its place in the step.
-
-    Raises:
-        MotionError: If it is malformed.
-    """
+    """Return a goal of the action; its trajectory's level may be left out."""
     goal = dict(fields.mapping(value, where))
     tolerances = {
         name: _read_tolerances(fields, goal.pop(name, []), f"{where}.{name}")
@@ -231,16 +211,7 @@ def read_goal(fields: Fields, value: Any, where: str) -> FollowJointTrajectoryGo
 
 
 def read_trajectory(fields: Fields, value: Any, where: str) -> JointTrajectory:
-    """Return a trajectory.
-
-    Args:
-        fields: What checks the step's fields.
-        value: The trajectory as the file has it.
-        where: Its place in the step.
-
-    Raises:
-        MotionError: If it is malformed.
-    """
+    """Return a trajectory."""
     data = dict(fields.mapping(value, where))
     header = fields.mapping(
         data.pop("header", {}), f"{where}.header", ("stamp", "frame_id")
@@ -285,17 +256,10 @@ def read_table(
 ) -> list[JointTrajectory]:
     """Return the trajectories of a table, one of one point for each row.
 
-    Args:
-        fields: What checks the step.
-        value: A CSV file, seen from the motion's folder, whose first row names the
-            joints and may have a column `time_from_start`; or a mapping of
-            `joint_names`, `points` (a list of lists of positions) and, perhaps,
-            `time_from_start`. Without one it is ``every``.
-        every: Time from row to row [s].
-        file: The motion's file.
-
-    Raises:
-        MotionError: If it can't be used.
+    It is a CSV file, seen from the motion's folder, whose first row names the joints
+    and may have a column `time_from_start`; or a mapping of `joint_names`, `points` (a
+    list of lists of positions) and, perhaps, `time_from_start`. Without one it is
+    `every`, the time from row to row [s].
     """
     if isinstance(value, str):
         names, rows, times = _read_csv(fields, value, file)
@@ -387,41 +351,144 @@ _MAX_COUNT = 100_000
 # Keys that say whom a step is for.
 _RECEIVERS = ("controller", "topic", "topics")
 
-# Whom each kind of step may be for; that without any is for the controller manager.
-_KINDS: Mapping[str, tuple[str, ...]] = {
-    "goal": ("controller",),
-    "trajectory": ("controller", "topic"),
-    KIND: ("controller", "topic"),
-    "cancel": ("controller",),
-    "commands": ("controller",),
-    "gripper_command": ("controller",),
-    "cmd_vel": ("controller",),
-    "speed_scaling": ("controller",),
-    "switch_controllers": (),
-    "data": ("topic",),
-    "commands_from_to": ("controller",),
-    "data_from_to": ("topics",),
-}
-
 _RAMPS = ("commands_from_to", "data_from_to")
 
 _COMMON_KEYS = ("at", "every", "count", "ping_pong", *_RECEIVERS)
+
+
+def _read_cancel(fields: Fields, value: Any, where: str) -> None:
+    """Check the value of `cancel`."""
+    if value is not True:
+        raise fields.error(where, f"expected true, got {value!r}")
+
+
+def _read_commands(fields: Fields, value: Any, where: str) -> Float64MultiArray:
+    """Return values for a controller's interfaces."""
+    return Float64MultiArray(fields.numbers(value, where))
+
+
+def _read_data(
+    fields: Fields, value: Any, where: str
+) -> float | tuple[float, ...] | Mapping[str, Any]:
+    """Return what goes to a topic: a number, a list of them, a bool, or fields."""
+    if isinstance(value, Mapping | bool):
+        return value
+    if isinstance(value, list):
+        return fields.numbers(value, where)
+    return fields.number(value, where)
+
+
+def _read_gripper_command(fields: Fields, value: Any, where: str) -> GripperCommand:
+    """Return a gripper's position and effort."""
+    data = fields.mapping(value, where, ("position", "max_effort"))
+    if "position" not in data:
+        raise fields.error(where, "expected a position")
+    numbers = {key: fields.number(v, f"{where}.{key}") for key, v in data.items()}
+    return GripperCommand(**numbers)
+
+
+def _read_twist(fields: Fields, value: Any, where: str) -> Twist:
+    """Return the velocity of a base."""
+    for part, vector in fields.mapping(value, where, ("linear", "angular")).items():
+        place = f"{where}.{part}"
+        for axis, number in fields.mapping(vector, place, ("x", "y", "z")).items():
+            fields.number(number, f"{place}.{axis}")
+    return Twist(**value)
+
+
+def _read_speed_scaling(fields: Fields, value: Any, where: str) -> SpeedScalingFactor:
+    """Return how fast time is to pass along trajectories."""
+    factor = fields.number(value, where)
+    if factor < 0.0:
+        raise fields.error(where, f"expected at least 0, got {value!r}")
+    return SpeedScalingFactor(factor)
+
 
 _SWITCH_KEYS = ("activate", "deactivate", "strictness")
 _STRICTNESS = ("strict", "best_effort")
 
 
+def _read_switch(fields: Fields, value: Any, where: str) -> SwitchController:
+    """Return which controllers to activate and to deactivate."""
+    data = fields.mapping(value, where, _SWITCH_KEYS)
+    activate, deactivate = (
+        fields.names(data.get(key, []), f"{where}.{key}") for key in _SWITCH_KEYS[:2]
+    )
+    if not activate and not deactivate:
+        problem = "expected controllers to activate or to deactivate, got none"
+        raise fields.error(where, problem)
+    strictness = data.get("strictness", "strict")
+    if strictness not in _STRICTNESS:
+        hint = suggest(str(strictness), _STRICTNESS)
+        problem = f"unknown strictness {strictness!r}; {hint}"
+        raise fields.error(f"{where}.strictness", problem)
+    return SwitchController(activate, deactivate, strictness)
+
+
+class StepKind(NamedTuple):
+    """A key of motion files: whom it is for, and the message that it stands for."""
+
+    # Keys that may say whom; none is the controller manager.
+    receivers: tuple[str, ...]
+
+    # Makes a message of a value at a place; None if several are made of it.
+    read: Callable[[Fields, Any, str], Any] | None = None
+
+    # Class of the message, if it goes to a controller, and what finds the port on which
+    # that takes it, and the message as it takes it.
+    message_type: type[Message] | None = None
+    make: Callable[[ControllerTopics, Any], tuple[str, Message]] | None = None
+
+
+_ONE = ("controller",)
+_ONE_OR_TOPIC = ("controller", "topic")
+
+# All of a kind of message that a motion can send, but for its class.
+STEP_KINDS: Mapping[str, StepKind] = {
+    "goal": StepKind(
+        _ONE, read_goal, FollowJointTrajectoryGoal, ControllerTopics.make_goal
+    ),
+    "trajectory": StepKind(
+        _ONE_OR_TOPIC,
+        read_trajectory,
+        JointTrajectory,
+        ControllerTopics.make_trajectory,
+    ),
+    KIND: StepKind(_ONE_OR_TOPIC),
+    "cancel": StepKind(_ONE, _read_cancel),
+    "commands": StepKind(
+        _ONE,
+        _read_commands,
+        Float64MultiArray,
+        lambda topics, message: topics.make_command(message.data),
+    ),
+    "gripper_command": StepKind(
+        _ONE, _read_gripper_command, GripperCommand, ControllerTopics.make_goal
+    ),
+    "cmd_vel": StepKind(_ONE, _read_twist, Twist, ControllerTopics.make_velocity),
+    "speed_scaling": StepKind(
+        _ONE,
+        _read_speed_scaling,
+        SpeedScalingFactor,
+        lambda topics, message: topics.make_speed_scaling(message.factor),
+    ),
+    "switch_controllers": StepKind((), _read_switch),
+    "data": StepKind(("topic",), _read_data),
+    "commands_from_to": StepKind(_ONE),
+    "data_from_to": StepKind(("topics",)),
+}
+
+_MAKERS = {kind.message_type: kind.make for kind in STEP_KINDS.values() if kind.make}
+
+
+def make_message(topics: ControllerTopics, message: Message) -> tuple[str, Message]:
+    """Return on which port a controller takes a step's message, and as what."""
+    make = _MAKERS.get(type(message), ControllerTopics.make_goal)
+    return make(topics, message)
+
+
 def parse_step(item: Any, index: int, file: Path | None) -> list[MotionStep]:
-    """Return what a step sends: one message, or several one after the other.
-
-    Args:
-        item: The step as the file has it.
-        index: Its number in the file, counted from 0.
-        file: The file, for messages.
-
-    Raises:
-        MotionError: If it is malformed.
-    """
+    """Return what step `index` sends: one message, or several one after the other."""
     fields = Fields(f"[{index}]", file)
     return list(_Step(fields.mapping(item, ""), fields, file).parse())
 
@@ -440,10 +507,12 @@ class _Step:
         fields, item = self._fields, self._item
         if REPEAT in item:
             raise fields.error(REPEAT, "it is the last item of a motion")
-        fields.mapping(item, "", (*_KINDS, *_COMMON_KEYS, REPEAT))
-        chosen = [key for key in _KINDS if key in item]
+        fields.mapping(item, "", (*STEP_KINDS, *_COMMON_KEYS, REPEAT))
+        chosen = [key for key in STEP_KINDS if key in item]
         if len(chosen) != 1:
-            raise fields.error("", f"expected one of {sorted(_KINDS)}, got {chosen}")
+            raise fields.error(
+                "", f"expected one of {sorted(STEP_KINDS)}, got {chosen}"
+            )
         (kind,) = chosen
         names = self._receivers(kind)
         controller = item.get("controller")
@@ -469,7 +538,8 @@ class _Step:
 
     def _receivers(self, kind: str) -> tuple[str, ...]:
         """Return the names of whom the step is for; none is the controller manager."""
-        fields, item, allowed = self._fields, self._item, _KINDS[kind]
+        fields, item = self._fields, self._item
+        allowed = STEP_KINDS[kind].receivers
         given = [key for key in _RECEIVERS if key in item]
         for key in given:
             if not allowed:
@@ -499,23 +569,10 @@ class _Step:
 
     def _message(self, kind: str, value: Any) -> StepMessage | TopicMessage:
         """Return what a step sends that isn't a ramp."""
-        fields = self._fields
-        topic = self._item.get("topic")
-        if topic is not None:
-            if kind == "trajectory":
-                return TopicMessage(topic, read_trajectory(fields, value, kind))
-            return TopicMessage(topic, self._data(value))
-        read: Mapping[str, Callable[[Any], StepMessage]] = {
-            "goal": lambda value: read_goal(fields, value, kind),
-            "trajectory": lambda value: read_trajectory(fields, value, kind),
-            "cancel": self._cancel,
-            "commands": lambda v: Float64MultiArray(fields.numbers(v, kind)),
-            "gripper_command": self._gripper_command,
-            "cmd_vel": self._cmd_vel,
-            "speed_scaling": self._speed_scaling,
-            "switch_controllers": self._switch,
-        }
-        return read[kind](value)
+        read = STEP_KINDS[kind].read
+        assert read is not None
+        message, topic = read(self._fields, value, kind), self._item.get("topic")
+        return message if topic is None else TopicMessage(topic, message)
 
     def _table(self, value: Any) -> list[list[StepMessage | TopicMessage]]:
         """Return what a table sends, row by row."""
@@ -555,18 +612,6 @@ class _Step:
             raise self._fields.error("count", f"{expected}, got {count!r}")
         return count
 
-    def _cancel(self, value: Any) -> None:
-        if value is not True:
-            raise self._fields.error("cancel", f"expected true, got {value!r}")
-
-    def _data(self, value: Any) -> float | tuple[float, ...] | Mapping[str, Any]:
-        """Return what goes to a topic: a number, a list of them, a bool, or fields."""
-        if isinstance(value, Mapping | bool):
-            return value
-        if isinstance(value, list):
-            return self._fields.numbers(value, "data")
-        return self._fields.number(value, "data")
-
     def _ramp(self, where: str, value: Any) -> list[tuple[float, ...]]:
         """Return values from one list to another, and back if asked."""
         fields = self._fields
@@ -596,46 +641,6 @@ class _Step:
             tuple((1.0 - s) * a + s * b for a, b in zip(first, last, strict=True))
             for s in parts
         ]
-
-    def _gripper_command(self, value: Any) -> GripperCommand:
-        fields, where = self._fields, "gripper_command"
-        data = fields.mapping(value, where, ("position", "max_effort"))
-        if "position" not in data:
-            raise fields.error(where, "expected a position")
-        numbers = {key: fields.number(v, f"{where}.{key}") for key, v in data.items()}
-        return GripperCommand(**numbers)
-
-    def _cmd_vel(self, value: Any) -> Twist:
-        fields, where = self._fields, "cmd_vel"
-        for part, vector in fields.mapping(value, where, ("linear", "angular")).items():
-            place = f"{where}.{part}"
-            for axis, number in fields.mapping(vector, place, ("x", "y", "z")).items():
-                fields.number(number, f"{place}.{axis}")
-        return Twist(**value)
-
-    def _speed_scaling(self, value: Any) -> SpeedScalingFactor:
-        factor = self._fields.number(value, "speed_scaling")
-        if factor < 0.0:
-            problem = f"expected at least 0, got {value!r}"
-            raise self._fields.error("speed_scaling", problem)
-        return SpeedScalingFactor(factor)
-
-    def _switch(self, value: Any) -> SwitchController:
-        fields, where = self._fields, "switch_controllers"
-        data = fields.mapping(value, where, _SWITCH_KEYS)
-        activate, deactivate = (
-            fields.names(data.get(key, []), f"{where}.{key}")
-            for key in _SWITCH_KEYS[:2]
-        )
-        if not activate and not deactivate:
-            problem = "expected controllers to activate or to deactivate, got none"
-            raise fields.error(where, problem)
-        strictness = data.get("strictness", "strict")
-        if strictness not in _STRICTNESS:
-            hint = suggest(str(strictness), _STRICTNESS)
-            problem = f"unknown strictness {strictness!r}; {hint}"
-            raise fields.error(f"{where}.strictness", problem)
-        return SwitchController(activate, deactivate, strictness)
 
 
 def load_motion(

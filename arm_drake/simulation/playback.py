@@ -4,15 +4,8 @@ from collections.abc import Callable, Collection, Mapping
 from typing import Protocol
 
 from arm_drake.errors import InputError, MotionError
-from arm_drake.messages import (
-    Float64MultiArray,
-    FollowJointTrajectoryGoal,
-    GripperCommand,
-    JointTrajectory,
-    SpeedScalingFactor,
-    SwitchController,
-    Twist,
-)
+from arm_drake.messages import SwitchController
+from arm_drake.simulation import clients
 from arm_drake.simulation.clients import ControllerHandle, TopicHandle
 from arm_drake.simulation.directory import ControllerList, Directory
 from arm_drake.simulation.motion import Motion, MotionStep, TopicMessage
@@ -154,19 +147,7 @@ def send_step(simulation: Runner, motion: Motion, step: MotionStep) -> None:
     if isinstance(message, TopicMessage):
         simulation.topic(message.topic).publish(message.data, where=where)
         return
-    handle = simulation.controller(_receiver(step))
-    if message is None:
-        handle.cancel()
-    elif isinstance(message, FollowJointTrajectoryGoal | GripperCommand):
-        handle.send_goal(message, where=where)
-    elif isinstance(message, JointTrajectory):
-        handle.send_trajectory(message, where=where)
-    elif isinstance(message, Float64MultiArray):
-        handle.command(message.data, where=where)
-    elif isinstance(message, Twist):
-        handle.send_velocity(message, where=where)
-    elif isinstance(message, SpeedScalingFactor):
-        handle.set_speed_scaling(message.factor, where=where)
+    clients.send_step(simulation.controller(_receiver(step)), message, where)
 
 
 def _check_switch(simulation: Runner, message: SwitchController) -> set[str]:

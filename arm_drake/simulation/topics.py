@@ -178,25 +178,38 @@ class ControllerTopics:
         self.check(VELOCITY)
         raise AssertionError
 
+    def make_trajectory(
+        self, trajectory: JointTrajectory
+    ) -> tuple[str, JointTrajectory]:
+        """Return the port on which the controller takes trajectories, and a new one.
+
+        Raises:
+            InputError: If it takes none.
+        """
+        self.check(TOPIC)
+        # A copy: the same message once more is a new one.
+        return TOPIC, dc.replace(trajectory)
+
     def _takes(self, port: str, kind: _Kind) -> bool:
         """Return whether the controller has a port, and messages of a kind go there."""
         types = getattr(self.system, "message_types", {})
         return self.system.HasInputPort(port) and types.get(port, kind) is kind
 
-    def make_speed_scaling(self, factor: float) -> SpeedScalingFactor:
-        """Return a speed scaling.
+    def make_speed_scaling(self, factor: float) -> tuple[str, SpeedScalingFactor]:
+        """Return the port on which the controller is told how fast time passes, and it.
 
         Args:
             factor: How fast time passes, at least 0.
 
         Raises:
-            InputError: If it is something else.
+            InputError: If the controller has no such port, or it is something else.
         """
+        self.check(SPEED_SCALING)
         if not _is_finite(factor) or factor < 0.0:
             raise self._error(
                 f"expected a speed scaling factor of at least 0, got {factor!r}"
             )
-        return SpeedScalingFactor(float(factor))
+        return SPEED_SCALING, SpeedScalingFactor(float(factor))
 
     def _check_values(
         self, values: Sequence[float], names: Sequence[str]
