@@ -10,7 +10,7 @@ import functools
 import math
 import numbers
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, Self, TypeVar
+from typing import Any, ClassVar, Self, TypeVar
 
 T = TypeVar("T")
 
@@ -164,6 +164,9 @@ _INT64 = 2**63
 class Message:
     """A message: immutable, so that a copy is the message itself."""
 
+    # Its package in ROS, if bags have a topic for what is sent to a controller.
+    ros_package: ClassVar[str] = ""
+
     def __copy__(self) -> Self:
         return self
 
@@ -313,6 +316,8 @@ class Header(Message):
 @dc.dataclass(frozen=True)
 class JointState(Message):
     """State of a set of joints, N of them (`sensor_msgs/JointState`)."""
+
+    ros_package: ClassVar[str] = "sensor_msgs"
 
     header: Header = Header()
 

@@ -1,7 +1,7 @@
 """Commands and states of controllers other than trajectories, and of their manager."""
 
 import dataclasses as dc
-from typing import Literal
+from typing import ClassVar, Literal
 
 from arm_drake.messages.base import (
     Header,
@@ -29,6 +29,8 @@ _STRICTNESS = ("strict", "best_effort", "")
 class Float64MultiArray(Message):
     """Numbers in an agreed order (`std_msgs`); each message is one of its own."""
 
+    ros_package: ClassVar[str] = "std_msgs"
+
     data: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
@@ -39,6 +41,8 @@ class Float64MultiArray(Message):
 @dc.dataclass(frozen=True, eq=False)
 class MultiDOFCommand(Message):
     """References of degrees of freedom, n of them (`control_msgs`)."""
+
+    ros_package: ClassVar[str] = "control_msgs"
 
     # Names; () stands for all, in the order of the controller.
     dof_names: tuple[str, ...] = ()
@@ -144,6 +148,8 @@ class SwitchControllerResult(Message):
 class Float64(Message):
     """A number (`std_msgs`); each message is one of its own."""
 
+    ros_package: ClassVar[str] = "std_msgs"
+
     data: float = 0.0
 
     def __post_init__(self) -> None:
@@ -159,6 +165,8 @@ class Float32(Float64):
 @dc.dataclass(frozen=True, eq=False)
 class Bool(Message):
     """Yes or no (`std_msgs`); each message is one of its own."""
+
+    ros_package: ClassVar[str] = "std_msgs"
 
     data: bool = False
 
@@ -253,6 +261,8 @@ class Int8MultiArray(Message):
 @dc.dataclass(frozen=True)
 class String(Message):
     """A text (`std_msgs`)."""
+
+    ros_package: ClassVar[str] = "std_msgs"
 
     data: str = ""
 

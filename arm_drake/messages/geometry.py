@@ -5,6 +5,7 @@ What a user sends, twists and wrenches, may be given as mappings of their fields
 
 import dataclasses as dc
 import math
+from typing import ClassVar
 
 from arm_drake.messages.base import Header, Message, to_float, to_message
 
@@ -60,6 +61,8 @@ class Quaternion(Message):
 class Twist(Message):
     """A velocity, in the frame of what moves."""
 
+    ros_package: ClassVar[str] = "geometry_msgs"
+
     # [m/s].
     linear: Vector3 = Vector3()
 
@@ -74,6 +77,8 @@ class Twist(Message):
 @dc.dataclass(frozen=True, eq=False)
 class TwistStamped(Message):
     """A velocity as of a time; each message is one of its own."""
+
+    ros_package: ClassVar[str] = "geometry_msgs"
 
     # A stamp of 0 means "now".
     header: Header = Header()
@@ -145,6 +150,8 @@ class Wrench(Message):
 @dc.dataclass(frozen=True, eq=False)
 class WrenchStamped(Message):
     """A wrench as of a time, in the frame of the header; each is one of its own."""
+
+    ros_package: ClassVar[str] = "geometry_msgs"
 
     header: Header = Header()
     wrench: Wrench = Wrench()

@@ -3,7 +3,7 @@
 import dataclasses as dc
 import enum
 from collections.abc import Callable
-from typing import TypeAlias, get_args
+from typing import ClassVar, TypeAlias, get_args
 
 from arm_drake.messages.base import (
     Duration,
@@ -65,6 +65,8 @@ class JointTrajectoryPoint(Message):
 @dc.dataclass(frozen=True)
 class JointTrajectory(Message):
     """A motion of a set of joints (`trajectory_msgs/JointTrajectory`)."""
+
+    ros_package: ClassVar[str] = "trajectory_msgs"
 
     # A stamp of 0 starts at once.
     header: Header = Header()
@@ -181,6 +183,8 @@ class JointTrajectoryControllerState(Message):
 @dc.dataclass(frozen=True, eq=False)
 class SpeedScalingFactor(Message):
     """How fast time is to pass along trajectories; 0 pauses (`control_msgs`)."""
+
+    ros_package: ClassVar[str] = "control_msgs"
 
     factor: float = 1.0
 

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from arm_drake import messages
 from arm_drake.errors import MissingExtraError
 
 # How a file begins, and ends.
@@ -262,22 +263,11 @@ _DEFINITIONS = {
     "SpeedScalingFactor": "float64 factor",
 }
 
-# Packages of the messages that are sent to controllers, by the class of the message.
-_PACKAGES = {
-    "JointTrajectory": "trajectory_msgs",
-    "JointState": "sensor_msgs",
-    **dict.fromkeys(
-        ("Float64MultiArray", "Float64", "Float32", "Bool", "String"), "std_msgs"
-    ),
-    **dict.fromkeys(("Twist", "TwistStamped", "WrenchStamped"), "geometry_msgs"),
-    **dict.fromkeys(("MultiDOFCommand", "SpeedScalingFactor"), "control_msgs"),
-}
-
 
 def type_of(message: str) -> str | None:
     """Return the type in ROS of a class of messages, None if bags have no topic."""
-    package = _PACKAGES.get(message)
-    return package and f"{package}/msg/{message}"
+    package = getattr(getattr(messages, message, None), "ros_package", "")
+    return f"{package}/msg/{message}" if package else None
 
 
 @functools.cache
