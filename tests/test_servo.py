@@ -22,7 +22,7 @@ from pydrake.trajectories import PiecewisePolynomial
 import arm_drake as ad
 from arm_drake.hardware.drives import commanded_joints, effort_limits, make_robot_drive
 from arm_drake.hardware.hardware import add_hardware, connect_forces
-from arm_drake.plant.couplings import sample_dynamics, sample_gravity
+from arm_drake.plant.joint_dynamics import sample_dynamics, sample_gravity
 from arm_drake.plant.plant import (
     add_actuators,
     add_plant,

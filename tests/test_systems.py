@@ -126,9 +126,8 @@ from arm_drake.description.sensors import SensorInfo
 from arm_drake.hardware.mobile_bases import BaseTruth, Wheel
 from arm_drake.hardware.mock_hardware import MockHardware
 from arm_drake.manager import ControllerManager
-from arm_drake.manager.chains import SampledStates
+from arm_drake.manager.connections import SampledStates, WantedPositions
 from arm_drake.manager.hardware_interfaces import Surroundings
-from arm_drake.manager.reference_log import WantedPositions
 from arm_drake.plant.contact import ContactForces
 from arm_drake.plant.kinematics import KinematicPlant, LinkFrames
 from arm_drake.plant.sensor_readings import ContactReadings, SensorReadings

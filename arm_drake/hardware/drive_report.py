@@ -12,7 +12,7 @@ from arm_drake.hardware.drives import RobotDrive, claimed_interfaces
 from arm_drake.hardware.joint_friction import find_friction
 from arm_drake.manager.loaded_controllers import LoadedController
 from arm_drake.options import SimulationOptions
-from arm_drake.plant.couplings import sum_friction
+from arm_drake.plant.joint_dynamics import sum_friction
 
 # Place that these lines name: they tell of the simulation, not of a file.
 SERVO: Final = "joint servo"

@@ -35,7 +35,7 @@ from arm_drake.manager.loaded_controllers import (
     enforces_limits,
 )
 from arm_drake.options import SimulationOptions
-from arm_drake.plant.couplings import (
+from arm_drake.plant.joint_dynamics import (
     find_followers,
     sample_dynamics,
     sample_gravity,

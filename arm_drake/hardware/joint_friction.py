@@ -13,7 +13,7 @@ from arm_drake.arrays import Array
 from arm_drake.control.servo import FrictionGains, compute_friction_gains
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.hardware.servo import clamp
-from arm_drake.plant.couplings import (
+from arm_drake.plant.joint_dynamics import (
     find_followers,
     sample_dynamics,
     sum_friction,

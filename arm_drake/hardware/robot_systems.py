@@ -16,11 +16,14 @@ from arm_drake.description.robot import Robot
 from arm_drake.hardware.drives import make_command_limits
 from arm_drake.hardware.hardware import Hardware
 from arm_drake.manager import MANAGER, STORED_PORT, SWITCH_PORT, ControllerManager
-from arm_drake.manager.chains import SampledStates, connect_chains
-from arm_drake.manager.exports import export_topics
+from arm_drake.manager.connections import (
+    SampledStates,
+    connect_chains,
+    export_topics,
+    log_references,
+)
 from arm_drake.manager.hardware_interfaces import Surroundings, find_surroundings
 from arm_drake.manager.loaded_controllers import LoadedController
-from arm_drake.manager.reference_log import log_references
 from arm_drake.options import SimulationOptions
 from arm_drake.plant.contact import CONTACT_LOG, ContactForces
 from arm_drake.plant.kinematics import LinkFrames

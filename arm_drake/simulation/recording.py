@@ -22,7 +22,7 @@ from arm_drake.arrays import Array
 from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot, name_portably
 from arm_drake.manager import MANAGER, ControllerManager
-from arm_drake.manager.reference_log import log_name, wanted_joints
+from arm_drake.manager.connections import log_name, wanted_joints
 from arm_drake.messages import (
     ActionRequest,
     FollowJointTrajectoryResult,

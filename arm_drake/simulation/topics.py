@@ -13,7 +13,7 @@ from arm_drake.controllers.topics import GRIPPER_COMMAND
 from arm_drake.description.bridge import TopicAlias
 from arm_drake.errors import InputError, suggest
 from arm_drake.manager import MANAGER, ControllerManager
-from arm_drake.manager.exports import exported_name, with_prefix
+from arm_drake.manager.connections import exported_name, with_prefix
 from arm_drake.messages import (
     ActionRequest,
     Float32,

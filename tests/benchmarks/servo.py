@@ -60,7 +60,7 @@ from arm_drake.hardware.drives import (
     make_robot_drive,
 )
 from arm_drake.hardware.hardware import add_hardware, connect_forces
-from arm_drake.plant.couplings import find_followers, sample_dynamics
+from arm_drake.plant.joint_dynamics import find_followers, sample_dynamics
 from arm_drake.plant.plant import (
     add_actuators,
     add_plant,

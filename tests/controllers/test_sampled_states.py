@@ -10,7 +10,7 @@ from pydrake.systems.framework import Context
 
 import arm_drake as ad
 from arm_drake.controllers.cycles import Cycle
-from arm_drake.manager.chains import SampledStates
+from arm_drake.manager.connections import SampledStates
 from arm_drake.messages import DynamicJointState, Float64MultiArray, JointState, Time
 from tests import models
 

@@ -1,4 +1,8 @@
-"""Mimic joints: what moves them in the end, and by how much."""
+"""Dynamics of a robot's commanded joints, which their mimic joints follow.
+
+Gravity, inertia, damping and friction of all joints are added up at the joints that are
+commanded, by virtual work.
+"""
 
 from collections.abc import Iterator, Sequence
 

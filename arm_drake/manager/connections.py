@@ -1,0 +1,293 @@
+"""Connections of a robot's controllers: with each other, with topics, with logs."""
+
+import itertools
+import math
+from collections.abc import Collection, Iterable, Mapping
+
+import numpy as np
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    DiagramBuilder,
+    DiscreteValues,
+)
+from pydrake.systems.primitives import VectorLogSink
+
+from arm_drake import interfaces
+from arm_drake.controllers.controller_interface import (
+    ControllerInterface,
+    TickingController,
+)
+from arm_drake.controllers.cycles import Cycle
+from arm_drake.controllers.joint_trajectory.controller import JointTrajectoryController
+from arm_drake.description.report import LoadReport
+from arm_drake.messages import JointTrajectoryControllerState
+from arm_drake.python_system import PythonSystem
+
+# Start of the names of the logs of references, after the prefix of their robot.
+_LOG = "reference:"
+
+
+def connect_chains(
+    builder: DiagramBuilder, systems: Collection[ControllerInterface]
+) -> None:
+    """Connect the ticks of controllers that command or read each other.
+
+    As in ros2_control, who commands comes before the commanded, and who exports before
+    the reader; so all of them see this very tick. Where both can't be, because who
+    exports is commanded by the reader, the reader sees the tick before.
+
+    Args:
+        builder: Where the controllers are.
+        systems: The controllers of a robot; they don't command each other in a circle.
+    """
+    # Whose ticks a controller's tick waits for.
+    waits: dict[str, set[str]] = {system.get_name(): set() for system in systems}
+    pairs = list(itertools.permutations(systems, 2))
+    for first, second in pairs:
+        if not set(first.command_interfaces).isdisjoint(second.reference_interfaces):
+            tick = first.GetOutputPort(interfaces.COMMAND_PORT)
+            builder.Connect(tick, second.add_predecessor(first))
+            waits[second.get_name()].add(first.get_name())
+    for first, second in pairs:
+        if set(first.exported_interfaces).isdisjoint(second.state_interfaces):
+            continue
+        if (
+            isinstance(first, TickingController)
+            and isinstance(second, TickingController)
+            and not _waits(first.get_name(), second.get_name(), waits)
+        ):
+            tick = first.GetOutputPort(interfaces.COMMAND_PORT)
+            builder.Connect(tick, second.add_exporter_tick(first))
+            waits[second.get_name()].add(first.get_name())
+        else:
+            held = first.GetOutputPort(interfaces.EXPORT_PORT)
+            builder.Connect(held, second.add_exporter(first))
+
+
+def _waits(name: str, other: str, waits: Mapping[str, Collection[str]]) -> bool:
+    """Return whether a controller's tick waits for another's, over however many."""
+    found, waiting = {name}, [name]
+    while waiting:
+        new = set(waits[waiting.pop()]) - found
+        found |= new
+        waiting += new
+    return other in found
+
+
+class SampledStates(PythonSystem):
+    """Holds what was measured in the last tick of one slow controller.
+
+    .. pydrake_system::
+
+        name: SampledStates
+        input_ports:
+        - controller_manager
+        - state_interfaces
+        output_ports:
+        - state_interfaces
+        - tick_time
+
+    ==================  ====  ======  ==============================================
+    port                size  unit    meaning
+    ==================  ====  ======  ==============================================
+    controller_manager  --    --      Cycle: which controllers tick
+    state_interfaces    m     rad,    in: what is measured; out: the same, held since
+                              rad/s,  the controller's last tick
+                              N·m
+    tick_time           1     ns      when that was; NaN before the first tick, and
+                                      while the controller is inactive
+    ==================  ====  ======  ==============================================
+
+    The state is what the outputs show. It is a discrete update at the manager's period:
+    Drake does these after the unrestricted updates of an instant, so the manager has
+    run its cycle, tells of it and no more of the next one, and what is measured are the
+    effects of its commands. A time is a whole number of nanoseconds, exact up to 2^53,
+    which is 104 days.
+    """
+
+    def __init__(self, controller: str, num_measured: int, period: float) -> None:
+        """Create the system.
+
+        Args:
+            controller: Name of the controller.
+            num_measured: Size m of what is measured.
+            period: Period of the manager in Drake's time [s].
+        """
+        super().__init__()
+        self._controller = controller
+        self._manager = self.DeclareAbstractInputPort(
+            interfaces.MANAGER_PORT, AbstractValue.Make(())
+        )
+        self._measured = self.DeclareVectorInputPort(
+            interfaces.STATE_PORT, num_measured
+        )
+        values = self.DeclareDiscreteState(num_measured)
+        time = self.DeclareDiscreteState([math.nan])
+        # Drake takes plain numbers quicker than its own kinds of index.
+        self._values, self._time = int(values), int(time)
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        self.DeclareStateOutputPort(interfaces.STATE_PORT, values)
+        self.DeclareStateOutputPort(interfaces.TICK_PORT, time)
+
+    def _update(self, context: Context, state: DiscreteValues) -> None:
+        cycle: Cycle = self._manager.Eval(context)
+        if cycle.periods.get(self._controller):
+            state.set_value(self._values, self._measured.Eval(context))
+            state.set_value(self._time, [cycle.time_ns])
+        elif self._controller not in cycle.active:
+            state.set_value(self._time, [math.nan])
+
+
+def exported_name(port: str, controller: str) -> str:
+    """Return what a port is called in the diagram, without its robot's prefix.
+
+    A name with a slash in front, as Gazebo's topics have, is its own.
+
+    Args:
+        port: Name of a controller's port.
+        controller: Name of the controller.
+
+    Returns:
+        The name; empty if the port is no topic.
+    """
+    if interfaces.is_internal(port):
+        return ""
+    return port if port.startswith("/") else f"{controller}.{port}"
+
+
+def with_prefix(prefix: str, name: str) -> str:
+    """Return an exported name with that of its robot in front, if there are several."""
+    return f"{prefix}{name.removeprefix('/')}" if prefix else name
+
+
+def export_topics(
+    builder: DiagramBuilder,
+    systems: Mapping[str, ControllerInterface],
+    prefix: str,
+    report: LoadReport,
+) -> None:
+    """Export the ports of controllers that are topics: all but their interfaces.
+
+    A topic with a name of its own may have several readers, and one publisher.
+    """
+    readers: set[str] = set()
+    publishers: dict[str, str] = {}
+    for name, system in systems.items():
+        for index in range(system.num_input_ports()):
+            port = system.get_input_port(index)
+            topic = exported_name(port.get_name(), name)
+            if topic in readers:
+                builder.ConnectInput(with_prefix(prefix, topic), port)
+            elif topic:
+                builder.ExportInput(port, with_prefix(prefix, topic))
+                readers.add(topic)
+        for index in range(system.num_output_ports()):
+            output = system.get_output_port(index)
+            topic = exported_name(output.get_name(), name)
+            first = publishers.setdefault(topic, name) if topic else name
+            if first != name:
+                what = f"{first!r} and {name!r} publish on the topic {topic!r}"
+                done = f"what {first!r} publishes is there"
+                report.add("warning", "unsupported", what, done)
+            elif topic:
+                builder.ExportOutput(output, with_prefix(prefix, topic))
+
+
+class WantedPositions(PythonSystem):
+    """Picks the positions that a trajectory controller wants out of its state.
+
+    .. pydrake_system::
+
+        name: WantedPositions
+        input_ports:
+        - controller_state
+        output_ports:
+        - position
+
+    ================  ====  ============  ============================================
+    port              size  unit          meaning
+    ================  ====  ============  ============================================
+    controller_state  --    --            JointTrajectoryControllerState
+    position          n     [rad] or [m]  the reference's positions, in the order of
+                                          the controller's joints; NaN if it has none
+    ================  ====  ============  ============================================
+
+    It has no state.
+    """
+
+    def __init__(self, num_joints: int) -> None:
+        """Create the system.
+
+        Args:
+            num_joints: How many joints the controller has.
+        """
+        super().__init__()
+        state = AbstractValue.Make(JointTrajectoryControllerState())
+        self._told = self.DeclareAbstractInputPort("controller_state", state)
+        self._unknown = np.full(num_joints, np.nan)
+        self.DeclareVectorOutputPort(
+            "position",
+            num_joints,
+            self._calc_position,
+            prerequisites_of_calc={self._told.ticket()},
+        )
+
+    def _calc_position(self, context: Context, output: BasicVector) -> None:
+        wanted = self._told.Eval(context).reference.positions
+        has_all = len(wanted) == len(self._unknown)
+        output.SetFromVector(wanted if has_all else self._unknown)
+
+
+def log_references(
+    builder: DiagramBuilder,
+    systems: Iterable[ControllerInterface],
+    prefix: str,
+    period: float,
+) -> None:
+    """Record what trajectory controllers want that command efforts or velocities.
+
+    Of others it is what they command, which is recorded anyway.
+
+    Args:
+        builder: Where the controllers are.
+        systems: The controllers.
+        prefix: Start of the names of their robot's systems.
+        period: Period of the log [s].
+    """
+    for system in systems:
+        if joints := wanted_joints(system):
+            name = f"{prefix}{log_name(system.params.controller_name)}"
+            wanted = builder.AddNamedSystem(name, WantedPositions(len(joints)))
+            told = system.GetOutputPort("controller_state")
+            builder.Connect(told, wanted.GetInputPort("controller_state"))
+            log = VectorLogSink(len(joints), period)
+            builder.AddNamedSystem(
+                f"{prefix}log:{log_name(system.params.controller_name)}", log
+            )
+            builder.Connect(wanted.get_output_port(), log.get_input_port())
+
+
+def log_name(controller: str) -> str:
+    """Return the name of the log of what a controller wants.
+
+    Args:
+        controller: Name of the controller.
+    """
+    return f"{_LOG}{controller}"
+
+
+def wanted_joints(system: ControllerInterface | None) -> tuple[str, ...]:
+    """Return the joints whose reference is recorded by itself, if any are.
+
+    Args:
+        system: A controller.
+    """
+    if not isinstance(system, JointTrajectoryController):
+        return ()
+    end = f"/{interfaces.POSITION}"
+    if any(name.endswith(end) for name in system.command_interfaces):
+        return ()
+    states = system.state_interfaces
+    return tuple(name.removesuffix(end) for name in states if name.endswith(end))
