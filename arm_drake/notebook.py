@@ -1,11 +1,9 @@
-"""Robots on pages that live beside a program: for notebooks and interactive Python.
+"""Pages that live beside a program: for notebooks and interactive Python.
 
-Threads in which pages live beside a program that goes on, as in a notebook.
-
-A Meshcat can be used in the thread alone that made it, and is never destroyed (see
-`arm_drake.visualization.page.scene`). So a thread that has served a page waits for
-the next one: however often a cell is run again, no more servers are there than pages
-were at once.
+Each has a thread of its own. A Meshcat can be used in the thread alone that made it,
+and is never destroyed (see `arm_drake.visualization.page.scene`). So a thread that has
+served a page waits for the next one: however often a cell is run again, no more servers
+are there than pages were at once.
 """
 
 import concurrent.futures

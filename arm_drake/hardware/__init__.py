@@ -1,1 +1,1 @@
-"""hardware."""
+"""Hardware of a robot in simulation: drives, servos, friction, wheels, mirrors."""

@@ -1,4 +1,4 @@
-"""Dry friction of a robot's joints, from its description."""
+"""Dry friction of a robot's joints, as a Drake system in C++."""
 
 from collections.abc import Mapping
 from typing import NamedTuple

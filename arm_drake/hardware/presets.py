@@ -1,4 +1,4 @@
-"""What presets leave out, and which robots need it."""
+"""Obstacles to the preset "fast", and the report of what takes its place."""
 
 from collections.abc import Iterable, Sequence
 from typing import Final

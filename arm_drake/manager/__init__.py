@@ -1,4 +1,4 @@
-"""The controller manager: who runs when, and what the hardware is told."""
+"""The controller manager: loading, switching, and the read-update-write loop."""
 
 from arm_drake.manager.controller_manager import (
     MANAGER,

@@ -1,4 +1,4 @@
-"""The controller manager: the read-update-write loop, as a system of the diagram."""
+"""The controller manager's read-update-write loop, as a system of the diagram."""
 
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence

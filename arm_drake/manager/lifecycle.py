@@ -1,14 +1,10 @@
-"""Which controllers are active, and which are due: what a manager decides.
-
-Follows ros2_control's controller_manager (6.8.0): requests are judged by `switching`, a
-controller whose update fails is deactivated with its chain, and its fallback
-controllers take over.
-
-Which ticks of the manager a controller with a lower update rate runs in.
+"""Lifecycle, update rates and ticks of a manager's controllers.
 
 The rules are those of ros2_control's controller_manager (6.8.0,
-``ControllerManager::update`` and ``configure_controller``). Times are integer
-nanoseconds, rates are [Hz].
+``ControllerManager::update`` and ``configure_controller``): requests are judged by
+`switching`, a controller whose update fails is deactivated with its chain, and its
+fallback controllers take over; one with a lower update rate runs in the nearest ticks.
+Times are integer nanoseconds, rates are [Hz].
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Controllers of a robot that are loaded: what the rest asks of them."""
+"""Loaded controllers of a robot, their states and their command interfaces."""
 
 import dataclasses as dc
 from collections.abc import Collection, Iterable

@@ -1,4 +1,4 @@
-"""Which controllers of a robot load, and which of them start.
+"""Loading of a robot's controllers, and the choice of those that start.
 
 Follows ros2_control's controller_manager: a controller that can't be loaded or
 activated is reported and left out, the others run; a command interface belongs to one

@@ -1,4 +1,4 @@
-"""What the controller manager remembers from cycle to cycle, and its news."""
+"""State of the controller manager from cycle to cycle, and its events."""
 
 import dataclasses as dc
 from collections.abc import Mapping

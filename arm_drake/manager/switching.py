@@ -1,12 +1,8 @@
-"""Who commands whom among controllers, and the order of their updates.
+"""Switches of controllers: chains, the order of updates, and what a request leads to.
 
-The rules are those of ros2_control's controller_manager. A controller that claims a
-reference interface of another is its predecessor, the other one its follower.
-
-Which controllers a switch activates and deactivates.
-
-The rules are those of ros2_control's controller_manager (``switch_controller``,
-``check_following_controllers_for_activate``,
+A controller that claims a reference interface of another is its predecessor, the other
+one its follower. The rules are those of ros2_control's controller_manager
+(``switch_controller``, ``check_following_controllers_for_activate``,
 ``check_preceeding_controllers_for_deactivate``), and of its service
 ``controller_manager_msgs/SwitchController``.
 """

@@ -1,1 +1,1 @@
-"""plant."""
+"""Robots in Drake's plant: models, poses, kinematics, contact, sensors."""

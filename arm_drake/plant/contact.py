@@ -1,4 +1,4 @@
-"""How what touches is pressed together, and what touches before anything moves."""
+"""Contact: forces between bodies, friction, and overlaps before anything moves."""
 
 from collections.abc import Collection, Mapping, Sequence
 

@@ -1,4 +1,4 @@
-"""What Drake says while it reads a model: kept, not printed."""
+"""Drake's log: warnings about a model, collected instead of printed."""
 
 import contextlib
 import logging

@@ -1,10 +1,8 @@
-"""Where links are that no joint with a position holds: free bases, loose links.
+"""Initial poses of free bases and loose links, and the log of how they move.
 
-How a base rests on the ground: on the points that carry its centre of mass.
-
-Gazebo drops a robot, and by the time its controllers are loaded it has settled. Here
-they drive off at t = 0: a base whose caster is lower than its wheels would be driven by
-wheels in the air, and rock.
+A base rests on the points that carry its centre of mass. Gazebo drops a robot, and by
+the time its controllers are loaded it has settled. Here they drive off at t = 0: a base
+whose caster is lower than its wheels would be driven by wheels in the air, and rock.
 """
 
 from collections.abc import Iterable, Iterator, Sequence

@@ -1,4 +1,4 @@
-"""Where sliders move joints: ranges, center, random poses, and joints that follow.
+"""Ranges of joints for sliders: ends, center, random poses, joints that follow.
 
 The model is joint_state_publisher_gui (ros/joint_state_publisher, branch ros2): a joint
 that turns without end has a slider of one turn, soft limits narrow the others, and the

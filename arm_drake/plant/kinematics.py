@@ -1,4 +1,4 @@
-"""Where the links of a robot are, for controllers that ask: a plant without physics."""
+"""Poses of a robot's links, and kinematics for controllers: plants without physics."""
 
 from collections.abc import Mapping, Sequence
 

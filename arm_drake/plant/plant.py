@@ -1,4 +1,4 @@
-"""RobotDescription to a MultibodyPlant with one actuator per commanded joint."""
+"""A robot's model in a MultibodyPlant, with one actuator per commanded joint."""
 
 import copy
 import xml.etree.ElementTree as ET

@@ -1,4 +1,4 @@
-"""What sensors measure in the plant: forces, motions, poses, distances."""
+"""Sensor readings from the plant: forces, motions, poses, distances."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import partial

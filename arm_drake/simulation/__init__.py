@@ -1,1 +1,1 @@
-"""simulation."""
+"""Simulations: their clients, topics, motions and recordings."""

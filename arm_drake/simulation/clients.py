@@ -1,8 +1,6 @@
-"""What a program holds of a controller.
+"""Handles of controllers and topics: goals, commands, and parameters at run time.
 
-Parameters of a controller that change while it runs.
-
-They are read as the loader reads a YAML. Which ones may change is that of
+Parameters are read as the loader reads a YAML. Which ones may change is that of
 ros2_controllers' parameter declarations (version 6.9.0, `read_only`).
 """
 

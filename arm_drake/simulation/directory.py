@@ -1,4 +1,4 @@
-"""Who is in a diagram: its robots, their managers and controllers, by name."""
+"""Directory of a diagram: its robots, their managers and controllers, by name."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal, NamedTuple, get_args

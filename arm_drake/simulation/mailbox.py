@@ -1,4 +1,4 @@
-"""What goes into a running diagram as messages, and what comes out as news."""
+"""Messages into a running diagram, its events, and the handles of goals."""
 
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple, TypeAlias

@@ -1,4 +1,4 @@
-"""Sends the steps of a motion to the controllers of a simulation."""
+"""Playback of a motion: its steps, sent to the controllers of a simulation."""
 
 from collections.abc import Callable, Collection, Mapping
 from typing import Protocol

@@ -1,4 +1,4 @@
-"""What the logs in a diagram hold as a Rollout."""
+"""Recordings: the logs in a diagram as a Rollout, in memory and in a file."""
 
 import dataclasses as dc
 import functools

@@ -1,1 +1,1 @@
-"""What is seen in the browser."""
+"""Pictures, films and pages of robots, plans and rollouts."""

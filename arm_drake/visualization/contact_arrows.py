@@ -1,4 +1,4 @@
-"""Contact forces as rods from the points where they act."""
+"""Contact forces as arrows from the points where they act."""
 
 import numpy as np
 from pydrake.geometry import Cylinder, Meshcat, Rgba, Sphere

@@ -1,9 +1,8 @@
-"""Topics, controllers, interfaces and hardware of a robot, as a graph.
+"""Control graph of a robot: topics, controllers, interfaces, hardware, and its picture.
 
-The picture of a control graph; Graphviz isn't needed for it.
-
-From the left to the right: what the hardware reports, the controllers that read it, and
-what they command. The hardware, below, makes states of commands.
+Graphviz isn't needed for it. From the left to the right: what the hardware reports, the
+controllers that read it, and what they command. The hardware, below, makes states of
+commands.
 """
 
 import dataclasses as dc

@@ -1,4 +1,4 @@
-"""What can be shown of links beside their visual shapes: RViz's displays.
+"""Drawings beside links' visual shapes: RViz's displays.
 
 Everything lies below ``/drake``, where Drake's MeshcatVisualizer has its shapes: one
 transform of ``/drake`` moves it all.

@@ -1,4 +1,4 @@
-"""What all plots share: a panel for each joint, lines, colours, units, legends."""
+"""Panels of plots: one for each joint, lines, colours, units, legends."""
 
 import io
 import math

@@ -1,4 +1,4 @@
-"""Pictures of a rollout, one module for each kind; `plot` is the door.
+"""Plots of a rollout, one function for each kind; `plot` is the door.
 
 They import matplotlib, so that who draws nothing must not import them. None uses
 pyplot: a picture belongs to who asked for it, and needs no window.

@@ -1,4 +1,4 @@
-"""The way of a point in the world, as a line behind it."""
+"""Trail of a point in the world, as a line behind it."""
 
 import collections
 import dataclasses as dc

@@ -1,4 +1,4 @@
-"""What is seen of a simulation: robots, and what is shown beside them."""
+"""Views of a simulation: its robots, and what is shown beside them."""
 
 from collections.abc import Sequence
 

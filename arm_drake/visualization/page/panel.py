@@ -1,9 +1,8 @@
 """Sections of the panels of `arm-drake view` and `arm-drake sim`.
 
-A pose as text to copy: YAML, or words of a command line.
-
-Numbers have six significant digits. Where that would put a joint beyond the end of its
-range, which it has reached, they have as many as are needed to stay within.
+A pose stands there as text to copy: YAML, or words of a command line. Numbers have six
+significant digits. Where that would put a joint beyond the end of its range, which it
+has reached, they have as many as are needed to stay within.
 """
 
 import functools

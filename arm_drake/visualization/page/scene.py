@@ -1,6 +1,4 @@
-"""What is drawn on, whether there is a page that shows it or not.
-
-Meshcats that pages use one after the other.
+"""Scenes to draw on, with or without a page, and the Meshcats that they use.
 
 Drake ends the process when a Meshcat is destroyed in another thread than the one that
 made it, and Python's garbage collector runs in whatever thread it likes. So these are
