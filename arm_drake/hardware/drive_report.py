@@ -39,15 +39,7 @@ def report_drive(
     *,
     holds: bool,
 ) -> None:
-    """Report what the drives of a robot do that its files don't say.
-
-    Args:
-        robot: The robot.
-        drive: What drives its joints.
-        controllers: Its controllers.
-        report: Where the lines are added.
-        holds: Whether joints that nobody commands hold their position.
-    """
+    """Report what the drives of a robot do that its files don't say."""
     _report_rotors(drive, report)
     _report_gains(drive, report)
     active = [c for c in controllers if c.state == "active"]
@@ -171,15 +163,7 @@ def report_friction(
     options: SimulationOptions,
     report: LoadReport,
 ) -> None:
-    """Report dry friction that gives way at this step, where nothing makes up for it.
-
-    Args:
-        robot: The robot.
-        drive: What drives its joints.
-        controllers: Its controllers.
-        options: How to simulate.
-        report: Where the lines are added.
-    """
+    """Report dry friction that gives way at this step, and isn't made up for."""
     joints = {j.name: j for j in robot.description.movable_joints if j.mimic is None}
     if not options.friction:
         return

@@ -339,24 +339,14 @@ def add_rotors(
 def find_bare_joints(
     robot: Robot, controllers: Iterable[LoadedController]
 ) -> frozenset[str]:
-    """Return the joints that follow efforts and nothing else.
-
-    Args:
-        robot: The robot.
-        controllers: Its controllers, also those that are inactive.
-    """
+    """Return the joints that follow efforts and nothing else."""
     claimed = claimed_interfaces(robot, controllers)
     moved = {name.rpartition("/")[0] for name in claimed if not _is_effort(name)}
     return frozenset(name.rpartition("/")[0] for name in claimed) - moved
 
 
 def may_let_go(robot: Robot, controllers: Iterable[LoadedController]) -> bool:
-    """Return whether a joint may be commanded nothing but an effort.
-
-    Args:
-        robot: The robot.
-        controllers: Its controllers, also those that are inactive.
-    """
+    """Return whether a joint may be commanded nothing but an effort."""
     return any(find_bare_joints(robot, [controller]) for controller in controllers)
 
 
@@ -368,15 +358,7 @@ def make_drive_commands(
     *,
     holds: bool = True,
 ) -> DriveCommands:
-    """Return what turns commands of controllers into what the servo is told.
-
-    Args:
-        robot: The robot.
-        surroundings: Its interfaces.
-        controllers: Its controllers, also those that are inactive.
-        drive: What drives its joints.
-        holds: Whether joints that nobody commands hold their position.
-    """
+    """Return what turns commands of controllers into what the servo is told."""
     positions = set(interfaces.interface_names(drive.names, [interfaces.POSITION]))
     return DriveCommands(
         drive.names,
@@ -396,12 +378,7 @@ def make_drive_commands(
 def claimed_interfaces(
     robot: Robot, controllers: Iterable[LoadedController]
 ) -> set[str]:
-    """Return the command interfaces by which controllers move driven joints.
-
-    Args:
-        robot: The robot.
-        controllers: Controllers, whether they are active or not.
-    """
+    """Return the command interfaces by which controllers move driven joints."""
     joints = {joint.name for joint in commanded_joints(robot.description)}
     return {
         name
@@ -423,14 +400,7 @@ def make_command_limits(
     controllers: Iterable[LoadedController],
     report: LoadReport,
 ) -> CommandLimits | None:
-    """Return what commands are held to, or None if they aren't.
-
-    Args:
-        robot: The robot.
-        surroundings: Its interfaces.
-        controllers: Its controllers, also those that are inactive.
-        report: Where limits that can't be used are recorded.
-    """
+    """Return what commands are held to, or None if they aren't."""
     if not enforces_limits(robot):
         return None
     return CommandLimits(
@@ -450,9 +420,6 @@ def check_model(robot: Robot) -> None:
     That is what Drake warns about, and joints whose effort limit is less than what
     gravity and dry friction ask for: in the initial pose, or in random ones within the
     limits.
-
-    Raises:
-        DescriptionError: If Drake refuses the description.
     """
     description, options = robot.description, SimulationOptions()
     joints = commanded_joints(description)
@@ -493,12 +460,7 @@ def check_model(robot: Robot) -> None:
 
 
 def can_move(robot: Robot, options: SimulationOptions) -> bool:
-    """Return whether effort limits exceed weight and friction in all poses.
-
-    Args:
-        robot: The robot.
-        options: How to simulate: with what gravity, and whether with friction.
-    """
+    """Return whether effort limits exceed weight and friction in all poses."""
     limits = effort_limits(commanded_joints(robot.description))
     efforts, frictions = _loads(robot, options)
     return bool((efforts.max(axis=0) + frictions <= np.array(limits)).all())

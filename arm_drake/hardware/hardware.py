@@ -259,17 +259,7 @@ def add_sensors(
     robot: Robot,
     prefix: str,
 ) -> Hardware:
-    """Add a robot's sensors, export its contacts, and return the hardware with them.
-
-    Args:
-        hardware: The robot's hardware, in the builder.
-        builder: Where the plant is.
-        plant: The finalized plant.
-        scene_graph: Its scene graph.
-        model: The robot's model instance.
-        robot: The robot.
-        prefix: Start of the names of its systems and ports.
-    """
+    """Add a robot's sensors, export its contacts, and return the hardware with them."""
     felt = ContactReadings(plant, scene_graph, model, robot.description.links)
     builder.AddNamedSystem(f"{prefix}contacts", felt)
     felt.connect(builder)
@@ -286,12 +276,7 @@ def add_sensors(
 
 
 def report_blind(robot: Robot, report: LoadReport) -> None:
-    """Record the sensors of a robot that has no physics to measure.
-
-    Args:
-        robot: The robot.
-        report: Where they are recorded.
-    """
+    """Record the sensors of a robot that has no physics to measure."""
     for sensor in robot.sensors:
         what = f"sensor {sensor.name!r} measures nothing without physics"
         done = "its states keep their initial values, or follow their commands"

@@ -106,15 +106,6 @@ def find_wheels(
     """Return the driven wheels of a base: what its joints turn, and what can collide.
 
     They are in the order of the joints, mimic joints where their masters are.
-
-    Args:
-        plant: The finalized plant.
-        scene_graph: Its scene graph.
-        model: The robot's model instance.
-        description: The robot.
-        base: The base.
-        axles: Axles that the plant has besides.
-        rollers: Rollers likewise.
     """
     turning = {axle.link: axle.wheel for axle in axles}
     context = plant.CreateDefaultContext()
@@ -149,15 +140,7 @@ def _with_rollers(
     rim: Rollers,
     left: Array,
 ) -> Wheel:
-    """Return a wheel with rollers.
-
-    Args:
-        plant: The finalized plant.
-        model: The robot's model instance.
-        joint: Joint that turns the wheel.
-        rim: Its rollers.
-        left: To the left of the base, in the world.
-    """
+    """Return a wheel with rollers."""
     body = plant.GetBodyByName(rim.link, model)
     X_WB = plant.EvalBodyPoseInWorld(plant.CreateDefaultContext(), body)
     axis = rim.axis * (1.0 if X_WB.rotation() @ rim.axis @ left >= 0.0 else -1.0)
@@ -236,14 +219,7 @@ class BaseTruth(PythonSystem):
     def __init__(
         self, link: str, body: int, start: RigidTransform, wheels: Sequence[Wheel]
     ) -> None:
-        """Create the system.
-
-        Args:
-            link: Name of the base's link.
-            body: Index of its body.
-            start: Pose of the base in the world at the start.
-            wheels: The driven wheels.
-        """
+        """Create the system."""
         super().__init__()
         self._link, self._body, self.wheels = link, body, tuple(wheels)
         yaw = RollPitchYaw(start.rotation()).yaw_angle()

@@ -202,11 +202,7 @@ def _followers(
 
 
 def make_blocks(robot: Robot) -> list[GenericSystem]:
-    """Return the hardware blocks of a robot.
-
-    Raises:
-        DescriptionError: If a parameter of a block has no valid value.
-    """
+    """Return the hardware blocks of a robot."""
     joints = robot.description.joints
     return [
         GenericSystem.from_component(block, joints, humble=robot.distro == "humble")

@@ -32,12 +32,7 @@ def report_fallback(obstacles: Sequence[str], report: LoadReport) -> None:
 
 
 def find_world_obstacles(plant: MultibodyPlant, scene_graph: SceneGraph) -> list[str]:
-    """Return why nothing can be simulated with "fast" in a world; empty if it can.
-
-    Args:
-        plant: A plant with nothing but the world in it.
-        scene_graph: Its scene graph.
-    """
+    """Return why nothing can be simulated with "fast" in a world; empty if it can."""
     inspector = scene_graph.model_inspector()
     names = [
         inspector.GetName(shape).rpartition("::")[2]
@@ -52,13 +47,7 @@ def find_obstacles(
     controllers: Sequence[LoadedController],
     options: SimulationOptions,
 ) -> list[str]:
-    """Return why a robot can't be simulated with the preset "fast"; empty if it can.
-
-    Args:
-        robot: The robot.
-        controllers: Its controllers, also those that are inactive.
-        options: How to simulate.
-    """
+    """Return why a robot can't be simulated with the preset "fast"; empty if it can."""
     description = robot.description
     movable = description.movable_joints
     driven = {joint.name for joint in commanded_joints(description)}

@@ -60,12 +60,7 @@ class RobotSystems:
         blocks: Sequence["GenericSystem"] | None = None,
         gripper_ranges: Mapping[str, tuple[float, float]] | None = None,
     ) -> Surroundings:
-        """Return what the robot offers its controllers.
-
-        Args:
-            blocks: Hardware that mirrors commands, if that is what it has.
-            gripper_ranges: Where grippers are open and where closed.
-        """
+        """Return what the robot offers its controllers."""
         there = find_surroundings(
             self.robot.description,
             self.robot.initial_positions,
@@ -104,15 +99,7 @@ class RobotSystems:
         report: LoadReport,
         drive: DriveCommands,
     ) -> None:
-        """Add manager, controllers and logs, connect them, export their ports.
-
-        Args:
-            hardware: The robot's hardware, in the builder.
-            surroundings: Its interfaces.
-            controllers: Its controllers.
-            report: Its load report, with what they lack.
-            drive: What the hardware is told.
-        """
+        """Add manager, controllers and logs, connect them, export their ports."""
         builder, prefix = self.builder, self.prefix
         self._report_rate(report)
         manager = builder.AddNamedSystem(
@@ -182,12 +169,7 @@ class RobotSystems:
             self.builder.Connect(state, manager.GetInputPort(name))
 
     def add_frames(self, body_poses: OutputPort, bodies: Sequence[int]) -> None:
-        """Add the poses of the links, and export them.
-
-        Args:
-            body_poses: Poses of all bodies of the plant.
-            bodies: Indices of the links' bodies.
-        """
+        """Add the poses of the links, and export them."""
         frames = self.builder.AddNamedSystem(f"{self.prefix}frames", LinkFrames(bodies))
         self.builder.Connect(body_poses, frames.GetInputPort("body_poses"))
         self.builder.ExportOutput(

@@ -302,13 +302,7 @@ class EffortLaws:
     def __init__(
         self, gains: ServoGains, layout: Layout, *, knows_friction: bool
     ) -> None:
-        """Name what they read.
-
-        Args:
-            gains: The servo's numbers.
-            layout: The joints.
-            knows_friction: Whether dry friction is told, and made up for.
-        """
+        """Name what they read."""
         n = layout.num_joints
         self._gains, self._layout = gains, layout
         self.knows_friction = knows_friction

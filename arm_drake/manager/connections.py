@@ -218,11 +218,7 @@ class WantedPositions(PythonSystem):
     """
 
     def __init__(self, num_joints: int) -> None:
-        """Create the system.
-
-        Args:
-            num_joints: How many joints the controller has.
-        """
+        """Create the system."""
         super().__init__()
         state = AbstractValue.Make(JointTrajectoryControllerState())
         self._told = self.DeclareAbstractInputPort("controller_state", state)
@@ -270,20 +266,12 @@ def log_references(
 
 
 def log_name(controller: str) -> str:
-    """Return the name of the log of what a controller wants.
-
-    Args:
-        controller: Name of the controller.
-    """
+    """Return the name of the log of what a controller wants."""
     return f"{_LOG}{controller}"
 
 
 def wanted_joints(system: ControllerInterface | None) -> tuple[str, ...]:
-    """Return the joints whose reference is recorded by itself, if any are.
-
-    Args:
-        system: A controller.
-    """
+    """Return the joints whose reference is recorded by itself, if any are."""
     if not isinstance(system, JointTrajectoryController):
         return ()
     end = f"/{interfaces.POSITION}"

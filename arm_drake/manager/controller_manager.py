@@ -84,15 +84,7 @@ class Loop:
         limits: CommandLimits | None,
         surroundings: Surroundings,
     ) -> None:
-        """Create it.
-
-        Args:
-            lifecycle: What decides which controllers are active.
-            claimants: The controllers that command something.
-            drive: What makes the servo's input of commands.
-            limits: What commands are held to, if they are.
-            surroundings: Interfaces of the robot.
-        """
+        """Create it."""
         self._lifecycle = lifecycle
         self._claimants = claimants
         self._drive = drive
@@ -231,12 +223,7 @@ class StoredStates:
     """State interfaces that follow a command interface of their name, or nothing."""
 
     def __init__(self, surroundings: Surroundings, commands: Sequence[str]) -> None:
-        """Create it.
-
-        Args:
-            surroundings: Interfaces of the robot.
-            commands: Names of the command values.
-        """
+        """Create it."""
         order = tuple(surroundings.stored)
         mirrored = [name for name in order if name in commands]
         self._here = [order.index(name) for name in mirrored]
@@ -458,24 +445,14 @@ class ControllerManager(PythonSystem):
     def find_problems(
         self, context: Context, request: SwitchController
     ) -> tuple[str, ...]:
-        """Return why a request can't be met in full, as things are.
-
-        Args:
-            context: Context of the diagram.
-            request: What to activate and deactivate.
-        """
+        """Return why a request can't be met in full, as things are."""
         active = self._state(self.GetMyContextFromRoot(context)).active
         return self._lifecycle.judge(active, request).problems
 
     def add_controller(
         self, builder: DiagramBuilder, system: ControllerInterface
     ) -> None:
-        """Connect a controller that is in the builder with this manager.
-
-        Args:
-            builder: Where both are.
-            system: The controller, one of those that this manager has.
-        """
+        """Connect a controller that is in the builder with this manager."""
         builder.Connect(self._cycle, system.GetInputPort(interfaces.MANAGER_PORT))
         if isinstance(system, TickingController):
             values = self.GetOutputPort(interfaces.VALUES_PORT)

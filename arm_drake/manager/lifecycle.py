@@ -210,12 +210,7 @@ class Lifecycle:
     def switch(
         self, held: ManagerState, requests: Iterable[SwitchController]
     ) -> Activation:
-        """Return which controllers are active in a cycle.
-
-        Args:
-            held: State after the last cycle.
-            requests: New requests, one after the other.
-        """
+        """Return which controllers are active in a cycle."""
         active, number = dict(held.active), held.next_activation
         events: list[Event] = []
         for request in requests:
@@ -263,16 +258,7 @@ class Lifecycle:
     def replace(
         self, failed: Mapping[str, str], active: Mapping[str, int], number: int
     ) -> tuple[Mapping[str, int], int, tuple[Event, ...]]:
-        """Return what is active after updates failed.
-
-        Args:
-            failed: Controllers whose update failed, and why.
-            active: Which controllers were active.
-            number: Number of the next activation.
-
-        Returns:
-            Active controllers, number of the next activation, and the news of it.
-        """
+        """Return what is active after updates failed."""
         if not self.ends_failed:
             told = (ControllerFailure(n, (), reason=why) for n, why in failed.items())
             return active, number, tuple(told)
@@ -332,9 +318,6 @@ def add_inbox(system: LeafSystem) -> OutputPort:
 
     Drake computes it anew only when something is put on one of them, so to see that
     nothing has come takes one look instead of one for each port.
-
-    Args:
-        system: A controller with all its topics.
     """
     ports = [
         port
@@ -426,12 +409,7 @@ class TickKeeper:
         self.are_direct = all(member.is_direct for member in self._members.values())
 
     def connect(self, builder: DiagramBuilder, system: TickingController[Any]) -> None:
-        """Connect the ports of a controller that is in the builder.
-
-        Args:
-            builder: Where manager and controller are.
-            system: The controller.
-        """
+        """Connect the ports of a controller that is in the builder."""
         member = self._members.get(system.params.controller_name)
         if member is not None:
             builder.Connect(system.GetOutputPort(interfaces.COMMAND_PORT), member.ticks)
@@ -444,12 +422,7 @@ class TickKeeper:
     def read_news(
         self, context: Context, requests: tuple[SwitchController, ...]
     ) -> News:
-        """Return what lies on all ports.
-
-        Args:
-            context: Context of the manager.
-            requests: What lies on its own port.
-        """
+        """Return what lies on all ports."""
         return News(requests, tuple(port.Eval(context) for port in self.inboxes))
 
     def run(
@@ -589,12 +562,7 @@ class Claimants:
     def owners(
         self, active: Collection[str], joints: Mapping[str, str]
     ) -> dict[str, str]:
-        """Return the active controllers that command joints, and a joint's text.
-
-        Args:
-            active: Controllers that are active.
-            joints: Texts by the names of joints.
-        """
+        """Return the active controllers that command joints, and a joint's text."""
         return {
             claimant.name: text
             for claimant in self._claimants

@@ -100,9 +100,6 @@ def enforces_limits(robot: Robot) -> bool:
     """Return whether a robot's commands are held to the limits of its joints.
 
     Humble can't, and jazzy does it only if it is asked to.
-
-    Args:
-        robot: The robot.
     """
     if robot.distro == "humble":
         return False

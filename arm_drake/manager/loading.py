@@ -45,13 +45,7 @@ from arm_drake.options import SimulationOptions
 def report_gains(
     controller: ControllerConfig, parameters: Any, report: LoadReport
 ) -> None:
-    """Report gains that push away from the goal, or not at all.
-
-    Args:
-        controller: The controller's configuration.
-        parameters: Its parameters, of any class.
-        report: Where the lines are added.
-    """
+    """Report gains that push away from the goal, or not at all."""
     gains = getattr(parameters, "gains", None)
     joints: Mapping[str, PidGains] = getattr(gains, "joint", None) or getattr(
         gains, "dof", {}
@@ -476,14 +470,7 @@ class ControllerLoader:
         *,
         judges_claims: bool,
     ) -> list[str]:
-        """Return the controllers that start, in their order; report why others don't.
-
-        Args:
-            controllers: All controllers.
-            names: Their names, those first that are to have what they claim first.
-            inactive: Names of those not to start.
-            judges_claims: Whether one whose interfaces are claimed stays inactive.
-        """
+        """Return the controllers that start, in order; report why others don't."""
         infos, refuse = controller_infos(controllers), self._surroundings.refuse
         configs = {c.name: c for c in self._config.controllers}
         started: list[str] = []
@@ -654,13 +641,7 @@ def report_motionless(
     moving: Mapping[str, Collection[str]],
     report: LoadReport,
 ) -> None:
-    """Record the controllers whose commands move nothing where there is no physics.
-
-    Args:
-        controllers: The controllers of a robot without physics.
-        moving: The interfaces that each joint moves by, by its name.
-        report: Where they are recorded.
-    """
+    """Record the controllers whose commands move nothing where there is no physics."""
     for controller in controllers:
         system = controller.system
         claims = () if system is None else system.command_interfaces

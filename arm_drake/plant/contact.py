@@ -54,14 +54,7 @@ def set_friction(
     model: ModelInstanceIndex,
     friction: Mapping[str, float],
 ) -> None:
-    """Give the links of a robot the friction that they state.
-
-    Args:
-        plant: A finalized plant.
-        scene_graph: Its scene graph.
-        model: The robot's model instance.
-        friction: Coefficients, static and dynamic, by the links' names.
-    """
+    """Give the links of a robot the friction that they state."""
     inspector, source = scene_graph.model_inspector(), plant.get_source_id()
     for name, mu in friction.items():
         link = plant.GetBodyByName(name, model)
@@ -129,15 +122,6 @@ def separate(
     Contact would throw them apart: hulls are larger than meshes, and many robots are
     drawn with a part in the ground. Links that nothing holds keep their contact with
     the world, which carries them.
-
-    Args:
-        diagram: Diagram with the plant and its scene graph.
-        plant: The finalized plant.
-        scene_graph: Its scene graph.
-        free_links: The robots' model instances, and their links that nothing holds.
-
-    Returns:
-        What overlaps, of each robot, such as "link1 and the world".
     """
     has_things = let_things_be_held(plant, scene_graph, free_links)
     context = diagram.CreateDefaultContext()
@@ -225,11 +209,7 @@ class ContactForces(PythonSystem):
     """
 
     def __init__(self, links: Sequence[str]) -> None:
-        """Create the system.
-
-        Args:
-            links: Names of the L links.
-        """
+        """Create the system."""
         super().__init__()
         self._rows = {link: row for row, link in enumerate(links)}
         nothing = AbstractValue.Make(ContactsState())

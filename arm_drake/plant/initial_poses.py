@@ -297,12 +297,6 @@ def place_free_links(
     Without a pose, a free base starts where it rests on the ground, z = 0. Floating
     links start where their joints' origins are; Drake makes
     them free bodies, at the world's origin.
-
-    Args:
-        plant: The finalized plant.
-        scene_graph: Its scene graph.
-        model: The robot's model instance.
-        robot: The robot.
     """
     description, X_WB = robot.description, transform_of(robot.pose)
 
@@ -335,14 +329,7 @@ def find_shapes(
     bodies: Iterable[BodyIndex],
     X_AW: RigidTransform,
 ) -> list[PlacedShape]:
-    """Return the collision shapes of bodies as they stand by default.
-
-    Args:
-        plant: The finalized plant.
-        scene_graph: Its scene graph.
-        bodies: The bodies.
-        X_AW: Pose of the world in the frame in which they are wanted.
-    """
+    """Return the collision shapes of bodies as they stand by default."""
     context, inspector = plant.CreateDefaultContext(), scene_graph.model_inspector()
     shapes = []
     for index in bodies:

@@ -100,12 +100,7 @@ def sample_dynamics(
 
 
 def find_followers(plant: MultibodyPlant, description: RobotDescription) -> Followers:
-    """Return the mimic joints, and what moves them in the end.
-
-    Args:
-        plant: A finalized plant of the robot alone.
-        description: The robot.
-    """
+    """Return the mimic joints, and what moves them in the end."""
 
     def at(name: str) -> int:
         return int(plant.GetJointByName(name).position_start())
@@ -125,11 +120,6 @@ def sum_friction(
     """Return the dry friction of joints with that of their mimic joints, shape (n,).
 
     A follower's friction brakes its master, by virtual work.
-
-    Args:
-        plant: A finalized plant of the robot alone.
-        description: The robot.
-        joints: The n joints.
     """
     own = np.zeros(plant.num_velocities())
     for joint in description.movable_joints:

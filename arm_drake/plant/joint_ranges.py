@@ -62,9 +62,6 @@ class JointRange:
         """Return the position in the range that is meant by any position.
 
         One that wraps is turned back to (-pi, pi], any other clamped.
-
-        Args:
-            position: Position of the joint, finite.
         """
         if not self.wraps:
             return min(max(position, self.lower), self.upper)
@@ -80,9 +77,6 @@ def joint_ranges(description: RobotDescription) -> tuple[JointRange, ...]:
     goes from -pi to pi, a prismatic one from -1 m to 1 m; one with a single limit has a
     range as wide. Limits beyond 1000 are none. Limits of a joint that follows are its
     own, whether its master can keep them or not.
-
-    Args:
-        description: The robot.
     """
     return tuple(_range(joint) for joint in description.movable_joints)
 
@@ -209,9 +203,6 @@ def find_gripper_ranges(robot: Robot) -> dict[str, tuple[float, float]]:
     description that are called open and closed decide; else the gripper is closed at
     the limit at which its fingers are closer together, and open at the other one, or at
     0 if that lies between and nearer to it.
-
-    Args:
-        robot: The robot.
     """
     joints = [*find_gripper_joints(robot), *_joints_of_gripper_controllers(robot)]
     limits = {j.name: _limits(robot, j) for j in joints}
@@ -266,11 +257,7 @@ def _stated(
 
 
 def find_gripper_joints(robot: Robot) -> list[JointInfo]:
-    """Return the independent joints that move grippers.
-
-    Args:
-        robot: The robot.
-    """
+    """Return the independent joints that move grippers."""
     named = {
         parameter.value
         for controller in robot.controllers.controllers
@@ -286,11 +273,7 @@ def find_gripper_joints(robot: Robot) -> list[JointInfo]:
 
 
 def find_gripper_links(robot: Robot) -> set[str]:
-    """Return the links of grippers: what their joints move, and what holds these.
-
-    Args:
-        robot: The robot.
-    """
+    """Return the links of grippers: what their joints move, and what holds these."""
     joints = robot.description.joints
     grippers = find_gripper_joints(robot)
     moved = {joint.name for joint in grippers}

@@ -97,11 +97,7 @@ class PlantKinematics:
         return np.roll(J, 3, axis=0)[:, self._v_at]
 
     def joints_to(self, link: str) -> tuple[str, ...]:
-        """Return the movable joints between the base and a link, in that order.
-
-        Args:
-            link: Name of the link.
-        """
+        """Return the movable joints between the base and a link, in that order."""
         up, down = self._joints_above(self._name), self._joints_above(link)
         while up and down and up[-1] == down[-1]:
             up.pop()
@@ -207,12 +203,7 @@ class KinematicPlant(PythonSystem):
     def connect_geometry(
         self, builder: DiagramBuilder, scene_graph: SceneGraph
     ) -> None:
-        """Move the shapes of the plant along.
-
-        Args:
-            builder: Where this system is.
-            scene_graph: The scene graph that the plant is registered with.
-        """
+        """Move the shapes of the plant along."""
         shapes = builder.AddSystem(MultibodyPositionToGeometryPose(self.plant))
         builder.Connect(self.GetOutputPort("positions"), shapes.get_input_port())
         source = self.plant.get_source_id()
@@ -244,11 +235,7 @@ class LinkFrames(PythonSystem):
     """
 
     def __init__(self, bodies: Sequence[int]) -> None:
-        """Create the system.
-
-        Args:
-            bodies: Index of the body of each link.
-        """
+        """Create the system."""
         super().__init__()
         self._bodies = tuple(bodies)
         poses = AbstractValue.Make([RigidTransform()])

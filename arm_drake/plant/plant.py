@@ -228,16 +228,7 @@ def filter_pairs(
 def state_indices(
     plant: MultibodyPlant, model: ModelInstanceIndex, joints: Sequence[str]
 ) -> tuple[list[int], list[int]]:
-    """Return where joints stand in the state [q; v] of a model instance.
-
-    Args:
-        plant: A finalized plant.
-        model: The model instance.
-        joints: Joints of one degree of freedom.
-
-    Returns:
-        Indices of the positions, and indices of the velocities.
-    """
+    """Return where joints stand in the state [q; v] of a model instance."""
     # Drake numbers positions by its tree, not by the order of the file.
     names = plant.GetPositionNames(model, add_model_instance_prefix=False)
     velocities = plant.GetVelocityNames(model, add_model_instance_prefix=False)

@@ -107,26 +107,14 @@ class PlantPorts:
     def __init__(
         self, system: LeafSystem, plant: MultibodyPlant, scene_graph: SceneGraph
     ) -> None:
-        """Create it.
-
-        Args:
-            system: The system, under construction.
-            plant: The finalized plant.
-            scene_graph: Its scene graph.
-        """
+        """Create it."""
         self._system = system
         self._plant = plant
         self._scene_graph = scene_graph
         self._ports: dict[str, tuple[InputPort, OutputPort]] = {}
 
     def take(self, name: str) -> InputPort:
-        """Return the input port for something that the plant tells.
-
-        Args:
-            name: "body_poses", "spatial_velocities", "spatial_accelerations",
-                "reaction_forces", "generalized_acceleration", "contact_results" or
-                "geometry_query".
-        """
+        """Return the input port for something that the plant tells."""
         if name not in self._ports:
             source = self._source(name)
             if source.size():
@@ -218,15 +206,7 @@ class SensorReadings(PythonSystem):
         sensors: Sequence[SensorInfo],
         accelerations: Sequence[str] = (),
     ) -> None:
-        """Create the system.
-
-        Args:
-            plant: The finalized plant.
-            scene_graph: Its scene graph.
-            model: The robot's model instance.
-            sensors: The sensors.
-            accelerations: Joints whose acceleration is measured.
-        """
+        """Create the system."""
         super().__init__()
         self._plant = plant
         self._gravity: Array = np.array(plant.gravity_field().gravity_vector())

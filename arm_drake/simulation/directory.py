@@ -56,16 +56,7 @@ class TopicList(list[TopicInfo]):
 def make_switch(
     activate: Sequence[str], deactivate: Sequence[str], strictness: Strictness
 ) -> SwitchController:
-    """Return the request for a switch.
-
-    Args:
-        activate: Names of controllers to start.
-        deactivate: Names of controllers to stop.
-        strictness: "strict" or "best_effort".
-
-    Raises:
-        InputError: If there is no such strictness, or these are no names.
-    """
+    """Return the request for a switch."""
     if strictness not in (known := get_args(Strictness)):
         hint = suggest(str(strictness), known)
         raise InputError(f"unknown strictness {strictness!r}; {hint}")
@@ -107,11 +98,7 @@ class Directory:
         }
 
     def manager(self, robot: str | None) -> ControllerManager:
-        """Return a robot's controller manager; that of the first one for None.
-
-        Raises:
-            InputError: If there is no such robot.
-        """
+        """Return a robot's controller manager; that of the first one for None."""
         if robot is None:
             return next(iter(self.managers.values()))
         if not isinstance(robot, str) or robot not in self.managers:
@@ -128,11 +115,7 @@ class Directory:
     def find(
         self, name: str
     ) -> tuple[ControllerManager, LoadedController, ControllerInterface]:
-        """Return a controller's manager, itself, and its system.
-
-        Raises:
-            InputError: If there is no such controller, or it could not be loaded.
-        """
+        """Return a controller's manager, itself, and its system."""
         self.check_name(name)
         manager, controller = self._controllers[name]
         if controller.system is None:
@@ -140,11 +123,7 @@ class Directory:
         return manager, controller, controller.system
 
     def list_controllers(self, context: Context) -> ControllerList:
-        """Return the controllers and their states, in the order of the YAML.
-
-        Args:
-            context: Context of the diagram.
-        """
+        """Return the controllers and their states, in the order of the YAML."""
         return ControllerList(
             row._replace(name=f"{manager.prefix}{row.name}")
             for manager in self.managers.values()

@@ -134,13 +134,7 @@ class Mailbox:
         simulator: Simulator,
         managers: Iterable[ControllerManager],
     ) -> None:
-        """Create it, with nothing sent.
-
-        Args:
-            diagram: The diagram.
-            simulator: What runs it.
-            managers: Its controller managers.
-        """
+        """Create it, with nothing sent."""
         self.diagram = diagram
         self.simulator = simulator
         self._sources = []

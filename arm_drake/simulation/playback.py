@@ -107,10 +107,6 @@ def check_motion(simulation: Runner, motion: Motion) -> None:
 
     A controller that isn't active must have been activated by an earlier step; whether
     that switch works is seen when its time comes.
-
-    Args:
-        simulation: What is to run the motion.
-        motion: The motion.
     """
     if motion.repeats and not motion.duration >= simulation.period:
         problem = (
@@ -133,13 +129,7 @@ def check_motion(simulation: Runner, motion: Motion) -> None:
 
 
 def send_step(simulation: Runner, motion: Motion, step: MotionStep) -> None:
-    """Send a step's message.
-
-    Args:
-        simulation: What runs the motion.
-        motion: The motion.
-        step: Its step.
-    """
+    """Send a step's message."""
     where, message = motion.place(step), step.message
     if isinstance(message, SwitchController):
         simulation.request_switch(message, where=where)

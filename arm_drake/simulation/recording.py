@@ -112,13 +112,7 @@ def read_rollout(
 def read_joint_states(
     diagram: Diagram, context: Context, manager: ControllerManager
 ) -> JointState:
-    """Return position, velocity and effort of every movable joint of a robot, now.
-
-    Args:
-        diagram: The diagram.
-        context: Its context.
-        manager: The robot's controller manager.
-    """
+    """Return position, velocity and effort of every movable joint of a robot, now."""
     port = diagram.GetOutputPort(f"{manager.prefix}joint_states")
     values = port.Eval(context).reshape(3, -1)
     return JointState(
@@ -294,11 +288,6 @@ def _references(
     """Return what controllers wanted of their joints.
 
     It is NaN while they were inactive, and where it wasn't recorded.
-
-    Args:
-        manager: The robot's controller manager.
-        commanded: What was commanded.
-        of_all: Whether also of controllers that never were active.
     """
     references = {}
     for index, controller in enumerate(manager.controllers):
@@ -337,12 +326,7 @@ class BuildInfo(NamedTuple):
 
 
 def add_build_info(builder: DiagramBuilder, info: BuildInfo) -> None:
-    """Keep in a diagram how it is built.
-
-    Args:
-        builder: Where to keep it.
-        info: What to keep.
-    """
+    """Keep in a diagram how it is built."""
     builder.AddNamedSystem(_NAME, ConstantValueSource(AbstractValue.Make(info)))
 
 
@@ -447,11 +431,7 @@ _done: "weakref.WeakKeyDictionary[GoalHandle, GoalRecord]" = weakref.WeakKeyDict
 
 
 def list_failures(mailbox: Mailbox) -> list[str]:
-    """Return a line for all that failed: goals, messages, switches, controllers.
-
-    Args:
-        mailbox: Of a simulation that has run.
-    """
+    """Return a line for all that failed: goals, messages, switches, controllers."""
     lines = []
     for goal in mailbox.goals:
         if goal.status in _FAILED:
@@ -488,12 +468,7 @@ def collect_rollout(
 def record_goals(
     goals: Iterable[GoalHandle], manager: ControllerManager
 ) -> tuple[GoalRecord, ...]:
-    """Return the goals of a robot, in order.
-
-    Args:
-        goals: Goals of all robots.
-        manager: The robot's controller manager.
-    """
+    """Return the goals of a robot, in order."""
     names = {f"{manager.prefix}{c.name}" for c in manager.controllers}
     return tuple(_record_goal(goal) for goal in goals if goal.controller in names)
 
@@ -501,12 +476,7 @@ def record_goals(
 def record_messages(
     sent: Iterable[Sent], manager: ControllerManager
 ) -> tuple[SentMessage, ...]:
-    """Return the messages for a robot but for goals, in order.
-
-    Args:
-        sent: What was sent to all robots.
-        manager: The robot's controller manager.
-    """
+    """Return the messages for a robot but for goals, in order."""
     return tuple(
         SentMessage(
             each.time,
@@ -521,12 +491,7 @@ def record_messages(
 
 
 def topic_of(port: str, manager: ControllerManager) -> str:
-    """Return the name in ROS of an input port of the diagram.
-
-    Args:
-        port: Name of the port, such as "arm.joint_trajectory".
-        manager: The controller manager of its robot.
-    """
+    """Return the name in ROS of an input port of the diagram."""
     own = port.removeprefix(manager.prefix)
     for name in (MANAGER, *(c.name for c in manager.controllers)):
         if own.startswith(f"{name}."):

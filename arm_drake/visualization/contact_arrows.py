@@ -38,11 +38,7 @@ class ContactArrows:
         self._num_shown = 0
 
     def show(self, contacts: ContactsState) -> None:
-        """Draw the forces on a robot in place of those before.
-
-        Args:
-            contacts: What touches it, in the world's frame.
-        """
+        """Draw the forces on a robot in place of those before."""
         forces = [
             (_array(point), _array(wrench.force) * self._length / self._force)
             for state in contacts.states

@@ -259,11 +259,7 @@ class Canvas:
         self._arrow(Curve(points, codes), colour, 0.7, 6.0)
 
     def save(self, path: Path) -> None:
-        """Write the picture; the suffix says of which type it is.
-
-        Raises:
-            OutputError: If the file can't be written.
-        """
+        """Write the picture; the suffix says of which type it is."""
         date = {".svg": "Date", ".pdf": "CreationDate"}.get(path.suffix)
         metadata = {date: None} if date else {}
         with matplotlib.rc_context(_SETTINGS), writing(path):
@@ -307,11 +303,7 @@ class _Column:
 
 
 def draw_graph(graph: ControlGraph) -> Canvas:
-    """Return the picture of a graph.
-
-    Args:
-        graph: What to draw.
-    """
+    """Return the picture of a graph."""
     colours = {
         node.name: colour if node.state == "active" else _IDLE
         for node, colour in zip(graph.controllers, itertools.cycle(_COLOURS))

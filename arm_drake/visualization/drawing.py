@@ -15,11 +15,7 @@ ROOM_TO_MOVE = 0.3
 
 
 def draw(simulation: Simulation) -> None:
-    """Have a simulation's diagram draw its robots.
-
-    Args:
-        simulation: One whose diagram has a Meshcat.
-    """
+    """Have a simulation's diagram draw its robots."""
     root = simulation.simulator.get_context()
     for system in simulation.diagram.GetSystems():
         if isinstance(system, MeshcatVisualizer):
@@ -29,13 +25,7 @@ def draw(simulation: Simulation) -> None:
 def frame_robots(
     simulation: Simulation, meshcat: Meshcat, *, room: float = 0.0
 ) -> None:
-    """Point the camera so that all of the robots is to be seen, where they are now.
-
-    Args:
-        simulation: A simulation with robots.
-        meshcat: Where they are drawn.
-        room: How far they may move sideways, in parts of their diameter.
-    """
+    """Point the camera so that all of the robots is to be seen, where they are now."""
     scene_graph = simulation.diagram.GetSubsystemByName("scene_graph")
     root = simulation.simulator.get_context()
     context = scene_graph.GetMyContextFromRoot(root)

@@ -153,11 +153,7 @@ class Ghost:
         time: float | None = None,
         hidden_at: Mapping[str, RigidTransform] | None = None,
     ) -> None:
-        """Move it, if it is shown; the arguments are those of `show`.
-
-        Raises:
-            InputError: If there is no such joint, or a position isn't finite.
-        """
+        """Move it, if it is shown; the arguments are those of `show`."""
         if self._is_shown:
             self.show(positions, base_pose=base_pose, time=time, hidden_at=hidden_at)
 

@@ -456,22 +456,12 @@ _VISUAL = "/drake/visual"
 
 
 def show_visual(meshcat: Meshcat, is_shown: bool) -> None:
-    """Show or hide what Drake draws of all models, their visual shapes.
-
-    Args:
-        meshcat: Where they are drawn.
-        is_shown: Whether they are to be seen.
-    """
+    """Show or hide what Drake draws of all models, their visual shapes."""
     meshcat.SetProperty(_VISUAL, "visible", is_shown)
 
 
 def path_below(root: str, *names: str) -> str:
-    """Return a Meshcat path of names, in which a slash is no separator.
-
-    Args:
-        root: Path above them.
-        names: Names of robots, links and the like.
-    """
+    """Return a Meshcat path of names, in which a slash is no separator."""
     return "/".join([root, *(name.replace("/", "|") for name in names)])
 
 

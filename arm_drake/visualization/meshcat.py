@@ -272,15 +272,7 @@ def _look(
 
 
 def save_html(meshcat: Meshcat, path: Path) -> None:
-    """Write the scene and its recording as one self-contained page.
-
-    Args:
-        meshcat: What was recorded.
-        path: HTML file to write.
-
-    Raises:
-        OutputError: If it can't be written.
-    """
+    """Write the scene and its recording as one self-contained page."""
     with writing(path):
         path.write_text(meshcat.StaticHtml(), encoding="utf-8")
 

@@ -103,13 +103,7 @@ def choose_grid(
     largest: tuple[int, float, float],
     number: int,
 ) -> tuple[int, float, float]:
-    """Return columns of panels, and width and height of a panel [inch].
-
-    Args:
-        grids: The same, each behind the number of panels up to which it is for.
-        largest: That for more panels.
-        number: How many panels there are.
-    """
+    """Return columns of panels, and width and height of a panel [inch]."""
     return next((grid[1:] for grid in grids if number <= grid[0]), largest)
 
 
@@ -171,14 +165,7 @@ def draw_line(panel: Axes, x: Array, y: Array, **style: Any) -> Line2D:
 
 
 def see_least(panel: Axes, unit: str, factor: float = 1.0, *, along: str = "y") -> None:
-    """Widen the view of a panel whose lines hardly move: a still joint isn't noise.
-
-    Args:
-        panel: The panel.
-        unit: Unit of SI of what it shows.
-        factor: How many units of the panel are one of them.
-        along: The axis that shows it, "x" or "y".
-    """
+    """Widen the view of a panel whose lines hardly move: a still joint isn't noise."""
     low, high = panel.get_xlim() if along == "x" else panel.get_ylim()
     least = _LEAST.get(unit, 0.0) * factor
     if high - low < least:
@@ -188,12 +175,7 @@ def see_least(panel: Axes, unit: str, factor: float = 1.0, *, along: str = "y") 
 
 
 def choose_unit(unit: str, peak: float) -> Unit:
-    """Return the unit in which a small quantity is read well.
-
-    Args:
-        unit: Unit of SI without a prefix.
-        peak: The largest absolute value.
-    """
+    """Return the unit in which a small quantity is read well."""
     if peak >= 0.1:
         return Unit(unit, 1.0)
     if peak >= 1e-4:
@@ -263,12 +245,7 @@ def say_below(picture: Picture, text: str, names: Sequence[str] = ()) -> None:
 
 
 def say_if_empty(picture: Picture, num_rows: int) -> None:
-    """Say so in a picture in which there is nothing.
-
-    Args:
-        picture: The picture.
-        num_rows: Number of rows of the rollout.
-    """
+    """Say so in a picture in which there is nothing."""
     panels = [panel for panel in picture.axes if panel.get_visible()]
     if num_rows and panels:
         return
@@ -325,10 +302,6 @@ def track(rollout: Rollout, joints: Sequence[str]) -> list[Tracked]:
     """Return what joints were to follow: positions, or velocities if there are none.
 
     A joint that is told velocities alone, such as that of a wheel, shows these.
-
-    Args:
-        rollout: The rollout.
-        joints: Which joints.
     """
     return [_track_joint(rollout, joint) for joint in joints]
 
@@ -352,11 +325,7 @@ def unit_of(rollout: Rollout, joint: str, interface: str) -> str:
 
 
 def read_limits(description: str) -> dict[str, JointLimits]:
-    """Return what a description allows its joints; of none, nothing.
-
-    Args:
-        description: An expanded URDF, or "".
-    """
+    """Return what a description allows its joints; of none, nothing."""
     try:
         root = ET.fromstring(description)  # noqa: S314  what was loaded.
     except ET.ParseError:

@@ -51,12 +51,7 @@ _NEAR_LIMIT = 0.2
 
 
 def plot_effort(rollout: Rollout, joints: Sequence[str]) -> Picture:
-    """Return efforts over time, with their limits and when they were there.
-
-    Args:
-        rollout: The rollout.
-        joints: Which joints.
-    """
+    """Return efforts over time, with their limits and when they were there."""
     units = [unit_of(rollout, joint, interfaces.EFFORT) for joint in joints]
     titles = [f"{joint} [{unit}]" for joint, unit in zip(joints, units, strict=True)]
     picture, panels = make_time_panels(titles)
@@ -534,12 +529,7 @@ class Tolerance(NamedTuple):
 
 
 def plot_tracking(rollout: Rollout, joints: Sequence[str]) -> Picture:
-    """Return reference and measurement over time, a panel for each joint.
-
-    Args:
-        rollout: The rollout.
-        joints: Which joints.
-    """
+    """Return reference and measurement over time, a panel for each joint."""
     tracked = track(rollout, joints)
     picture, panels = make_time_panels([f"{t.joint} [{t.unit}]" for t in tracked])
     styles = _Styles(tracked)
@@ -559,10 +549,6 @@ def plot_error(rollout: Rollout, joints: Sequence[str]) -> Picture:
 
     A joint of which nothing was wanted has no panel. All angles are in one unit, and so
     are all lengths.
-
-    Args:
-        rollout: The rollout.
-        joints: Which joints.
     """
     tracked = track(rollout, joints)
     followers = [each for each in tracked if each.wanted]

@@ -411,12 +411,7 @@ class LogLines:
         self._lines: collections.deque[str] = collections.deque(maxlen=_NUM_LINES)
 
     def add(self, simulation: Simulation, news: News) -> None:
-        """Take news, if they are worth a line.
-
-        Args:
-            simulation: Where they come from.
-            news: What happened.
-        """
+        """Take news, if they are worth a line."""
         text = ""
         if isinstance(news, GoalHandle):
             # Feedback comes with the same status.
@@ -480,11 +475,7 @@ def latest(events: Iterable[Event]) -> list[Event]:
 
 
 def make_sections(live: LiveSimulation) -> list[Section]:
-    """Return the panel of a simulation.
-
-    Args:
-        live: The simulation.
-    """
+    """Return the panel of a simulation."""
     simulation = live.simulation
     now = live.realtime_rate
     rate = Choice("rate", "real-time rate", _rate_options(now), _rate_text(now))
@@ -518,11 +509,7 @@ def make_sections(live: LiveSimulation) -> list[Section]:
 
 
 def make_changes(live: LiveSimulation) -> dict[str, dict[str, Any]]:
-    """Return the present values of what changes in the panel, by widget.
-
-    Args:
-        live: The simulation.
-    """
+    """Return the present values of what changes in the panel, by widget."""
     simulation = live.simulation
     changes: dict[str, dict[str, Any]] = {
         "play": {"label": "pause" if live.is_playing else "play"},
@@ -551,14 +538,7 @@ def make_changes(live: LiveSimulation) -> dict[str, dict[str, Any]]:
 
 
 def read_rate(text: object) -> float:
-    """Return the real-time rate of a choice; 0 is as fast as it goes.
-
-    Args:
-        text: What was chosen.
-
-    Raises:
-        InputError: If it is no choice.
-    """
+    """Return the real-time rate of a choice; 0 is as fast as it goes."""
     if text == AS_FAST_AS_POSSIBLE:
         return 0.0
     try:

@@ -88,16 +88,7 @@ class LiveViews:
         frame_robots(simulation, scene.meshcat, room=ROOM_TO_MOVE)
 
     def show(self, what: str, is_shown: bool = True) -> None:
-        """Draw something, or don't.
-
-        Args:
-            what: "visual", "frames", "names", "collision", "inertia", "joint_axes",
-                "ghost" or "contacts".
-            is_shown: Whether to draw it.
-
-        Raises:
-            InputError: If there is no such thing.
-        """
+        """Draw something, or don't."""
         if what == "ghost":
             self._has_ghosts = is_shown
             for ghost in self._ghosts.values():
@@ -178,11 +169,7 @@ class LiveViews:
         )
 
     def handle(self, event_id: str, value: object) -> bool:
-        """Do what was clicked, and return whether it was one of these widgets.
-
-        Raises:
-            InputError: If there is no such link.
-        """
+        """Do what was clicked, and return whether it was one of these widgets."""
         kind, _, what = event_id.partition(":")
         if kind == "show":
             self.show(what, bool(value))

@@ -50,9 +50,6 @@ def is_own(name: str) -> bool:
     """Return whether somebody may call this machine so: an address, or its own name.
 
     A web site's name may lead here, too.
-
-    Args:
-        name: What stands in an address before the port.
     """
     try:
         ipaddress.ip_address(name)
@@ -412,12 +409,7 @@ def _listen(host: str, port: int | None) -> list[socket.socket]:
 
 
 def _bind(host: str, port: int) -> list[socket.socket]:
-    """Return sockets on a port.
-
-    Raises:
-        OSError: If that can't be.
-        ValueError: If the host is no address.
-    """
+    """Return sockets on a port."""
     if host == "localhost":
         addresses = ["127.0.0.1", "::1"]
     elif host in _ANYWHERE:

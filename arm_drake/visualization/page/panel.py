@@ -189,11 +189,7 @@ def make_joints(
 
 
 def make_named_poses(states: Iterable[GroupState]) -> Section:
-    """Return buttons of named poses, `pose:<group>: <name>`.
-
-    Args:
-        states: The poses of the robot's SRDF.
-    """
+    """Return buttons of named poses, `pose:<group>: <name>`."""
     buttons = tuple(Button(f"pose:{state.label}", state.label) for state in states)
     return Section("Named poses", (Buttons(buttons),) if buttons else ())
 
@@ -215,12 +211,7 @@ def make_pose(*, has_ghost: bool) -> Section:
 
 
 def make_fixed_frame(robots: Sequence[Robot], link: str) -> Choice:
-    """Return the choice of the fixed frame, `fixed_frame`.
-
-    Args:
-        robots: Robots with the links.
-        link: The chosen one.
-    """
+    """Return the choice of the fixed frame, `fixed_frame`."""
     names = frame_names(robots)
     hint = "what stays where it is, while all else moves"
     return Choice("fixed_frame", "fixed frame", names, link, hint)
@@ -238,11 +229,7 @@ def frame_names(robots: Sequence[Robot]) -> tuple[str, ...]:
 
 
 def make_report(report: LoadReport) -> Section:
-    """Return the load report, folded.
-
-    Args:
-        report: What was not taken as written.
-    """
+    """Return the load report, folded."""
     lines = [str(entry) for entry in report.grouped()]
     text = Text("report", "not taken as written", "\n\n".join(lines), can_copy=True)
     title = f"Load report ({len(lines)})"
@@ -250,11 +237,7 @@ def make_report(report: LoadReport) -> Section:
 
 
 def find_pose(poses: Sequence[GroupState], name: str) -> GroupState:
-    """Return the pose of a name, or of `<group>: <name>`.
-
-    Raises:
-        InputError: If there is none.
-    """
+    """Return the pose of a name, or of `<group>: <name>`."""
     for pose in poses:
         if name in (pose.label, pose.name):
             return pose
@@ -264,12 +247,7 @@ def find_pose(poses: Sequence[GroupState], name: str) -> GroupState:
 
 
 def list_news(before: LoadReport, after: LoadReport) -> list[str]:
-    """Return the lines of a report that were not in the one before.
-
-    Args:
-        before: The earlier report.
-        after: The later one.
-    """
+    """Return the lines of a report that were not in the one before."""
     known = {str(entry) for entry in before.grouped()}
     lines = [str(entry) for entry in after.grouped()]
     return [line for line in lines if line not in known]
@@ -343,14 +321,7 @@ class LinkViews:
         models: Mapping[str, ModelInstanceIndex],
         robots: Sequence[Robot],
     ) -> None:
-        """Show it of these robots, in place of those before.
-
-        Args:
-            plant: The finalized plant.
-            scene_graph: Its scene graph.
-            models: Model instances by the robots' names.
-            robots: The robots.
-        """
+        """Show it of these robots, in place of those before."""
         if self._drawings is not None:
             self._drawings.clear()
         descriptions = {robot.name: robot.description for robot in robots}

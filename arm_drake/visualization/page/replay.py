@@ -42,16 +42,7 @@ def load_recorded_robot(
     package_paths: Sequence[Path] = (),
     max_faces: int | None = None,
 ) -> Robot:
-    """Return the robot of a rollout, of the description that was recorded with it.
-
-    Args:
-        rollout: The rollout.
-        package_paths: Folders to search for the packages that hold its meshes.
-        max_faces: Triangles of each mesh that is drawn, at most.
-
-    Raises:
-        InputError: If no description was recorded, or it can't be used.
-    """
+    """Return the robot of a rollout, of the description that was recorded with it."""
     if not rollout.description:
         raise InputError("the log doesn't hold its robot's description; name the robot")
     try:
@@ -87,16 +78,7 @@ class Replay:
     """Shows a robot where it was."""
 
     def __init__(self, meshcat: Meshcat, rollout: Rollout, robot: Robot) -> None:
-        """Draw the robot as in the first row.
-
-        Args:
-            meshcat: Where to draw it.
-            rollout: Where it was.
-            robot: The robot.
-
-        Raises:
-            InputError: If the rollout has no rows, or joints that the robot hasn't.
-        """
+        """Draw the robot as in the first row."""
         if not len(rollout.time):
             raise InputError("the log has no rows; there is nothing to show")
         if not np.isfinite(rollout.position).all():
@@ -176,13 +158,7 @@ class ReplayPage:
     """
 
     def __init__(self, page: Page, replay: Replay, *, rate: float = 1.0) -> None:
-        """Show a replay; `run` lets it go.
-
-        Args:
-            page: Where to show it.
-            replay: What to play.
-            rate: Recorded seconds per second.
-        """
+        """Show a replay; `run` lets it go."""
         self.page, self.replay = page, replay
         self.is_playing = True
         self.time = replay.start
@@ -215,14 +191,7 @@ class ReplayPage:
         self.time = min(max(time, self.replay.start), self.replay.end)
 
     def set_rate(self, rate: float) -> None:
-        """Set how fast time passes.
-
-        Args:
-            rate: Recorded seconds per second, above 0.
-
-        Raises:
-            InputError: If it is something else.
-        """
+        """Set how fast time passes."""
         if not 0.0 < rate < float("inf"):
             raise InputError(f"speed: expected a positive number, got {rate!r}")
         self._rate = rate

@@ -26,12 +26,7 @@ class RobotScene:
     """A robot's plant, and what of it Meshcat shows."""
 
     def __init__(self, meshcat: Meshcat, robot: Robot) -> None:
-        """Create it, in the robot's initial positions, with nothing drawn yet.
-
-        Args:
-            meshcat: Where to draw it.
-            robot: The robot.
-        """
+        """Create it, in the robot's initial positions, with nothing drawn yet."""
         self.robot = robot
         self._meshcat = meshcat
         builder = DiagramBuilder()
@@ -94,12 +89,7 @@ class RobotScene:
         )
 
     def set_free_pose(self, link: str, X_WL: RigidTransform) -> None:
-        """Put a link somewhere that no joint holds.
-
-        Args:
-            link: Name of the link.
-            X_WL: Its pose in the world.
-        """
+        """Put a link somewhere that no joint holds."""
         body = self.plant.GetBodyByName(link, self.model)
         self.plant.SetFloatingBaseBodyPoseInWorldFrame(self.context, body, X_WL)
 

@@ -46,11 +46,7 @@ def take_meshcat() -> Meshcat:
 
 
 def give_back(meshcat: Meshcat) -> None:
-    """Let another page have a Meshcat; call it in the thread that took it.
-
-    Args:
-        meshcat: One that no browser is connected to.
-    """
+    """Let another page have a Meshcat; call it in the thread that took it."""
     meshcat.DeleteRecording()
     meshcat.DeleteAddedControls()
     meshcat.Delete()
