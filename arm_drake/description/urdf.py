@@ -92,7 +92,7 @@ class RobotDescription:
 
     # The description as Drake takes it: meshes converted, repairs made. Nobody changes
     # it; what needs another makes a copy.
-    root: ET.Element = dc.field(repr=False)
+    root: ET.Element = dc.field(repr=False, compare=False)
 
     @functools.cached_property
     def urdf(self) -> str:
