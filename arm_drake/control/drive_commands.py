@@ -70,12 +70,7 @@ class DriveMode(Message):
 
 
 def is_outdone(name: str, claims: Collection[str]) -> bool:
-    """Return whether a drive does not act on a command, for it follows another one.
-
-    Args:
-        name: A claimed command interface, such as "joint1/effort".
-        claims: All claimed command interfaces.
-    """
+    """Return whether a drive does not act on a command, for it follows another one."""
     joint, _, interface = name.rpartition("/")
     if f"{joint}/{interfaces.POSITION}" in claims:
         return False  # To what a position asks for, all else is added.
@@ -279,7 +274,7 @@ class DriveCommands:
             mode: Which commands are followed.
             values: Values of the command interfaces, shape (k,).
             last: Drive vector of the last cycle.
-            fresh: Joints whose controller has just started, shape (n,); None is none.
+            fresh: Joints whose controller starts, shape (n,); None is none.
             skipped: Joints whose controller doesn't tick in this cycle, likewise.
         """
         is_steady = fresh is None and skipped is None and not self.has_limits
@@ -303,17 +298,15 @@ class DriveCommands:
             limits = np.where(at < 0, 0.0, np.abs(values[at]))
         if mode.is_plain or not self.has_modes:
             return np.concatenate((q, v, self._zeros, limits, rate))
-        told = mode.is_guided | mode.is_velocity
+        follows_velocity = mode.is_guided | mode.is_velocity
+        adds_acceleration = mode.is_acceleration | mode.is_accelerated
+        adds_effort = mode.is_effort | mode.is_pushed
         return np.concatenate(
             (
                 q,
-                np.where(told, values[mode.velocity_at], v),
-                np.where(
-                    mode.is_acceleration | mode.is_accelerated,
-                    values[mode.acceleration_at],
-                    0.0,
-                ),
-                np.where(mode.is_effort | mode.is_pushed, values[mode.effort_at], 0.0),
+                np.where(follows_velocity, values[mode.velocity_at], v),
+                np.where(adds_acceleration, values[mode.acceleration_at], 0.0),
+                np.where(adds_effort, values[mode.effort_at], 0.0),
                 mode.is_velocity,
                 mode.is_acceleration,
                 mode.is_effort | mode.is_idle,

@@ -1,16 +1,11 @@
-"""Holds the commands of one joint to its limits.
+"""Limits of joints, to which commands are held: one joint, and all of a robot.
 
-The rules are those of ros2_control's joint_limits (``joint_saturation_limiter.cpp`` and
-``joint_soft_limiter.cpp``, master of 2026-08). One joint in plain numbers, for it
+The rules are those of ros2_control's joint_limits (``joint_limits_helpers.cpp``,
+``joint_saturation_limiter.cpp`` and, for joints with soft limits,
+``joint_soft_limiter.cpp``; master of 2026-08). One joint is in plain numbers, for it
 runs for each joint at every tick. Units are the joint's: [rad] or [m], [N·m] or [N],
-and [s].
-
-The ranges that a joint's limits leave to its commands, one quantity each.
-
-The rules are those of ros2_control's joint_limits (``joint_limits_helpers.cpp`` and
-``joint_soft_limiter.cpp``, master of 2026-08). q and v are the measured position and
-velocity, None where they aren't measured; a range is a lower and an upper end. Plain
-numbers of one joint, in its units: [rad] or [m], [N·m] or [N], and [s].
+and [s]. q and v are the measured position and velocity, None where they aren't
+measured; a range is a lower and an upper end.
 
 Quirks of upstream that are kept:
 
@@ -20,12 +15,10 @@ Quirks of upstream that are kept:
   limit of the acceleration where no velocity is measured.
 * `k_velocity` of 0 without a limit of the velocity takes the limit of the effort away.
 
-Holds the commands of a robot's joints to their limits, once in a cycle.
-
-What ros2_control's resource manager does where `enforce_command_limits` is on: with the
-limits of `joint_limits` for each joint, on the command interfaces that are claimed.
-Upstream limits a command when it is written, and once more at the end of the cycle;
-both give the same, so it is done at the end.
+All joints of a robot are held to their limits once in a cycle, as ros2_control's
+resource manager does where `enforce_command_limits` is on, on the command interfaces
+that are claimed. Upstream limits a command when it is written, and once more at the end
+of the cycle; both give the same, so it is done at the end.
 """
 
 import math
@@ -61,12 +54,7 @@ def position_range(
 ) -> Range:
     """Return the range of a position command.
 
-    Args:
-        limits: Limits of the joint.
-        q: Measured position.
-        v: Measured velocity.
-        previous: The position commanded before, after limits.
-        dt: Time since [s].
+    `dt` [s].
     """
     low, high = limits.position_range or UNLIMITED
     # Not where the joint is: it lags behind its commands, and would hardly move.
@@ -90,12 +78,7 @@ def velocity_range(
 ) -> Range:
     """Return the range of a velocity command.
 
-    Args:
-        limits: Limits of the joint.
-        q: Measured position.
-        velocity: The command.
-        previous: The velocity commanded before, after limits.
-        dt: Time since [s].
+    `dt` [s].
     """
     if limits.max_velocity is None:
         return UNLIMITED
@@ -121,12 +104,6 @@ def effort_range(
     """Return the range of an effort command.
 
     A joint at the end of its range, or too fast, isn't pushed on.
-
-    Args:
-        limits: Limits of the joint.
-        most: Its limit of the effort.
-        q: Measured position.
-        v: Measured velocity.
     """
     low, high = -most, most
     if v is None:
@@ -148,13 +125,7 @@ def effort_range(
 def max_acceleration(
     limits: JointLimits, acceleration: float, v: float | None
 ) -> float | None:
-    """Return the greatest amount of an acceleration command, None without a limit.
-
-    Args:
-        limits: Limits of the joint.
-        acceleration: The command.
-        v: Measured velocity; a command against it slows the joint down.
-    """
+    """Return the greatest amount of an acceleration command, None without a limit."""
     slows_down = v is not None and (acceleration < 0.0 < v or v < 0.0 < acceleration)
     if slows_down and limits.max_deceleration is not None:
         return limits.max_deceleration
@@ -167,14 +138,7 @@ def velocity_band(
     q: float | None,
     previous: float | None,
 ) -> Range:
-    """Return which velocities soft limits leave where the joint is.
-
-    Args:
-        limits: Limits of the joint.
-        soft: Its soft limits.
-        q: Measured position.
-        previous: The position commanded before, after limits.
-    """
+    """Return which velocities soft limits leave where the joint is."""
     most = limits.max_velocity
     if most is None:
         return UNLIMITED
@@ -202,13 +166,7 @@ def soft_position_range(
 ) -> Range:
     """Return the range of a position command under soft limits.
 
-    Args:
-        limits: Limits of the joint.
-        soft: Soft limits of the joint.
-        hard: The range without them; disregarded where it doesn't overlap with theirs.
-        band: The joint's velocity band.
-        near: The position commanded before, else the measured one, if any is known.
-        dt: Time since [s].
+    `dt` [s].
     """
     low, high = soft.position_range or UNLIMITED
     if limits.max_velocity is not None and near is not None:
@@ -223,12 +181,7 @@ def narrow_band(
 ) -> Range:
     """Return the range of a velocity command under soft limits.
 
-    Args:
-        limits: Limits of the joint.
-        band: Its velocity band.
-        hard: The range without soft limits.
-        v: Measured velocity.
-        dt: Time since the last command [s].
+    `dt` [s].
     """
     low, high = band
     acceleration = limits.max_acceleration
@@ -241,15 +194,7 @@ def narrow_band(
 def soft_effort_range(
     soft: SoftJointLimits, most: float, hard: Range, band: Range, v: float
 ) -> Range:
-    """Return the range of an effort command under soft limits.
-
-    Args:
-        soft: Soft limits of the joint.
-        most: Its limit of the effort.
-        hard: The range without soft limits.
-        band: The velocities that are allowed.
-        v: Measured velocity.
-    """
+    """Return the range of an effort command under soft limits."""
     gain = soft.k_velocity
     if gain is None or not math.isfinite(gain):
         return hard
@@ -318,84 +263,63 @@ def limit(
 ) -> LimitedCommand:
     """Return a command that is within the limits of a joint.
 
-    A NaN is no command: it passes and isn't remembered.
-
-    Args:
-        limits: What the joint can do.
-        soft_limits: What slows it down before; None selects upstream's
-            JointSaturationLimiter, anything else its JointSoftLimiter.
-        previous: The limited commands before, as the last call returned them;
-            NO_COMMAND at first.
-        measured: Measured state; None where nothing is measured.
-        desired: The command; None where the joint has no such command interface.
-        dt: Time since the command before [s]; with 0 or less nothing is limited.
-
-    Raises:
-        PositionOutOfBoundsError: If a position is commanded and the joint is far
-            outside its limits.
+    A NaN is no command: it passes and isn't remembered. `previous` is what the last
+    call returned, NO_COMMAND at first; None is what isn't measured or commanded.
     """
     if dt <= 0.0:
         return LimitedCommand(desired, False, previous)
     if previous == NO_COMMAND:
         previous = _start(measured, desired)
     position, velocity, effort, acceleration, jerk = desired
-    last_position, last_velocity, last_effort, last_acceleration, last_jerk = previous
-    q, v = measured.position, measured.velocity
-    is_limited = False
-
-    band = UNLIMITED
-    if soft_limits is not None:
-        band = velocity_band(limits, soft_limits, q, last_position)
+    p0, v0, e0, a0, j0 = previous
+    q, v, soft, is_limited = measured.position, measured.velocity, soft_limits, False
+    band = UNLIMITED if soft is None else velocity_band(limits, soft, q, p0)
 
     if position is not None and position == position:
         _check_position(limits, q, previous)
-        low, high = position_range(limits, q, v, last_position, dt)
-        if soft_limits is not None:
-            near, hard = last_known(last_position, q), (low, high)
-            low, high = soft_position_range(limits, soft_limits, hard, band, near, dt)
+        low, high = position_range(limits, q, v, p0, dt)
+        if soft is not None:
+            near, hard = last_known(p0, q), (low, high)
+            low, high = soft_position_range(limits, soft, hard, band, near, dt)
         if position < low or position > high:
             is_limited, position = True, min(max(position, low), high)
-        last_position = position
+        p0 = position
 
     if velocity is not None and velocity == velocity:
-        low, high = velocity_range(limits, q, velocity, last_velocity, dt)
-        if soft_limits is not None:
+        low, high = velocity_range(limits, q, velocity, v0, dt)
+        if soft is not None:
             band = low, high = narrow_band(limits, band, (low, high), v, dt)
         if velocity < low or velocity > high:
             is_limited, velocity = True, min(max(velocity, low), high)
-        last_velocity = velocity
+        v0 = velocity
 
     if effort is not None and effort == effort:
-        if limits.max_effort is not None:
-            low, high = effort_range(limits, limits.max_effort, q, v)
-            if soft_limits is not None and v is not None:
-                hard = low, high
-                low, high = soft_effort_range(
-                    soft_limits, limits.max_effort, hard, band, v
-                )
+        most = limits.max_effort
+        if most is not None:
+            low, high = effort_range(limits, most, q, v)
+            if soft is not None and v is not None:
+                low, high = soft_effort_range(soft, most, (low, high), band, v)
             if effort < low or effort > high:
                 is_limited, effort = True, min(max(effort, low), high)
-        last_effort = effort
+        e0 = effort
 
     if acceleration is not None and acceleration == acceleration:
         most = max_acceleration(limits, acceleration, v)
-        if most is not None and abs(acceleration) > most:
-            is_limited, acceleration = True, math.copysign(most, acceleration)
-        last_acceleration = acceleration
-
+        a0 = acceleration = _bound(acceleration, most)
     if jerk is not None and jerk == jerk:
-        most = limits.max_jerk
-        if most is not None and abs(jerk) > most:
-            is_limited, jerk = True, math.copysign(most, jerk)
-        last_jerk = jerk
+        j0 = jerk = _bound(jerk, limits.max_jerk)
+    if acceleration is not desired.acceleration or jerk is not desired.jerk:
+        is_limited = True  # What isn't limited is the same object.
+    command = JointControlInterfacesData(position, velocity, effort, acceleration, jerk)
+    last = JointControlInterfacesData(p0, v0, e0, a0, j0)
+    return LimitedCommand(command, is_limited, last)
 
-    return LimitedCommand(
-        JointControlInterfacesData(position, velocity, effort, acceleration, jerk),
-        is_limited,
-        JointControlInterfacesData(
-            last_position, last_velocity, last_effort, last_acceleration, last_jerk
-        ),
-    )
+
+def _bound(value: float, most: float | None) -> float:
+    """Return a value of at most an amount; itself if it is."""
+    if most is not None and abs(value) > most:
+        return math.copysign(most, value)
+    return value
 
 
 def _check_position(

@@ -7,6 +7,7 @@ sampled position error are both at z, so a step settles in 5.83 / w0 at every h.
 
 import dataclasses as dc
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -262,58 +263,30 @@ def compute_servo_gains(
 ) -> ServoGains:
     """Return the servo's numbers; one rule for every robot.
 
-    Args:
-        samples: Dynamics of the commanded joints, with the step's damping h D and
-            rotors in their inertia.
-        limits: Limits of the joints.
-        bandwidth: w0 [rad/s].
-        time_step: Step of the plant h [s].
-        observer_gain: Share of a disturbance that is taken over at each step; 0 for no
-            observer.
-        position_rate: Velocity per position error that joints are to have instead
-            [1/s], NaN where they aren't, shape (n,).
-        command_period: Period T at whose end a command is to be met [s]; 0: it is now.
-        carried: Inertia of what wheels move on the ground [kg·m^2], shape (n,).
-        friction: Dry friction [N·m], shape (n,). Whose effort can't overcome it has no
-            observer, for that would learn of it without end, and asks for little.
-        is_exact: Whether joints are to be where the ideal drive would be in continuous
-            time; else they are up to half a step ahead.
-        is_coordinated: Whether joints wait for each other at their effort limits; else
-            they have only accelerations that all can have at once.
+    `samples` have the step's damping h D and rotors in their inertia; `bandwidth` is w0
+    [rad/s], `time_step` h [s], `command_period` T that at whose end a command is to be
+    met [s], 0 is at once. `position_rate` is a velocity per position error to have
+    instead [1/s], NaN is none; `carried` the inertia of what wheels move on the ground
+    [kg·m^2]; `friction` is dry [N·m]. Exact joints are where the ideal drive would be
+    in continuous time, others up to half a step ahead; coordinated ones wait for each
+    other at their effort limits, others have accelerations that all can have at once.
     """
     h, z = time_step, math.exp(-bandwidth * time_step)
     max_inertia, min_inertia = samples.inertia.max(axis=0), samples.inertia.min(axis=0)
-    max_gravity = samples.max_gravity
-    moved = max_inertia + carried
-    unlimited = 2.0 * (max_gravity + _UNLIMITED_ACCELERATION * moved)
-    effort = np.where(np.isfinite(limits.effort), limits.effort, unlimited)
-    spare = np.maximum(limits.effort - max_gravity, 0.1 * limits.effort)
-    is_strong = limits.effort > max_gravity + _MUCH_FRICTION * friction
-    is_stuck = limits.effort <= friction
-    spare = np.where(is_stuck, 0.1 * limits.effort, spare)
+    unlimited = _UNLIMITED_ACCELERATION * (max_inertia + carried)
+    effort, spare, is_strong, is_stuck = _find_efforts(
+        limits.effort, unlimited, samples.max_gravity, friction
+    )
     liveliest = 2.0 * bandwidth * limits.approach_speed
     with np.errstate(divide="ignore"):
         speed = np.minimum(limits.approach_speed, _CRUISING * spare / samples.damping)
-    n = len(spare)
-    kp, kd = np.full(n, (1.0 - z) ** 2 / h**2), np.full(n, (1.0 - z**2) / h)
-    # While it is held a position is T/2 ahead of the motion, on average; the sampled
-    # drive is h/2 ahead of the ideal one.
-    early = 0.0 if is_exact else h
-    ahead = (command_period + early) / 2.0 if command_period else 0.0
     last = z * (z - 1.0 + bandwidth * h) / (1.0 - z) ** 2 if is_exact else 0.0
-    lead = np.full(n, velocity_lead(bandwidth) - ahead)
-    largest = liveliest
-    if position_rate is not None:
-        # The velocity becomes rate times error within a step, as in Gazebo.
-        is_given = np.isfinite(position_rate)
-        kd[is_given], lead[is_given] = 1.0 / h, 0.0
-        kp[is_given] = position_rate[is_given] / h
-        largest = np.where(is_given, math.inf, liveliest)
+    ahead = _find_ahead(command_period, h, is_exact)
+    lead = np.full(len(spare), velocity_lead(bandwidth) - ahead)
+    kp, kd, lead, largest = _follow_rate(h, z, lead, liveliest, position_rate)
     together = common_accelerations(samples.mass_matrix, spare, liveliest)
-    most = together
-    if is_coordinated:
-        # The strong wait for each other, as the effort law makes them.
-        most = np.where(is_strong, largest, np.minimum(spare / max_inertia, largest))
+    # The strong wait for each other, as the effort law makes them.
+    most = np.where(is_strong, largest, np.minimum(spare / max_inertia, largest))
     return ServoGains(
         kp=kp,
         kd=kd,
@@ -322,7 +295,7 @@ def compute_servo_gains(
         velocity_lead=lead,
         max_approach=speed * kd / kp,
         braking_error=_BRAKING * together * (kd / kp) ** 2,
-        max_acceleration=most,
+        max_acceleration=most if is_coordinated else together,
         observer_gain=observer_gain,
         max_disturbance=np.where(is_stuck, 0.0, 2.0 * effort / min_inertia),
         effort_limit=limits.effort,
@@ -333,6 +306,61 @@ def compute_servo_gains(
         last_command=last,
         is_coordinated=is_coordinated,
     )
+
+
+class _Efforts(NamedTuple):
+    """Efforts of n joints, shape (n,) each."""
+
+    # The greatest ones, also where there is no limit, and what is left beside gravity.
+    greatest: Array
+    spare: Array
+
+    # Whether it overcomes gravity and friction well, and whether not even friction.
+    is_strong: NDArray[np.bool_]
+    is_stuck: NDArray[np.bool_]
+
+
+def _find_efforts(
+    limit: Array, unlimited: Array, gravity: Array, friction: Array | float
+) -> _Efforts:
+    """Return the efforts of joints; the second argument is of those without a limit.
+
+    What can't overcome its dry friction [N·m] has no observer, for that would learn of
+    it without end, and asks for little.
+    """
+    is_stuck = limit <= friction
+    spare = np.maximum(limit - gravity, 0.1 * limit)
+    return _Efforts(
+        np.where(np.isfinite(limit), limit, 2.0 * (gravity + unlimited)),
+        np.where(is_stuck, 0.1 * limit, spare),
+        limit > gravity + _MUCH_FRICTION * friction,
+        is_stuck,
+    )
+
+
+def _find_ahead(command_period: float, time_step: float, is_exact: bool) -> float:
+    """Return how far a position is ahead of the motion [s].
+
+    While it is held it is T/2 ahead, on average; the sampled drive is h/2 ahead of the
+    ideal one.
+    """
+    early = 0.0 if is_exact else time_step
+    return (command_period + early) / 2.0 if command_period else 0.0
+
+
+def _follow_rate(
+    h: float, z: float, lead: Array, largest: Array, position_rate: Array | None
+) -> tuple[Array, Array, Array, Array]:
+    """Return kp, kd, velocity leads and greatest accelerations, by the rates given."""
+    n = len(lead)
+    kp, kd = np.full(n, (1.0 - z) ** 2 / h**2), np.full(n, (1.0 - z**2) / h)
+    if position_rate is not None:
+        # The velocity becomes rate times error within a step, as in Gazebo.
+        is_given = np.isfinite(position_rate)
+        kd[is_given], lead[is_given] = 1.0 / h, 0.0
+        kp[is_given] = position_rate[is_given] / h
+        largest = np.where(is_given, math.inf, largest)
+    return kp, kd, lead, largest
 
 
 # Pole of the presliding motion.

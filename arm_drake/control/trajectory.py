@@ -106,10 +106,6 @@ class Knots(NamedTuple):
 
         A start state without velocities or accelerations has zeros if the first point
         has some.
-
-        Args:
-            before: Start state.
-            message: Points in the controller's joint order.
         """
         points = message.points
         n = next(len(vector) for vector in before[1:] if vector is not None)
@@ -130,9 +126,7 @@ class Knots(NamedTuple):
         With v_0 and a_0 at the start, v_1 and a_1 at the end of a segment of length D:
         v_1 = v_0 + (a_0 + a_1) D / 2 if it is missing, q_1 = q_0 + (v_0 + v_1) D / 2.
 
-        Args:
-            segments: Which segments; segment i ends in knot i + 1.
-            durations: Length of all segments [s], shape (m,).
+        `durations` [s], shape (m,).
         """
         q, v, a, _ = self.values
         for i in segments:
@@ -164,9 +158,7 @@ class Knots(NamedTuple):
 def make_polynomials(knots: Knots, durations: Array) -> list[Polynomial]:
     """Return the polynomial of every segment.
 
-    Args:
-        knots: Start state and points, m of them.
-        durations: Length of the segments [s], shape (m,).
+    `durations` [s], shape (m,).
     """
     start, end = knots.values[:, :-1], knots.values[:, 1:]
     _, has_v, has_a, _ = (knots.at_start[:, :-1] & knots.at_end[:, 1:]).astype(int)
@@ -438,10 +430,7 @@ def shortest_angular_distance(start: Array, end: Array) -> Array:
 def wrap_state_before(current: Array, target: Array, wraparound: Mask) -> Array:
     """Return the current positions, moved by full turns to be next to a target.
 
-    Args:
-        current: Joint positions [rad], shape (n,).
-        target: Positions to go to [rad], shape (n,).
-        wraparound: Which joints turn without end, shape (n,); the others stay.
+    `current`, `target` [rad], shape (n,); `wraparound` shape (n,).
     """
     turn = shortest_angular_distance(current, target)
     half = np.abs(np.abs(turn) - np.pi) < 1e-9
@@ -483,11 +472,7 @@ def in_joint_order(
 ) -> JointTrajectory:
     """Return a trajectory of all joints in the controller's order.
 
-    Args:
-        message: A trajectory of some of the joints, in any order.
-        joints: The controller's joints, n of them.
-        missing: Positions of the joints that the trajectory leaves out, shape (n,).
-            What else these lack is 0.
+    `missing` shape (n,).
     """
     if message.joint_names == joints:
         return message
@@ -522,58 +507,69 @@ def blend(
         message: A new trajectory of some of the joints, in any order.
         old: The trajectory that is being followed.
         joints: The controller's joints, n of them.
-        missing: Positions of joints that are left out, where the old trajectory has
-            none, shape (n,).
+        missing: Positions of what the old trajectory has none of either, shape (n,).
         cursor_ns: Where the old trajectory is being followed [ns].
         delay_ns: Time on it until the new one takes over [ns].
         cursor: Point from which on the old trajectory is searched.
         seen: Greatest `segment_end` of the samples of the old trajectory so far.
     """
-    points = message.points
-    is_partial = len(message.joint_names) < len(joints)
+    points, is_partial = message.points, len(message.joint_names) < len(joints)
     if is_partial and not points[-1].positions:
         return None
     handoff_ns = cursor_ns + delay_ns
     at = _places(message, joints)
-
-    def shifted(point: JointTrajectoryPoint, time_ns: int) -> JointTrajectoryPoint:
-        time = Duration.from_nanoseconds(time_ns - cursor_ns)
-        return JointTrajectoryPoint(
-            point.positions, point.velocities, point.accelerations, point.effort, time
-        )
-
-    # Points whose segment was sampled have got what they lacked.
     bridge = old.sample(handoff_ns, cursor, seen)
-    handoff = -1 if bridge is None else bridge.segment_end
-    prefix = [
-        shifted(
-            old.point(i, is_deduced=i <= seen, is_left=i < seen or i + 1 == handoff),
-            time_ns,
-        )
-        for i, time_ns in enumerate(old.times_ns)
-        if cursor_ns < time_ns < handoff_ns
-    ]
+    prefix = _points_before(old, bridge, cursor_ns, handoff_ns, seen)
     first_ns = handoff_ns + points[0].time_from_start.to_nanoseconds()
     if bridge is not None and handoff_ns < first_ns:
-        prefix.append(shifted(_point_of(bridge), handoff_ns))
+        prefix.append(_at(_point_of(bridge), delay_ns))
 
     new = []
     for point in points:
         time_ns = handoff_ns + point.time_from_start.to_nanoseconds()
         there = old.sample(time_ns, cursor, seen) if is_partial else None
-        new.append(shifted(_ordered(point, at, _follow_old(there, missing)), time_ns))
+        ordered = _ordered(point, at, _follow_old(there, missing))
+        new.append(_at(ordered, time_ns - cursor_ns))
 
     suffix = []
     if is_partial:
         end_ns = handoff_ns + points[-1].time_from_start.to_nanoseconds()
         stays = [i is not None for i in at]
         suffix = [
-            shifted(_frozen(old.point(i), stays, new[-1]), time_ns)
+            _at(_frozen(old.point(i), stays, new[-1]), time_ns - cursor_ns)
             for i, time_ns in enumerate(old.times_ns)
             if time_ns > end_ns
         ]
     blended = JointTrajectory(joint_names=joints, points=(*prefix, *new, *suffix))
     return Replacement(blended, len(prefix))
+
+
+def _at(point: JointTrajectoryPoint, time_ns: int) -> JointTrajectoryPoint:
+    """Return a point at another time [ns]."""
+    time = Duration.from_nanoseconds(time_ns)
+    return JointTrajectoryPoint(
+        point.positions, point.velocities, point.accelerations, point.effort, time
+    )
+
+
+def _points_before(
+    old: Trajectory,
+    bridge: Sample | None,
+    cursor_ns: int,
+    handoff_ns: int,
+    seen: int,
+) -> list[JointTrajectoryPoint]:
+    """Return the points of an old trajectory up to the handoff, by what is there."""
+    handoff = -1 if bridge is None else bridge.segment_end
+    # Points whose segment was sampled have got what they lacked.
+    return [
+        _at(
+            old.point(i, is_deduced=i <= seen, is_left=i < seen or i + 1 == handoff),
+            time_ns - cursor_ns,
+        )
+        for i, time_ns in enumerate(old.times_ns)
+        if cursor_ns < time_ns < handoff_ns
+    ]
 
 
 def _places(message: JointTrajectory, joints: tuple[str, ...]) -> list[int | None]:

@@ -103,11 +103,7 @@ def errors_of(
     Velocities are compared if they are measured, and velocities or efforts commanded;
     accelerations if both are.
 
-    Args:
-        rules: Numbers of the controller.
-        inputs: What is measured.
-        desired: The reference.
-        error: Errors of the positions, shape (n,).
+    `error` shape (n,).
     """
     velocity = acceleration = None
     if rules.has_velocity_error and inputs.velocity is not None:
@@ -136,13 +132,7 @@ def make_command(
 
     where velocities are commanded, without u.
 
-    Args:
-        rules: Numbers of the controller.
-        state: State after the last tick.
-        inputs: What the tick reads.
-        desired: The trajectory at present.
-        ahead: The trajectory one period ahead.
-        error: Errors of the positions, shape (n,).
+    `error` shape (n,).
     """
     pid = state.pid
     if rules.pid is not None:
@@ -213,14 +203,7 @@ def follow(
     inputs: TickInputs,
     is_first: bool,
 ) -> JointTrajectoryState:
-    """Return the state that has sampled, judged and commanded the trajectory.
-
-    Args:
-        rules: Numbers of the controller.
-        state: State with a trajectory.
-        inputs: What the tick reads.
-        is_first: Whether this is the trajectory's first tick.
-    """
+    """Return the state that has sampled, judged and commanded the trajectory."""
     plan, trajectory, measured = state.plan, state.plan.trajectory, inputs.position
     if trajectory is None:
         return state
@@ -231,15 +214,7 @@ def follow(
     ahead_ns = clock_ns + rules.look_ahead_ns
     desired, ahead, cursor = _sample(state, trajectory, clock_ns, ahead_ns)
     if desired is None or ahead is None:
-        return state._replace(
-            time_ns=inputs.time_ns,
-            clock_ns=clock_ns,
-            position=measured,
-            velocity=inputs.velocity,
-            acceleration=inputs.acceleration,
-            ahead_ns=-1,
-            ahead=None,
-        )
+        return _wait(state, inputs, clock_ns)
     is_finished = ahead.segment_end == len(trajectory.times_ns)
     if is_finished and rules.is_cursor_pinned:
         cursor = ahead.segment_start
@@ -279,6 +254,21 @@ def follow(
     if verdict is _FINE and (state.goal is None or not is_finished):
         return new
     return _conclude(rules, new, inputs, trajectory, verdict, is_finished)
+
+
+def _wait(
+    state: JointTrajectoryState, inputs: TickInputs, clock_ns: int
+) -> JointTrajectoryState:
+    """Return the state after a tick before the trajectory starts."""
+    return state._replace(
+        time_ns=inputs.time_ns,
+        clock_ns=clock_ns,
+        position=inputs.position,
+        velocity=inputs.velocity,
+        acceleration=inputs.acceleration,
+        ahead_ns=-1,
+        ahead=None,
+    )
 
 
 def _sample(
@@ -419,11 +409,6 @@ def activate(
 
     That is where they were commanded to be before, if `rules.starts_from_commands`.
     Messages among the inputs are left to the tick.
-
-    Args:
-        rules: Numbers of the controller.
-        state: State before; the initial one, or that of a deactivation.
-        inputs: What is read.
     """
     plan, commands = state.plan, present_commands(rules, inputs)
     before = commanded_before(rules, inputs, commands)
@@ -465,11 +450,6 @@ def deactivate(
 
     The goal aborts. Velocity, acceleration and effort commands become 0, and position
     commands stay.
-
-    Args:
-        rules: Numbers of the controller.
-        state: State of an active controller.
-        inputs: What is read; not used.
     """
     del inputs
     if is_executing(state):
@@ -489,11 +469,6 @@ def idle(
     """Return the state after a tick of an inactive controller.
 
     Messages are refused, and results that are due are told.
-
-    Args:
-        rules: Numbers of the controller.
-        state: State of an inactive controller.
-        inputs: What is read.
     """
     rules = state.plan.rules or rules
     return monitor(rules, receive(rules, state, inputs), inputs.time_ns)
@@ -505,11 +480,6 @@ def tick(
     """Return the state after a tick of an active controller.
 
     A controller that was never activated is activated first.
-
-    Args:
-        rules: Numbers of the controller.
-        state: State after the last tick.
-        inputs: What is read in this tick.
     """
     if state.plan.rules is None:
         state = activate(rules, state, inputs)
@@ -617,12 +587,7 @@ class JointTrajectoryController(
         parameters: JointTrajectoryControllerParameters,
         params: ControllerInterfaceParams,
     ) -> None:
-        """Create the system.
-
-        Args:
-            parameters: The controller's parameters.
-            params: Rate and surroundings of the controller.
-        """
+        """Create the system."""
         joints, scaling = parameters.joints, parameters.speed_scaling
         states = interfaces.interface_names(joints, parameters.state_interfaces)
         commands = interfaces.interface_names(
@@ -669,12 +634,7 @@ class JointTrajectoryController(
         self._unknown = np.full(self._num_commands, np.nan)
 
     def query_state(self, context: Context, time: TimeLike) -> QueryTrajectoryState:
-        """Return what is planned for a time: the service `query_state`.
-
-        Args:
-            context: Context of the system.
-            time: When, in the time of the controller's ticks.
-        """
+        """Return what is planned for a time: the service `query_state`."""
         inbox, state = self._state(context)
         return query(inbox.rules, state, Time.of(time).to_nanoseconds())
 
