@@ -1,4 +1,9 @@
-"""run_many and iterate_many: what a program calls."""
+"""run_many and iterate_many, and where they execute runs.
+
+That is here, one after the other; in threads; in processes; or by choice, for which
+runs that are executed here take the time. How many at a time is by the cores that this
+process may use.
+"""
 
 import contextlib
 import contextvars
@@ -15,18 +20,15 @@ from numbers import Integral
 from pathlib import Path
 from typing import Any, Literal, TypeVar, overload
 
-from arm_drake.batch.processes import Pool, is_warm
+from arm_drake.batch.processes import Done, Pool, SendError, attempt, is_warm
 from arm_drake.batch.runs import (
-    Done,
     Outcome,
     Run,
     Runner,
     RunResult,
     RunResults,
     RunsInterrupted,
-    SendError,
     Stop,
-    attempt,
     enter_thread,
     is_nested,
 )
@@ -37,13 +39,7 @@ from arm_drake.simulation.simulation import Simulation
 def run_serially(
     function: Callable[[Any], Any], items: Sequence[Any], indices: Iterable[int]
 ) -> Iterator[Done]:
-    """Run inputs one after the other.
-
-    Args:
-        function: What to run.
-        items: The inputs.
-        indices: Places of those to run.
-    """
+    """Run the inputs in some places one after the other."""
     for index in indices:
         yield attempt(function, index, items[index])
 
@@ -58,12 +54,6 @@ def run_in_threads(
 
     Who closes the iterator waits for what is under way: a Run stops within 0.1 s of its
     simulated time, a function of a user ends first.
-
-    Args:
-        function: What to run.
-        items: The inputs.
-        indices: Places of those to run.
-        num_threads: How many run at a time.
     """
     waiting: queue.SimpleQueue[int] = queue.SimpleQueue()
     num_waiting = 0
@@ -131,15 +121,9 @@ class Work:
 
 
 def run_in_processes(work: Work) -> Iterator[Done]:
-    """Run inputs in worker processes.
+    """Run inputs in worker processes, or raise SendError of the function.
 
     Runs that have no worker, for none can begin, have the error that tells why.
-
-    Args:
-        work: What to run.
-
-    Raises:
-        SendError: If the function can't be sent to them.
     """
     waiting, is_done = deque(range(len(work.items))), False
     pool = Pool(work.function, work.items, waiting)
@@ -154,12 +138,7 @@ def run_in_processes(work: Work) -> Iterator[Done]:
 
 
 def run_by_choice(work: Work, choice: Choice) -> Iterator[Done]:
-    """Run inputs where it is quickest, by what those take that ran here.
-
-    Args:
-        work: What to run.
-        choice: Is told what was chosen.
-    """
+    """Run inputs where it is quickest, by what those take that ran here."""
     waiting, is_done = deque(range(len(work.items))), False
     starter = _Starter(work, waiting, choice)
     try:
@@ -193,13 +172,7 @@ class _Starter:
     """Starts processes as soon as they pay, also in the midst of a run here."""
 
     def __init__(self, work: Work, waiting: deque[int], choice: Choice) -> None:
-        """Create it.
-
-        Args:
-            work: What to run.
-            waiting: Places of the runs that have not begun.
-            choice: Is told why.
-        """
+        """Create it with the places of runs that have not begun; choice is told why."""
         # None before processes are started.
         self.pool: Pool | None = None
         self._work, self._waiting, self._choice = work, waiting, choice
@@ -298,10 +271,6 @@ def read_quota(v2: Path = _V2, v1: Path = _V1) -> float | None:
 
     Source: the kernel's cgroup-v2 (`cpu.max`: quota and period in us, or "max") and
     cgroup-v1 (`cpu.cfs_quota_us`, -1 for none) documents.
-
-    Args:
-        v2: Where a container sees its cgroup, version 2.
-        v1: The same, version 1.
     """
     try:
         quota, period = (v2 / "cpu.max").read_text().split()
@@ -328,12 +297,7 @@ class Progress:
     """A bar in place on a terminal and in a notebook; lines elsewhere, or nothing."""
 
     def __init__(self, num_runs: int, shown: bool | None) -> None:
-        """Create it, and show it.
-
-        Args:
-            num_runs: How many runs there are.
-            shown: Whether to show it; None is in terminals and notebooks alone.
-        """
+        """Create it, and show it: None is in terminals and notebooks alone."""
         self._is_in_place = _can_overwrite()
         self._is_shown = self._is_in_place if shown is None else shown
         self._num_runs = num_runs
@@ -345,11 +309,7 @@ class Progress:
             self._tell(self._start)
 
     def add(self, *, failed: bool) -> None:
-        """Count a run that has ended.
-
-        Args:
-            failed: Whether it has an error.
-        """
+        """Count a run that has ended."""
         self._num_done += 1
         self._num_failed += failed
         now = time.perf_counter()

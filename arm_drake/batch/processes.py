@@ -1,12 +1,13 @@
-"""Runs in worker processes: how they are started, fed, watched and ended.
+"""Processes that execute runs: how they are started, fed, watched and ended.
 
-The process whose children the workers are: it has imported everything, once.
+Workers are forked from a server, a process that has imported everything, once: so they
+start at once and share its memory. They aren't forked from the program, which may have
+threads, of Meshcat for one, whose locks would stay locked in a fork. The server has a
+single thread, is started when it is first needed, and ends with its program however
+that ends.
 
-Workers are forked from it, not from the program: that may have threads, of Meshcat for
-one, whose locks would stay locked in a fork. It has a single thread, is started when it
-is first needed, and ends with its program however that ends.
-
-This module is the program of that process; `forking.py` has the other side.
+`serve` is the program of the server, `work` that of a worker; `Server` and `Pool` are
+in the program whose runs they are.
 """
 
 import atexit
@@ -26,31 +27,108 @@ import sys
 import threading
 import time
 import traceback
-import weakref
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from multiprocessing.connection import Connection, wait
 from typing import Any, NamedTuple
 
+import cloudpickle
 import numpy as np
 
-from arm_drake.batch.runs import (
-    Done,
-    RunError,
-    attempt,
-    dumps,
-    enter_process,
-    loads,
-    sendable,
-)
+from arm_drake.batch.runs import Stop, describe, enter_process, is_nested
 from arm_drake.controllers import CONTROLLER_TYPES
-from arm_drake.errors import ArmDrakeError
+from arm_drake.errors import ArmDrakeError, InputError
 
-# What runs need, imported before the first fork.
-_MODULES = (
-    "arm_drake.batch.runs",
-    "arm_drake.controllers.registry",
-)
+
+class RunError(ArmDrakeError):
+    """A run has no result: its process died, or its value can't be sent."""
+
+
+class SendError(InputError):
+    """Something can't be sent to other processes."""
+
+
+def loads(data: bytes) -> Any:
+    """Return what `dumps` has made bytes of."""
+    return pickle.loads(data)  # noqa: S301  Of our own program.
+
+
+def dumps(what: Any, role: str) -> bytes:
+    """Return something as bytes that another process can read, or raise SendError.
+
+    What modules define is sent by its name, and imported there. What a program or a
+    notebook defines, lambdas, and functions in functions are sent with their code. The
+    role is what it is in the message, as "the function".
+    """
+    try:
+        return bytes(cloudpickle.dumps(what))
+    except Exception as error:  # Whatever classes of users raise.
+        raise SendError(
+            f"{role} can't be sent to other processes: {error}; expected what "
+            "cloudpickle takes, or backend='threads' or 'serial'"
+        ) from None
+
+
+@dc.dataclass(frozen=True, eq=False)
+class Done:
+    """A run that has ended, well or not."""
+
+    # Its place in the list of runs.
+    index: int
+
+    value: Any
+    error: Exception | None
+
+    # How long it took where it ran [s].
+    wall_time: float
+
+
+def attempt(function: Callable[[Any], Any], index: int, item: Any) -> Done:
+    """Run a function on an input; what it raises becomes the run's error."""
+    start = time.perf_counter()
+    value, error = None, None
+    try:
+        value = function(item)
+    except Exception as raised:
+        error = _tidy(raised, raised)
+    except Stop:
+        raise
+    except BaseException as raised:
+        # Of Ctrl-C, where nobody sends this to threads and workers.
+        if isinstance(raised, KeyboardInterrupt) and not is_nested():
+            raise
+        error = _tidy(RunError(f"the run raised {raised!r}"), raised)
+    return Done(index, value, error, time.perf_counter() - start)
+
+
+def _tidy(error: Exception, raised: BaseException) -> Exception:
+    """Return an error that holds no frames, hence no simulations.
+
+    Where it was raised is a note, unless its message is meant for users.
+    """
+    if not isinstance(raised, ArmDrakeError):
+        error.add_note("".join(traceback.format_exception(raised)).rstrip())
+    error.__cause__ = error.__context__ = None
+    return error.with_traceback(None)
+
+
+def sendable(error: Exception) -> Exception:
+    """Return an error as it is if it comes through a pickle, else its text."""
+    try:
+        copy = loads(dumps(error, "the error"))
+        if type(copy) is type(error) and str(copy) == str(error):
+            return error
+    except Exception:  # noqa: S110  Classes of others may raise anything.
+        pass
+    is_told = isinstance(error, ArmDrakeError)
+    text = RunError(str(error) if is_told else describe(error))
+    for note in getattr(error, "__notes__", ()):
+        text.add_note(note)
+    return text
+
+
+# What runs need and this module doesn't import, for the server.
+_MODULES = ("arm_drake.controllers.registry",)
 
 READY = b"r"
 FORK = b"f"
@@ -67,13 +145,11 @@ _PR_SET_PDEATHSIG = 1
 
 
 def serve(control_fd: int, program: int) -> None:
-    """Fork workers when asked to, until the program is gone.
+    """Fork workers when asked to, until the program (its process id) is gone.
 
-    Args:
-        control_fd: Socket on which each request comes with two more of them: one for
-            the worker, and one for its exit code (the negative number of a signal). A
-            worker is killed when the other end of the latter is closed.
-        program: The program's process id.
+    On the control socket each request comes with two more of them: one for the worker,
+    and one for its exit code (the negative number of a signal). A worker is killed when
+    the other end of the latter is closed.
     """
     # Ctrl-C is for the program, which stops the workers. What is ignored would be in
     # what a function starts, too.
@@ -84,7 +160,9 @@ def serve(control_fd: int, program: int) -> None:
         for name in _MODULES:
             importlib.import_module(name)
         gc.collect()
-        gc.freeze()  # A collection in a worker would copy all pages.
+        # Else a collection in a worker copies pages that it shares: of its memory 37 MB
+        # were its own, not 25 (Doosan, after a full collection).
+        gc.freeze()
         control.send(READY)
         _Server(control, program).run()
     except ConnectionError:  # The program is gone.
@@ -209,31 +287,18 @@ _PROGRAM = (
 
 _STDERR = 2
 
-# A server whose program is done with it ends within so long, or is killed [s].
+# A server or worker that has nothing to do ends within so long, or is killed [s].
 _LONGEST_END = 1.0
-
-# What a fork of the program must not hold open: the ends of connections, by which
-# others know that they are to end.
-_ours: weakref.WeakSet[socket.socket | Connection] = weakref.WeakSet()
-
-
-def _close_ours() -> None:
-    for end in list(_ours):
-        end.close()
-
-
-os.register_at_fork(after_in_child=_close_ours)
 
 
 class Server:
-    """The process that forks workers; see `server.py`."""
+    """The process that forks workers, as the program sees it."""
 
     def __init__(self) -> None:
         """Start it; it imports what runs need, which takes a second."""
         self.pid = os.getpid()
         _open_streams()
         self._control, theirs = socket.socketpair()
-        _ours.add(self._control)
         path = [str(folder) for folder in sys.path]
         program = _PROGRAM.format(path=path, fd=theirs.fileno(), pid=self.pid)
         # Ctrl-C isn't for it, also before it can say so.
@@ -255,9 +320,8 @@ class Server:
     def fork(self) -> tuple[Connection, socket.socket]:
         """Return the connection to a new worker, and where its exit code will come.
 
-        Raises:
-            ConnectionError: If this process has died.
-            OSError: If there can't be more open files.
+        Raises ConnectionError if this process has died, OSError if there can't be more
+        open files.
         """
         with contextlib.ExitStack() as stack:
             (data, theirs), (status, its) = (
@@ -265,9 +329,7 @@ class Server:
                 for _ in range(2)
             )
             socket.send_fds(self._control, [FORK], [theirs.fileno(), its.fileno()])
-            connection, told = Connection(data.detach()), status.dup()
-        _ours.update((connection, told))
-        return connection, told
+            return Connection(data.detach()), status.dup()
 
     def close(self) -> None:
         """End it, with all its workers."""
@@ -317,11 +379,7 @@ def get_server() -> Server:
 
 
 def fork_worker() -> tuple[Connection, socket.socket]:
-    """Return what `Server.fork` does; start a server if there is none.
-
-    Raises:
-        OSError: If none can be started.
-    """
+    """Return what `Server.fork` does; start a server if there is none, or OSError."""
     try:
         return get_server().fork()
     except ConnectionError:  # It has just died.
@@ -382,10 +440,9 @@ class Setup(NamedTuple):
 def work(connection: Connection) -> None:
     """Run what comes, until nobody is there any more.
 
-    Args:
-        connection: Gives a Setup, the registered controller types, the function, then
-            pairs of index and input, all pickled; takes None or the error of the
-            beginning, then each Done, and after it STAYS or LEAVES.
+    The connection gives a Setup, the registered controller types, the function, then
+    pairs of index and input, all pickled; it takes None or the error of the beginning,
+    then each Done, and after it STAYS or LEAVES.
     """
     enter_process()
     # What a function forks doesn't hold it open.
@@ -442,9 +499,6 @@ def _pack(done: Done) -> bytes:
         return dumps(failed, "the error")
 
 
-# A worker that has nothing to do ends within so long, or is killed [s].
-
-
 class _Worker:
     """One worker, and what it is doing."""
 
@@ -466,11 +520,9 @@ class _Worker:
             self.connection.send_bytes(pickle.dumps((index, item)))
 
     def take(self) -> Done | None:
-        """Return what it has to say: what became of its run, or that it is ready.
+        """Return what became of its run, or None once it is ready.
 
-        Raises:
-            EOFError: If it has died.
-            OSError: If it has died.
+        Raises EOFError or OSError if it has died.
         """
         data = self.connection.recv_bytes()
         if self.is_ready:
@@ -496,10 +548,20 @@ class _Worker:
 
     def close(self, timeout: float) -> None:
         """End it; kill it if it takes longer than the timeout [s]."""
+        data = socket.socket(fileno=self.connection.fileno())
+        _end(data)
+        data.detach()
         self.connection.close()
         if timeout > 0.0:
             wait([self.status], timeout)
+        _end(self.status)
         self.status.close()
+
+
+def _end(end: socket.socket) -> None:
+    """Let the other end know; closing is not enough if a fork has this end, too."""
+    with contextlib.suppress(OSError):  # It may be gone.
+        end.shutdown(socket.SHUT_RDWR)
 
 
 class Pool:
@@ -511,16 +573,10 @@ class Pool:
         items: Sequence[Any],
         waiting: deque[int],
     ) -> None:
-        """Create it, without workers.
+        """Create it, without workers, or raise SendError of the function.
 
-        Args:
-            function: What to run.
-            items: The inputs.
-            waiting: Places of those to run. What is left of them in the end had no
-                workers, which is this one's `trouble`.
-
-        Raises:
-            SendError: If the function can't be sent to other processes.
+        `waiting` are the places of the inputs to run. What is left of them in the end
+        had no workers, which is this one's `trouble`.
         """
         self._beginning = (
             dumps(Setup.of_this_process(), "what workers are to see"),
@@ -567,11 +623,7 @@ class Pool:
             self._feed()
 
     def close(self, *, kill: bool) -> None:
-        """End all workers.
-
-        Args:
-            kill: Whether at once, in the midst of what they do.
-        """
+        """End all workers, at once in the midst of what they do if to be killed."""
         deadline = time.perf_counter() + (0.0 if kill else _LONGEST_END)
         for worker in self._workers:
             # One that is only starting has nothing to end.

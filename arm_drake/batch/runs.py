@@ -1,23 +1,23 @@
-"""Run: one rollout in words, and what executes it."""
+"""Runs: rollouts in words, what executes them, and their results.
+
+This is the seam between a program and where its runs are executed: a Run goes there and
+a RunResult comes back, both plain data that can be pickled.
+"""
 
 import contextvars
 import dataclasses as dc
 import math
 import pickle
 import threading
-import time
-import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from numbers import Real
 from pathlib import Path
 from typing import Any, Generic, TypeVar, overload
 
-import cloudpickle
-
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.diagram import build_diagram
-from arm_drake.errors import ArmDrakeError, InputError
+from arm_drake.errors import InputError
 from arm_drake.loading import load_robot
 from arm_drake.messages import GoalStatus, Result
 from arm_drake.options import SimulationOptions
@@ -43,11 +43,7 @@ class Stop(BaseException):
 
 
 def enter_thread(stop: threading.Event) -> None:
-    """Note that this thread executes runs, until it is told to stop.
-
-    Args:
-        stop: Tells it.
-    """
+    """Note that this thread executes runs, until the event tells it to stop."""
     _STOP.set(stop)
 
 
@@ -222,11 +218,7 @@ class Runner:
     """
 
     def __init__(self, keep: Callable[[Simulation], Any] | None = None) -> None:
-        """Create it.
-
-        Args:
-            keep: Returns what to keep of a simulation that has run; None is an Outcome.
-        """
+        """Create it with what returns what to keep; None is an Outcome."""
         self._keep = keep
         # Key and simulation of each thread's last run.
         self._local = threading.local()
@@ -289,56 +281,7 @@ def _find_motion(run: Run, robot: Robot) -> Motion | None:
     return find_motion(run.motion, robot, run.parameters)
 
 
-class SendError(InputError):
-    """Something can't be sent to other processes."""
-
-
-def loads(data: bytes) -> Any:
-    """Return what `dumps` has made bytes of."""
-    return pickle.loads(data)  # noqa: S301  Of our own program.
-
-
-def dumps(what: Any, role: str) -> bytes:
-    """Return something as bytes that another process can read.
-
-    What modules define is sent by its name, and imported there. What a program or a
-    notebook defines, lambdas, and functions in functions are sent with their code.
-
-    Args:
-        what: What to send.
-        role: What it is, for messages, as "the function".
-
-    Raises:
-        SendError: If it can't be sent.
-    """
-    try:
-        return bytes(cloudpickle.dumps(what))
-    except Exception as error:  # Whatever classes of users raise.
-        raise SendError(
-            f"{role} can't be sent to other processes: {error}; expected what "
-            "cloudpickle takes, or backend='threads' or 'serial'"
-        ) from None
-
-
 Value = TypeVar("Value")
-
-
-class RunError(ArmDrakeError):
-    """A run has no result: its process died, or its value can't be sent."""
-
-
-@dc.dataclass(frozen=True, eq=False)
-class Done:
-    """A run that has ended, well or not."""
-
-    # Its place in the list of runs.
-    index: int
-
-    value: Any
-    error: Exception | None
-
-    # How long it took where it ran [s].
-    wall_time: float
 
 
 @dc.dataclass(frozen=True, eq=False)
@@ -429,7 +372,7 @@ class RunResults(Sequence[RunResult[Value]]):
             f"{self.backend}: {self.why}"
         ]
         for result in self.failed:
-            lines.append(f"run {result.index}: {_describe(result.error)}")
+            lines.append(f"run {result.index}: {describe(result.error)}")
         return "\n".join(lines)
 
 
@@ -447,57 +390,7 @@ class RunsInterrupted(KeyboardInterrupt, Generic[Value]):
         super().__init__(f"{len(self.results)} of {num_runs} runs were finished")
 
 
-def attempt(function: Callable[[Any], Any], index: int, item: Any) -> Done:
-    """Run a function on an input; what it raises becomes the run's error.
-
-    Args:
-        function: What to run.
-        index: The input's place in the list.
-        item: The input.
-    """
-    start = time.perf_counter()
-    value, error = None, None
-    try:
-        value = function(item)
-    except Exception as raised:
-        error = _tidy(raised, raised)
-    except Stop:
-        raise
-    except BaseException as raised:
-        # Of Ctrl-C, where nobody sends this to threads and workers.
-        if isinstance(raised, KeyboardInterrupt) and not is_nested():
-            raise
-        error = _tidy(RunError(f"the run raised {raised!r}"), raised)
-    return Done(index, value, error, time.perf_counter() - start)
-
-
-def _tidy(error: Exception, raised: BaseException) -> Exception:
-    """Return an error that holds no frames, hence no simulations.
-
-    Where it was raised is a note, unless its message is meant for users.
-    """
-    if not isinstance(raised, ArmDrakeError):
-        error.add_note("".join(traceback.format_exception(raised)).rstrip())
-    error.__cause__ = error.__context__ = None
-    return error.with_traceback(None)
-
-
-def sendable(error: Exception) -> Exception:
-    """Return an error as it is if it comes through a pickle, else its text."""
-    try:
-        copy = loads(dumps(error, "the error"))
-        if type(copy) is type(error) and str(copy) == str(error):
-            return error
-    except Exception:  # noqa: S110  Classes of others may raise anything.
-        pass
-    is_told = isinstance(error, ArmDrakeError)
-    text = RunError(str(error) if is_told else _describe(error))
-    for note in getattr(error, "__notes__", ()):
-        text.add_note(note)
-    return text
-
-
-def _describe(error: Exception | None) -> str:
+def describe(error: Exception | None) -> str:
     """Return an error's type and text."""
     try:
         text = str(error)
