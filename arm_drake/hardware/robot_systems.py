@@ -2,13 +2,13 @@
 
 import dataclasses as dc
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Multiplexer, VectorLogSink, ZeroOrderHold
 
 from arm_drake import interfaces
 from arm_drake.control.drive_commands import DriveCommands
+from arm_drake.control.generic_system import GenericSystem
 from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.description.gazebo_plugins import Ros2ControlPlugin
 from arm_drake.description.report import LoadReport
@@ -28,9 +28,6 @@ from arm_drake.options import SimulationOptions
 from arm_drake.plant.contact import CONTACT_LOG, ContactForces
 from arm_drake.plant.kinematics import LinkFrames
 from arm_drake.timing import fit_period, has_rate
-
-if TYPE_CHECKING:
-    from arm_drake.control.generic_system import GenericSystem
 
 
 @dc.dataclass(frozen=True)
@@ -57,7 +54,7 @@ class RobotSystems:
 
     def find_surroundings(
         self,
-        blocks: Sequence["GenericSystem"] | None = None,
+        blocks: Sequence[GenericSystem] | None = None,
         gripper_ranges: Mapping[str, tuple[float, float]] | None = None,
     ) -> Surroundings:
         """Return what the robot offers its controllers."""

@@ -5,7 +5,7 @@ import math
 from abc import ABC, abstractmethod
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from arm_drake import interfaces
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
@@ -16,10 +16,8 @@ from arm_drake.errors import InputError, suggest
 from arm_drake.interfaces import ACCELERATION, EFFORT, POSITION, VELOCITY
 from arm_drake.manager import ControllerManager
 from arm_drake.plant.joint_ranges import joint_ranges
+from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.page.widgets import Button, Buttons, Slider, Widget
-
-if TYPE_CHECKING:
-    from arm_drake.simulation.simulation import Simulation
 
 # Measured values are shown in such steps, in their unit: they never stand quite still.
 _DIGITS = 4
@@ -32,7 +30,7 @@ class Remote(ABC):
     controller is deactivated, as the controller forgets it.
     """
 
-    def __init__(self, simulation: "Simulation", controller: str) -> None:
+    def __init__(self, simulation: Simulation, controller: str) -> None:
         """Create it; `find_remotes` does that.
 
         Args:

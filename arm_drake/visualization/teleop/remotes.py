@@ -11,7 +11,7 @@ import dataclasses as dc
 import math
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from arm_drake import interfaces
 from arm_drake.controllers.controller_interface import ControllerInterface
@@ -35,6 +35,8 @@ from arm_drake.messages import (
     Vector3,
 )
 from arm_drake.messages.control import InterfaceValue
+from arm_drake.simulation.mailbox import GoalHandle
+from arm_drake.simulation.simulation import Simulation
 from arm_drake.simulation.topics import COMMANDS, TOPIC, ControllerTopics
 from arm_drake.visualization.page.widgets import Button, Buttons, Slider
 from arm_drake.visualization.teleop.remote import (
@@ -45,10 +47,6 @@ from arm_drake.visualization.teleop.remote import (
     find_plugins,
     shown,
 )
-
-if TYPE_CHECKING:
-    from arm_drake.simulation.mailbox import GoalHandle
-    from arm_drake.simulation.simulation import Simulation
 
 # By the sliders' names: the parameters that limit them, their unit, and how far they go
 # without limits.
@@ -64,7 +62,7 @@ _REST = {"forward": 0.0, "sideways": 0.0, "turn": 0.0}
 class BaseRemote(Remote):
     """Drives a base; the velocity is sent again in every `tick` until it is 0."""
 
-    def __init__(self, simulation: "Simulation", controller: str) -> None:
+    def __init__(self, simulation: Simulation, controller: str) -> None:
         """Create it; `find_remotes` does that.
 
         Args:
@@ -198,7 +196,7 @@ class CommandRemote(GrippingRemote):
     # Whether a message has all numbers; else those alone that are new.
     sends_all = True
 
-    def __init__(self, simulation: "Simulation", controller: str) -> None:
+    def __init__(self, simulation: Simulation, controller: str) -> None:
         """Create it; `find_remotes` does that.
 
         Args:
@@ -397,7 +395,7 @@ _EFFORT = 10.0
 class GripperRemote(Remote):
     """Moves the joint of a controller with the action `gripper_cmd`."""
 
-    def __init__(self, simulation: "Simulation", controller: str) -> None:
+    def __init__(self, simulation: Simulation, controller: str) -> None:
         """Create it; `find_remotes` does that.
 
         Args:
@@ -425,7 +423,7 @@ class GripperRemote(Remote):
             buttons = tuple(Button(self._id(t), t) for t in ("open", "close"))
             self._layout = (slider, Buttons(buttons))
 
-    def move_to(self, position: float) -> "GoalHandle":
+    def move_to(self, position: float) -> GoalHandle:
         """Send a goal.
 
         Args:
@@ -440,7 +438,7 @@ class GripperRemote(Remote):
         self._goal = at
         return goal
 
-    def open(self) -> "GoalHandle":
+    def open(self) -> GoalHandle:
         """Open it.
 
         Raises:
@@ -448,11 +446,11 @@ class GripperRemote(Remote):
         """
         return self._grip(0)
 
-    def close(self) -> "GoalHandle":
+    def close(self) -> GoalHandle:
         """Close it; raises as `open`."""
         return self._grip(1)
 
-    def _grip(self, end: int) -> "GoalHandle":
+    def _grip(self, end: int) -> GoalHandle:
         if self._ends is None:
             joint = self._axis.joint
             raise self._error(f"joint {joint!r} has no limits to tell open from closed")
@@ -509,7 +507,7 @@ class TrajectoryRemote(GrippingRemote):
     point, so their trajectories have many points.
     """
 
-    def __init__(self, simulation: "Simulation", controller: str) -> None:
+    def __init__(self, simulation: Simulation, controller: str) -> None:
         """Create it; `find_remotes` does that.
 
         Args:
@@ -680,7 +678,7 @@ class TrajectoryRemote(GrippingRemote):
             self.go_to({part.removeprefix("goal:"): value})
 
 
-def find_remotes(simulation: "Simulation") -> list[Remote]:
+def find_remotes(simulation: Simulation) -> list[Remote]:
     """Return what a person can command, one for each controller that takes commands.
 
     They are found by what a controller takes, not by its type: active or not, but none
@@ -697,7 +695,7 @@ def find_remotes(simulation: "Simulation") -> list[Remote]:
     return [remote for remote in remotes if remote is not None]
 
 
-def _make_remote(simulation: "Simulation", name: str) -> Remote | None:
+def _make_remote(simulation: Simulation, name: str) -> Remote | None:
     manager, loaded, system = simulation.directory.find(name)
     if not system.command_interfaces:
         return None
