@@ -297,45 +297,25 @@ def _slip(
     return along * wheel.roller[0] + across * wheel.roller[1], 0.0
 
 
-def add_base_truths(
+def _add_base_truths(
     builder: DiagramBuilder,
     plant: MultibodyPlant,
-    scene_graph: SceneGraph,
     model: ModelInstanceIndex,
-    description: RobotDescription,
     controllers: Sequence[LoadedController],
-    *,
-    bases: Sequence[MobileBase],
-    axles: Sequence[Axle],
-    rollers: Sequence[Rollers],
+    bases: Sequence[tuple[MobileBase, Sequence[Wheel]]],
     prefix: str,
 ) -> None:
-    """Add what measures the bases of a robot, and export its ports.
+    """Add what measures bases with their wheels, and export its ports.
 
     They are called `<controller>.wheel_slip` and `<controller>.ground_truth`.
-
-    Args:
-        builder: Where the plant and the controllers are.
-        plant: The finalized plant; bases stand where they start.
-        scene_graph: Its scene graph.
-        model: The robot's model instance.
-        description: The robot.
-        controllers: Its controllers.
-        bases: What they drive.
-        axles: Axles that the plant has besides.
-        rollers: Rollers likewise.
-        prefix: Start of the names of systems and ports.
     """
     systems = {c.name: c.system for c in controllers if c.system is not None}
-    for base in bases:
+    for base, wheels in bases:
         if base.controller not in systems:
             continue
         context, body = plant.CreateDefaultContext(), plant.GetBodyByName
         link = body(base.link, model)
         start = plant.EvalBodyPoseInWorld(context, link)
-        wheels = find_wheels(
-            plant, scene_graph, model, description, base, axles, rollers
-        )
         name = f"{prefix}{base.controller}:truth"
         truth = builder.AddNamedSystem(
             name, BaseTruth(base.link, int(link.index()), start, wheels)
@@ -371,16 +351,13 @@ _TOUCHING = 1e-6
 _GAP = 1e-3
 
 
-def report_ground(
+def _report_ground(
     plant: MultibodyPlant,
     scene_graph: SceneGraph,
     model: ModelInstanceIndex,
     robot: Robot,
     report: LoadReport,
-    *,
-    bases: Sequence[MobileBase],
-    axles: Sequence[Axle],
-    rollers: Sequence[Rollers],
+    bases: Sequence[tuple[MobileBase, Sequence[Wheel]]],
 ) -> None:
     """Record a base that has no ground, or isn't on it, or whose wheels aren't.
 
@@ -404,10 +381,7 @@ def report_ground(
         return
     lowest = min(lowest_height(shape) for shape in shapes)
     _report_height(robot, lowest, report)
-    for base in bases:
-        wheels = find_wheels(
-            plant, scene_graph, model, robot.description, base, axles, rollers
-        )
+    for base, wheels in bases:
         gaps = {}
         for wheel in wheels:
             if not _is_sprung(robot, wheel.joint, base.link):
@@ -563,25 +537,11 @@ class RobotBases:
             report: Where is recorded that it doesn't stand on the ground.
             prefix: Start of the names of systems and ports.
         """
-        report_ground(
-            plant,
-            scene_graph,
-            model,
-            self.robot,
-            report,
-            bases=self.bases,
-            axles=self.axles,
-            rollers=self.rollers,
-        )
-        add_base_truths(
-            builder,
-            plant,
-            scene_graph,
-            model,
-            self.robot.description,
-            controllers,
-            bases=self.bases,
-            axles=self.axles,
-            rollers=self.rollers,
-            prefix=prefix,
-        )
+        description, added = self.robot.description, (self.axles, self.rollers)
+        wheels = [
+            find_wheels(plant, scene_graph, model, description, base, *added)
+            for base in self.bases
+        ]
+        bases = list(zip(self.bases, wheels, strict=True))
+        _report_ground(plant, scene_graph, model, self.robot, report, bases)
+        _add_base_truths(builder, plant, model, controllers, bases, prefix)
