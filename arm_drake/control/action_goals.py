@@ -64,12 +64,7 @@ class ActiveGoal(Message):
 
 
 def answer_cancel(goal: ActiveGoal | None, request: CancelGoal) -> CancelResponse:
-    """Return whether a goal can be cancelled.
-
-    Args:
-        goal: The goal that is known, if there is one.
-        request: Which one is to be cancelled.
-    """
+    """Return whether a goal can be cancelled."""
     if goal is None or goal.request is not request.request or goal.is_canceling:
         reason = "no such goal is being executed; it has ended, or was never accepted"
         return CancelResponse(request, False, reason)

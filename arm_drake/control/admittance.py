@@ -23,25 +23,17 @@ class ChainKinematics(Protocol):
     def pose(self, q: Array, link: str) -> Array:
         """Return the pose of a link in the base, shape (4, 4).
 
-        Args:
-            q: Positions of the joints [rad] or [m], shape (n,).
-            link: Name of the link.
+        `q` [rad] or [m], shape (n,).
         """
 
     def jacobian(self, q: Array, link: str) -> Array:
         """Return what joint velocities move a link by, in the base, shape (6, n).
 
-        Args:
-            q: Positions of the joints [rad] or [m], shape (n,).
-            link: Name of the link.
+        `q` [rad] or [m], shape (n,).
         """
 
     def joints_to(self, link: str) -> tuple[str, ...]:
-        """Return the movable joints between the base and a link.
-
-        Args:
-            link: Name of the link.
-        """
+        """Return the movable joints between the base and a link."""
 
 
 class AdmittanceFrames(NamedTuple):

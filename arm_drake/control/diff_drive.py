@@ -40,9 +40,7 @@ class DiffDriveKinematics:
     def wheels(self, v: float, w: float) -> tuple[float, float]:
         """Return the velocities of the left and the right wheel [rad/s].
 
-        Args:
-            v: Velocity forwards [m/s].
-            w: Velocity of turning [rad/s].
+        `v` [m/s]; `w` [rad/s].
         """
         half = w * self.separation / 2.0
         return (v - half) / self.left_radius, (v + half) / self.right_radius
@@ -52,11 +50,7 @@ class DiffDriveKinematics:
     ) -> DiffDriveOdometryState:
         """Return the odometry after the wheels have come to positions [rad].
 
-        Args:
-            state: Odometry before; returned itself if there was no time.
-            left: Position of the left wheel [rad].
-            right: Position of the right wheel [rad].
-            dt: Time since the last positions [s].
+        `left`, `right` [rad]; `dt` [s].
         """
         if abs(dt) < _TINY:
             return state
@@ -71,11 +65,7 @@ class DiffDriveKinematics:
     ) -> DiffDriveOdometryState:
         """Return the odometry after the wheels have turned for a while.
 
-        Args:
-            state: Odometry before; returned itself if there was no time.
-            left: Velocity of the left wheel [rad/s].
-            right: Velocity of the right wheel [rad/s].
-            dt: How long [s].
+        `left`, `right` [rad/s]; `dt` [s].
         """
         if abs(dt) < _TINY:
             return state
@@ -92,11 +82,7 @@ def from_commands(
 ) -> DiffDriveOdometryState:
     """Return the odometry after a base has moved as it was told to.
 
-    Args:
-        state: Odometry before.
-        v: Velocity forwards [m/s].
-        w: Velocity of turning [rad/s].
-        dt: How long [s]; without any time, the velocity is taken nevertheless.
+    `v` [m/s]; `w` [rad/s]; `dt` [s].
     """
     pose = state.pose
     if abs(dt) >= _TINY:

@@ -66,11 +66,7 @@ class LowPassFilter:
     a: float = dc.field(init=False)
 
     def __post_init__(self) -> None:
-        """Compute the coefficient.
-
-        Raises:
-            ValueError: If a parameter is out of range.
-        """
+        """Compute the coefficient."""
         for name in ("sampling_frequency", "damping_frequency"):
             value = getattr(self, name)
             if not 0.0 < value < math.inf:
@@ -95,9 +91,7 @@ class LowPassFilter:
         The first finite sample of a channel is its output. Later a NaN makes the next
         output NaN, and the finite sample after that is the first one again.
 
-        Args:
-            state: The state so far.
-            sample: What is measured, shape (n,).
+        `sample` shape (n,).
         """
         sample = np.array(sample, dtype=float)
         last, output = _start(state, sample)
@@ -117,11 +111,7 @@ class ExponentialFilter:
     alpha: float
 
     def __post_init__(self) -> None:
-        """Check the parameter.
-
-        Raises:
-            ValueError: If it is out of range.
-        """
+        """Check the parameter."""
         if not 0.0 <= self.alpha <= 1.0:
             raise ValueError(f"alpha must be from 0 to 1, got {self.alpha}")
 
@@ -136,9 +126,7 @@ class ExponentialFilter:
         The first finite sample of a channel is its output. A later NaN is an output,
         and the next finite sample is the first one again.
 
-        Args:
-            state: The state so far.
-            sample: What is measured, shape (n,).
+        `sample` shape (n,).
         """
         sample = np.array(sample, dtype=float)
         _, output = _start(state, sample)
@@ -181,11 +169,7 @@ class RateLimiterFilter:
     _limiter: RateLimiter = dc.field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        """Make the limiter.
-
-        Raises:
-            ValueError: If a parameter is out of range.
-        """
+        """Make the limiter."""
         if not 0.0 < self.sampling_interval < math.inf:
             raise ValueError(
                 f"sampling_interval must be above 0, got {self.sampling_interval}"
@@ -209,9 +193,7 @@ class RateLimiterFilter:
     def update(self, state: LimiterState, sample: Array) -> LimiterState:
         """Return the state after a sample; it holds the output.
 
-        Args:
-            state: The state so far.
-            sample: What is measured, shape (n,).
+        `sample` shape (n,).
         """
         is_new = np.isnan(state.output)
         last = np.where(is_new, sample, state.output)
@@ -249,11 +231,7 @@ class WindowFilter(ABC):
     number_of_observations: int
 
     def __post_init__(self) -> None:
-        """Check the parameter.
-
-        Raises:
-            ValueError: If it is out of range.
-        """
+        """Check the parameter."""
         n = self.number_of_observations
         if n < 1:
             raise ValueError(f"number_of_observations must be at least 1, got {n}")
@@ -266,9 +244,7 @@ class WindowFilter(ABC):
     def update(self, state: WindowState, sample: Array) -> WindowState:
         """Return the state after a sample; it holds the output.
 
-        Args:
-            state: The state so far.
-            sample: What is measured, shape (n,).
+        `sample` shape (n,).
         """
         samples = (*state.samples, np.array(sample, dtype=float))
         samples = samples[-self.number_of_observations :]
@@ -320,11 +296,7 @@ class TransferFunctionFilter:
     b: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        """Divide by the first coefficient.
-
-        Raises:
-            ValueError: If a coefficient is missing or out of range.
-        """
+        """Divide by the first coefficient."""
         for name in ("a", "b"):
             values = getattr(self, name)
             if not values or not all(map(math.isfinite, values)):
@@ -345,9 +317,7 @@ class TransferFunctionFilter:
     def update(self, state: TransferState, sample: Array) -> TransferState:
         """Return the state after a sample; it holds the output.
 
-        Args:
-            state: The state so far.
-            sample: What is measured, shape (n,).
+        `sample` shape (n,).
         """
         output = self.b[0] * sample
         for b, x in zip(self.b[1:], state.inputs, strict=False):
@@ -405,9 +375,7 @@ class FilterChain:
     def update(self, state: ChainState, sample: Array) -> ChainState:
         """Return the state after a sample; it holds the output.
 
-        Args:
-            state: The state so far.
-            sample: What is measured, shape (n,), finite.
+        `sample` shape (n,).
         """
         states = []
         for each, last in zip(self.filters, state.states, strict=True):
@@ -420,13 +388,6 @@ def make_filter_chain(parameters: Mapping[str, Any], where: str) -> FilterChain:
     """Return the chain that parameters configure.
 
     What belongs to no filter has no effect, as in ROS; `find_unused` finds it.
-
-    Args:
-        parameters: By their names within the chain, such as "filter1.type".
-        where: Name of the chain, for messages.
-
-    Raises:
-        ValueError: If one is missing, of the wrong type or out of range.
     """
     filters: list[Filter] = []
     names: list[str] = []
@@ -464,12 +425,7 @@ def make_filter_chain(parameters: Mapping[str, Any], where: str) -> FilterChain:
 def find_unused(
     parameters: Mapping[str, Any], known: Mapping[str, Collection[str]] | None = None
 ) -> dict[str, str]:
-    """Return parameters of a chain that belong to none of its filters, and why.
-
-    Args:
-        parameters: By their names within the chain.
-        known: Parameters of filters by their types, if not those of filters of numbers.
-    """
+    """Return parameters of a chain that belong to none of its filters, and why."""
     if known is None:
         known = {type_: parameters_of(kind) for type_, kind in FILTERS.items()}
     size = 0

@@ -54,11 +54,7 @@ class Parameters(NamedTuple):
 
     @classmethod
     def of(cls, block: HardwareInfo, *, humble: bool) -> Self:
-        """Return the parameters of a block.
-
-        Raises:
-            DescriptionError: If one has no valid value.
-        """
+        """Return the parameters of a block."""
         offset = _number(block, "position_state_following_offset")
         custom = block.parameters.get("custom_interface_with_following_offset", "")
         return cls(
@@ -412,8 +408,7 @@ class GenericSystem:
     def start(self, states: Array | None = None) -> GenericSystemState:
         """Return the state before the first read; joints are commanded by position.
 
-        Args:
-            states: States to start from, shape (k,); None is `initial_states`.
+        `states` shape (k,), None is `initial_states`.
         """
         values = self._initial if states is None else np.array(states, dtype=float)
         values.setflags(write=False)

@@ -139,13 +139,7 @@ class GripperState(NamedTuple):
 def activate(
     rules: GripperRules, state: GripperState, inputs: GripperInputs
 ) -> GripperState:
-    """Return the state after an activation: the joint is held where it is.
-
-    Args:
-        rules: Numbers of the controller.
-        state: State before.
-        inputs: What is read; messages are left to the tick.
-    """
+    """Return the state after an activation: the joint is held where it is."""
     pid = None if rules.pid is None else rules.pid.initial()
     return state._replace(target=_hold(rules, inputs), pid=pid)
 
@@ -153,13 +147,7 @@ def activate(
 def tick(
     rules: GripperRules, state: GripperState, inputs: GripperInputs
 ) -> GripperState:
-    """Return the state after a tick.
-
-    Args:
-        rules: Numbers of the controller.
-        state: State after the last tick.
-        inputs: What is read.
-    """
+    """Return the state after a tick."""
     state = idle(rules, state, inputs)
     target = state.target
     assert target is not None  # Since the activation.
@@ -182,13 +170,7 @@ def tick(
 def idle(
     rules: GripperRules, state: GripperState, inputs: GripperInputs
 ) -> GripperState:
-    """Return the state that has dealt with messages and told results that are due.
-
-    Args:
-        rules: Numbers of the controller.
-        state: State after the last tick.
-        inputs: What is read.
-    """
+    """Return the state that has dealt with messages and told results that are due."""
     for request in inputs.requests:
         if isinstance(request, CancelGoal):
             state = _cancel(rules, state, request, inputs)
@@ -208,10 +190,7 @@ def idle(
 def command(rules: GripperRules, state: GripperState, position: float) -> GripperState:
     """Return the state that goes to a position without a goal; the present one ends.
 
-    Args:
-        rules: Numbers of the controller; without a limit there, the effort has none.
-        state: State before.
-        position: Where to go [rad] or [m].
+    `position` [rad] or [m].
     """
     if state.target is None:
         return state

@@ -47,11 +47,7 @@ class RollingMean(NamedTuple):
         return self._replace(samples=(), sums=())
 
     def means(self, number: int) -> tuple[float, ...]:
-        """Return the mean of each quantity; 0 if there is no sample.
-
-        Args:
-            number: How many quantities there are.
-        """
+        """Return the mean of each quantity; 0 if there is no sample."""
         if not self.samples:
             return (0.0,) * number
         return tuple(total / len(self.samples) for total in self.sums)
@@ -60,11 +56,7 @@ class RollingMean(NamedTuple):
 def integrate_arc(pose: PlanarPose, v: float, w: float, dt: float) -> PlanarPose:
     """Return where a base stands after it went along an arc.
 
-    Args:
-        pose: Where it stood.
-        v: Velocity forwards [m/s].
-        w: Velocity of turning [rad/s]; not so small that v / w says nothing.
-        dt: How long [s].
+    `v` [m/s]; `w` [rad/s]; `dt` [s].
     """
     heading = pose.heading + w * dt
     radius = v / w

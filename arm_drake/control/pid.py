@@ -29,12 +29,7 @@ STRATEGIES: Final = ("none", "conditional_integration", "back_calculation", "leg
 
 
 def find_fault(gains: Any, *, is_humble: bool = False) -> str | None:
-    """Return why no PID can have these gains, or None if one can.
-
-    Args:
-        gains: What has the attributes that `pid.Pid.from_gains` reads.
-        is_humble: Whether humble's rules hold.
-    """
+    """Return why no PID can have these gains, or None if one can."""
     low, high = gains.i_clamp_min, gains.i_clamp_max
     if is_humble:
         if low <= high:
@@ -65,9 +60,6 @@ def time_constant(gains: Any) -> float:
 
     If it isn't given, it is made from the gains: sqrt(d / i), or p / i without d.
     Without i it isn't needed.
-
-    Args:
-        gains: What has the attributes that `pid.Pid.from_gains` reads.
     """
     p, i, d = float(gains.p), float(gains.i), float(gains.d)
     constant = float(gains.tracking_time_constant)
@@ -202,9 +194,7 @@ class Pid(Message):
     def reset(self, state: PidState, save_i_term: bool | Mask = False) -> PidState:
         """Return the initial state.
 
-        Args:
-            state: Where the PIDs are.
-            save_i_term: Whether the integral terms stay, or which do, shape (n,).
+        `save_i_term` shape (n,).
         """
         i_term = np.where(save_i_term, state.i_term, 0.0)
         return self.initial()._replace(i_term=i_term)

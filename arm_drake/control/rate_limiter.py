@@ -46,11 +46,7 @@ class RateLimiter:
     max_second_derivative: float = math.nan
 
     def __post_init__(self) -> None:
-        """Make limits that aren't given.
-
-        Raises:
-            ValueError: If a minimum exceeds its maximum.
-        """
+        """Make limits that aren't given."""
         self._complete("min_value", "max_value")
         self._complete("min_first_derivative_neg", "max_first_derivative_pos")
         if not math.isnan(self.max_first_derivative_pos):
@@ -87,10 +83,7 @@ class RateLimiter:
 
         Which of them hold depends on the sign of the last value.
 
-        Args:
-            v: Value that is asked for.
-            v0: Last value.
-            dt: Time since the last value [s].
+        `dt` [s].
         """
         if math.isnan(self.max_first_derivative_pos):
             return _compare(v, v)
@@ -108,11 +101,7 @@ class RateLimiter:
 
         They hold only where the first derivative is to grow in its own direction.
 
-        Args:
-            v: Value that is asked for.
-            v0: Last value.
-            v1: Value before the last one.
-            dt: Time between values [s].
+        `dt` [s].
         """
         if math.isnan(self.max_second_derivative):
             return _compare(v, v)

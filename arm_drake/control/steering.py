@@ -71,14 +71,7 @@ def to_wheel_commands(
 ) -> WheelCommands:
     """Return what the wheels are told for a velocity of the base.
 
-    Args:
-        geometry: The base.
-        v: Velocity forwards [m/s].
-        w: Velocity of turning [rad/s].
-        measured: Measured steering angle, for which the driven wheels are told apart
-            [rad]; None takes the commanded one.
-        slows_down: Whether wheels are slower as long as the steering is off; only with
-            a measured angle.
+    `v` [m/s]; `w` [rad/s]; `measured` [rad], None takes the commanded one.
     """
     wheelbase, radius, num_driven, num_steered, width, steering_width = geometry
     phi = to_steering_angle(v, w, wheelbase)
@@ -105,9 +98,7 @@ def estimate_steering_angle(
 ) -> float:
     """Return the angle [rad] that a wheel in the middle of the axle would have.
 
-    Args:
-        geometry: The base.
-        angles: Angles of the steered wheels [rad].
+    `angles` [rad].
     """
     if len(angles) == 1:
         return angles[0]
@@ -124,10 +115,7 @@ def to_base_velocity(
 ) -> BaseVelocity:
     """Return the velocity of the base.
 
-    Args:
-        geometry: The base.
-        rates: Velocities of the driven wheels [rad/s].
-        steering: Angle of a steered wheel in the middle of the axle [rad].
+    `rates` [rad/s]; `steering` [rad].
     """
     slope = math.tan(steering)
     speeds = [rate * geometry.wheel_radius for rate in rates]
@@ -161,10 +149,7 @@ class SteeringOdometry(NamedTuple):
     def follow(self, v: float, w: float, dt: float) -> Self:
         """Take one step with the velocity that is asked for, taken as it is.
 
-        Args:
-            v: Velocity forwards [m/s].
-            w: Velocity of turning [rad/s].
-            dt: Period [s].
+        `v` [m/s]; `w` [rad/s]; `dt` [s].
         """
         pose = _integrate(self.pose, v, w, dt)
         return self._replace(pose=pose, velocity=BaseVelocity(v, w))
@@ -178,11 +163,7 @@ class SteeringOdometry(NamedTuple):
     ) -> Self:
         """Take one step with what the wheels do; none if that isn't finite.
 
-        Args:
-            geometry: The base.
-            rates: Velocities of the driven wheels [rad/s].
-            angles: Angles of the steered wheels [rad].
-            dt: Period [s].
+        `rates` [rad/s]; `angles` [rad]; `dt` [s].
         """
         if not all(map(math.isfinite, (*rates, *angles))):
             return self
@@ -205,11 +186,7 @@ class SteeringOdometry(NamedTuple):
     ) -> Self:
         """Take one step with how far the wheels went; none if that isn't finite.
 
-        Args:
-            geometry: The base.
-            positions: Positions of the driven wheels [rad].
-            angles: Angles of the steered wheels [rad].
-            dt: Period, above 0 [s].
+        `positions`, `angles` [rad]; `dt` [s].
         """
         if not all(map(math.isfinite, (*positions, *angles))):
             return self

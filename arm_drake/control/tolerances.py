@@ -106,11 +106,7 @@ def make_default_tolerances(
 ) -> Tolerances:
     """Return the tolerances that a controller's parameter `constraints` sets.
 
-    Args:
-        trajectory: Position tolerance of each joint along the way, shape (n,).
-        goal: Position tolerance of each joint at the end, shape (n,).
-        stopped_velocity_tolerance: Velocity tolerance of every joint at the end.
-        goal_time: How late the goal may be reached [s]; 0 waits forever.
+    `trajectory`, `goal` shape (n,); `goal_time` [s], 0 waits forever.
     """
     zeros = np.zeros(len(goal))
     stopped = np.full(len(goal), stopped_velocity_tolerance)
@@ -129,11 +125,6 @@ def resolve_tolerances(
     For every value that the goal gives: if it is positive it holds, 0 takes the
     default, -1 takes the tolerance away. With any other negative value or an unknown
     joint all of the defaults hold, goal time included.
-
-    Args:
-        goal: What the client asks for.
-        joints: The controller's joints, n of them.
-        defaults: Tolerances of the controller's parameters.
     """
     try:
         tolerances = Tolerances(
@@ -164,11 +155,8 @@ def violates(
 
     An error of NaN never is.
 
-    Args:
-        error_position: Desired minus measured position, shape (n,).
-        error_velocity: The same for velocities; None isn't checked.
-        error_acceleration: The same for accelerations; None isn't checked.
-        tolerances: How far off is too far.
+    `error_position` shape (n,); `error_velocity`: None isn't checked;
+    `error_acceleration`: None isn't checked.
     """
     violated = np.zeros(len(error_position), dtype=bool)
     errors = (error_position, error_velocity, error_acceleration)

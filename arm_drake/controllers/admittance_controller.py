@@ -276,15 +276,7 @@ class AdmittanceSetup(NamedTuple):
 def make_setup(
     given: AdmittanceControllerParameters, links: Collection[str]
 ) -> AdmittanceSetup:
-    """Return what parameters set.
-
-    Args:
-        given: The parameters.
-        links: Links of the robot.
-
-    Raises:
-        ParameterError: If a link doesn't exist.
-    """
+    """Return what parameters set."""
     for name in _LINKS:
         link = attrgetter(name)(given)
         if link not in links:
@@ -316,15 +308,7 @@ def make_setup(
 def make_kinematics(
     given: AdmittanceControllerParameters, params: ControllerInterfaceParams
 ) -> ChainKinematics:
-    """Return the kinematics of the joints, seen from the base of their chain.
-
-    Args:
-        given: The parameters; their links exist.
-        params: Surroundings of the controller.
-
-    Raises:
-        ParameterError: If a joint doesn't exist, or they make no chain.
-    """
+    """Return the kinematics of the joints, seen from the base of their chain."""
     if params.make_kinematics is None:
         raise ParameterError("nothing is known of the robot's kinematics")
     for joint in given.joints:
@@ -353,15 +337,7 @@ def make_kinematics(
 def check_change(
     old: AdmittanceControllerParameters, new: object
 ) -> AdmittanceControllerParameters:
-    """Return parameters that may take the place of others while a controller runs.
-
-    Args:
-        old: Parameters in effect.
-        new: What is to take their place.
-
-    Raises:
-        ValueError: If it can't.
-    """
+    """Return parameters that may take the place of others while a controller runs."""
     if not isinstance(new, AdmittanceControllerParameters):
         raise ValueError(f"expected AdmittanceControllerParameters, got {new!r}")
     for name in _READ_ONLY:
@@ -405,15 +381,7 @@ def take_parameters(
     *,
     is_running: bool,
 ) -> AdmittanceInbox:
-    """Return what has come in, with new parameters if they may take effect.
-
-    Args:
-        now: The time, and where the inputs are read.
-        ports: The inputs.
-        inbox: What had come in before.
-        params: Surroundings of the controller.
-        is_running: Whether the controller is active and not just being activated.
-    """
+    """Return what has come in, with new parameters if they may take effect."""
     accepted, events = inbox.accepted, inbox.events
     offered = new_parameters(ports.parameters, now.context, inbox.offered)
     if offered is not inbox.offered and offered != ():
@@ -438,15 +406,7 @@ def receive(
     params: ControllerInterfaceParams,
     obstacle: str = "",
 ) -> tuple[AdmittanceInbox, Array | None]:
-    """Return what has come in, and references to take, shape (3, n), NaN where none.
-
-    Args:
-        now: The time, and where the inputs are read.
-        ports: The inputs.
-        inbox: What had come in at the last tick.
-        params: Surroundings of the controller.
-        obstacle: Why no references of the topic are taken; empty if they are.
-    """
+    """Return what has come in, and references to take, shape (3, n), NaN where none."""
     context = now.context
     is_running = obstacle != INACTIVE
     inbox = take_parameters(now, ports, inbox, params, is_running=is_running)
@@ -523,9 +483,6 @@ def make_status(tick: AdmittanceTick) -> AdmittanceControllerState:
 
     Its stamps are times of the tick, and its position says where the sensor's frame is
     moved; upstream leaves the first at 0 and the second at rest.
-
-    Args:
-        tick: The tick.
     """
     setup, control, frames = tick.setup, tick.control, tick.frames
     rule, parameters = setup.rule, setup.parameters
@@ -666,15 +623,7 @@ class AdmittanceController(TickingController[AdmittanceControllerSystemState]):
         parameters: AdmittanceControllerParameters,
         params: ControllerInterfaceParams,
     ) -> None:
-        """Create the system.
-
-        Args:
-            parameters: The controller's parameters.
-            params: Rate and surroundings of the controller.
-
-        Raises:
-            ParameterError: If joints or links don't exist, or make no chain.
-        """
+        """Create the system."""
         joints, name = parameters.joints, params.controller_name
         setup = make_setup(parameters, params.links)
         self._kinematics = make_kinematics(parameters, params)

@@ -33,10 +33,7 @@ def measure(
 ) -> BatteryState:
     """Return the state of a battery after a measurement.
 
-    Args:
-        battery: What doesn't change.
-        measured: What is read of it, by quantity; at least its "voltage".
-        limits: Voltages of an empty and of a full battery [V]; NaN is unknown.
+    `limits` [V], NaN is unknown.
     """
     voltage, percentage = measured["voltage"], measured.get("percentage", math.nan)
     if "percentage" not in measured and are_known(limits):
@@ -61,13 +58,7 @@ def combine(
     batteries: Sequence[BatteryState],
     having: Mapping[str, Sequence[int]],
 ) -> BatteryState:
-    """Return the state of several batteries in one.
-
-    Args:
-        start: What doesn't change.
-        batteries: Their states.
-        having: Which of them have a quantity, counted from 0.
-    """
+    """Return the state of several batteries in one."""
     values: dict[str, Any] = {}
     for quantity, indices in having.items():
         if indices:
@@ -228,15 +219,7 @@ class BatteryStateBroadcaster(TickingController[BatteryStateBroadcasterState]):
         parameters: BatteryStateBroadcasterParameters,
         params: ControllerInterfaceParams,
     ) -> None:
-        """Create the system.
-
-        Args:
-            parameters: The broadcaster's parameters.
-            params: Rate and surroundings of the broadcaster.
-
-        Raises:
-            ParameterError: If there is no battery; upstream isn't activated then.
-        """
+        """Create the system."""
         self._quantities = {n: parameters.quantities(n) for n in parameters.batteries}
         names = [f"{n}/battery_{q}" for n, own in self._quantities.items() for q in own]
         if parameters.sensor_name:

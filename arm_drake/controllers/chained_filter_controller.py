@@ -78,11 +78,7 @@ class ChainedFilterParameters:
                     given.add(what, "warning", "ignored", why, "it has no effect")
 
     def chain_of(self, name: str) -> tuple[dict[str, Any], str]:
-        """Return the parameters of an input's filters, and where they stand.
-
-        Args:
-            name: One of ``input_interfaces``.
-        """
+        """Return the parameters of an input's filters, and where they stand."""
         if len(self.input_interfaces) == 1 or _FIRST_NAME in self.filter_chain:
             return self.filter_chain, _CHAIN
         return self.input[name].filter_chain, f"{name}.{_CHAIN}"
@@ -138,15 +134,7 @@ class ChainedFilter(TickingController[ChainedFilterState]):
         parameters: ChainedFilterParameters,
         params: ControllerInterfaceParams,
     ) -> None:
-        """Create the system.
-
-        Args:
-            parameters: The controller's parameters.
-            params: Rate and surroundings of the controller.
-
-        Raises:
-            ParameterError: If a filter can't be made.
-        """
+        """Create the system."""
         inputs = parameters.input_interfaces
         try:
             self._chains = [make_filter_chain(*parameters.chain_of(n)) for n in inputs]

@@ -182,15 +182,7 @@ class ForceTorqueSensorBroadcaster(
         parameters: ForceTorqueSensorBroadcasterParameters,
         params: ControllerInterfaceParams,
     ) -> None:
-        """Create the system.
-
-        Args:
-            parameters: The broadcaster's parameters.
-            params: Rate and surroundings of the broadcaster.
-
-        Raises:
-            ParameterError: If a filter can't be made.
-        """
+        """Create the system."""
         self._filters = make_filters(parameters.sensor_filter_chain)
         names = _of_axes(parameters.interface_names)
         if parameters.sensor_name:
@@ -244,15 +236,7 @@ def make_wrench(values: Array) -> Wrench:
 
 
 def make_filters(chain: Mapping[str, Any]) -> tuple[LowPassFilter, ...]:
-    """Return the filters of a wrench, in their order.
-
-    Args:
-        chain: Parameters by name: "filter1.name", "filter1.type",
-            "filter1.params.damping_frequency" and so on, counted from 1.
-
-    Raises:
-        ParameterError: If a filter can't be made.
-    """
+    """Return the filters of a wrench, in their order."""
     filters: list[LowPassFilter] = []
     names: list[str] = []
     while True:

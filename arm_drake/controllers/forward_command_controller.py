@@ -55,13 +55,7 @@ class ForwardControllersBase(TickingController[ForwardCommandState]):
         *,
         stops: bool = False,
     ) -> None:
-        """Create the system.
-
-        Args:
-            claims: Command interfaces, in the order of the values, k of them.
-            params: Rate and surroundings of the controller.
-            stops: Whether it writes 0 when it is deactivated.
-        """
+        """Create the system."""
         self._nothing = np.full(len(claims), np.nan)
         self._at_end = np.zeros(len(claims)) if stops else self._nothing
         initial = ForwardCommandState(self._nothing)
@@ -227,12 +221,7 @@ class ForwardCommandController(ForwardControllersBase):
         parameters: ForwardCommandControllerParameters,
         params: ControllerInterfaceParams,
     ) -> None:
-        """Create the system.
-
-        Args:
-            parameters: The controller's parameters.
-            params: Rate and surroundings of the controller.
-        """
+        """Create the system."""
         names = (parameters.interface_name,)
         super().__init__(interfaces.interface_names(parameters.joints, names), params)
 
@@ -271,12 +260,7 @@ class MultiInterfaceForwardCommandController(ForwardControllersBase):
         parameters: MultiInterfaceForwardCommandControllerParameters,
         params: ControllerInterfaceParams,
     ) -> None:
-        """Create the system.
-
-        Args:
-            parameters: The controller's parameters.
-            params: Rate and surroundings of the controller.
-        """
+        """Create the system."""
         joints, names = (parameters.joint,), parameters.interface_names
         super().__init__(interfaces.interface_names(joints, names), params)
 
@@ -320,12 +304,6 @@ class JointGroupController(ForwardControllersBase):
         *,
         interface: Literal["position", "velocity", "effort"],
     ) -> None:
-        """Create the system.
-
-        Args:
-            parameters: The controller's parameters.
-            params: Rate and surroundings of the controller.
-            interface: What it commands of each joint.
-        """
+        """Create the system."""
         claims = interfaces.interface_names(parameters.joints, (interface,))
         super().__init__(claims, params, stops=interface != interfaces.POSITION)

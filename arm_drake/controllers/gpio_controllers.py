@@ -132,15 +132,7 @@ class GpioCommandController(TickingController[GpioCommandControllerState]):
         parameters: GpioCommandControllerParameters,
         params: ControllerInterfaceParams,
     ) -> None:
-        """Create the system.
-
-        Args:
-            parameters: The controller's parameters.
-            params: Rate and surroundings of the controller.
-
-        Raises:
-            ParameterError: If there is nothing to command and nothing to read.
-        """
+        """Create the system."""
         self._gpios = parameters.gpios
         claims = _full_names(parameters.command_interfaces, self._gpios)
         states = _full_names(parameters.state_interfaces, self._gpios)

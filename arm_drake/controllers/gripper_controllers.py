@@ -90,16 +90,7 @@ class GripperControllerBase(TickingController[GripperControllerState]):
         claims: tuple[str, ...],
         limits: Mapping[str, str] | None = None,
     ) -> None:
-        """Create the system.
-
-        Args:
-            rules: What its parameters say; upstream reads them once.
-            params: Rate and surroundings of the controller.
-            joint: The joint.
-            claims: Command interfaces, k of them.
-            limits: Those of them that limit how the joint moves: "effort" or
-                "velocity", by name.
-        """
+        """Create the system."""
         self._rules = rules
         states = interfaces.interface_names(
             (joint,), (interfaces.POSITION, interfaces.VELOCITY)
@@ -196,12 +187,7 @@ def make_rules(
 ) -> GripperRules:
     """Return the rules of a controller.
 
-    Args:
-        parameters: What all gripper controllers have among their parameters.
-        read_goal: As in GripperRules.
-        make_result: As in GripperRules.
-        max_velocity: What a hold is done with [rad/s] or [m/s].
-        pid: Commands efforts, if there is one.
+    `max_velocity` [rad/s] or [m/s].
     """
     return GripperRules(
         goal_tolerance=parameters.goal_tolerance,
@@ -333,13 +319,7 @@ class GripperActionController(GripperControllerBase):
         *,
         interface: Literal["position", "effort"] = "position",
     ) -> None:
-        """Create the system.
-
-        Args:
-            parameters: The controller's parameters.
-            params: Rate and surroundings of the controller.
-            interface: What it commands.
-        """
+        """Create the system."""
         self._commands_effort = is_effort = interface == interfaces.EFFORT
         super().__init__(
             make_rules(
@@ -486,12 +466,7 @@ class ParallelGripperActionController(GripperControllerBase):
         parameters: ParallelGripperActionControllerParameters,
         params: ControllerInterfaceParams,
     ) -> None:
-        """Create the system.
-
-        Args:
-            parameters: The controller's parameters.
-            params: Rate and surroundings of the controller.
-        """
+        """Create the system."""
         effort, velocity = (
             parameters.max_effort_interface,
             parameters.max_velocity_interface,

@@ -119,15 +119,7 @@ class JointStateBroadcaster(ControllerInterface):
         parameters: JointStateBroadcasterParameters,
         params: ControllerInterfaceParams,
     ) -> None:
-        """Create the system.
-
-        Args:
-            parameters: The broadcaster's parameters.
-            params: Rate and surroundings of the broadcaster.
-
-        Raises:
-            ParameterError: If an interface is asked for that isn't there.
-        """
+        """Create the system."""
         fields = _map_interfaces(parameters)
         claims = _find_claims(parameters, params, fields)
         super().__init__(params, state_interfaces=claims)

@@ -92,12 +92,7 @@ class PassthroughController(TickingController[PassthroughState]):
         parameters: PassthroughControllerParameters,
         params: ControllerInterfaceParams,
     ) -> None:
-        """Create the system.
-
-        Args:
-            parameters: The controller's parameters.
-            params: Rate and surroundings of the controller.
-        """
+        """Create the system."""
         names = parameters.interfaces
         self._nothing = np.full(len(names), np.nan)
         super().__init__(
@@ -120,13 +115,7 @@ class PassthroughController(TickingController[PassthroughState]):
     def _receive(
         self, now: Now, state: PassthroughState, obstacle: str
     ) -> PassthroughState:
-        """Return the state with what came on the topic.
-
-        Args:
-            now: The time, and where the inputs are read.
-            state: The state so far.
-            obstacle: Why nothing of the topic is taken; empty if it is.
-        """
+        """Return the state with what came on the topic."""
         new, seen = new_messages(
             self._topic, now.context, Float64MultiArray, state.seen
         )

@@ -200,19 +200,7 @@ class PidControl(Message):
         enable_feedforward: bool = True,
         is_humble: bool = False,
     ) -> Self:
-        """Return the rules of degrees of freedom with these gains.
-
-        Args:
-            gains: One object for each of the n degrees of freedom, with the attributes
-                that `Pid.from_gains` reads, and feedforward_gain, angle_wraparound and
-                save_i_term.
-            has_rate: Whether references and measurements have rates.
-            enable_feedforward: Whether feedforward_gain acts.
-            is_humble: Whether the PIDs behave as those of ROS 2 Humble.
-
-        Raises:
-            ValueError: If a PID can't have its gains.
-        """
+        """Return the rules of degrees of freedom with these gains."""
         feedforward = np.array([one.feedforward_gain for one in gains], dtype=float)
         wraps = np.array([one.angle_wraparound for one in gains], dtype=bool)
         return cls(
@@ -237,10 +225,7 @@ class PidControl(Message):
     ) -> PidControlState:
         """Return the state at the start of an activation.
 
-        Args:
-            state: Where the PIDs are.
-            references: References until others come, shape (n,) or (2n,).
-            output: What the command interfaces hold, shape (n,).
+        `references`, `output` shape (n,).
         """
         pid = self.pid.reset(state.pid, self.save_i_term)
         return state._replace(pid=pid, references=references, output=output)
@@ -253,11 +238,7 @@ class PidControl(Message):
         Where reference or measurement isn't finite, there is no command. Where only
         their rates aren't, the difference to the last error is the error's rate.
 
-        Args:
-            state: Where the PIDs are.
-            references: Shape (n,) or (2n,).
-            measured: As many.
-            dt: Time since the last tick [s].
+        `dt` [s].
         """
         n, has_rate = len(self.save_i_term), self.has_rate
         error = references - measured
@@ -310,13 +291,7 @@ class PidControl(Message):
 def find_fault(
     message: MultiDOFCommand, dofs: Sequence[str], *, takes_rates: bool = True
 ) -> str | None:
-    """Return why a message can't be taken, or None if it can.
-
-    Args:
-        message: The message.
-        dofs: Degrees of freedom, n of them.
-        takes_rates: Whether there may be rates.
-    """
+    """Return why a message can't be taken, or None if it can."""
     n, names = len(dofs), message.dof_names
     expected = ", ".join(dofs)
     if names and sorted(names) != sorted(dofs):
@@ -336,11 +311,7 @@ def sort_values(
 ) -> Array:
     """Return the values of a message in our order, shape (n,); NaN is none.
 
-    Args:
-        message: One without a fault.
-        dofs: Degrees of freedom, n of them.
-        has_rate: Whether rates follow the values, shape (2n,). As upstream, there is
-            none without a value.
+    `has_rate` shape (2n,).
     """
     names = message.dof_names or tuple(dofs)
     order = [names.index(dof) for dof in dofs]
@@ -359,12 +330,6 @@ def make_state(
     """Return the topic controller_state; rates that there aren't are 0.
 
     It is made when a field is asked for.
-
-    Args:
-        dofs: Degrees of freedom, n of them.
-        state: What the tick left behind.
-        time_ns: Time of the tick [ns].
-        period_ns: Time since the last one [ns].
     """
     return make_lazy(
         MultiDOFStateStamped, lambda: _make_state(dofs, state, time_ns, period_ns)
@@ -486,12 +451,7 @@ class PidController(TickingController[PidControllerState]):
         parameters: PidControllerParameters,
         params: ControllerInterfaceParams,
     ) -> None:
-        """Create the system.
-
-        Args:
-            parameters: The controller's parameters.
-            params: Rate and surroundings of the controller.
-        """
+        """Create the system."""
         names = parameters.reference_and_state_interfaces
         self._dofs = parameters.reference_and_state_dof_names or parameters.dof_names
         self._has_rate = len(names) == 2
@@ -549,13 +509,7 @@ class PidController(TickingController[PidControllerState]):
     def _receive(
         self, now: Now, inbox: Inbox, obstacle: str = ""
     ) -> tuple[Inbox, Array | None]:
-        """Return what has come in, and the references to take, NaN where none.
-
-        Args:
-            now: The time, and where the inputs are read.
-            inbox: What had come in at the last tick.
-            obstacle: Why no references of the topic are taken; empty if they are.
-        """
+        """Return what has come in, and the references to take, NaN where none."""
         context = now.context
         news: list[Rejection] = []
         parameters, rules = inbox.parameters, inbox.rules

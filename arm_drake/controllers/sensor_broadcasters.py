@@ -84,16 +84,7 @@ class SensorBroadcaster(TickingController[M]):
         exported_interfaces: tuple[str, ...] = (),
         without: Collection[str] = (),
     ) -> None:
-        """Create the system.
-
-        Args:
-            parameters: The broadcaster's parameters.
-            params: Rate and surroundings of the broadcaster.
-            initial: What there is before the first tick.
-            state_interfaces: What it reads, if not the `names` of its sensor.
-            exported_interfaces: As in ControllerInterface.
-            without: Topics that aren't published.
-        """
+        """Create the system."""
         super().__init__(
             params,
             initial,
@@ -224,12 +215,7 @@ class IMUSensorBroadcaster(SensorBroadcaster[Imu]):
         parameters: IMUSensorBroadcasterParameters,
         params: ControllerInterfaceParams,
     ) -> None:
-        """Create the system.
-
-        Args:
-            parameters: The broadcaster's parameters.
-            params: Rate and surroundings of the broadcaster.
-        """
+        """Create the system."""
         offset, own = parameters.rotation_offset, params.controller_name
         exported = tuple(f"{own}/{parameters.sensor_name}/{n}" for n in self.names)
         super().__init__(
@@ -283,10 +269,7 @@ class IMUSensorBroadcaster(SensorBroadcaster[Imu]):
 def multiply(left: Array, right: DrakeQuaternion) -> Array:
     """Return the product of two quaternions as x, y, z, w, shape (4,).
 
-    Args:
-        left: The first one as x, y, z, w, shape (4,); it needn't be of length 1, as
-            Drake's must.
-        right: The second one.
+    `left` shape (4,).
     """
     v, w = left[:3], left[3]
     u, s = right.xyz(), right.w()
@@ -327,12 +310,7 @@ class RangeSensorBroadcaster(SensorBroadcaster[Range]):
         parameters: RangeSensorBroadcasterParameters,
         params: ControllerInterfaceParams,
     ) -> None:
-        """Create the system.
-
-        Args:
-            parameters: The broadcaster's parameters.
-            params: Rate and surroundings of the broadcaster.
-        """
+        """Create the system."""
         super().__init__(parameters, params, Range())
         self._constant = Range(
             radiation_type=parameters.radiation_type,
@@ -409,12 +387,7 @@ class PoseBroadcaster(SensorBroadcaster[PoseBroadcasterState]):
         parameters: PoseBroadcasterParameters,
         params: ControllerInterfaceParams,
     ) -> None:
-        """Create the system.
-
-        Args:
-            parameters: The broadcaster's parameters.
-            params: Rate and surroundings of the broadcaster.
-        """
+        """Create the system."""
         name, tf = parameters.pose_name, parameters.tf
         super().__init__(
             parameters,
@@ -448,8 +421,7 @@ class PoseBroadcaster(SensorBroadcaster[PoseBroadcasterState]):
 def is_valid(pose: Sequence[float]) -> bool:
     """Return whether a pose may go to /tf.
 
-    Args:
-        pose: Position x, y, z and orientation x, y, z, w, shape (7,).
+    `pose` shape (7,).
     """
     squares = sum(value * value for value in pose[3:])
     return all(map(math.isfinite, pose)) and abs(squares - 1.0) <= _NORM_TOLERANCE
@@ -500,12 +472,7 @@ class GPSSensorBroadcaster(SensorBroadcaster[NavSatFix]):
         parameters: GPSSensorBroadcasterParameters,
         params: ControllerInterfaceParams,
     ) -> None:
-        """Create the system.
-
-        Args:
-            parameters: The broadcaster's parameters.
-            params: Rate and surroundings of the broadcaster.
-        """
+        """Create the system."""
         names = ["status", "service", *_PLACE]
         if parameters.read_covariance_from_interface:
             names += [f"{name}_covariance" for name in _PLACE]
@@ -567,12 +534,7 @@ class MagnetometerBroadcaster(SensorBroadcaster[MagneticField]):
         parameters: MagnetometerBroadcasterParameters,
         params: ControllerInterfaceParams,
     ) -> None:
-        """Create the system.
-
-        Args:
-            parameters: The broadcaster's parameters.
-            params: Rate and surroundings of the broadcaster.
-        """
+        """Create the system."""
         super().__init__(parameters, params, MagneticField())
         self._covariance = parameters.static_covariance
 
@@ -614,16 +576,7 @@ class StateInterfacesBroadcaster(SensorBroadcaster[Float64Values]):
         parameters: StateInterfacesBroadcasterParameters,
         params: ControllerInterfaceParams,
     ) -> None:
-        """Create the system.
-
-        Args:
-            parameters: The broadcaster's parameters.
-            params: Rate and surroundings of the broadcaster.
-
-        Raises:
-            ParameterError: If an interface holds anything but a double; upstream isn't
-                activated then.
-        """
+        """Create the system."""
         names = parameters.interfaces
         others = [name for name in names if name in params.other_types]
         if others:
@@ -707,12 +660,7 @@ class Vda5050SafetyStateBroadcaster(SensorBroadcaster[VDA5050SafetyState]):
         parameters: Vda5050SafetyStateBroadcasterParameters,
         params: ControllerInterfaceParams,
     ) -> None:
-        """Create the system.
-
-        Args:
-            parameters: The broadcaster's parameters.
-            params: Rate and surroundings of the broadcaster.
-        """
+        """Create the system."""
         names, stops = parameters.interfaces, parameters.interfaces.e_stop
         groups = (names.field_violation, stops.manual, stops.remote, stops.autoack)
         super().__init__(

@@ -57,16 +57,7 @@ def resolve_frames(
     is_enabled: bool = True,
     is_lyrical: bool = False,
 ) -> BaseFrames:
-    """Return the names of the frames with what goes before them.
-
-    Args:
-        odom: Name of the frame of the odometry.
-        base: Name of the frame of the base.
-        prefix: Parameter `tf_frame_prefix`; "~" stands for the namespace.
-        namespace: Namespace of the controller's node.
-        is_enabled: Parameter `tf_frame_prefix_enable` of older versions.
-        is_lyrical: Whether an empty prefix is none, not the namespace.
-    """
+    """Return the names of the frames with what goes before them."""
     if not is_enabled:
         prefix = ""
     elif prefix == "~" or (not prefix and not is_lyrical):
@@ -93,12 +84,8 @@ def make_odometry(
 ) -> Odometry:
     """Return the message of an odometry.
 
-    Args:
-        time_ns: Time of the tick [ns]; None before the first one, the message is empty.
-        frames: Names of the frames.
-        pose: Where the base stands.
-        velocity: Forwards and to the left [m/s], and of turning [rad/s].
-        covariances: Of the pose and of the twist, shape (36,) each.
+    `time_ns` is None before the first tick; `velocity` [m/s], [rad/s];
+    `covariances` shape (36,).
     """
     if time_ns is None:
         return Odometry()
@@ -220,11 +207,7 @@ def limit_velocity(
 ) -> Velocity:
     """Return a velocity within its limits.
 
-    Args:
-        limiters: Limits of each of its components.
-        velocity: What is wanted.
-        limited: The last two velocities, the newest first.
-        dt: Time between them [s].
+    `dt` [s].
     """
     return tuple(
         limiter.limit(v, v0, v1, dt).value
@@ -252,11 +235,7 @@ class BaseCommand(NamedTuple):
 
 
 def take_finite(command: BaseCommand) -> tuple[BaseCommand, str]:
-    """Return the command, or none as upstream has it for NaN, and what is wrong.
-
-    Args:
-        command: Velocity forwards and of turning.
-    """
+    """Return the command, or none as upstream has it for NaN, and what is wrong."""
     velocity = command.velocity
     if all(map(math.isfinite, velocity)):
         return command, ""
@@ -327,19 +306,7 @@ class BaseController(TopicController[B]):
         outputs: Mapping[str, Callable[[B], Any]] = MappingProxyType({}),
         **names: Any,
     ) -> None:
-        """Create the system.
-
-        Args:
-            parameters: Parameters of the controller, with those of the odometry.
-            params: Rate and surroundings of the controller.
-            initial: State before the first tick.
-            covariances: Diagonals of those of pose and twist, shape (6,) each.
-            is_stamped: Whether velocities are TwistStamped, not Twist.
-            has_references: Whether other controllers may command its velocity.
-            is_lyrical: Whether an empty prefix of frames is none, not the namespace.
-            outputs: Further topics, and how they follow from the state.
-            names: State and command interfaces, as in ControllerInterface.
-        """
+        """Create the system."""
         own = params.controller_name
         axes = ("linear/x", "linear/y", "angular/z")
         references = [

@@ -338,12 +338,7 @@ class DiffDriveController(BaseController[DiffDriveState]):
         parameters: DiffDriveControllerParameters,
         params: ControllerInterfaceParams,
     ) -> None:
-        """Create the system.
-
-        Args:
-            parameters: Parameters of the controller.
-            params: Rate and surroundings of the controller.
-        """
+        """Create the system."""
         given, is_humble = parameters, params.distro == "humble"
         self._num_left = len(given.left_wheel_names)
         wheels = (*given.left_wheel_names, *given.right_wheel_names)

@@ -74,9 +74,6 @@ class MecanumKinematics(NamedTuple):
 
         With the velocity R(offset.heading) (vx, vy) + w (offset.y, -offset.x) of the
         wheels' centre, each wheel turns with (vx -+ vy -+ reach w) / radius.
-
-        Args:
-            velocity: Velocity of the base frame.
         """
         w = velocity[2]
         vx, vy = _rotate(velocity[0], velocity[1], self.offset.heading)
@@ -92,8 +89,7 @@ class MecanumKinematics(NamedTuple):
     def to_base(self, wheels: MecanumWheels) -> Velocity:
         """Return the velocity of the base frame that fits the wheels best.
 
-        Args:
-            wheels: How the wheels turn [rad/s].
+        `wheels` [rad/s].
         """
         front_left, front_right, rear_right, rear_left = wheels
         quarter = self.radius / 4.0
@@ -120,10 +116,7 @@ class MecanumOdometry(NamedTuple):
         The position moves with the heading at the end of the step. Velocities are not
         filtered.
 
-        Args:
-            kinematics: Measures of the base.
-            wheels: How the wheels turn [rad/s].
-            dt: Length of the step [s].
+        `wheels` [rad/s]; `dt` [s].
         """
         if dt < _MIN_STEP:
             return self
@@ -231,11 +224,7 @@ class MecanumDriveControllerParameters:
 
 
 def make_kinematics(parameters: MecanumDriveControllerParameters) -> MecanumKinematics:
-    """Return the kinematics of a base.
-
-    Raises:
-        ParameterError: If its wheels can't tell how it turns.
-    """
+    """Return the kinematics of a base."""
     given = parameters.kinematics
     reach = given.sum_of_robot_center_projection_on_X_Y_axis
     if not reach:
@@ -331,15 +320,7 @@ class MecanumDriveController(BaseController[MecanumDriveState]):
         parameters: MecanumDriveControllerParameters,
         params: ControllerInterfaceParams,
     ) -> None:
-        """Create the system.
-
-        Args:
-            parameters: The controller's parameters.
-            params: Rate and surroundings of the controller.
-
-        Raises:
-            ParameterError: If the wheels can't tell how the base turns.
-        """
+        """Create the system."""
         commanded = [
             getattr(parameters, f"{wheel}_wheel_command_joint_name")
             for wheel in _WHEELS

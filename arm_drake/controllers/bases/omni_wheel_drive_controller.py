@@ -132,8 +132,7 @@ class OmniWheelKinematics:
     def to_base(self, wheels: Array) -> Velocity:
         """Return the velocity of the base that fits the wheels best.
 
-        Args:
-            wheels: How the wheels turn [rad/s], shape (n,).
+        `wheels` [rad/s], shape (n,).
         """
         vx, vy, w = (self._to_base @ wheels).tolist()
         return vx, vy, w
@@ -153,10 +152,7 @@ class OmniWheelOdometry(NamedTuple):
     ) -> "OmniWheelOdometry":
         """Return the odometry after a step; itself if the step is too short.
 
-        Args:
-            kinematics: Measures of the base.
-            positions: Where the wheels are [rad], shape (n,).
-            dt: Length of the step [s].
+        `positions` [rad], shape (n,); `dt` [s].
         """
         if abs(dt) < _MIN_STEP:
             return self
@@ -169,10 +165,7 @@ class OmniWheelOdometry(NamedTuple):
     ) -> "OmniWheelOdometry":
         """Return the odometry after a step; itself if the step is too short.
 
-        Args:
-            kinematics: Measures of the base.
-            velocities: How the wheels turn [rad/s], shape (n,).
-            dt: Length of the step [s].
+        `velocities` [rad/s], shape (n,); `dt` [s].
         """
         return self.move(kinematics.to_base(velocities), dt)
 
@@ -181,9 +174,7 @@ class OmniWheelOdometry(NamedTuple):
 
         It is itself if the step is too short.
 
-        Args:
-            velocity: Velocity of the base.
-            dt: Length of the step [s].
+        `dt` [s].
         """
         if abs(dt) < _MIN_STEP:
             return self
@@ -287,12 +278,7 @@ class OmniWheelDriveController(BaseController[OmniWheelDriveState]):
         parameters: OmniWheelDriveControllerParameters,
         params: ControllerInterfaceParams,
     ) -> None:
-        """Create the system.
-
-        Args:
-            parameters: The controller's parameters.
-            params: Rate and surroundings of the controller.
-        """
+        """Create the system."""
         given, wheels = parameters, parameters.wheel_names
         self._parameters = given
         self._kinematics = OmniWheelKinematics(

@@ -328,12 +328,7 @@ class SteeringController(BaseController[SteeringControllerState]):
         parameters: SteeringControllerParameters,
         params: ControllerInterfaceParams,
     ) -> None:
-        """Create the system.
-
-        Args:
-            parameters: The controller's parameters.
-            params: Rate and surroundings of the controller.
-        """
+        """Create the system."""
         driven = parameters.traction_joints_names
         steered = parameters.steering_joints_names
         self._geometry = parameters.make_geometry()

@@ -214,11 +214,7 @@ class TractionLimiter(NamedTuple):
     def limit(self, v: float, v0: float, v1: float, dt: float) -> float:
         """Return a velocity within all limits: jerk, acceleration, velocity.
 
-        Args:
-            v: Velocity that is asked for [rad/s].
-            v0: Last velocity [rad/s].
-            v1: Velocity before the last one [rad/s].
-            dt: Time between velocities [s].
+        `v`, `v0`, `v1` [rad/s]; `dt` [s].
         """
         if self.jerk is not None:
             v = _limit_second_difference(self.jerk, v, v0, v1, dt)
@@ -242,11 +238,7 @@ class SteeringLimiter(NamedTuple):
     def limit(self, p: float, p0: float, p1: float, dt: float) -> float:
         """Return an angle within all limits: acceleration, velocity, position.
 
-        Args:
-            p: Angle that is asked for [rad].
-            p0: Last angle [rad].
-            p1: Angle before the last one [rad].
-            dt: Time between angles [s].
+        `p`, `p0`, `p1` [rad]; `dt` [s].
         """
         if self.acceleration is not None:
             p = _limit_second_difference(self.acceleration, p, p0, p1, dt)
@@ -267,11 +259,7 @@ def to_wheel_command(
 ) -> TricycleCommand:
     """Return what the front wheel is told for a velocity of the base.
 
-    Args:
-        v: Velocity forwards [m/s].
-        w: Velocity of turning [rad/s].
-        wheelbase: Distance from the front wheel to the rear axle [m].
-        radius: Radius of the front wheel [m].
+    `v` [m/s]; `w` [rad/s]; `wheelbase`, `radius` [m].
     """
     if v == 0.0 and w != 0.0:
         angle = math.copysign(math.pi / 2.0, w)
@@ -307,11 +295,7 @@ class TricycleOdometry(NamedTuple):
     def measure(self, speed: float, angle: float, wheelbase: float, dt: float) -> Self:
         """Take one step with what the front wheel does.
 
-        Args:
-            speed: How fast it rolls [m/s].
-            angle: Its steering angle [rad].
-            wheelbase: Distance from the front wheel to the rear axle [m].
-            dt: Period [s].
+        `speed` [m/s]; `angle` [rad]; `wheelbase` [m]; `dt` [s].
         """
         v, w = speed * math.cos(angle), speed * math.sin(angle) / wheelbase
         means = self.means.add(v, w)
@@ -420,12 +404,7 @@ class TricycleController(BaseController[TricycleControllerState]):
         parameters: TricycleControllerParameters,
         params: ControllerInterfaceParams,
     ) -> None:
-        """Create the system.
-
-        Args:
-            parameters: The controller's parameters.
-            params: Rate and surroundings of the controller.
-        """
+        """Create the system."""
         self._wheelbase, self._radius = parameters.wheelbase, parameters.wheel_radius
         self._is_open_loop = parameters.open_loop
         self._timeout_ns = parameters.cmd_vel_timeout * _MILLISECONDS

@@ -52,12 +52,7 @@ class ContactSensor(ControllerInterface):
     def __init__(
         self, tag: ContactSensorTag, params: ControllerInterfaceParams
     ) -> None:
-        """Create the system.
-
-        Args:
-            tag: The sensor.
-            params: Surroundings of the sensor.
-        """
+        """Create the system."""
         super().__init__(params)
         self.message_types: dict[str, type[ContactsState]] = {}
         self._shapes = {f"{params.robot_name}::{shape}" for shape in tag.shapes}

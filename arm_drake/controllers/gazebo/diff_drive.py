@@ -73,11 +73,7 @@ class SpeedLimits(NamedTuple):
         Unlike ros2_control's, the limits hold in both directions and at all times; of
         a minimum above its maximum, the minimum holds.
 
-        Args:
-            asked: What is asked for.
-            last: The last speed.
-            before: The one before.
-            dt: Time between two of them [s].
+        `dt` [s].
         """
         rate = (last - before) / dt
         jerk = ((asked - last) / dt - rate) / dt
@@ -102,11 +98,7 @@ class EncoderOdometry(NamedTuple):
     def move(self, left: float, right: float, separation: float, dt: float) -> Self:
         """Return the odometry after the wheels have turned for a while.
 
-        Args:
-            left: Velocity of the left wheel's rim [m/s].
-            right: That of the right one.
-            separation: Distance of the wheels [m].
-            dt: How long [s], above 0.
+        `left` [m/s]; `separation` [m]; `dt` [s].
         """
         way, angle = (left + right) / 2.0 * dt, (right - left) / separation * dt
         x, y, heading = self.pose
@@ -124,17 +116,11 @@ def accelerate(
 ) -> tuple[Array, Array]:
     """Return what wheels of Gazebo Classic are told, and what is kept of it.
 
-    Args:
-        desired: Velocities of the wheels' rims that are asked for [m/s], shape (n, 2),
-            a row for each pair.
-        measured: What they are, shape (n, 2).
-        told: What was kept the last time, shape (n, 2).
-        step: How much a velocity may change [m/s].
+    What the wheels are told, shape (n, 2): what is desired where both wheels of a
+    pair have nearly reached it. Else what was kept moves by the way that is left,
+    or by a step.
 
-    Returns:
-        What the wheels are told, shape (n, 2): what is desired where both wheels of a
-        pair have nearly reached it. Else what was kept moves by the way that is left,
-        or by a step.
+    `desired` [m/s], shape (n, 2); `measured`, `told` shape (n, 2); `step` [m/s].
     """
     left = desired - measured
     is_there = (np.abs(left) < _REACHED).all(axis=1, keepdims=True)
@@ -228,12 +214,7 @@ class DiffDrive(TopicController[GazeboDriveState]):
     """
 
     def __init__(self, tag: DiffDriveTag, params: ControllerInterfaceParams) -> None:
-        """Create the system.
-
-        Args:
-            tag: Fields of the plugin.
-            params: Rate and surroundings of the controller.
-        """
+        """Create the system."""
         radius = tag.wheel_radius
         self._kinematics = DiffDriveKinematics(tag.wheel_separation, radius, radius)
         self._limits = (_find_limits(tag, "linear"), _find_limits(tag, "angular"))
@@ -327,12 +308,7 @@ class DiffDrive(TopicController[GazeboDriveState]):
 
 
 def _find_limits(tag: DiffDriveTag, kind: str) -> SpeedLimits:
-    """Return the limits of a speed.
-
-    Args:
-        tag: Fields of the plugin.
-        kind: "linear" or "angular".
-    """
+    """Return the limits of a speed."""
     limits = {}
     for name in SpeedLimits._fields:
         end, _, quantity = name.partition("_")
@@ -350,12 +326,7 @@ def describe_base(
 ) -> Odometry:
     """Return the odometry of a base whose pose is known.
 
-    Args:
-        time_ns: The time [ns].
-        frames: Names of the frames.
-        poses: Where the base was the last time in the world, and where it is.
-        dt: Time since then [s]; without any, the velocity is 0.
-        covariance: Of pose and twist alike, shape (36,).
+    `dt` [s]; `covariance` shape (36,).
     """
     last, pose = poses
     x, y, wz = 0.0, 0.0, 0.0
@@ -382,14 +353,7 @@ def describe_wheels(
     links: Sequence[tuple[str, str]],
     poses: Sequence[RigidTransform],
 ) -> tuple[TransformStamped, ...]:
-    """Return the frames of wheels.
-
-    Args:
-        time_ns: The time [ns].
-        base: Pose of the base in the world.
-        links: Parent and child of each wheel's joint.
-        poses: Poses of the children in the world.
-    """
+    """Return the frames of wheels."""
     return tuple(
         TransformStamped(
             Header.from_nanoseconds(time_ns, parent),
@@ -498,12 +462,7 @@ class GazeboRosDiffDrive(TopicController[ClassicDriveState]):
     def __init__(
         self, tag: GazeboRosDiffDriveTag, params: ControllerInterfaceParams
     ) -> None:
-        """Create the system.
-
-        Args:
-            tag: Fields of the plugin.
-            params: Rate and surroundings of the controller.
-        """
+        """Create the system."""
         self._tag, self._rate = tag, tag.update_rate
         self._radii = np.array(tag.radii)[:, None]
         self._separations = np.array(tag.separations)
@@ -575,10 +534,7 @@ class GazeboRosDiffDrive(TopicController[ClassicDriveState]):
     ) -> ClassicDriveState:
         """Return the state with what an update publishes.
 
-        Args:
-            now: The time, and where the inputs are read.
-            state: State before.
-            dt: Time since the last update [s].
+        `dt` [s].
         """
         time_ns, frames, tag = now.time_ns, self._frames, self._tag
         links = [tag.base_link, *(child for _, child in tag.wheel_links)]

@@ -69,19 +69,7 @@ class GazeboCommandBase(TopicController[JointCommandState]):
         read: str,
         grips: Mapping[int, tuple[float, float]] | None = None,
     ) -> None:
-        """Create the system.
-
-        Args:
-            tags: Fields of the plugins, n of them; of tags with the same joint the last
-                one moves it.
-            params: Rate and surroundings of the controller.
-            topics: Topic of each tag.
-            targets: Target of each tag at the start [rad], [rad/s], [m] or [m/s].
-            by_force: Whether each tag commands a force, not a velocity.
-            read: Interface that the tags read of their first joints.
-            grips: Targets at which a gripper is open and closed, by the tags that move
-                it; they follow the topic `gripper_command` too.
-        """
+        """Create the system."""
         self._by_force = np.array(by_force, dtype=bool)
         self._pid = GazeboPid.from_gains(
             *([getattr(tag, name) for tag in tags] for name in (*_GAINS, *_LIMITS))
@@ -122,11 +110,7 @@ class GazeboCommandBase(TopicController[JointCommandState]):
     ) -> tuple[GazeboPidState, Array]:
         """Return the PIDs' state after a tick, and force or velocity of each tag.
 
-        Args:
-            pid: State of the PIDs before the tick.
-            measured: What is read of the first joint of each tag, shape (n,).
-            targets: The targets, shape (n,).
-            dt: Time since the last tick [s].
+        `measured`, `targets` shape (n,); `dt` [s].
         """
 
     def _update(self, now: Now, state: JointCommandState) -> JointCommandState:
@@ -252,12 +236,7 @@ class JointController(GazeboCommandBase):
         tags: tuple[JointControllerTag, ...],
         params: ControllerInterfaceParams,
     ) -> None:
-        """Create the system.
-
-        Args:
-            tags: Fields of all plugins of this kind, in the order of the description.
-            params: Rate and surroundings of the controller.
-        """
+        """Create the system."""
         self._may_run_free = np.array([tag.disable_braking for tag in tags], dtype=bool)
         super().__init__(
             tags,
@@ -337,12 +316,7 @@ class JointPositionController(GazeboCommandBase):
         tags: tuple[JointPositionControllerTag, ...],
         params: ControllerInterfaceParams,
     ) -> None:
-        """Create the system.
-
-        Args:
-            tags: Fields of all plugins of this kind, in the order of the description.
-            params: Rate and surroundings of the controller.
-        """
+        """Create the system."""
         self._cmd_max = np.array([tag.cmd_max for tag in tags])
         super().__init__(
             tags,

@@ -64,12 +64,7 @@ class JointStatePublisher(ControllerInterface):
     def __init__(
         self, tag: JointStatePublisherTag, params: ControllerInterfaceParams
     ) -> None:
-        """Create the system.
-
-        Args:
-            tag: Fields of the plugin.
-            params: Rate and surroundings of the publisher.
-        """
+        """Create the system."""
         joints = params.joint_types
         self._joints = tuple(
             name for name in joints if name in tag.joint_names or not tag.joint_names
@@ -133,12 +128,7 @@ class GazeboRosJointStatePublisher(ControllerInterface):
         tag: GazeboRosJointStatePublisherTag,
         params: ControllerInterfaceParams,
     ) -> None:
-        """Create the system.
-
-        Args:
-            tag: Fields of the plugin.
-            params: Rate and surroundings of the publisher; its rate is the manager's.
-        """
+        """Create the system."""
         self._joints, self._rate = tag.joint_names, tag.update_rate
         standard = (interfaces.POSITION, interfaces.VELOCITY)
         names = interfaces.interface_names(self._joints, standard)
@@ -192,10 +182,7 @@ def _make_message(
 ) -> JointState:
     """Return a message.
 
-    Args:
-        time_ns: When the values were measured [ns].
-        joints: The joints, N of them.
-        values: Positions, velocities and maybe efforts, shape (2N,) or (3N,).
+    `values` shape (2N,).
     """
     n = len(joints)
     fields = [tuple(values[k : k + n]) for k in range(0, len(values), n)]

@@ -76,10 +76,6 @@ def advance(following: Following, time_ns: int) -> Following:
 
     The first point is the target from the start on, each further one as soon as the
     time since the start is above the `time_from_start` of the one before.
-
-    Args:
-        following: The trajectory.
-        time_ns: The time [ns].
     """
     elapsed_ns = time_ns - following.start_ns
     if elapsed_ns < 0:
@@ -97,14 +93,7 @@ def take_targets(
     names: tuple[str, ...],
     joints: Mapping[str, int],
 ) -> Targets:
-    """Return the targets of a point; what it lacks stays as it was.
-
-    Args:
-        targets: The targets before.
-        point: The point; it may have fewer values than there are names.
-        names: Names of the trajectory's joints.
-        joints: Index of each of the controller's joints; others are passed over.
-    """
+    """Return the targets of a point; what it lacks stays as it was."""
     new = Targets(*(part.copy() for part in targets))
     given = (point.positions, point.velocities, point.effort)
     for values, goal in zip(given, new, strict=True):
@@ -202,12 +191,7 @@ class JointTrajectoryController(TopicController[GazeboTrajectoryState]):
         tag: JointTrajectoryControllerTag,
         params: ControllerInterfaceParams,
     ) -> None:
-        """Create the system.
-
-        Args:
-            tag: Fields of the plugin.
-            params: Rate and surroundings of the controller.
-        """
+        """Create the system."""
         # All joints, where none is named.
         joints = tuple(dict.fromkeys(tag.joint_names)) or tuple(params.joint_types)
         self._at = {joint: k for k, joint in enumerate(joints)}
@@ -403,12 +387,7 @@ class GazeboRosJointPoseTrajectory(TopicController[PoseTrajectoryState]):
         tag: GazeboRosJointPoseTrajectoryTag,
         params: ControllerInterfaceParams,
     ) -> None:
-        """Create the system.
-
-        Args:
-            tag: Fields of the plugin.
-            params: Rate and surroundings of the controller.
-        """
+        """Create the system."""
         names = interfaces.interface_names(params.joint_types, (interfaces.POSITION,))
         here = [
             (joint, name)

@@ -90,18 +90,7 @@ class GazeboPid(Message):
         cmd_min: Sequence[float],
         cmd_offset: Sequence[float],
     ) -> Self:
-        """Return PIDs with these gains, n of each.
-
-        Args:
-            p: Proportional gains.
-            i: Integral gains.
-            d: Derivative gains.
-            i_max: Upper limits of the integral terms; none where below the lower one.
-            i_min: Lower limits of the integral terms.
-            cmd_max: Upper limits of the commands; none where below the lower one.
-            cmd_min: Lower limits of the commands.
-            cmd_offset: What is added to the commands.
-        """
+        """Return PIDs with these gains, n of each."""
         highest, lowest = _limits(i_max, i_min)
         upper, lower = _limits(cmd_max, cmd_min)
         return cls(
@@ -123,9 +112,7 @@ class GazeboPid(Message):
     def reset(self, state: GazeboPidState, where: Mask | None = None) -> GazeboPidState:
         """Return the initial state.
 
-        Args:
-            state: Where the PIDs are.
-            where: Which PIDs start anew, shape (n,), the others stay; None is all.
+        `where` shape (n,), None is all.
         """
         if where is None:
             return self.initial()
@@ -150,12 +137,7 @@ class GazeboPid(Message):
         Where the error or its rate isn't finite, and with a `dt` of 0, the command is 0
         and nothing changes.
 
-        Args:
-            state: Where the PIDs are.
-            error: Measurement minus target, shape (n,).
-            dt: Time since the last step [s].
-            where: Which PIDs step, shape (n,); the others stay and command 0. None is
-                all.
+        `error` shape (n,); `dt` [s]; `where` shape (n,), None is all.
         """
         if dt == 0.0:
             return state, np.zeros(len(self.p))
@@ -234,10 +216,7 @@ class JointForces(Message):
     ) -> Self:
         """Return where forces act.
 
-        Args:
-            forces: Index of the force at each joint.
-            followed: Of each mimic joint, its master and how far it moves per unit.
-            effort_limits: Largest effort of joints [N·m] or [N]; others have none.
+        `effort_limits` [N·m] or [N].
         """
         carriers = [followed.get(joint, (joint, 1.0)) for joint in forces]
         joints = tuple(dict.fromkeys(name for name, _ in carriers))
@@ -254,8 +233,7 @@ class JointForces(Message):
 
         Each force is limited to the effort limit of the joint at which it acts.
 
-        Args:
-            forces: The forces [N·m] or [N], shape (n,).
+        `forces` [N·m] or [N], shape (n,).
         """
         here = forces[self._force]
         limited = np.minimum(np.maximum(here, -self._limit), self._limit)
@@ -293,54 +271,28 @@ def position_topic(tag: JointPositionController, model: str) -> str:
 
     Gazebo's default contains the index of the axis. That of the first axis, the only
     one that a joint of a URDF has, is left out here, as on the ROS side of the bridges.
-
-    Args:
-        tag: The plugin's fields.
-        model: Name of the robot.
     """
     index = f"/{tag.joint_index}" if tag.joint_index else ""
     return _command_topic(tag, model, f"{index}/cmd_pos")
 
 
 def velocity_topic(tag: JointController, model: str) -> str:
-    """Return the topic of a JointController.
-
-    Args:
-        tag: The plugin's fields.
-        model: Name of the robot.
-    """
+    """Return the topic of a JointController."""
     return _command_topic(tag, model, "/cmd_vel")
 
 
 def trajectory_topic(tag: JointTrajectoryController, model: str) -> str:
-    """Return the topic of a JointTrajectoryController.
-
-    Args:
-        tag: The plugin's fields.
-        model: Name of the robot.
-    """
+    """Return the topic of a JointTrajectoryController."""
     return _as_topic(tag.topic or f"model/{model}/joint_trajectory")
 
 
 def joint_state_topic(tag: JointStatePublisher, model: str, world: str) -> str:
-    """Return the topic of a JointStatePublisher.
-
-    Args:
-        tag: The plugin's fields.
-        model: Name of the robot.
-        world: Name of the world.
-    """
+    """Return the topic of a JointStatePublisher."""
     return _as_topic(tag.topic or f"world/{world}/model/{model}/joint_state")
 
 
 def contact_topic(tag: ContactSensorTag, model: str, world: str) -> str:
-    """Return the topic of a contact sensor.
-
-    Args:
-        tag: The sensor.
-        model: Name of the robot.
-        world: Name of the world.
-    """
+    """Return the topic of a contact sensor."""
     if tag.is_classic:
         return ros_topic("bumper_states", tag.namespace, tag.remappings)
     place = f"world/{world}/model/{model}/link/{tag.link}/sensor/{tag.name}"
@@ -357,12 +309,7 @@ class DriveTopics(NamedTuple):
 
 
 def drive_topics(tag: DiffDrive, model: str) -> DriveTopics:
-    """Return the topics of a DiffDrive.
-
-    Args:
-        tag: The plugin's fields.
-        model: Name of the robot.
-    """
+    """Return the topics of a DiffDrive."""
     given = (tag.topic, "", tag.odom_topic, tag.tf_topic)
     ends = ("cmd_vel", "enable", "odometry", "tf")
     names = (
@@ -373,13 +320,7 @@ def drive_topics(tag: DiffDrive, model: str) -> DriveTopics:
 
 
 def ros_topic(name: str, namespace: str, remappings: Sequence[str]) -> str:
-    """Return the full name of a topic of a plugin of Gazebo Classic.
-
-    Args:
-        name: Its name in the plugin, such as "joint_states".
-        namespace: Namespace of the plugin's node; may be empty.
-        remappings: Rules "from:=to" of its tag; the first that fits holds.
-    """
+    """Return the full name of a topic of a plugin of Gazebo Classic."""
     rules = [rule for text in remappings if (rule := _REMAPPING.fullmatch(text))]
     for rule in rules:
         if rule["old"] == _NAMESPACE:
@@ -401,11 +342,7 @@ def find_twist_fault(message: "Twist") -> str:
 
 
 def find_unsupported(tag: GazeboTag) -> list[str]:
-    """Return what a tag asks for that isn't done, in words for the load report.
-
-    Args:
-        tag: The plugin's fields.
-    """
+    """Return what a tag asks for that isn't done, in words for the load report."""
     problems = []
     if isinstance(tag, _OneJoint) and tag.use_actuator_msg:
         problems.append(

@@ -78,9 +78,7 @@ def upsample(message: JointTrajectory, frequency: float) -> JointTrajectory:
     accelerations, positions of different sizes, or times that don't increase, is
     returned as it is; whether it is allowed is not checked here.
 
-    Args:
-        message: Any trajectory.
-        frequency: Rate of the points without times [Hz]; 0 gives them none.
+    `frequency` [Hz], 0 gives them none.
     """
     points = message.points
     if any(p.velocities or p.accelerations or not p.positions for p in points):
@@ -118,9 +116,7 @@ def fill_cubic_spline_velocities(times: Array, positions: Array) -> Array | None
     They are 0 at both ends. None if there is nothing to solve: fewer than two points,
     or times that don't increase.
 
-    Args:
-        times: When the points are due [s], shape (m,).
-        positions: Positions at the points, shape (m, n).
+    `times` [s], shape (m,); `positions` shape (m, n).
     """
     h = np.diff(times)[:, None]
     if len(times) < 2 or not (h > 0.0).all():
@@ -163,12 +159,7 @@ def stop_motion(
 ) -> JointTrajectoryState:
     """Return the state that brakes the joints, or holds them, from the next tick on.
 
-    Args:
-        rules: Numbers of the controller.
-        state: State to change.
-        position: Where the joints are, shape (n,).
-        velocity: How fast they move, shape (n,); None if that isn't measured. What
-            isn't finite counts as not measured.
+    `position` shape (n,); `velocity` shape (n,), None if that isn't measured.
     """
     is_known = velocity is not None and bool(np.isfinite(velocity).all())
     if rules.deceleration is None or velocity is None or not is_known:
@@ -191,10 +182,7 @@ def hold(
 ) -> JointTrajectoryState:
     """Return the state that holds the joints, from the next tick on.
 
-    Args:
-        rules: Numbers of the controller.
-        state: State to change.
-        position: Where to hold the joints, shape (n,).
+    `position` shape (n,).
     """
     point = dc.replace(state.plan.hold, positions=tuple(position.tolist()))
     return _hold(rules, state, point)
@@ -235,10 +223,7 @@ def _hold(
 def min_stop_points(deceleration: Array, limits: Array, period_ns: int) -> int:
     """Return how many points stop joints from their greatest velocities.
 
-    Args:
-        deceleration: Of each joint [rad/s^2], shape (n,).
-        limits: Greatest velocities [rad/s], shape (n,).
-        period_ns: Time between the points [ns].
+    `deceleration` [rad/s^2], shape (n,); `limits` [rad/s], shape (n,).
     """
     longest = float((limits / deceleration).max())
     return math.ceil(longest / (period_ns / NANOSECONDS)) + 1
@@ -282,13 +267,7 @@ _INACTIVE = "the controller is inactive; activate it first"
 def receive(
     rules: JointTrajectoryRules, state: JointTrajectoryState, inputs: TickInputs
 ) -> JointTrajectoryState:
-    """Return the state that has dealt with what has come.
-
-    Args:
-        rules: Numbers that hold until the next tick.
-        state: State after the last tick.
-        inputs: What has come since.
-    """
+    """Return the state that has dealt with what has come."""
     for factor in inputs.scaling_factors:
         state = _take_scaling_factor(rules, state, factor)
     for message in inputs.topics:
@@ -301,13 +280,7 @@ def receive(
 def monitor(
     rules: JointTrajectoryRules, state: JointTrajectoryState, now_ns: int
 ) -> JointTrajectoryState:
-    """Return the state that has told a goal's result, or else feedback, if it is due.
-
-    Args:
-        rules: Numbers that hold until the next tick.
-        state: State after the last tick and the messages since.
-        now_ns: Time [ns].
-    """
+    """Return the state that has told a goal's result, or else feedback, when due."""
     goal = state.goal
     if goal is None or now_ns < goal.monitor_ns:
         return state
@@ -453,13 +426,7 @@ _NO_TIME_NS = 119
 def install(
     rules: JointTrajectoryRules, state: JointTrajectoryState, inputs: TickInputs
 ) -> JointTrajectoryState:
-    """Return the state that follows the pending message from now on.
-
-    Args:
-        rules: Numbers of the controller.
-        state: State with a pending message.
-        inputs: What the tick reads.
-    """
+    """Return the state that follows the pending message from now on."""
     plan = state.plan
     assert plan.pending is not None
     message, num_prefix = _prepare(rules, state, inputs, plan.pending)
@@ -550,10 +517,7 @@ def commanded_before(
     Kinds of command interfaces that all have a finite value replace what is measured,
     if all joints are commanded.
 
-    Args:
-        rules: Numbers of the controller.
-        inputs: What the activation reads.
-        commands: Present values of the command interfaces, shape (k,).
+    `commands` shape (k,).
     """
     measured = (inputs.position, inputs.velocity, inputs.acceleration, None)
     if not rules.starts_from_commands or len(commands) != (

@@ -348,12 +348,7 @@ def make_rules(
 ) -> JointTrajectoryRules:
     """Return the rules of a controller.
 
-    Args:
-        parameters: Its parameters.
-        update_rate: Rate of its ticks [Hz].
-        joint_types: URDF type of joints.
-        velocity_limits: URDF velocity limit of joints [rad/s]; others have none.
-        distro: Distribution whose behaviour holds.
+    `update_rate` [Hz]; `velocity_limits` [rad/s].
     """
     joints, constraints = parameters.joints, parameters.constraints
     by_joint = [constraints.joint.get(joint, JointConstraints()) for joint in joints]
@@ -488,15 +483,7 @@ def _make_deceleration(
 def check_change(
     old: JointTrajectoryControllerParameters, new: object
 ) -> JointTrajectoryControllerParameters:
-    """Return parameters that may take the place of others while a controller runs.
-
-    Args:
-        old: Parameters in effect.
-        new: What is to take their place.
-
-    Raises:
-        ValueError: If it can't.
-    """
+    """Return parameters that may take the place of others while a controller runs."""
     if not isinstance(new, JointTrajectoryControllerParameters):
         raise ValueError(f"expected JointTrajectoryControllerParameters, got {new!r}")
     changed = [name for name in _READ_ONLY if _get(new, name) != _get(old, name)]

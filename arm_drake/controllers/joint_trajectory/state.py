@@ -91,10 +91,6 @@ def needed_fields(
 
     With interpolation "none" a point is commanded as it is. What it lacks, upstream
     reads from an empty vector, and crashes.
-
-    Args:
-        command_interfaces: What is commanded.
-        interpolation: "splines" or "none".
     """
     if interpolation != "none":
         return ()
@@ -112,13 +108,7 @@ def needed_fields(
 def find_fault(
     message: JointTrajectory, rules: TrajectoryRules, now_ns: int
 ) -> str | None:
-    """Return why a trajectory is refused, or None if it isn't.
-
-    Args:
-        message: The trajectory.
-        rules: What is allowed.
-        now_ns: Time at which it arrives [ns].
-    """
+    """Return why a trajectory is refused, or None if it isn't."""
     return (
         _fault_in_joints(message, rules)
         or _fault_in_end(message, rules, now_ns)
@@ -333,10 +323,7 @@ class JointTrajectoryRules(Message):
     def command_of(self, commands: Array, interface: str) -> Array | None:
         """Return the values of one interface by joint, shape (n,).
 
-        Args:
-            commands: Values of all command interfaces, shape (k,).
-            interface: Which of `command_interfaces`; None is returned for others.
-                A joint that isn't commanded has NaN.
+        `commands` shape (k,); `interface`: None is returned for others.
         """
         if interface not in self.command_interfaces:
             return None
@@ -571,10 +558,6 @@ def make_controller_state(
     It is made when a field is asked for. Its `output` are the last values of the
     command interfaces that were all finite, 0 before; a joint that isn't commanded has
     NaN.
-
-    Args:
-        rules: Numbers of the controller.
-        state: State after a tick.
     """
     make = functools.partial(_make_message, rules, state)
     return make_lazy(JointTrajectoryControllerState, make)
@@ -606,11 +589,6 @@ def make_query_response(
     It fails outside of the trajectory: the answer is its last point then, or before its
     start what was measured last. (Upstream the search for the next reference goes on
     from the time asked for, and the motion may jump to its end; that isn't copied.)
-
-    Args:
-        rules: Numbers of the controller.
-        state: State after the last tick.
-        time_ns: When [ns].
     """
     if not state.plan.is_active:
         message = "the controller is inactive; activate it first"
