@@ -1,4 +1,4 @@
-"""What an action server of ros2_control remembers of the goal that it executes.
+"""Goals of an action server of ros2_control: what it remembers of the one it executes.
 
 Results wait for the goal's monitor, a timer that counts from its acceptance. If another
 goal comes before it, the client of the first is told CANCELED, whatever the outcome

@@ -1,4 +1,4 @@
-"""How an arm gives way to a wrench: the law of an admittance, and its integration.
+"""The law of an admittance, by which an arm gives way to a wrench, and its integration.
 
 The rules are those of ros2_controllers' admittance_controller
 (``admittance_rule_impl.hpp``, version 6.9.0). n is the number of joints. Frames: B is

@@ -1,4 +1,4 @@
-"""What the joint servo is told: the values of claimed command interfaces, by joint.
+"""Drive commands: the values of claimed command interfaces, by joint, for the servo.
 
 A drive has n joints. Each follows a position (with the velocity that goes with it), a
 velocity, an acceleration or an effort: what is claimed decides, in this order, and can

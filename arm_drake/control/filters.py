@@ -1,19 +1,11 @@
-"""Filters of measurements, n channels at a time.
+"""Filters of measurements, n channels at a time, and chains of them by parameters.
 
-The rules are those of control_toolbox's ``LowPassFilter``, ``ExponentialFilter`` and
-``RateLimiter`` (version 6.3.0) for numbers: each channel is a filter of its own. Those
-of ROS's package `filters` are in `sample_filters`.
-
-Filters of the last few samples, n channels at a time.
-
-The rules are those of the filters of numbers in ROS's package `filters` (branch
-``ros2``: ``mean.hpp``, ``median.hpp``, ``transfer_function.hpp``): each channel is a
-filter of its own. Samples are finite.
-
-Chains of filters, as parameters configure them.
-
-The rules are those of ROS's package `filters` (branch ``ros2``, ``filter_chain.hpp``):
-``filter1``, ``filter2`` and so on, each with a name, a type and parameters.
+Each channel is a filter of its own. The rules are those of control_toolbox's
+``LowPassFilter``, ``ExponentialFilter`` and ``RateLimiter`` (version 6.3.0) for
+numbers; of the filters of the last few samples in ROS's package `filters` (branch
+``ros2``: ``mean.hpp``, ``median.hpp``, ``transfer_function.hpp``), whose samples are
+finite; and of its ``filter_chain.hpp``: ``filter1``, ``filter2`` and so on, each with a
+name, a type and parameters.
 """
 
 import dataclasses as dc

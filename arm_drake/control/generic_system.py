@@ -1,20 +1,11 @@
-"""Hardware without physics: commands become states, as in `mock_components`.
+"""Hardware without physics, `mock_components/GenericSystem`: commands become states.
 
-The rules are those of ros2_control's `mock_components/GenericSystem`
-(``generic_system.cpp``, version 6.8.0); `fake_components/GenericSystem` and parameters
-that start with `fake_` are older names. Where upstream takes a part of a joint's name
-for the joint, the whole name counts here.
+The rules are those of ros2_control's ``generic_system.cpp`` (version 6.8.0);
+`fake_components/GenericSystem` and parameters that start with `fake_` are older names.
+Where upstream takes a part of a joint's name for the joint, the whole name counts here.
 
 Units are those of the interfaces: [rad], [rad/s], [rad/s^2] for a revolute joint and
 [m], [m/s], [m/s^2] for a prismatic one.
-
-Parameters of `mock_components/GenericSystem`.
-
-The rules are those of ros2_control's ``generic_system.cpp``, version 6.8.0.
-
-What follows what in `mock_components/GenericSystem`: names to places in vectors.
-
-The rules are those of ros2_control's ``generic_system.cpp``, version 6.8.0.
 """
 
 import dataclasses as dc

@@ -1,7 +1,7 @@
-"""Where a base stands that counts the turns of its wheels: shared pieces.
+"""Planar poses, arcs and rolling means: shared pieces of odometry.
 
 The rules are those of ros2_controllers (version 6.9.0). Each kind of base has its own
-way from wheels to velocities; see `controllers/`.
+way from wheels to velocities; see `controllers/bases`.
 """
 
 import math

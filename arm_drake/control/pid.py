@@ -1,16 +1,13 @@
 """PIDs as ros2_control's controllers have them, n of them at a time.
 
-The rules are those of control_toolbox's class ``Pid`` (version 6.3.0). The strategy
-"legacy" is of its branch jazzy, and `is_humble` is all of its branch humble, which has
-no strategies, limits of the command and deadband. There is no filter on derivatives. An
-integral acts from the next step on; with "legacy" and of humble it acts at once.
+The rules, and the parameters of one PID, are those of control_toolbox's class ``Pid``
+(version 6.3.0). The strategy "legacy" is of its branch jazzy, and `is_humble` is all of
+its branch humble, which has no strategies, limits of the command and deadband. There is
+no filter on derivatives. An integral acts from the next step on; with "legacy" and of
+humble it acts at once.
 
 Errors are in the unit of what is controlled, such as [rad] or [m]; a command is in the
 unit that the gains make of it.
-
-Parameters of one PID, as control_toolbox has them.
-
-Source: control_toolbox 6.3.0, and its older parameters.
 """
 
 import dataclasses as dc

@@ -1,4 +1,4 @@
-"""How far joints may be off a trajectory, on the way and at its end.
+"""Tolerances of a trajectory: how far joints may be off it, on the way and at its end.
 
 The rules are those of ros2_controllers' joint_trajectory_controller
 (``tolerances.hpp``, version 6.9.0). n is the number of joints, in the order of the

@@ -1,12 +1,4 @@
-"""Trajectories sampled as ros2_controllers' joint_trajectory_controller does it.
-
-The rules are those of its class ``Trajectory`` (``trajectory.hpp``, version 6.9.0);
-those of single segments are in `trajectory_segments`.
-
-Times are integer nanoseconds, n is the number of joints; units are [rad] for a revolute
-joint and [m] for a prismatic one, then per second and so on.
-
-Polynomials between the points of a trajectory, and what its points lack.
+"""Trajectories sampled, completed and replaced as joint_trajectory_controller does it.
 
 The rules are those of ros2_controllers' class ``Trajectory`` (``trajectory.hpp``,
 version 6.9.0), surprises included: a segment whose ends both have accelerations, but
@@ -14,15 +6,12 @@ not both velocities, gives zeros; a segment whose end lacks positions completes 
 velocities of its start with 0, and who comes back to the segment before it finds them
 there; a missing effort is 0.
 
-n is the number of joints; units are [rad] for a revolute joint and [m] for a prismatic
-one, then per second and so on.
+What takes the place of a trajectory that is being followed is that of its controller:
+the order of joints and what a message leaves out (`sort_to_local_joint_order`,
+`fill_partial_goal`), and blending (its parameter `allow_trajectory_replacement`).
 
-A new trajectory put into the place of the one that is being followed.
-
-The rules are those of ros2_controllers' joint_trajectory_controller: the order of
-joints and what a message leaves out (`sort_to_local_joint_order`, `fill_partial_goal`),
-and blending (its parameter `allow_trajectory_replacement`; version 6.9.0). n is the
-number of joints.
+Times are integer nanoseconds, n is the number of joints; units are [rad] for a revolute
+joint and [m] for a prismatic one, then per second and so on.
 """
 
 import dataclasses as dc

@@ -1,11 +1,7 @@
-"""``admittance_controller/AdmittanceController``.
+"""The ``admittance_controller/AdmittanceController`` and its parameters.
 
 Source: ros2_controllers, `admittance_controller` (version 6.9.0); the law itself is
 `arm_drake.control.admittance`.
-
-Parameters of ``admittance_controller/AdmittanceController``.
-
-Source: ros2_controllers, `admittance_controller` (version 6.9.0).
 """
 
 import dataclasses as dc

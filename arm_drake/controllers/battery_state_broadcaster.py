@@ -1,10 +1,6 @@
-"""``battery_state_broadcaster/BatteryStateBroadcaster``.
+"""The ``battery_state_broadcaster/BatteryStateBroadcaster`` and its parameters.
 
 Source: ros2_controllers, `battery_state_broadcaster` (version 6.9.0).
-
-States of batteries, one by one and as one.
-
-The rules are those of ros2_controllers' `battery_state_broadcaster` (version 6.9.0).
 """
 
 import dataclasses as dc

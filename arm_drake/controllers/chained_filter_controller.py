@@ -1,4 +1,4 @@
-"""``chained_filter_controller/ChainedFilter``.
+"""The ``chained_filter_controller/ChainedFilter`` and its parameters.
 
 Source: ros2_controllers, `chained_filter_controller` (version 6.9.0); the filters are
 in `arm_drake.control.filters`.

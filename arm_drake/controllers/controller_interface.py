@@ -1,4 +1,4 @@
-"""What all controllers share: ticks, a life cycle, all state in the Context.
+"""Base classes of all controllers: ticks, a life cycle, all state in the Context.
 
 In a cycle a ros2_control manager reads, updates and writes in one instant. Drake's
 events of one instant all see the old state, so what a tick computes is an output port

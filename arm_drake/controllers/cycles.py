@@ -1,4 +1,4 @@
-"""What manager and controllers tell each other in a cycle."""
+"""Cycles and ticks: what manager and controllers tell each other."""
 
 from collections.abc import Mapping
 from typing import Any, Generic, NamedTuple, Self, TypeVar

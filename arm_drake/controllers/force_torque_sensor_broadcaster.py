@@ -1,4 +1,4 @@
-"""``force_torque_sensor_broadcaster/ForceTorqueSensorBroadcaster``.
+"""The ``force_torque_sensor_broadcaster/ForceTorqueSensorBroadcaster``.
 
 Source: ros2_controllers, `force_torque_sensor_broadcaster` (version 6.9.0), and
 filters, `filter_chain.hpp`.

@@ -1,11 +1,9 @@
-"""``forward_command_controller`` and the groups of `position_controllers` and others.
+"""Forward command controllers, and the groups of `position_controllers` and others.
+
+A topic's values are written as they are.
 
 Source: ros2_controllers, `forward_command_controller`, `position_controllers`,
 `velocity_controllers`, `effort_controllers` (version 6.9.0 and jazzy).
-
-What the forward command controllers share: a topic's values, written as they are.
-
-Source: ros2_controllers, `forward_command_controller` (version 6.9.0 and jazzy).
 """
 
 import dataclasses as dc

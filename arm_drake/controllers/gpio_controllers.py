@@ -1,4 +1,4 @@
-"""``gpio_controllers/GpioCommandController``.
+"""The ``gpio_controllers/GpioCommandController`` and its parameters.
 
 Source: ros2_controllers, `gpio_controllers` (version 6.9.0).
 """

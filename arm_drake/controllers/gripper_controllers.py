@@ -1,12 +1,8 @@
-"""``GripperActionController`` of `position_controllers` and `effort_controllers`.
+"""The ``GripperActionController`` of three packages, which command grippers to a goal.
 
-Source: ros2_controllers, `gripper_controllers` (jazzy); the tick itself is
-`arm_drake.control.gripper`.
-
-``parallel_gripper_action_controller/GripperActionController``.
-
-Source: ros2_controllers, `parallel_gripper_controller` (version 6.9.0); the tick itself
-is `arm_drake.control.gripper`.
+Sources: ros2_controllers, `gripper_controllers` (jazzy), for `position_controllers` and
+`effort_controllers`; `parallel_gripper_controller` (version 6.9.0), for
+``parallel_gripper_action_controller``. The tick itself is `arm_drake.control.gripper`.
 """
 
 import dataclasses as dc

@@ -1,4 +1,4 @@
-"""``joint_state_broadcaster/JointStateBroadcaster``.
+"""The ``joint_state_broadcaster/JointStateBroadcaster`` and its parameters.
 
 Source: ros2_controllers, `joint_state_broadcaster` (version 6.9.0, defaults of jazzy).
 """

@@ -1,4 +1,4 @@
-"""``passthrough_controller/PassthroughController``.
+"""The ``passthrough_controller/PassthroughController`` and its parameters.
 
 Source: ros2_control_demos, example_12 (branch ``master``).
 """

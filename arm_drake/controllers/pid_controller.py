@@ -1,23 +1,10 @@
-"""``pid_controller/PidController``.
+"""The ``pid_controller/PidController``: parameters, law and messages.
 
-Source: ros2_controllers, `pid_controller` (version 6.9.0 and jazzy); the tick itself is
-`arm_drake.controllers.pid_controller`.
-
-Parameters of a PidController.
-
-Source: ros2_controllers, `pid_controller` (version 6.9.0; defaults of jazzy, and by
-rule those of other distros).
-
-The tick of a PidController: n PIDs that take measurements to references.
-
-The rules are those of ros2_controllers' `pid_controller` (version 6.9.0). References
-and measurements are of one quantity, shape (n,), or of one and its rate, shape (2n,),
-all of the quantity first.
-
-Messages of several degrees of freedom, in the order that a controller has them.
-
-Source: ros2_controllers, `pid_controller` (version 6.9.0). Upstream takes the values in
-the order in which they come, whatever their names are; here the names count.
+Source: ros2_controllers, `pid_controller` (version 6.9.0 and jazzy; defaults of jazzy,
+and by rule those of other distros). n PIDs take measurements to references; both are of
+one quantity, shape (n,), or of one and its rate, shape (2n,), all of the quantity
+first. Upstream takes a message's values in the order in which they come, whatever their
+names are; here the names count.
 """
 
 import dataclasses as dc

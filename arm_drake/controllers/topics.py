@@ -1,4 +1,4 @@
-"""Topics of controllers: what is new on an input port, and what was not accepted."""
+"""Topics of controllers: what is new, what was refused, who takes messages."""
 
 from collections.abc import Callable, Sequence
 from operator import is_

@@ -1,1 +1,1 @@
-"""bases."""
+"""The controllers of mobile bases."""

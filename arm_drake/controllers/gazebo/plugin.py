@@ -1,18 +1,15 @@
-"""PIDs as Gazebo's joint plugins have them, n of them at a time.
+"""PIDs, forces and topics of Gazebo's joint plugins, and what of their tags isn't done.
 
-The rule is that of gz-math's class ``PID`` (src/PID.cc). An error is measurement minus
-target, the other way round than in ros2_control, and a command works against it. A
-limit whose maximum lies below its minimum is none. Errors are in the unit of what is
-controlled, such as [rad] or [m]; commands in the unit that the gains make of it.
-
-Forces of Gazebo's joint plugins, as efforts of the joints that carry them.
+The rule of a PID is that of gz-math's class ``PID`` (src/PID.cc), n at a time. An error
+is measurement minus target, the other way round than in ros2_control, and a command
+works against it. A limit whose maximum lies below its minimum is none. Errors are in
+the unit of what is controlled, such as [rad] or [m]; commands in the unit that the
+gains make of it.
 
 Gazebo pushes every joint by itself, a mimic joint too. Here a mimic joint follows its
 master rigidly and has no drive of its own, so the force at it acts on the master. With
 dq_follower = m dq_master, both do the same work if the master's effort is m times the
 force (virtual work).
-
-Names of the topics of Gazebo's joint plugins, and what of their tags isn't done.
 
 Sources: gz-sim, src/systems/joint_position_controller/JointPositionController.cc and
 those beside it; gz-transport, src/TopicUtils.cc; ROS 2's design, "Topic and Service

@@ -1,1 +1,1 @@
-"""joint_trajectory."""
+"""The joint_trajectory_controller: its parameters, state, goals and ticks."""

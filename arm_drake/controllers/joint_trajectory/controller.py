@@ -1,30 +1,14 @@
-"""``joint_trajectory_controller/JointTrajectoryController``.
-
-Source: ros2_controllers, `joint_trajectory_controller` (version 6.9.0 and jazzy); the
-tick itself is `arm_drake.controllers.joint_trajectory.controller`.
-
-What a joint_trajectory_controller commands, given a trajectory and its errors.
-
-The rules are those of ros2_controllers' joint_trajectory_controller (`update`,
-version 6.9.0). n is the number of joints, k that of command interfaces.
-
-How a joint_trajectory_controller follows its trajectory in a tick.
-
-The rules are those of ros2_controllers' joint_trajectory_controller (`update`,
-version 6.9.0): commands are the trajectory one period ahead, errors and tolerances are
-those of the present; what stops a motion acts from the next tick on.
-
-One quirk is kept: when `cmd_timeout` stops a motion with a goal, the goal succeeds.
-
-The tick and the life cycle of a joint_trajectory_controller.
+"""The ``joint_trajectory_controller/JointTrajectoryController``: tick and life cycle.
 
 Pure functions from one state to the next, by the rules of ros2_controllers'
-joint_trajectory_controller (`update`, `on_activate`, `on_deactivate`, version 6.9.0):
-commands are the trajectory one period ahead, errors and tolerances are those of the
-present; what stops a motion acts from the next tick on.
+`joint_trajectory_controller` (`update`, `on_activate`, `on_deactivate`; version 6.9.0
+and jazzy): commands are the trajectory one period ahead, errors and tolerances are
+those of the present; what stops a motion acts from the next tick on. n is the number of
+joints, k that of command interfaces.
 
 Upstream reads run-time parameters in its ticks: messages are judged by the rules of the
 last tick, and the tolerances of a goal stay until the next goal, whatever the rules.
+One quirk is kept: when `cmd_timeout` stops a motion with a goal, the goal succeeds.
 """
 
 import functools

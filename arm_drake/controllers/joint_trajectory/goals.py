@@ -1,27 +1,18 @@
-"""What a joint_trajectory_controller makes of messages and of the goals of its action.
-
-The rules are those of ros2_controllers' joint_trajectory_controller (version 6.9.0)
-with the action server that it uses, see `action_goals`. One more quirk is kept: a
-trajectory on the topic doesn't end the goal that is being executed; it is judged by the
-new trajectory from then on.
-
-Splines through positions that come without velocities, or even without times.
-
-The rules are those of ros2_controllers' joint_trajectory_controller
-(`positions_upsampling`, version 6.9.0).
-
-How a joint_trajectory_controller holds its joints, or brakes them.
-
-The rules are those of ros2_controllers' joint_trajectory_controller (version 6.9.0).
-Upstream has one hold message, made once. Holding changes its positions alone; success
-makes its point the goal's last one. Two quirks follow and are kept here: after a
-success later holds repeat the velocities, accelerations and efforts of that goal's last
-point, and a hold while it is being followed already has no new start.
-
-How a joint_trajectory_controller starts to follow a message.
+"""Messages and goals of a joint_trajectory_controller, and how it holds.
 
 The rules are those of ros2_controllers' joint_trajectory_controller (`update`,
-version 6.9.0).
+`positions_upsampling`; version 6.9.0) with the action server that it uses, see
+`arm_drake.control.action_goals`. Splines go through positions that come without
+velocities, or even without times.
+
+Quirks of upstream that are kept:
+
+* A trajectory on the topic doesn't end the goal that is being executed; it is judged by
+  the new trajectory from then on.
+* There is one hold message, made once. Holding changes its positions alone; success
+  makes its point the goal's last one. So after a success later holds repeat the
+  velocities, accelerations and efforts of that goal's last point, and a hold while it
+  is being followed already has no new start.
 """
 
 import dataclasses as dc

@@ -1,23 +1,13 @@
-"""State and inputs of a joint_trajectory_controller, see `joint_trajectory`.
-
-n is the number of joints and k that of command interfaces, see
-`joint_trajectory_rules`.
-
-Which trajectories a joint_trajectory_controller takes.
-
-The rules and their order are those of ros2_controllers' joint_trajectory_controller
-(`validate_trajectory_msg`); numbers that aren't finite and joints named twice, which
-upstream lets through to its undefined behaviour, are refused as well.
-
-Rules of a joint_trajectory_controller, see `joint_trajectory`.
+"""Rules, state and inputs of a joint_trajectory_controller, and its messages.
 
 n is the number of joints, m that of commanded joints and k that of claimed command
 interfaces: all commanded joints of the first, then all of the second, and so on.
 
-What a joint_trajectory_controller tells of itself, as messages.
-
-The rules are those of ros2_controllers' joint_trajectory_controller (`publish_state`,
-`query_state_service`, version 6.9.0). Messages are made when someone looks at them.
+Which trajectories are taken, and in which order faults are looked for, is ruled by
+ros2_controllers' joint_trajectory_controller (`validate_trajectory_msg`, version
+6.9.0); numbers that aren't finite and joints named twice, which upstream lets through
+to its undefined behaviour, are refused as well. Messages (`publish_state`,
+`query_state_service`) are made when someone looks at them.
 """
 
 import dataclasses as dc
