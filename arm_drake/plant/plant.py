@@ -123,12 +123,8 @@ def add_robot_model(
         _fix_free_joints(root)
     elif not collides:
         _remove(root, "collision")
-    # A link called "world" is the world itself: move what is attached to it.
-    held = {j.name: j.origin for j in description.joints if j.parent == WORLD}
-    for joint in root.iterfind("joint"):
-        origin = held.get(joint.get("name", ""))
-        if origin is not None and pose is not None:
-            _set_origin(joint, X_WB @ origin_transform(origin))
+    if pose is not None:
+        _move_what_is_on_the_world(root, description, X_WB)
     parser = Parser(plant)
     parser.SetAutoRenaming(True)
     text = ET.tostring(root, encoding="unicode")
@@ -149,6 +145,17 @@ def add_robot_model(
             what, file = message.partition("warning: ")[2] or message, description.file
             report.add("warning", "ignored", what, "so says Drake", file=file)
     return model
+
+
+def _move_what_is_on_the_world(
+    root: ET.Element, description: RobotDescription, X_WB: RigidTransform
+) -> None:
+    """Move the joints on a link called "world", which is the world itself."""
+    origins = {j.name: j.origin for j in description.joints if j.parent == WORLD}
+    for joint in root.iterfind("joint"):
+        origin = origins.get(joint.get("name", ""))
+        if origin is not None:
+            _set_origin(joint, X_WB @ origin_transform(origin))
 
 
 def _remove(root: ET.Element, *tags: str) -> None:
