@@ -159,3 +159,13 @@ def test_the_picture_of_the_architecture_names_systems_of_the_diagram() -> None:
 
     assert len(drawn) == 4
     assert set(drawn) <= {system.get_name() for system in diagram.GetSystems()}
+
+
+def test_the_architecture_names_modules_that_are_there() -> None:
+    text = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
+    named = re.findall(r"`((?:[a-z_]+/)+[a-z_]+)`", text)
+
+    assert len(named) > 40
+    for name in named:
+        path = ROOT / "arm_drake" / name
+        assert path.is_dir() or path.with_suffix(".py").exists(), name
