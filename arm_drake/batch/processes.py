@@ -127,15 +127,14 @@ def sendable(error: Exception) -> Exception:
     return text
 
 
-# What runs need and this module doesn't import, for the server.
-_MODULES = ("arm_drake.controllers.registry",)
+# What runs need, and a program only when it loads a robot.
+_REGISTRY = "arm_drake.controllers.registry"
 
 READY = b"r"
 FORK = b"f"
 
 # A worker has ended by itself.
 EXITED = 0
-
 
 # How often to see whether the program is still there [s].
 _PERIOD = 1.0
@@ -157,8 +156,7 @@ def serve(control_fd: int, program: int) -> None:
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     try:
         control = socket.socket(fileno=control_fd)
-        for name in _MODULES:
-            importlib.import_module(name)
+        importlib.import_module(_REGISTRY)
         gc.collect()
         # Else a collection in a worker copies pages that it shares: of its memory 37 MB
         # were its own, not 25 (Doosan, after a full collection).

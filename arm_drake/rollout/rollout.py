@@ -366,9 +366,6 @@ def to_plain(value: Any) -> Plain:
     """Return a message, or part of one, as data that JSON can hold.
 
     Numbers beyond all limits become the texts that `float` reads.
-
-    Args:
-        value: A dataclass, a sequence, a mapping, a path or a plain value.
     """
     if dc.is_dataclass(value) and not isinstance(value, type):
         fields = (field.name for field in dc.fields(value))
