@@ -165,13 +165,19 @@ class Message:
     """A message: immutable, so that a copy is the message itself."""
 
     # Its package in ROS, if bags have a topic for what is sent to a controller.
-    ros_package: ClassVar[str] = ""
+    _ros_package: ClassVar[str] = ""
 
     def __copy__(self) -> Self:
         return self
 
     def __deepcopy__(self, memo: dict[int, object]) -> Self:
         return self
+
+
+def ros_type(kind: type[Message]) -> str | None:
+    """Return the type of a message in ROS, None if bags have no topic for it."""
+    package = kind._ros_package
+    return f"{package}/msg/{kind.__name__}" if package else None
 
 
 @dc.dataclass(frozen=True, order=True)
@@ -317,7 +323,7 @@ class Header(Message):
 class JointState(Message):
     """State of a set of joints, N of them (`sensor_msgs/JointState`)."""
 
-    ros_package: ClassVar[str] = "sensor_msgs"
+    _ros_package: ClassVar[str] = "sensor_msgs"
 
     header: Header = Header()
 

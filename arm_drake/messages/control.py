@@ -29,7 +29,7 @@ _STRICTNESS = ("strict", "best_effort", "")
 class Float64MultiArray(Message):
     """Numbers in an agreed order (`std_msgs`); each message is one of its own."""
 
-    ros_package: ClassVar[str] = "std_msgs"
+    _ros_package: ClassVar[str] = "std_msgs"
 
     data: tuple[float, ...] = ()
 
@@ -42,7 +42,7 @@ class Float64MultiArray(Message):
 class MultiDOFCommand(Message):
     """References of degrees of freedom, n of them (`control_msgs`)."""
 
-    ros_package: ClassVar[str] = "control_msgs"
+    _ros_package: ClassVar[str] = "control_msgs"
 
     # Names; () stands for all, in the order of the controller.
     dof_names: tuple[str, ...] = ()
@@ -148,7 +148,7 @@ class SwitchControllerResult(Message):
 class Float64(Message):
     """A number (`std_msgs`); each message is one of its own."""
 
-    ros_package: ClassVar[str] = "std_msgs"
+    _ros_package: ClassVar[str] = "std_msgs"
 
     data: float = 0.0
 
@@ -166,7 +166,7 @@ class Float32(Float64):
 class Bool(Message):
     """Yes or no (`std_msgs`); each message is one of its own."""
 
-    ros_package: ClassVar[str] = "std_msgs"
+    _ros_package: ClassVar[str] = "std_msgs"
 
     data: bool = False
 
@@ -262,7 +262,7 @@ class Int8MultiArray(Message):
 class String(Message):
     """A text (`std_msgs`)."""
 
-    ros_package: ClassVar[str] = "std_msgs"
+    _ros_package: ClassVar[str] = "std_msgs"
 
     data: str = ""
 

@@ -61,7 +61,7 @@ class Quaternion(Message):
 class Twist(Message):
     """A velocity, in the frame of what moves."""
 
-    ros_package: ClassVar[str] = "geometry_msgs"
+    _ros_package: ClassVar[str] = "geometry_msgs"
 
     # [m/s].
     linear: Vector3 = Vector3()
@@ -78,7 +78,7 @@ class Twist(Message):
 class TwistStamped(Message):
     """A velocity as of a time; each message is one of its own."""
 
-    ros_package: ClassVar[str] = "geometry_msgs"
+    _ros_package: ClassVar[str] = "geometry_msgs"
 
     # A stamp of 0 means "now".
     header: Header = Header()
@@ -151,7 +151,7 @@ class Wrench(Message):
 class WrenchStamped(Message):
     """A wrench as of a time, in the frame of the header; each is one of its own."""
 
-    ros_package: ClassVar[str] = "geometry_msgs"
+    _ros_package: ClassVar[str] = "geometry_msgs"
 
     header: Header = Header()
     wrench: Wrench = Wrench()

@@ -66,7 +66,7 @@ class JointTrajectoryPoint(Message):
 class JointTrajectory(Message):
     """A motion of a set of joints (`trajectory_msgs/JointTrajectory`)."""
 
-    ros_package: ClassVar[str] = "trajectory_msgs"
+    _ros_package: ClassVar[str] = "trajectory_msgs"
 
     # A stamp of 0 starts at once.
     header: Header = Header()
@@ -184,7 +184,7 @@ class JointTrajectoryControllerState(Message):
 class SpeedScalingFactor(Message):
     """How fast time is to pass along trajectories; 0 pauses (`control_msgs`)."""
 
-    ros_package: ClassVar[str] = "control_msgs"
+    _ros_package: ClassVar[str] = "control_msgs"
 
     factor: float = 1.0
 

@@ -20,6 +20,7 @@ import numpy as np
 
 from arm_drake import messages
 from arm_drake.errors import MissingExtraError
+from arm_drake.messages.base import ros_type
 
 # How a file begins, and ends.
 MAGIC = b"\x89MCAP0\r\n"
@@ -266,8 +267,10 @@ _DEFINITIONS = {
 
 def type_of(message: str) -> str | None:
     """Return the type in ROS of a class of messages, None if bags have no topic."""
-    package = getattr(getattr(messages, message, None), "ros_package", "")
-    return f"{package}/msg/{message}" if package else None
+    kind = getattr(messages, message, None)
+    if isinstance(kind, type) and issubclass(kind, messages.Message):
+        return ros_type(kind)
+    return None
 
 
 @functools.cache
