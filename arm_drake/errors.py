@@ -1,4 +1,4 @@
-"""What can be wrong with a user's input, as exceptions with one clear message.
+"""Exceptions for what can be wrong with a user's input, each with one clear message.
 
 Every message reads ``<file>:<line>: <place>: <what is wrong>; <what would be right>``,
 with the parts that are known.

@@ -1,4 +1,4 @@
-"""Options of a simulation; the defaults need no thought."""
+"""Options of a simulation, with defaults that need no thought."""
 
 import dataclasses as dc
 import math

@@ -1,4 +1,4 @@
-"""`arm-drake check`: what a robot is, and what was not taken as written."""
+"""The command `arm-drake check`: a robot's summary and its load report."""
 
 import json
 from pathlib import Path
@@ -19,10 +19,7 @@ _CLEAN, _BAD = 0, 1
 def check(robot: Robot, *, strict: bool, as_json: bool) -> int:
     """Print a robot's summary and its load report; return the exit code.
 
-    Args:
-        robot: The robot.
-        strict: Whether anything reported about the files makes the exit code 1.
-        as_json: Whether to print one JSON object.
+    It is 1 for anything reported about the files if `strict`.
     """
     simulation = Simulation(build_diagram(robot))
     controllers = simulation.list_controllers()

@@ -1,4 +1,4 @@
-"""The command `arm-drake compare`: where two logs differ."""
+"""The command `arm-drake compare`: differences of two logs."""
 
 import argparse
 import dataclasses as dc
@@ -24,14 +24,7 @@ _MAX_LINES = 6
 
 
 def run_compare(options: argparse.Namespace) -> int:
-    """Compare two logs as the command line says; return the exit code.
-
-    Args:
-        options: Arguments of `arm-drake compare`.
-
-    Raises:
-        InputError: If a file can't be used.
-    """
+    """Compare two logs as the command line says; return the exit code."""
     if options.plot is not None:
         check_plot_path(options.plot)
         check_writable(options.plot)
@@ -49,11 +42,7 @@ def run_compare(options: argparse.Namespace) -> int:
 
 
 def to_json(found: Comparison) -> dict[str, Any]:
-    """Return a comparison as plain data for JSON.
-
-    Args:
-        found: The comparison.
-    """
+    """Return a comparison as plain data for JSON."""
     return {
         "equal": found.is_equal,
         "tolerance": found.tolerance,
@@ -66,11 +55,7 @@ def to_json(found: Comparison) -> dict[str, Any]:
 
 
 def to_text(found: Comparison) -> str:
-    """Return a comparison for people.
-
-    Args:
-        found: The comparison.
-    """
+    """Return a comparison for people."""
     lines = list(found.differences)
     between = ", B interpolated" if found.is_interpolated else ""
     compared = f"{len(found.columns)} quantities in {found.num_rows} rows{between}"

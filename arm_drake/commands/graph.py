@@ -1,4 +1,4 @@
-"""The command `arm-drake graph`: what controls a robot, as a picture."""
+"""The command `arm-drake graph`: a picture of what controls a robot."""
 
 import argparse
 import dataclasses as dc
@@ -25,12 +25,7 @@ GRAPH_SUFFIXES = (".svg", ".png", ".pdf", ".dot")
 
 
 def run_graph(options: argparse.Namespace, load: Callable[[], Robot]) -> int:
-    """Draw what controls a robot as the command line says; return the exit code.
-
-    Args:
-        options: Arguments of `arm-drake graph`.
-        load: Loads the robot.
-    """
+    """Draw what controls a robot as the command line says; return the exit code."""
     check_suffix(options.output, "a graph", GRAPH_SUFFIXES)
     check_writable(options.output)
     robot = load()
@@ -55,15 +50,7 @@ def run_graph(options: argparse.Namespace, load: Callable[[], Robot]) -> int:
 
 
 def save_graph(graph: ControlGraph, path: Path) -> None:
-    """Write a graph as a picture, or as text for Graphviz.
-
-    Args:
-        graph: What to draw.
-        path: File to write; its suffix says of which type it is.
-
-    Raises:
-        OutputError: If the file can't be written.
-    """
+    """Write a graph as a picture of the type that the suffix says, or for Graphviz."""
     check_suffix(path, "a graph", GRAPH_SUFFIXES)
     if path.suffix == ".dot":
         with writing(path):
@@ -76,12 +63,7 @@ def save_graph(graph: ControlGraph, path: Path) -> None:
 
 
 def make_graph(robot: Robot, controllers: Sequence[LoadedController]) -> ControlGraph:
-    """Return the graph of a robot.
-
-    Args:
-        robot: The robot.
-        controllers: Its controllers.
-    """
+    """Return the graph of a robot."""
     hardware = _hardware(robot)
     nodes = tuple(_controller(c, hardware, controllers) for c in controllers)
     chains = (

@@ -41,11 +41,7 @@ class Speaker:
     """Says how it goes: lines on standard output, progress on standard error."""
 
     def __init__(self, *, is_quiet: bool) -> None:
-        """Create it.
-
-        Args:
-            is_quiet: Whether nothing else than JSON is to be on standard output.
-        """
+        """Create it; if quiet, nothing else than JSON is on standard output."""
         self._is_quiet = is_quiet
         self._is_terminal = sys.stderr.isatty()
         self._next_report = 0.0
@@ -129,12 +125,8 @@ def summarize(
 ) -> dict[str, Any]:
     """Return what `--json` prints.
 
-    Args:
-        simulation: A simulation that has run.
-        robot: Its robot.
-        saturation: How long joints were at their effort limit [s], by joint.
-        wall_time: How long it took [s].
-        failures: What failed, in words.
+    `saturation` is how long joints were at their effort limit [s], `wall_time` how long
+    the simulation took [s], `failures` say what failed.
     """
     final = simulation.joint_states()
     return {
@@ -165,14 +157,7 @@ def print_summary(
     wall_time: float,
     say: Speaker,
 ) -> None:
-    """Say how a simulation ended.
-
-    Args:
-        simulation: A simulation that has run.
-        saturation: How long joints were at their effort limit [s], by joint.
-        wall_time: How long it took [s].
-        say: What says it.
-    """
+    """Say how a simulation ended."""
     factor = simulation.time / wall_time if wall_time else 0.0
     say.line(
         f"simulated {simulation.time:.2f} s in {wall_time:.2f} s "
@@ -208,16 +193,7 @@ _SHARE = 0.25
 
 
 def check_outputs(options: argparse.Namespace) -> None:
-    """Find out before the simulation what can't be written after it.
-
-    Args:
-        options: Arguments of `arm-drake sim`.
-
-    Raises:
-        InputError: If there is a kind of plot, and no plot.
-        MissingExtraError: If what a file needs isn't installed.
-        OutputError: If a file is of a type that can't be, or can't be written.
-    """
+    """Find out before the simulation what can't be written after it."""
     if options.log is not None:
         writer_for(options.log)
         if options.log.suffix == ".mcap":
@@ -247,19 +223,7 @@ def write_outputs(
     say: Speaker,
     robot: Robot,
 ) -> None:
-    """Write what the command line asks for.
-
-    Args:
-        rollout: What was recorded.
-        options: Arguments of `arm-drake sim`.
-        meshcat: Where the robot is drawn, if it is.
-        say: Tells what was written.
-        robot: The robot.
-
-    Raises:
-        BrowserError: If there is no browser, or it doesn't draw the robot.
-        OutputError: If a file can't be written.
-    """
+    """Write what the command line asks for."""
     if options.log is not None:
         # Others are written already.
         if not can_stream(options.log):
@@ -294,31 +258,18 @@ def write_outputs(
 
 
 def needs_recording(options: argparse.Namespace) -> bool:
-    """Return whether what is drawn has to be recorded during the simulation.
-
-    Args:
-        options: Arguments of `arm-drake sim`.
-    """
+    """Return whether what is drawn has to be recorded during the simulation."""
     return options.record is not None or options.video is not None
 
 
 def history_of(options: argparse.Namespace) -> float:
-    """Return how much of the past is kept for what is to be written [s].
-
-    Args:
-        options: Arguments of `arm-drake sim`.
-    """
+    """Return how much of the past is kept for what is to be written [s]."""
     is_whole = options.log is not None and not can_stream(options.log)
     return math.inf if is_whole or options.plot else _HISTORY
 
 
 def start_log(options: argparse.Namespace, simulation: Simulation) -> None:
-    """Write the log while the simulation runs, if it is of a type that can grow.
-
-    Args:
-        options: Arguments of `arm-drake sim`.
-        simulation: The simulation.
-    """
+    """Write the log while the simulation runs, if it is of a type that can grow."""
     if options.log is not None and can_stream(options.log):
         # A page keeps its own history.
         is_endless = options.plot is not None or not options.headless
@@ -327,12 +278,7 @@ def start_log(options: argparse.Namespace, simulation: Simulation) -> None:
 
 
 def find_saturation(simulation: Simulation, rollout: Rollout) -> dict[str, float]:
-    """Return how long joints were at their effort limit [s], and end the log.
-
-    Args:
-        simulation: The simulation.
-        rollout: What of it is in memory.
-    """
+    """Return how long joints were at their effort limit [s], and end the log."""
     if not simulation.recorders:
         return rollout.effort_saturation()
     recorder = simulation.recorders[0]  # That of the log.
@@ -341,11 +287,7 @@ def find_saturation(simulation: Simulation, rollout: Rollout) -> dict[str, float
 
 
 def warn_of_pictures(options: argparse.Namespace) -> None:
-    """Say what is shown on pages only.
-
-    Args:
-        options: Arguments of `arm-drake sim`.
-    """
+    """Say what is shown on pages only."""
     if "names" in options.show:
         text = "names of frames are on the page only, not in pictures and recordings"
         print(f"warning: {text}", file=sys.stderr)

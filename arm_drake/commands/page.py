@@ -1,4 +1,4 @@
-"""What the commands with a page have in common."""
+"""Pages of the commands: their start, the way to them, and their end by Ctrl-C."""
 
 import argparse
 import contextlib
@@ -14,14 +14,7 @@ from arm_drake.visualization.page import Page
 
 
 def start_page(options: argparse.Namespace) -> Page:
-    """Start a page where the command line says, and tell what is to be known of it.
-
-    Args:
-        options: Arguments with `host` and `port`.
-
-    Raises:
-        InputError: If it can't listen there.
-    """
+    """Start a page where the command line says, and tell what is to be known of it."""
     page = Page(host=options.host, port=options.port)
     if page.has_moved:
         text = f"port {options.port} is taken; the page is on port {page.port}"
@@ -35,11 +28,7 @@ def start_page(options: argparse.Namespace) -> Page:
 def from_elsewhere(page: Page) -> str:
     """Return how to open a page of this machine from another one, where that is likely.
 
-    Args:
-        page: The page.
-
-    Returns:
-        A sentence; "" where there is a screen, or where others can open the page.
+    It is "" where there is a screen, or where others can open the page.
     """
     if page.is_public or not is_without_screen():
         return ""
@@ -54,11 +43,7 @@ def is_without_screen() -> bool:
 
 
 def ssh_command(port: int) -> str:
-    """Return the command that brings a page to another machine.
-
-    Args:
-        port: The page's port, on both machines.
-    """
+    """Return the command that brings a page, by its port, to another machine."""
     # Where the session's user came from knows this machine by this address.
     address = os.environ.get("SSH_CONNECTION", "").split()
     host = address[2] if len(address) == 4 else socket.gethostname()
@@ -69,11 +54,7 @@ def ssh_command(port: int) -> str:
 def interrupting(stop: Callable[[], None]) -> Iterator[Callable[[], bool]]:
     """Let the first Ctrl-C end something in good order; the second one ends at once.
 
-    Args:
-        stop: Ends it.
-
-    Yields:
-        Whether there was a Ctrl-C.
+    What it yields says whether there was one.
     """
     interrupted = threading.Event()
 

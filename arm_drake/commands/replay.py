@@ -29,15 +29,7 @@ _LONGEST = 3600.0
 
 
 def run_replay(options: argparse.Namespace, load: Callable[[], Robot]) -> int:
-    """Show a log as the command line says; return the exit code.
-
-    Args:
-        options: Arguments of `arm-drake replay`.
-        load: Loads the robot that they name.
-
-    Raises:
-        InputError: If the log, or its robot, can't be used.
-    """
+    """Show a log as the command line says; return the exit code."""
     check_outputs(options)
     rollout = Rollout.load(options.file, options.name)
     robot = _find_robot(options, rollout, load)

@@ -1,4 +1,4 @@
-"""The command `arm-drake sim`: Gazebo's place."""
+"""The command `arm-drake sim`: a robot with its controllers, as Gazebo runs it."""
 
 import argparse
 import json
@@ -44,11 +44,7 @@ if TYPE_CHECKING:
 
 
 def simulation_options(options: argparse.Namespace) -> SimulationOptions:
-    """Return how to simulate.
-
-    Args:
-        options: Arguments of `arm-drake sim`.
-    """
+    """Return how to simulate."""
     return SimulationOptions(
         preset=options.preset,
         time_step=options.time_step,
@@ -64,16 +60,7 @@ def simulation_options(options: argparse.Namespace) -> SimulationOptions:
 def choose_motion(
     name: str | None, given: Sequence[tuple[str, str]], robot: Robot
 ) -> Motion | None:
-    """Return the motion of a name or a file, with values of its parameters.
-
-    Args:
-        name: Its name or file; None is no motion.
-        given: Names and values of parameters.
-        robot: The robot.
-
-    Raises:
-        InputError: If there is no such motion, or its parameters are others.
-    """
+    """Return the motion of a name or a file, with texts of parameters as in YAML."""
     if name is None:
         if given:
             raise InputError("--set is for a parameter of a motion; give --motion, too")
@@ -93,12 +80,7 @@ def _read_parameters(given: Sequence[tuple[str, str]]) -> dict[str, Any]:
 
 
 def choose_duration(options: argparse.Namespace, motion: Motion | None) -> float | None:
-    """Return how long to simulate [s]; None is until Ctrl-C.
-
-    Args:
-        options: Arguments of `arm-drake sim`.
-        motion: What is played, if anything.
-    """
+    """Return how long to simulate [s]; None is until Ctrl-C."""
     if options.duration is not None:
         return float(options.duration)
     has_end = motion is not None and not motion.repeats
@@ -106,12 +88,7 @@ def choose_duration(options: argparse.Namespace, motion: Motion | None) -> float
 
 
 def simulate(options: argparse.Namespace, robot: Robot) -> int:
-    """Simulate a robot as the command line says; return the exit code.
-
-    Args:
-        options: Arguments of `arm-drake sim`.
-        robot: The robot.
-    """
+    """Simulate a robot as the command line says; return the exit code."""
     # What Drake says of its file is kept, which native logging wouldn't.
     world = load_world(options.world, robot.package_paths)
     use_native_logging()

@@ -1,4 +1,4 @@
-"""The command `arm-drake view`: RViz's place. A robot in a pose, without physics."""
+"""The command `arm-drake view`: a robot in a pose, without physics, as in RViz."""
 
 import argparse
 import json
@@ -24,12 +24,7 @@ LoadRobot = Callable[[Mapping[str, float]], Robot]
 
 
 def view(options: argparse.Namespace, load: LoadRobot) -> int:
-    """Show a robot as the command line says; return the exit code.
-
-    Args:
-        options: Arguments of `arm-drake view`.
-        load: Loads the robot with initial positions by joint [rad] or [m].
-    """
+    """Show a robot as the command line says; return the exit code."""
     if options.screenshot is not None:
         if "names" in options.show:
             print("warning: names of frames are on the page only", file=sys.stderr)
@@ -84,14 +79,8 @@ def read_positions(
 ) -> dict[str, float]:
     """Return positions [rad] or [m] by joint, as a command line gives them.
 
-    Args:
-        words: JOINT=VALUE, or a value for each movable joint that follows no other, in
-            the order of the description; none for no position at all.
-        description: The robot.
-        option: The words' option, for messages.
-
-    Raises:
-        InputError: If they are something else.
+    Words are JOINT=VALUE, or a value for each movable joint that follows no other, in
+    the order of the description; none for no position at all.
     """
     if not words:
         return {}

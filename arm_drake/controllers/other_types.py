@@ -87,9 +87,8 @@ def describe_unknown(
 ) -> tuple[Literal["info", "error"], str, str]:
     """Return what the report says of a type: severity, what it is, what is done.
 
-    Args:
-        name: A type that is neither in the registry nor equivalent to one.
-        known: The types that exist.
+    It is neither in the registry, of which `known` are the types, nor equivalent to
+    one.
     """
     _, hardware_only, others = load_other_types()
     what, done = f"controller type {name!r}", "the controller does not run"

@@ -46,11 +46,7 @@ class _Asked(Given):
 
 
 def render_types(types: Mapping[str, "ControllerType"]) -> str:
-    """Return the table of types: what is simulated of each, and whose names it takes.
-
-    Args:
-        types: The registry. Types that are run as another one are left out.
-    """
+    """Return the table of types: what is simulated, and whose names each takes."""
     own = {name: row for name, row in types.items() if not row.runs_as}
     simulated = [n for n, row in own.items() if row.system is not None]
     rows = [
@@ -67,11 +63,7 @@ def render_types(types: Mapping[str, "ControllerType"]) -> str:
 
 
 def render_others(run_as: Mapping[str, str]) -> str:
-    """Return the table of other packages' types that are run as one of ours.
-
-    Args:
-        run_as: The type that it is run as, by type.
-    """
+    """Return the table of others' types that are run as one of ours, by type."""
     rows = [(f"`{name}`", f"`{run_as[name]}`") for name in sorted(run_as)]
     return _table(("type of another package, or an older name", "is run as"), rows)
 

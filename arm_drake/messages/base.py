@@ -43,13 +43,7 @@ def to_float(value: Any, field: str) -> float:
 
 
 def to_names(values: Any, field: str, *, noun: str = "names") -> tuple[str, ...]:
-    """Return names as a tuple; raise ValueError for anything else, a string too.
-
-    Args:
-        values: The names.
-        field: Field that they are for.
-        noun: What they are, for the error.
-    """
+    """Return names as a tuple; raise ValueError for anything else, a string too."""
     if isinstance(values, str):
         raise ValueError(f"{field}: expected {noun}, got {values!r}")
     names = _to_tuple(values, field, noun)
@@ -69,14 +63,7 @@ def check_name(value: Any, field: str) -> None:
 def check_type(
     value: Any, kind: type | tuple[type, ...], field: str, *, hint: str = ""
 ) -> None:
-    """Raise ValueError if a value isn't of a kind.
-
-    Args:
-        value: The value.
-        kind: Class of messages that it must be of, or several.
-        field: Field that it is for.
-        hint: What else to do, for the error.
-    """
+    """Raise ValueError, with a hint what else to do, if a value isn't of a kind."""
     if not isinstance(value, kind):
         more = f"; {hint}" if hint else ""
         kinds = kind if isinstance(kind, tuple) else (kind,)
@@ -87,13 +74,7 @@ def check_type(
 def to_message(value: Any, kind: type[T], field: str) -> T:
     """Return a message of a kind, made of a mapping of its fields if it is one.
 
-    Args:
-        value: The message, or its fields by name.
-        kind: Its class.
-        field: Field that it is for.
-
-    Raises:
-        ValueError: If it is neither, or a field is not what it must be.
+    Raise ValueError if it is neither, or a field is not what it must be.
     """
     if isinstance(value, kind):
         return value
@@ -113,13 +94,7 @@ def to_message(value: Any, kind: type[T], field: str) -> T:
 
 
 def to_messages(values: Any, kind: type[T], field: str) -> tuple[T, ...]:
-    """Return messages of a kind as a tuple; raise ValueError for anything else.
-
-    Args:
-        values: The messages.
-        kind: Their class.
-        field: Field that they are for.
-    """
+    """Return messages of a kind as a tuple; raise ValueError for anything else."""
     messages = _to_tuple(values, field, f"a sequence of {kind.__name__}")
     if not {kind}.issuperset(map(type, messages)):
         for index, message in enumerate(messages):
@@ -353,10 +328,6 @@ def make_lazy(kind: type[M], make: Callable[[], M]) -> M:
     a topic at every tick and looks at few of its messages: a tick of a trajectory
     controller of six joints whose outputs are read takes 60 us, and 100 us if all
     messages are made (`python -m tests.benchmarks.ticks`, "looked at").
-
-    Args:
-        kind: Class of the message, a frozen dataclass.
-        make: Makes it, of what doesn't change.
     """
     message: M = object.__new__(_lazy_class(kind))  # type: ignore[arg-type]
     message.__dict__[_MAKE] = make
@@ -397,11 +368,6 @@ NUM_KEPT = 256
 def add_news(
     events: tuple[tuple[int, E], ...], news: Iterable[E]
 ) -> tuple[tuple[int, E], ...]:
-    """Return the latest events, numbered one after the other, the newest last.
-
-    Args:
-        events: What there was.
-        news: What is new.
-    """
+    """Return the latest events, numbered one after the other, the newest last."""
     first = events[-1][0] + 1 if events else 0
     return (*events, *enumerate(news, start=first))[-NUM_KEPT:]

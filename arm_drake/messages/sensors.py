@@ -174,9 +174,7 @@ class Float64Values(Message):
 def to_code(value: float, unknown: int) -> int:
     """Return the integer of a message that a state interface holds as a number.
 
-    Args:
-        value: The number; its fraction is cut off, as C++ does.
-        unknown: What stands for a number that isn't finite.
+    Its fraction is cut off, as C++ does; `unknown` stands for one that isn't finite.
     """
     return int(value) if math.isfinite(value) else unknown
 

@@ -44,12 +44,7 @@ def find_system(kind: type) -> Callable[..., ControllerInterface]:
 def make_plugin(
     tags: Sequence[Any], params: ControllerInterfaceParams
 ) -> ControllerInterface:
-    """Return the system that stands for tags of one kind.
-
-    Args:
-        tags: The tags; one, if their kind has a system for each.
-        params: Rate and surroundings of the system.
-    """
+    """Return the system that stands for tags of one kind: for one, or for all."""
     kind = type(tags[0])
     system = find_system(kind)
     return system(tuple(tags) if kind in _OF_ALL else tags[0], params)
