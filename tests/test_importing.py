@@ -1,6 +1,8 @@
 """Imports change how often Python looks for garbage, not what is garbage."""
 
 import gc
+import subprocess
+import sys
 import weakref
 from collections.abc import Iterator
 
@@ -68,3 +70,25 @@ def test_what_is_frozen_stays_frozen() -> None:
     assert count > 0
     # Some of it may have ended since, without a search.
     assert gc.get_freeze_count() == pytest.approx(count, rel=0.01)
+
+
+def test_public_names_are_imported_when_they_are_used() -> None:
+    program = """
+import sys
+import arm_drake
+ours = {name for name in sys.modules if name.startswith("arm_drake")}
+print(*sorted(ours))
+print(arm_drake.__all__ == dir(arm_drake), "load_robot" in dir(arm_drake))
+from arm_drake import *
+print(load_robot is arm_drake.load_robot, Header.__module__)
+from arm_drake import anything
+"""
+
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False
+    )
+
+    assert done.stdout == (
+        "arm_drake arm_drake.importing\nTrue True\nTrue arm_drake.messages.base\n"
+    )
+    assert "ImportError: cannot import name 'anything'" in done.stderr
