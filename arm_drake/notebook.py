@@ -88,20 +88,12 @@ def is_browser_elsewhere() -> bool:
 
 
 def html_in_a_cell(page: str) -> str:
-    """Return what shows a page of HTML inside a notebook's cell.
-
-    Args:
-        page: The page.
-    """
+    """Return what shows a page of HTML inside a notebook's cell."""
     return f'<iframe srcdoc="{html.escape(page)}" {_LAYOUT}></iframe>'
 
 
 def page_in_a_cell(url: str) -> str:
-    """Return what shows a page inside a notebook's cell.
-
-    Args:
-        url: The page's address.
-    """
+    """Return what shows a page inside a notebook's cell."""
     return f'<iframe src="{url}" {_LAYOUT}></iframe>'
 
 
@@ -155,15 +147,7 @@ class PageThread:
     def __init__(
         self, make_page: Callable[[], Page], make: Callable[[Page], Any]
     ) -> None:
-        """Start it, and wait until the page is there.
-
-        Args:
-            make_page: Makes the page, in the thread.
-            make: Makes what uses the page, a `Runner`, in the thread.
-
-        Raises:
-            Whatever one of these raises.
-        """
+        """Start it, and wait until the page is there."""
         self._ready: concurrent.futures.Future[Page] = concurrent.futures.Future()
         self._done = threading.Event()
         self._is_unwanted = False

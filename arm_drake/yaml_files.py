@@ -213,11 +213,7 @@ def _explain(error: yaml.YAMLError) -> YamlError:
 
 
 def plain(node: yaml.Node) -> Any:
-    """Return the plain value of a node.
-
-    Raises:
-        YamlError: If a value doesn't fit its tag.
-    """
+    """Return the plain value of a node."""
     try:
         return _Constructor().construct_document(node)
     except yaml.YAMLError as error:

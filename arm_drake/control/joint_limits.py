@@ -238,13 +238,7 @@ class PositionOutOfBoundsError(InputError):
     def __init__(
         self, position: float, limits: Range, previous: JointControlInterfacesData
     ) -> None:
-        """Create the error.
-
-        Args:
-            position: Measured position.
-            limits: Least and greatest position.
-            previous: What is to be remembered for the next command.
-        """
+        """Create the error."""
         self.previous = previous
         low, high = limits
         super().__init__(

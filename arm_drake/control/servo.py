@@ -26,9 +26,6 @@ def find_groups(masses: Array) -> NDArray[np.intp]:
     """Return the number of the group of each joint, shape (n,).
 
     Joints of a group push each other about when they accelerate.
-
-    Args:
-        masses: Mass matrices, shape (k, n, n).
     """
     scale = np.sqrt(np.diagonal(masses, axis1=1, axis2=2))
     correlation = np.abs(masses / scale[:, :, None] / scale[:, None, :]).max(axis=0)
@@ -40,13 +37,7 @@ def find_groups(masses: Array) -> NDArray[np.intp]:
 
 
 def common_accelerations(masses: Array, spare: Array, largest: Array) -> Array:
-    """Return accelerations that all joints can have at once, shape (n,).
-
-    Args:
-        masses: Mass matrices, shape (k, n, n).
-        spare: Efforts that are left beside gravity, infinite where unlimited.
-        largest: Accelerations that none is to exceed.
-    """
+    """Return accelerations that all joints can have at once, shape (n,)."""
     inertia = np.diagonal(masses, axis1=1, axis2=2).max(axis=0)
     found, rows = np.minimum(largest, spare / inertia), np.arange(len(spare))
     for _ in range(_ROUNDS):

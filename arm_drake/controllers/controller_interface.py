@@ -246,13 +246,7 @@ class KeptTicks(Generic[S]):
     def __init__(
         self, system: LeafSystem, params: ControllerInterfaceParams, first: Tick[S]
     ) -> None:
-        """Declare the port.
-
-        Args:
-            system: The controller.
-            params: Its surroundings.
-            first: What there is before its first tick.
-        """
+        """Declare the port."""
         self._name = params.controller_name
         self._port = system.DeclareAbstractInputPort(
             interfaces.TICKS_PORT, AbstractValue.Make(())
@@ -321,13 +315,7 @@ class TickReader(ControllerInterface, Generic[S]):
     def __init__(
         self, params: ControllerInterfaceParams, initial: S, **names: Any
     ) -> None:
-        """Create the system with what it reads.
-
-        Args:
-            params: Rate and surroundings of the controller.
-            initial: State before the first tick.
-            names: Interfaces, as in ControllerInterface.
-        """
+        """Create the system with what it reads."""
         super().__init__(params, **names)
         # At most one port with the values of all command interfaces, and where those of
         # this one stand there.

@@ -146,12 +146,7 @@ def box(size: Array) -> Inertial:
 
 
 def polyhedron(vertices: Array, faces: Array) -> Inertial:
-    """Return what closed triangles enclose.
-
-    Args:
-        vertices: Corners [m], shape (n, 3).
-        faces: Rows of `vertices`, counter-clockwise seen from outside, shape (m, 3).
-    """
+    """Return what closed triangles enclose."""
     # Tetrahedra between the faces and the origin, of signed volume.
     corners = vertices[faces]
     volumes = np.linalg.det(corners) / 6.0
@@ -349,14 +344,6 @@ def nearest_physical(mass: float, inertia: Array) -> Array:
     are, from the apex, a + d, b + d, c - d with d = (c - a - b) / 3, the foot of the
     perpendicular on a + b = c. It is outside if a + d < 0; the nearest edge, a = 0,
     b = c, has its foot at (b + c) / 2, or at 0 if that is negative.
-
-    Args:
-        mass: Mass of the body [kg].
-        inertia: Symmetric tensor about the centre of mass [kg·m^2], shape (3, 3).
-
-    Raises:
-        ValueError: If a number isn't finite, the mass not positive, or the tensor not
-            symmetric.
     """
     inertia = np.asarray(inertia, dtype=float)
     if inertia.shape != (3, 3) or not np.isfinite(inertia).all():

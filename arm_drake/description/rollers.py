@@ -134,14 +134,7 @@ class _Tree:
     def rollers_of(
         self, base: str, joint: str, sideways: float, radius: float
     ) -> Iterator[Rollers]:
-        """Yield the rollers of the wheel on a joint, if it lacks them.
-
-        Args:
-            base: The base link.
-            joint: The joint.
-            sideways: How far the roller's axis points to the right per unit forwards.
-            radius: Radius of the wheel if its shape doesn't say [m].
-        """
+        """Yield the rollers of the wheel on a joint, if it lacks them."""
         mover = self._description.joint(joint)
         link = mover.child
         parts = rigid_links(self._description, link)

@@ -289,13 +289,6 @@ def make_servo_plant(
 
     Drake's discrete step treats damping D implicitly, that is, it moves M + h D: each
     joint has the inertia h D besides.
-
-    Args:
-        description: The robot.
-        pose: Pose of its base in the world.
-        options: How to simulate.
-        time_step: Step of the simulated plant h [s].
-        report: Where Drake's warnings about the description are recorded.
     """
     plant = MultibodyPlant(time_step)
     set_gravity(plant, options)

@@ -212,20 +212,7 @@ def add_state_interfaces(
     effort: OutputPort | None,
     prefix: str,
 ) -> tuple[OutputPort, OutputPort]:
-    """Add the measured quantities of all J joints, in the order of the description.
-
-    Args:
-        builder: Where the plant is.
-        plant: The finalized plant.
-        model: The robot's model instance.
-        description: The robot.
-        commanded: Joints that have an actuator.
-        effort: What their actuators apply; None if there are none.
-        prefix: Start of the names of the systems.
-
-    Returns:
-        Positions and velocities, size 2J; positions, velocities and efforts, size 3J.
-    """
+    """Add the measured quantities of all J joints, in the order of the description."""
     names = [joint.name for joint in description.movable_joints]
     num_states, J = plant.num_multibody_states(model), len(names)
     q_at, v_at = state_indices(plant, model, names)

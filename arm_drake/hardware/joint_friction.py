@@ -40,16 +40,6 @@ def make_dry_friction(
 
     The input is the robot's state, the output the generalized forces on the robot's
     velocities. The state is a less the initial positions, so that it starts at zero.
-
-    Args:
-        friction: f of the k joints that have friction [N·m], shape (k,).
-        gains: kf and df.
-        initial: Initial positions of those joints [rad], shape (k,).
-        num_states: Size of the robot's state [q; v].
-        positions_at: Indices of the joints' positions in the state.
-        velocities_at: Indices of their velocities in the state.
-        num_velocities: Size of v.
-        h: Step of the plant [s].
     """
     x = [Variable(f"x{i}") for i in range(num_states)]
     a = [Variable(f"a{i}") for i in range(len(friction))]

@@ -254,11 +254,6 @@ def mixed_command(part: float, start: Array, h: float) -> AffineSystem:
 
     A joint that follows it is at the end of each step where the ideal drive would be in
     continuous time: `ServoGains.last_command` is that part.
-
-    Args:
-        part: Part of the command of the step before.
-        start: The command before the first one.
-        h: Step of the plant [s].
     """
     one = np.eye(len(start))
     # The state is the last command less the first, so that it starts at zero.
@@ -460,14 +455,6 @@ def pid_law(pid: DrivePid, layout: Layout, h: float) -> SymbolicVectorSystem:
     The law is that of gazebo_ros2_control, with control_toolbox's Pid at every step:
     the error's integral counts with this step, its term is held within limits, and its
     derivative is the change since the last step. What isn't followed starts anew.
-
-    Args:
-        pid: The gains.
-        layout: The joints; with modes.
-        h: Step of the plant [s].
-
-    Returns:
-        A system from state and command to a command.
     """
     x, command = variables("x", layout.num_states), Command(layout)
     told = [Expression(c) for c in command.variables]

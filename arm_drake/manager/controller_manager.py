@@ -244,13 +244,7 @@ class StoredStates:
 def initial_values(
     commands: Sequence[str], joints: Sequence[str], positions: Mapping[str, float]
 ) -> list[float]:
-    """Return what command interfaces hold at first; NaN is nothing.
-
-    Args:
-        commands: Their names.
-        joints: Joints of the drive; they hold their position.
-        positions: Initial positions by joint [rad] or [m].
-    """
+    """Return what command interfaces hold at first; NaN is nothing."""
     values = []
     for name in commands:
         joint, _, interface = name.rpartition("/")

@@ -85,17 +85,6 @@ def due_period(
     An update is due at the tick that is nearest to one period after the last update;
     of two as near, floating-point rounding decides, as it does upstream. The first
     tick after the activation always is.
-
-    Args:
-        time_ns: Time of the manager's tick [ns].
-        last_ns: Time of the controller's last update [ns]; None if there is none yet.
-        update_rate: Rate of the controller [Hz].
-        manager_rate: Rate of the manager [Hz].
-        manager_period_ns: Period of the manager's tick [ns].
-
-    Returns:
-        Time since the last update [ns]. In the first one it is the manager's period if
-        the controller is as fast, else the controller's own, cut to whole nanoseconds.
     """
     if last_ns is None:
         if update_rate >= manager_rate:

@@ -86,17 +86,7 @@ def find_missing(
     configured: Collection[str] = (),
     reads_all: bool = False,
 ) -> tuple[str, ...]:
-    """Return why a controller can't be activated: what is not there.
-
-    Args:
-        system: The controller.
-        others: All controllers that are loaded, by name.
-        there: What the robot offers.
-        states: Which of its hardware is active.
-        configured: Names of all controllers, also of those that aren't loaded.
-        reads_all: Whether it reads all joints, as Gazebo's plugins do, not only those
-            that the hardware reports.
-    """
+    """Return why a controller can't be activated: what is not there."""
     exported = {n for s in others.values() for n in s.exported_interfaces}
     references = {n for s in others.values() for n in s.reference_interfaces}
     limits = find_undeclared_limits(system, there)
@@ -237,16 +227,7 @@ class ControllerLoader:
         distro: str,
         controller_types: Mapping[str, ControllerType] | None = None,
     ) -> None:
-        """Create it.
-
-        Args:
-            config: What the YAML configures.
-            surroundings: What the robot offers.
-            report: Where what doesn't work is recorded.
-            period: Period of the manager in Drake's time [s].
-            distro: Distribution whose parameters and defaults hold.
-            controller_types: Types of this robot alone.
-        """
+        """Create it."""
         self._distro = distro
         self._types = dict(controller_types or {})
         self._installed = installed_types()

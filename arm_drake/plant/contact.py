@@ -79,14 +79,6 @@ def let_things_be_held(
     So only things that move are compliant. Robots and what stands still are rigid: they
     touch each other at points, as they do in a world without things, which is left as
     it is. Properties that a shape has already are kept.
-
-    Args:
-        plant: A finalized plant.
-        scene_graph: Its scene graph.
-        robots: The robots' model instances; other bodies are things of the world.
-
-    Returns:
-        Whether there are any.
     """
     inspector, source = scene_graph.model_inspector(), plant.get_source_id()
     is_thing: dict[GeometryId, bool] = {}

@@ -218,13 +218,6 @@ def rest_on_ground(
     Its joints stand still. Of all planes below the shapes, the ground is the one that
     is highest below the centre of mass; there the base has its least energy. If that
     asks for a large tilt, or the base falls over, it stays level on its lowest point.
-
-    Args:
-        shapes: Collision shapes of the robot in the frame of its base.
-        center_of_mass: The robot's [m], in the frame of its base.
-
-    Returns:
-        Pose of the base: above the world's origin, with a yaw of 0.
     """
     if not shapes:
         return RigidTransform()
@@ -262,15 +255,7 @@ def _normal(plane: Array) -> Array:
 
 
 def _highest_plane_below(points: Array, foot: Array) -> Array | None:
-    """Return (a, b, c) of the plane z = a x + b y + c below points, highest at a place.
-
-    Args:
-        points: Shape (n, 3).
-        foot: x and y of the place.
-
-    Returns:
-        The plane; None if it would be steeper than the largest slope.
-    """
+    """Return (a, b, c) of the plane z = a x + b y + c below points, highest at a place."""
     program = MathematicalProgram()
     plane = program.NewContinuousVariables(3, "plane")
     below = np.column_stack([points[:, :2], np.ones(len(points))])

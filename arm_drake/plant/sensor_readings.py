@@ -60,12 +60,6 @@ def find_range(
     Drake casts no rays. But it knows how far a shape is from a point of the beam, and
     in which direction; so far the beam is free from there. NaN is a beam so close along
     a mesh that this takes too long.
-
-    Args:
-        query: Where the shapes are.
-        start: Start of the beam in the world [m], shape (3,).
-        along: Its direction, of length 1, shape (3,).
-        own: Numbers of the shapes that it passes through.
     """
     inspector, way = query.inspector(), 0.0
     for _ in range(_MAX_STEPS):

@@ -434,11 +434,7 @@ class TopicHandle:
 
 
 def input_type(port: TopicPort) -> type[Message]:
-    """Return what is expected on a port.
-
-    Args:
-        port: An input.
-    """
+    """Return what is expected on a port."""
     if port.virtual is not None:
         return port.virtual.message_type
     return message_type(port.system, port.port) or _TYPES.get(port.port, Message)
@@ -526,17 +522,7 @@ def publish_parameters(
     context: Context,
     changes: Mapping[str, Any],
 ) -> None:
-    """Put changed parameters on a controller's port, upon what was changed before.
-
-    Args:
-        robot: Whose controller it is.
-        system: The controller.
-        context: Its Context; it alone knows what was changed before.
-        changes: New values by their names, dotted or nested.
-
-    Raises:
-        ParameterError: If a parameter is unknown, can't change, or has a bad value.
-    """
+    """Put changed parameters on a controller's port, upon what was changed before."""
     name = system.params.controller_name
     config = next(c for c in robot.controllers.controllers if c.name == name)
     port = system.GetInputPort(interfaces.PARAMETERS_PORT)
@@ -555,18 +541,7 @@ def change_parameters(
     distro: str,
     types: Mapping[str, Any] | None = None,
 ) -> Any:
-    """Return a controller's parameters with some changed.
-
-    Args:
-        config: What the YAML configures.
-        present: Its parameters as they are; None is as the YAML configures them.
-        changes: New values by their names, dotted or nested.
-        distro: Distribution whose parameters and defaults hold.
-        types: Types of the robot alone, by name.
-
-    Raises:
-        ParameterError: If a parameter is unknown, can't change, or has a bad value.
-    """
+    """Return a controller's parameters with some changed."""
     if not isinstance(changes, Mapping):
         problem = f"expected parameters by name, got {changes!r}"
         raise ParameterError(problem, where=config.name)

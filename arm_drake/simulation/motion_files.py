@@ -669,14 +669,6 @@ def parse_motion(
     """Return the motion of a list of steps, as in a motion file.
 
     A step that this version doesn't know is an error, not nothing.
-
-    Args:
-        data: The list; or a mapping of `parameters`, with defaults, and `steps`.
-        file: File it came from, for messages.
-        parameters: Values of its parameters, in place of their defaults.
-
-    Raises:
-        MotionError: If a step is malformed.
     """
     data = fill_in(data, parameters or {}, file)
     if not isinstance(data, list):

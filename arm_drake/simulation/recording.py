@@ -59,14 +59,6 @@ def read_rollout(
     It has the ticks that are in the logs: into a rebuilt diagram a saved context brings
     its last tick alone. Where a tick was logged twice, for the simulation was set back,
     the latest counts, and so does nothing that lies ahead.
-
-    Args:
-        diagram: The diagram.
-        context: Its context.
-        manager: The robot's controller manager.
-        since: From when on rows are wanted [s]; there may be earlier ones. Then
-            there are references of all controllers that command positions, active or
-            not.
     """
     joints = manager.robot.description.movable_joints
     period = manager.log_period
@@ -143,13 +135,7 @@ def _log(
 
 
 def forget_rows(diagram: Diagram, context: Context, before: float) -> None:
-    """Forget what was logged before a time.
-
-    Args:
-        diagram: The diagram.
-        context: Its context.
-        before: The time [s].
-    """
+    """Forget what was logged before a time."""
     for system in diagram.GetSystems():
         if isinstance(system, VectorLogSink):
             log = system.FindMutableLog(context)
@@ -169,30 +155,14 @@ def _ticks_done(time: Array | float, period: float) -> Ticks:
 
 
 def _ticks_before(time: Array, period: float) -> Ticks:
-    """Return the number of the last tick before a time, -1 if there is none.
-
-    Args:
-        time: Rounded times of ticks [s].
-        period: Period of the ticks [s].
-    """
+    """Return the number of the last tick before a time, -1 if there is none."""
     return np.ceil(np.asarray(time) / period - _TOLERANCE).astype(np.int64) - 1
 
 
 def _latest(
     rows: Array, logged_at: Array, present: Array, now: float, period: float
 ) -> tuple[Array, Ticks]:
-    """Return what ticks left behind, in order, each of them once.
-
-    Args:
-        rows: Rows of a log, shape (N, k), in the order of their writing.
-        logged_at: Their times [s], shape (N,).
-        present: What is there now, for it isn't always logged yet, shape (k,).
-        now: The present time [s].
-        period: Period of the ticks [s].
-
-    Returns:
-        The values, shape (M, k), and the ticks, rising, shape (M,).
-    """
+    """Return what ticks left behind, in order, each of them once."""
     # What a tick leaves behind is seen from then on, and logged before the next one.
     ticks, last = _ticks_done(logged_at, period), int(_ticks_done(now, period))
     # A row of this instant counts: Drake may already have taken its next sample.
@@ -342,13 +312,7 @@ def find_build_info(diagram: Diagram) -> BuildInfo | None:
 def describe_provenance(
     robot: Robot, diagram: Diagram, motions: Sequence[Motion]
 ) -> dict[str, Any]:
-    """Return what made a rollout, as plain data without folders of this machine.
-
-    Args:
-        robot: The robot.
-        diagram: Its diagram.
-        motions: The motions that were played, in order.
-    """
+    """Return what made a rollout, as plain data without folders of this machine."""
     found: dict[str, Any] = {
         "versions": dict(_versions()),
         "robot": dict(_describe_robot(robot)),

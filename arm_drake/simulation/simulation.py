@@ -67,18 +67,7 @@ class Recorder:
         robot: str | None = None,
         history: float = math.inf,
     ) -> None:
-        """Start to record; `Simulation.record_to` does that.
-
-        Args:
-            simulation: The simulation.
-            path: `.mcap` or `.csv` file to write.
-            robot: Name of the robot; by default all, or the only one.
-            history: How much of the past stays in memory at least [s].
-
-        Raises:
-            InputError: If there is no such robot, or the file can't be written.
-            MissingExtraError: If what the file needs isn't installed.
-        """
+        """Start to record; `Simulation.record_to` does that."""
         if not history > 0.0:
             raise InputError(f"history must be positive, got {history!r}")
         self.path = path
@@ -217,15 +206,7 @@ def _since(rollout: Rollout, time: float) -> Rollout:
 
 
 def advance(simulator: Simulator, time: float) -> None:
-    """Simulate up to a time.
-
-    Args:
-        simulator: What to advance.
-        time: Simulated time to stop at [s].
-
-    Raises:
-        SimulationError: If Drake can't go on, as with a state beyond all numbers.
-    """
+    """Simulate up to a time."""
     try:
         simulator.AdvanceTo(time)
     # Drake's own checks end in a SystemExit.

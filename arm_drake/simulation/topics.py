@@ -407,11 +407,7 @@ class _RobotTopics:
             yield from self.find(name)
 
     def explain(self, key: str) -> None:
-        """Raise InputError if a name is known and none of a topic.
-
-        Raises:
-            InputError: If it is an action or service, or bridged to what isn't there.
-        """
+        """Raise InputError if a name is known and none of a topic."""
         own = self._without_prefix(key)
         if own in self._aliases:
             alias = self._aliases[own][0]

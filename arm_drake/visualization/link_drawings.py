@@ -237,13 +237,6 @@ def collision_solid(
 
     Drake takes the convex hull of a mesh; its triangles only where they touch things
     over areas, as rigid hydroelastic surfaces.
-
-    Args:
-        inspector: The scene.
-        geometry: The shape.
-
-    Returns:
-        What to draw, None if Meshcat can't: a half space.
     """
     shape = inspector.GetShape(geometry)
     if isinstance(shape, HalfSpace):
@@ -411,13 +404,6 @@ def equivalent_ellipsoid(
 
     An inertia that no body has is shown as a sphere of that mass and of the density of
     water, so that it is seen where the mass is.
-
-    Args:
-        inertia: The body's, about its origin.
-
-    Returns:
-        Semi-axes [m], shape (3,), and the ellipsoid's pose in the body; None for a body
-        without mass, or if mass or centre of mass are no finite numbers.
     """
     mass, center = inertia.get_mass(), inertia.get_com()
     if not (0.0 < mass < np.inf and np.isfinite(center).all()):

@@ -195,12 +195,7 @@ def start_meshcat(*, host: str = "localhost", port: int | None = None) -> Meshca
 
 
 def frame_points(meshcat: Meshcat, points: Sequence[np.ndarray]) -> None:
-    """Point the camera so that it sees all of some points.
-
-    Args:
-        meshcat: Whose camera to move.
-        points: Points in the world [m], each of shape (3,).
-    """
+    """Point the camera so that it sees all of some points."""
     lower, upper = np.min(points, axis=0), np.max(points, axis=0)
     centre = (lower + upper) / 2.0
     diameter = max(float(np.linalg.norm(upper - lower)), _SMALLEST_DIAMETER)

@@ -163,15 +163,7 @@ def plot_path(rollout: Rollout, link: str | None) -> Picture:
 
 
 def find_way(rollout: Rollout, link: str) -> tuple[Array, Array | None]:
-    """Return where a link was, and where references would have had it.
-
-    Args:
-        rollout: A rollout with a description.
-        link: Name of the link.
-
-    Returns:
-        x, y, z [m], shape (N, 3), each; no second one if references don't change it.
-    """
+    """Return where a link was, and where references would have had it."""
     way = rollout.link_poses(link)[:, :3]
     position = rollout.position.copy()
     is_wanted = np.zeros(len(position), dtype=bool)
@@ -189,15 +181,7 @@ def find_way(rollout: Rollout, link: str) -> tuple[Array, Array | None]:
 def draw_way(
     picture: Picture, place: SubplotSpec, way: Array, wanted: Array | None, link: str
 ) -> Axes:
-    """Draw a way in space, or from above if it is flat; return the panel.
-
-    Args:
-        picture: Where to draw.
-        place: Its place there.
-        way: x, y, z [m], shape (N, 3).
-        wanted: The same of what was wanted, if anything was.
-        link: Whose way it is.
-    """
+    """Draw a way in space, or from above if it is flat; return the panel."""
     there = way[np.isfinite(way).all(axis=1)]
     extent = np.ptp(there, axis=0) if len(there) else np.zeros(3)
     is_flat = bool(extent[2] < _FLAT * max(extent[:2].max(), _LEAST))
@@ -369,13 +353,7 @@ class _Pen:
         lines: Mapping[str, Array],
         ranks: Mapping[str, Array] | None = None,
     ) -> None:
-        """Draw lines, those that stand out in colour and with their names.
-
-        Args:
-            panel: Where to draw.
-            lines: What to draw by joint, each of shape (N,).
-            ranks: Those with the largest peaks here stand out; None is the lines.
-        """
+        """Draw lines, those that stand out in colour and with their names."""
         peaks = {name: peak_of([v]) for name, v in (ranks or lines).items()}
         ranked = sorted(lines, key=lambda name: -peaks[name])
         least = _TELLING * max(peaks.values(), default=0.0)

@@ -61,12 +61,7 @@ def check_installed() -> None:
 
 @contextlib.contextmanager
 def open_browser() -> Iterator["Browser"]:
-    """Start a headless Chromium and close it in the end.
-
-    Raises:
-        MissingExtraError: If the extra `browser` isn't installed.
-        BrowserError: If there is no Chromium, or it doesn't start.
-    """
+    """Start a headless Chromium and close it in the end."""
     check_installed()
     from playwright.sync_api import Error, sync_playwright
 

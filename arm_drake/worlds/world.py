@@ -115,13 +115,6 @@ def load_sdf_world(path: Path, package_paths: Sequence[Path] = ()) -> LoadedWorl
     What stands still becomes shapes of the world body, with a frame for each link, in
     a model instance for each model: bodies that are welded to the world would cost time
     in every step.
-
-    Args:
-        path: The file.
-        package_paths: Folders to search first for models.
-
-    Raises:
-        InputError: If the file can't be used.
     """
     world = read_world(path, package_paths)
     is_linked = _is_linked(world)

@@ -263,15 +263,7 @@ def _joined(surfaces: list[Surface]) -> tuple[Array, Array]:
 
 
 def solid_points(points: Array) -> tuple[Array, bool]:
-    """Return points that span a volume, and whether they had to be made to.
-
-    Args:
-        points: [m], shape (n, 3).
-
-    Returns:
-        Different points; none if they are on a line. Points in a plane are moved to
-        both of its sides, 0.1 mm apart or more.
-    """
+    """Return points that span a volume, and whether they had to be made to."""
     points = np.unique(points.astype(float), axis=0)
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     # Rows of `axes` are the principal axes, the thinnest last.
@@ -295,9 +287,6 @@ def thin_hull(corners: Array) -> Array:
 
     It begins with the farthest corners in fixed directions. Then each facet takes the
     corner farthest from it, until all that are left are near enough.
-
-    Args:
-        corners: All corners of the hull [m], shape (n, 3); they span a volume.
     """
     if len(corners) <= FEW_CORNERS:
         return corners
@@ -356,13 +345,7 @@ def _nearest_planes(points: Array, equations: Array) -> tuple[Array, Array]:
 
 
 def _distances(points: Array, triangles: Array, height: Array) -> Array:
-    """Return the distances of points from triangles, one each, 0 below the plane.
-
-    Args:
-        points: Shape (n, 3).
-        triangles: Their corners, shape (n, 3, 3).
-        height: Over the planes of the triangles, shape (n,).
-    """
+    """Return the distances of points from triangles, one each, 0 below the plane."""
     edges = np.roll(triangles, -1, axis=1) - triangles
     offsets = points[:, None] - triangles
     along = (offsets * edges).sum(axis=2) / (edges * edges).sum(axis=2)
@@ -374,11 +357,7 @@ def _distances(points: Array, triangles: Array, height: Array) -> Array:
 
 
 def encode_hull(points: Array) -> bytes:
-    """Return an OBJ file of the convex hull, thinned by `thin_hull`, faces outward.
-
-    Args:
-        points: [m], shape (n, 3); must not lie in one plane.
-    """
+    """Return an OBJ file of the convex hull, thinned by `thin_hull`, faces outward."""
     from scipy.spatial import ConvexHull
 
     hull: Any = ConvexHull(points)

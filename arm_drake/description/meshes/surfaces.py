@@ -340,15 +340,7 @@ def _snap(vertices: Array, faces: Array, cells: int) -> tuple[Array, Array]:
 
 
 def _corner_normals(vertices: Array, faces: Array) -> Array:
-    """Return normals that are smooth but for creases, one for each corner.
-
-    Args:
-        vertices: Points, shape (n, 3).
-        faces: Rows of vertices, shape (m, 3).
-
-    Returns:
-        Unit vectors, shape (3 m, 3).
-    """
+    """Return normals that are smooth but for creases, one for each corner."""
     a, b, c = np.moveaxis(vertices[faces], 1, 0)
     areas = np.cross(b - a, c - a)
     length = np.linalg.norm(areas, axis=1, keepdims=True)

@@ -44,14 +44,7 @@ class Pace:
     """Sets how far to simulate, by the wall clock; it stands until `start`."""
 
     def __init__(self, rate: float) -> None:
-        """Create it.
-
-        Args:
-            rate: Simulated seconds per second; 0 is as fast as it goes.
-
-        Raises:
-            InputError: If it is negative, or no number.
-        """
+        """Create it."""
         if not (math.isfinite(rate) and rate >= 0.0):
             raise InputError(f"real-time rate: expected at least 0, got {rate!r}")
         self.rate = float(rate)
@@ -462,9 +455,6 @@ def latest(events: Iterable[Event]) -> list[Event]:
     """Return events without those whose value is replaced by a later one.
 
     Of a slider's way the end counts, unless something else was done on the way.
-
-    Args:
-        events: What happened, in order.
     """
     kept: list[Event] = []
     for event in events:

@@ -244,15 +244,7 @@ class LiveViews:
 
 
 def commanded_positions(simulation: Simulation, robot: str) -> dict[str, float]:
-    """Return where controllers want the joints, and where they are if none does.
-
-    Args:
-        simulation: The simulation.
-        robot: Name of the robot.
-
-    Returns:
-        Positions [rad] or [m] of every movable joint, but for joints that follow.
-    """
+    """Return where controllers want the joints, and where they are if none does."""
     manager = simulation.directory.manager(robot)
     state = simulation.joint_states(robot)
     follows = {j.name for j in manager.robot.description.movable_joints if j.mimic}

@@ -277,20 +277,7 @@ class PageServer:
         meshcat_port: int,
         on_event: Callable[[str, Any], None],
     ) -> None:
-        """Start to serve.
-
-        Args:
-            host: Address to listen on: "localhost", "*" for all, or one of this
-                machine's.
-            port: Port to listen on; if it is taken, the first free one after it. By
-                default the first free one from 7000 on.
-            meshcat_port: Where Meshcat listens on this machine.
-            on_event: Called with the name of a widget and its new value, in the
-                server's thread.
-
-        Raises:
-            InputError: If it can't listen there.
-        """
+        """Start to serve."""
         self.is_public = not is_local(host)
         self._sockets = _listen(host, port)
         self.port = int(self._sockets[0].getsockname()[1])

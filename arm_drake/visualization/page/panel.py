@@ -68,17 +68,6 @@ def pose_words(positions: Mapping[str, float], ranges: Iterable[JointRange]) -> 
     """Return a pose as words for a shell: `--position joint=value ...`.
 
     `arm-drake view` takes them.
-
-    Args:
-        positions: Positions [rad] or [m] by joint; others than the independent joints
-            are left out.
-        ranges: Ranges of the joints, in the order of the words.
-
-    Returns:
-        The words; "" for a robot without an independent joint.
-
-    Raises:
-        InputError: If an independent joint has no finite position.
     """
     texts = _texts(positions, ranges)
     words = [shlex.quote(f"{name}={number}") for name, number in texts.items()]
@@ -172,12 +161,7 @@ def make_pose_changes(
 def make_joints(
     ranges: Iterable[JointRange], positions: Mapping[str, float]
 ) -> Section:
-    """Return sliders of joints, `joint:<name>`, and what moves them all.
-
-    Args:
-        ranges: Ranges of the joints.
-        positions: Where they are [rad] or [m].
-    """
+    """Return sliders of joints, `joint:<name>`, and what moves them all."""
     buttons = Buttons(
         (
             Button("randomize", "randomize", "within the limits (r)", key="r"),

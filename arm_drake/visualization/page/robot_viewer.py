@@ -302,15 +302,7 @@ class RobotViewer:
 
 
 def handle_events(viewer: RobotViewer, events: Iterable[Event]) -> Iterator[str]:
-    """Do what was clicked.
-
-    Args:
-        viewer: The viewer.
-        events: What happened on its page, in order.
-
-    Yields:
-        What can't be done, in words.
-    """
+    """Do what was clicked."""
     moved: dict[str, Any] = {}
     for event in events:
         kind, _, name = event.id.partition(":")

@@ -55,12 +55,7 @@ class Remote(ABC):
 
     @abstractmethod
     def _act(self, part: str, value: float | None) -> None:
-        """Do what a widget of an active controller stands for.
-
-        Args:
-            part: Its part of the id.
-            value: Value of a slider; None of a button.
-        """
+        """Do what a widget of an active controller stands for."""
 
     @abstractmethod
     def _forget(self) -> None:

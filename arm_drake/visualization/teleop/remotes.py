@@ -63,12 +63,7 @@ class BaseRemote(Remote):
     """Drives a base; the velocity is sent again in every `tick` until it is 0."""
 
     def __init__(self, simulation: Simulation, controller: str) -> None:
-        """Create it; `find_remotes` does that.
-
-        Args:
-            simulation: Where the controller runs.
-            controller: Its name with its robot's prefix.
-        """
+        """Create it; `find_remotes` does that."""
         super().__init__(simulation, controller)
         self._velocity = dict(_REST)
         system = self._system
@@ -171,9 +166,6 @@ def find_velocity_port(system: ControllerInterface) -> str | None:
     """Return on which port a controller takes velocities of a base; None for none.
 
     It is empty where `ControllerHandle.send_velocity` knows it.
-
-    Args:
-        system: The controller.
     """
     name = system.params.controller_name
     try:
@@ -197,12 +189,7 @@ class CommandRemote(GrippingRemote):
     sends_all = True
 
     def __init__(self, simulation: Simulation, controller: str) -> None:
-        """Create it; `find_remotes` does that.
-
-        Args:
-            simulation: Where the controller runs.
-            controller: Its name with its robot's prefix.
-        """
+        """Create it; `find_remotes` does that."""
         super().__init__(simulation, controller)
         self._axes = {axis.name: axis for axis in self._find_axes()}
         # What was sent last of each number.
@@ -396,12 +383,7 @@ class GripperRemote(Remote):
     """Moves the joint of a controller with the action `gripper_cmd`."""
 
     def __init__(self, simulation: Simulation, controller: str) -> None:
-        """Create it; `find_remotes` does that.
-
-        Args:
-            simulation: Where the controller runs.
-            controller: Its name with its robot's prefix.
-        """
+        """Create it; `find_remotes` does that."""
         super().__init__(simulation, controller)
         system, params = self._system, self._system.params
         end = f"/{interfaces.POSITION}"
@@ -424,14 +406,7 @@ class GripperRemote(Remote):
             self._layout = (slider, Buttons(buttons))
 
     def move_to(self, position: float) -> GoalHandle:
-        """Send a goal.
-
-        Args:
-            position: Position of the gripper's joint [rad] or [m].
-
-        Raises:
-            InputError: If the controller isn't active, or the position isn't finite.
-        """
+        """Send a goal."""
         at = self._number(position, "position")
         self._prepare()
         goal = self._handle.send_goal(GripperCommand(at, self._effort))
@@ -508,12 +483,7 @@ class TrajectoryRemote(GrippingRemote):
     """
 
     def __init__(self, simulation: Simulation, controller: str) -> None:
-        """Create it; `find_remotes` does that.
-
-        Args:
-            simulation: Where the controller runs.
-            controller: Its name with its robot's prefix.
-        """
+        """Create it; `find_remotes` does that."""
         super().__init__(simulation, controller)
         system, end = self._system, f"/{interfaces.POSITION}"
         self._interpolates = system.HasInputPort(TOPIC)
@@ -581,20 +551,7 @@ class TrajectoryRemote(GrippingRemote):
     def go_to(
         self, positions: Mapping[str, float], *, duration: float | None = None
     ) -> None:
-        """Send a goal of all joints: a trajectory from where they are.
-
-        Args:
-            positions: Goals by joint [rad] or [m]. A joint that turns without end goes
-                to the same angle, the shorter way. The others stay at the last goal,
-                or without one where they are.
-            duration: How long it takes [s]; by default as long as the slowest joint
-                needs at its largest speed times `speed`, at least 0.1 s and five
-                periods of the controller.
-
-        Raises:
-            InputError: If the controller isn't active, if it has no such joint, or if a
-                number isn't finite.
-        """
+        """Send a goal of all joints: a trajectory from where they are."""
         for joint, value in positions.items():
             if joint not in self._axes:
                 raise self._error(f"no joint {joint!r}; {suggest(joint, self._axes)}")
