@@ -23,6 +23,7 @@ from arm_drake.controllers.controller_interface import (
     TickingController as TickingController,
 )
 from arm_drake.controllers.cycles import Now as Now
+from arm_drake.controllers.cycles import UpdateContext as UpdateContext
 from arm_drake.description.report import LoadReport as LoadReport
 from arm_drake.description.robot import Robot as Robot
 from arm_drake.diagram import build_diagram as build_diagram

@@ -25,7 +25,7 @@ from arm_drake.hardware.drive_report import report_drive, report_friction, repor
 from arm_drake.hardware.drives import (
     commanded_joints,
     effort_limits,
-    find_bare_joints,
+    find_effort_only_joints,
     make_drive_commands,
     make_robot_drive,
     may_let_go,
@@ -50,7 +50,7 @@ from arm_drake.hardware.presets import (
 )
 from arm_drake.hardware.robot_systems import RobotSystems
 from arm_drake.manager import ControllerManager
-from arm_drake.manager.hardware_interfaces import Surroundings
+from arm_drake.manager.hardware_interfaces import HardwareInterfaces
 from arm_drake.manager.loaded_controllers import LoadedController, command_order
 from arm_drake.manager.loading import load_controllers_of, report_motionless
 from arm_drake.options import SimulationOptions
@@ -85,7 +85,7 @@ class Setting(NamedTuple):
     world: LoadedWorld
 
     # As they were given, and with the world's gravity if none was.
-    given: SimulationOptions
+    requested: SimulationOptions
     options: SimulationOptions
 
     # Step of the plant, and periods of the robots' controller managers [s].
@@ -104,7 +104,7 @@ class RobotParts(NamedTuple):
     system: RobotSystems
 
     # What the robot offers them.
-    there: Surroundings
+    hardware_interfaces: HardwareInterfaces
 
     controllers: tuple[LoadedController, ...]
 
@@ -185,7 +185,7 @@ def _choose_setting(
         raise InputError(f"options: expected SimulationOptions, got {options!r}")
     robots = list_robots(robots)
     loaded = load_world(world, [path for r in robots for path in r.package_paths])
-    given = options
+    requested = options
     if options.gravity is None:
         options = dc.replace(options, gravity=loaded.gravity)
     rates = [robot.controllers.update_rate for robot in robots]
@@ -194,7 +194,7 @@ def _choose_setting(
         # Shorter steps than the preset's meet the ticks of robots at odd rates.
         shorter = dc.replace(options, preset="accurate").largest_step
         step, periods = choose_time_step(shorter, rates, options.log_rate)
-    return Setting(robots, loaded, given, options, step, periods)
+    return Setting(robots, loaded, requested, options, step, periods)
 
 
 def _load_parts(builder: DiagramBuilder, setting: Setting) -> list[RobotParts]:
@@ -207,9 +207,15 @@ def _load_parts(builder: DiagramBuilder, setting: Setting) -> list[RobotParts]:
             builder, robot, prefix, period, options, setting.step, setting.world.name
         )
         blocks = make_blocks(robot) if setting.is_kinematic else None
-        there = system.find_surroundings(blocks, find_gripper_ranges(robot))
-        controllers, report = load_controllers_of(robot, period, options, there)
-        parts.append(RobotParts(system, there, controllers, report, blocks or ()))
+        hardware_interfaces = system.find_hardware_interfaces(
+            blocks, find_gripper_ranges(robot)
+        )
+        controllers, report = load_controllers_of(
+            robot, period, options, hardware_interfaces
+        )
+        parts.append(
+            RobotParts(system, hardware_interfaces, controllers, report, blocks or ())
+        )
     return parts
 
 
@@ -245,7 +251,7 @@ def _build_accurate(
     setting: Setting, meshcat: Meshcat | None, obstacles: Sequence[Sequence[str]]
 ) -> Diagram:
     """Return the diagram of robots for which another preset doesn't do."""
-    robots, options = setting.robots, dc.replace(setting.given, preset="accurate")
+    robots, options = setting.robots, dc.replace(setting.requested, preset="accurate")
     diagram = build_diagram(
         robots, world=setting.world, options=options, meshcat=meshcat
     )
@@ -328,7 +334,9 @@ def _add_dynamic_robots(
             prefix=system.prefix,
             period=system.log_period,
         )
-        system.add(hardware, part.there, part.controllers, part.report, commands)
+        system.add(
+            hardware, part.hardware_interfaces, part.controllers, part.report, commands
+        )
         base.add_truths(
             builder,
             plant,
@@ -368,7 +376,7 @@ def _add_drives(
     base: RobotBases,
 ) -> tuple[Hardware, DriveCommands]:
     """Add what drives a robot's joints; return it with what makes its commands."""
-    system, there, controllers, report, _ = part
+    system, hardware_interfaces, controllers, report, _ = part
     robot, options = system.robot, system.options
     holds = holds_joints(robot, report)
     drive = make_robot_drive(
@@ -376,14 +384,16 @@ def _add_drives(
         robot.pose,
         options,
         plant.time_step(),
-        stated=find_drive_gains(robot, report),
-        bare=find_bare_joints(robot, controllers),
+        declared_gains=find_drive_gains(robot, report),
+        effort_only=find_effort_only_joints(robot, controllers),
         lets_go=may_let_go(robot, controllers) or not holds,
         grippers={joint.name for joint in find_gripper_joints(robot)},
-        carried=base.carried_inertia,
+        load_inertia=base.load_inertia,
         period=system.period,
     )
-    commands = make_drive_commands(robot, there, controllers, drive, holds=holds)
+    commands = make_drive_commands(
+        robot, hardware_interfaces, controllers, drive, holds=holds
+    )
     report_times(plant.time_step(), system.period, options, report)
     report_drive(robot, drive, controllers, report, holds=holds)
     report_friction(robot, drive, controllers, options, report)
@@ -431,20 +441,26 @@ def _add_kinematic_robots(
     kinematic = builder.AddNamedSystem("plant", KinematicPlant(plant, joints))
     poses = kinematic.GetOutputPort("body_poses")
     for part, model in zip(parts, models, strict=True):
-        system, there, controllers, report, blocks = part
+        system, hardware_interfaces, controllers, report, blocks = part
         report_motionless(
             controllers, report_blocks(part.robot, blocks, report), report
         )
         report_blind(part.robot, report)
-        order = command_order(there, controllers)
+        order = command_order(hardware_interfaces, controllers)
         hardware = add_mock_hardware(
-            builder, part.robot, blocks, order, there, system.prefix, system.period
+            builder,
+            part.robot,
+            blocks,
+            order,
+            hardware_interfaces,
+            system.prefix,
+            system.period,
         )
         motions = kinematic.GetInputPort(part.robot.name)
         builder.Connect(hardware.joint_motions, motions)
         drive = DriveCommands((), order, velocity_lead=0.0)
         _add_frames(part, plant, model, poses)
-        system.add(hardware, there, controllers, report, drive)
+        system.add(hardware, hardware_interfaces, controllers, report, drive)
     kinematic.connect_geometry(builder, scene_graph)
     builder.ExportOutput(kinematic.GetOutputPort("state"), "state")
 

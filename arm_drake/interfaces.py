@@ -72,8 +72,8 @@ CHAIN_PORT: Final = "chain:"
 def is_internal(port: str) -> bool:
     """Return whether a port of a controller is none of its topics."""
     own = (STATE_PORT, COMMAND_PORT, VALUES_PORT, MANAGER_PORT, PARAMETERS_PORT)
-    told = (TICK_PORT, TICKS_PORT, INBOX_PORT, FRAMES_PORT, CONTACTS_PORT)
-    return port in (*own, *told) or port.startswith((EXPORT_PORT, CHAIN_PORT))
+    manager_ports = (TICK_PORT, TICKS_PORT, INBOX_PORT, FRAMES_PORT, CONTACTS_PORT)
+    return port in (*own, *manager_ports) or port.startswith((EXPORT_PORT, CHAIN_PORT))
 
 
 def interface_names(joints: Iterable[str], names: Iterable[str]) -> tuple[str, ...]:

@@ -36,7 +36,7 @@ from arm_drake.description.xacro import expand_xacro, read_sources
 from arm_drake.errors import InputError, suggest
 from arm_drake.hardware.drives import check_model
 from arm_drake.hardware.mobile_bases import RobotBases
-from arm_drake.manager.hardware_interfaces import find_surroundings
+from arm_drake.manager.hardware_interfaces import find_hardware_interfaces
 from arm_drake.manager.loading import load_controllers
 
 # What names of distributions without rules of their own are taken as.
@@ -268,7 +268,7 @@ def _make_robot(
 def _try(loading: _Loading, robot: Robot) -> None:
     """Record what controllers, model and bases lack, and the places of all lines."""
     entry, packages, report = loading.entry, loading.packages, loading.report
-    surroundings = find_surroundings(
+    hardware_interfaces = find_hardware_interfaces(
         robot.description,
         robot.initial_positions,
         sensors=robot.sensors,
@@ -276,7 +276,7 @@ def _try(loading: _Loading, robot: Robot) -> None:
     )
     load_controllers(
         robot.controllers,
-        surroundings,
+        hardware_interfaces,
         report,
         judges_claims=False,
         distro=robot.distro,

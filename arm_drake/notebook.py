@@ -407,10 +407,10 @@ def simulate(
     Raises:
         ArmDrakeError: If the robots can't be simulated, or the page can't be there.
     """
-    given, loaded = options or SimulationOptions(), _load(robots)
+    base_options, loaded = options or SimulationOptions(), _load(robots)
 
     def make(page: Page) -> LiveSimulation:
-        own = dc.replace(given, frame_rate=0.0)
+        own = dc.replace(base_options, frame_rate=0.0)
         diagram = build_diagram(loaded, world=world, options=own, meshcat=page.meshcat)
         return LiveSimulation(
             page,
@@ -449,12 +449,12 @@ def animate(
     """
     if not 0.0 < duration < math.inf:
         raise InputError(f"duration: expected more than 0 s, got {duration!r}")
-    given, loaded = options or SimulationOptions(), _load(robots)
-    rate = given.frame_rate or SimulationOptions.frame_rate
+    base_options, loaded = options or SimulationOptions(), _load(robots)
+    rate = base_options.frame_rate or SimulationOptions.frame_rate
     with Scene() as scene:
         meshcat = scene.meshcat
         # It draws nothing by itself, so that another one may have the Meshcat later.
-        own = dc.replace(given, frame_rate=0.0)
+        own = dc.replace(base_options, frame_rate=0.0)
         diagram = build_diagram(loaded, world=world, options=own, meshcat=meshcat)
         simulation = Simulation(diagram)
         frame_robots(simulation, meshcat, room=ROOM_TO_MOVE)

@@ -1,4 +1,4 @@
-"""Files that results are written to: found out early what can't be written late."""
+"""Output files of results, checked before the simulation."""
 
 import contextlib
 import signal

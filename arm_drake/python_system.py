@@ -1,4 +1,4 @@
-"""The base of all our systems: one that is freed with its diagram.
+"""Base class of Python systems, freed with its diagram.
 
 Python frees what refers to itself in a circle, as a diagram does, if it sees the whole
 circle. Of systems written in Python it doesn't, for three reasons, and then a diagram
@@ -61,9 +61,11 @@ class PythonSystem(LeafSystem, metaclass=_metaclass):
         """
         if not callable(argument):
             return argument
-        held = functools.partial(argument)  # There are weak references to all of these.
-        self.__dict__.setdefault("_held", []).append(held)
-        find = weakref.ref(held)
+        reference = functools.partial(
+            argument
+        )  # There are weak references to all of these.
+        self.__dict__.setdefault("_held", []).append(reference)
+        find = weakref.ref(reference)
 
         def call(*args: Any) -> Any:
             function = find()

@@ -19,9 +19,9 @@ SUBSET = Path(__file__).parent / "data" / "oracle"
 
 def oracle_folder() -> Path:
     """Return the folder of the cases."""
-    asked = os.environ.get("ARM_DRAKE_ORACLE")
-    if asked:
-        return Path(asked)
+    requested = os.environ.get("ARM_DRAKE_ORACLE")
+    if requested:
+        return Path(requested)
     return _ALL if _ALL.is_dir() else SUBSET
 
 

@@ -106,8 +106,8 @@ class ServoRig:
     def command(self, positions: Sequence[float] | np.ndarray) -> None:
         """Command positions of the joints, from now on."""
         context = self.simulator.get_mutable_context()
-        told = np.concatenate([positions, np.zeros(len(positions))])
-        self.diagram.get_input_port(0).FixValue(context, told)
+        commands = np.concatenate([positions, np.zeros(len(positions))])
+        self.diagram.get_input_port(0).FixValue(context, commands)
 
     def run(self, duration: float) -> Motion:
         """Return what happens during the next seconds."""

@@ -64,8 +64,8 @@ def doosan(tmp_path_factory: pytest.TempPathFactory) -> tuple[ad.Rollout, Path]:
 def test_a_bag_of_each_motion_is_read_back_complete(
     tmp_path: Path, robot: str, name: str
 ) -> None:
-    given = {"control": CONTROL[name]} if name in CONTROL else {}
-    loaded = ad.load_robot(robot, xacro_args=given)
+    inputs = {"control": CONTROL[name]} if name in CONTROL else {}
+    loaded = ad.load_robot(robot, xacro_args=inputs)
     sim = ad.Simulation(ad.build_diagram(loaded))
     motion = ad.load_motion(bundled_motions(robot)[name])
     sim.run(min(motion.duration + 0.5, DURATION), motion)
@@ -84,14 +84,14 @@ def test_a_bag_of_each_motion_is_read_back_complete(
         found = seen([getattr(m, field) for _, m in states])
         np.testing.assert_array_equal(found, getattr(rollout, field))
     for controller, reference in rollout.references.items():
-        told = topics[f"/{controller}/controller_state"]
-        rows = [times.index(time) for time, _ in told]
+        reported = topics[f"/{controller}/controller_state"]
+        rows = [times.index(time) for time, _ in reported]
         unknown = np.isnan(reference.position).all(axis=1)
         assert rows == np.flatnonzero(~unknown).tolist()
-        assert {tuple(m.joint_names) for _, m in told} == {reference.joint_names}
-        wanted = seen([m.reference.positions for _, m in told])
+        assert {tuple(m.joint_names) for _, m in reported} == {reference.joint_names}
+        wanted = seen([m.reference.positions for _, m in reported])
         np.testing.assert_array_equal(wanted, reference.position[rows])
-        error = seen([m.error.positions for _, m in told])
+        error = seen([m.error.positions for _, m in reported])
         np.testing.assert_array_equal(error, rollout.tracking_error(controller)[rows])
     ((_, description),) = topics["/robot_description"]
     assert description.data == rollout.description
@@ -290,9 +290,9 @@ def test_what_a_bag_cannot_tell_as_a_message_it_tells_as_text(tmp_path: Path) ->
 
     ((_, text),) = read(tmp_path / "a.mcap")["/arm_drake/messages"]
 
-    told = json.loads(text.data)
-    assert told["type"] == "SwitchController"
-    assert told["data"]["deactivate_controllers"] == ["joint_trajectory_controller"]
+    reported = json.loads(text.data)
+    assert reported["type"] == "SwitchController"
+    assert reported["data"]["deactivate_controllers"] == ["joint_trajectory_controller"]
 
 
 def test_without_rosbags_it_is_said_what_is_missing(tmp_path: Path) -> None:

@@ -75,13 +75,13 @@ def servo_lines(sim: ad.Simulation) -> list[str]:
 def test_pid_gains_of_gazebo_classic_drive_a_joint_as_there(
     tmp_path: Path, kind: str, gains: dict[str, float], limit: float
 ) -> None:
-    given = {f"{kind[:3]}_{name}": value for name, value in gains.items()}
+    inputs = {f"{kind[:3]}_{name}": value for name, value in gains.items()}
     if np.isfinite(limit):
-        given |= {
+        inputs |= {
             f"{kind[:3]}_max_integral_error": limit,
             f"{kind[:3]}_min_integral_error": -limit,
         }
-    urdf = models.pendulum(control=control(kind, params=params(**given)))
+    urdf = models.pendulum(control=control(kind, params=params(**inputs)))
     sim = simulate(tmp_path, urdf, forward(kind, "swing"))
     target = 0.5
 
@@ -342,8 +342,10 @@ def test_wheels_without_a_limit_move_a_base_that_is_far_heavier(tmp_path: Path) 
     options = ad.SimulationOptions()
 
     alone, laden = (
-        make_robot_drive(robot.description, None, options, 1e-3, carried=carried)
-        for carried in ({}, {"swing": 100.0})
+        make_robot_drive(
+            robot.description, None, options, 1e-3, load_inertia=load_inertia
+        )
+        for load_inertia in ({}, {"swing": 100.0})
     )
 
     # What the observer may add grows with what is carried, not what is counted with.

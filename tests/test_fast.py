@@ -70,15 +70,15 @@ def test_a_step_is_as_long_as_the_controllers_period_but_10_ms_at_most(
 def test_it_says_what_it_leaves_out(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    told = {p: ad.SimulationOptions(preset=p).leaves_out for p in PRESETS}
-    assert told["accurate"] == ""
-    assert told["fast"].startswith("no contact: links pass through everything")
+    reported = {p: ad.SimulationOptions(preset=p).leaves_out for p in PRESETS}
+    assert reported["accurate"] == ""
+    assert reported["fast"].startswith("no contact: links pass through everything")
 
     # A preset that is asked for is nothing that was misread.
     arguments = ["sim", "doosan_a0912", "--headless", "--duration", "0.05", "--strict"]
     assert main([*arguments, "--preset", "fast"]) == 0
 
-    assert f"preset fast: {told['fast']}\n" in capsys.readouterr().out
+    assert f"preset fast: {reported['fast']}\n" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("h", STEPS)
@@ -321,12 +321,12 @@ def test_a_robot_that_needs_more_takes_the_others_with_it(tmp_path: Path) -> Non
     options = ad.SimulationOptions(preset="fast")
     sim = ad.Simulation(ad.build_diagram([arm, gripper], options=options))
 
-    told = {
+    reported = {
         name: [e.what for e in manager.report if e.where == "preset"]
         for name, manager in sim.directory.managers.items()
     }
 
-    assert told == {
+    assert reported == {
         "arm": ["fast: another robot needs more"],
         "gripper": ["fast: joints are coupled by mimic"],
     }
@@ -386,8 +386,8 @@ def test_things_in_a_world_can_be_touched(
 
     diagram = ad.build_diagram(robot, world=world, options=options)
 
-    told = ["fast: the world has things that can be touched"] if is_there else []
-    assert obstacles_of(ad.Simulation(diagram)) == told
+    reported = ["fast: the world has things that can be touched"] if is_there else []
+    assert obstacles_of(ad.Simulation(diagram)) == reported
 
 
 @pytest.mark.parametrize(
@@ -401,10 +401,10 @@ def test_whether_a_robot_bears_its_weight_is_asked_of_the_gravity_there(
     limit = f'lower="-3" upper="3" effort="{effort}" velocity="10"'
     sim = simulate(models.load(tmp_path, models.pendulum(limit=limit)), gravity=gravity)
 
-    told = (
+    reported = (
         [] if is_strong else ["fast: effort limits don't bear its weight and friction"]
     )
-    assert obstacles_of(sim) == told
+    assert obstacles_of(sim) == reported
 
 
 @pytest.mark.parametrize("name", ["doosan_a0912", "lab5_arm"])

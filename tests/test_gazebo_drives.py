@@ -272,8 +272,8 @@ def test_of_two_plugins_on_the_same_wheels_the_last_one_drives(tmp_path: Path) -
     robot = load(tmp_path, cart(*blocks))
     sim = simulate(robot)
 
-    told = [line for line in lines(robot) if "left" in line and "another" in line]
-    assert told == [
+    reported = [line for line in lines(robot) if "left" in line and "another" in line]
+    assert reported == [
         "warning: Gazebo plugin DiffDrive: another Gazebo plugin moves joint 'left' "
         "too; the last one does"
     ]
@@ -326,9 +326,9 @@ def test_a_wheel_that_a_controller_commands_is_left_to_it(
     robot = load(tmp_path, cart(block, control), controllers=yaml)
     sim = simulate(robot)
 
-    told = "\n".join(lines(robot))
-    assert "controller 'group' commands joint 'left' too" in told
-    assert "no wheels are left on both sides; it is left out" in told
+    reported = "\n".join(lines(robot))
+    assert "controller 'group' commands joint 'left' too" in reported
+    assert "no wheels are left on both sides; it is left out" in reported
     assert [row.name for row in sim.list_controllers()] == ["group"]
 
 
@@ -380,10 +380,12 @@ def test_torques_of_wheels_are_told(tmp_path: Path) -> None:
 def test_unused_measures_and_unknown_tags_are_told(tmp_path: Path) -> None:
     block = classic_drive(("wheel_separation", 0.5), ("command_topic", "go"))
 
-    told = "\n".join(lines(load(tmp_path, cart(block))))
+    reported = "\n".join(lines(load(tmp_path, cart(block))))
 
-    assert "wheel_separation: 2 values for 1 pairs of wheels; it has no effect" in told
-    assert "unknown tags: command_topic; they have no effect" in told
+    assert (
+        "wheel_separation: 2 values for 1 pairs of wheels; it has no effect" in reported
+    )
+    assert "unknown tags: command_topic; they have no effect" in reported
 
 
 def test_without_physics_the_wheels_turn_and_the_world_stands_still(

@@ -154,11 +154,11 @@ def test_a_joint_that_is_missing_is_told_and_the_rest_runs(tmp_path):
         ),
     )
 
-    told = "\n".join(lines(robot))
-    assert "the robot has no joint 'elbo'" in told
-    assert "elbow" in told
-    assert "the robot has none of its joints: elbo; the plugin is left out" in told
-    assert "no joint; expected <joint_name>; the plugin is left out" in told
+    reported = "\n".join(lines(robot))
+    assert "the robot has no joint 'elbo'" in reported
+    assert "elbow" in reported
+    assert "the robot has none of its joints: elbo; the plugin is left out" in reported
+    assert "no joint; expected <joint_name>; the plugin is left out" in reported
     sim = simulate(robot)
     topics = [row.name for row in sim.list_topics()]
     assert "/model/two/joint/shoulder/cmd_pos" in topics
@@ -176,8 +176,8 @@ def test_of_two_plugins_on_a_joint_the_last_one_moves_it(tmp_path):
         ),
     )
 
-    told = [line for line in lines(robot) if "another Gazebo plugin" in line]
-    assert told == [
+    reported = [line for line in lines(robot) if "another Gazebo plugin" in line]
+    assert reported == [
         "warning: Gazebo plugin JointPositionController: another Gazebo plugin moves "
         "joint 'elbow' too; the last one does",
         "warning: Gazebo plugin JointController: another Gazebo plugin moves joint "

@@ -52,7 +52,7 @@ def test_quaternion_of_a_yaw() -> None:
 
 
 @pytest.mark.parametrize(
-    ("prefix", "namespace", "given", "odom"),
+    ("prefix", "namespace", "inputs", "odom"),
     [
         ("test_prefix", "", {}, "test_prefix/odom"),
         ("/test_prefix/", "", {}, "test_prefix/odom"),
@@ -64,10 +64,10 @@ def test_quaternion_of_a_yaw() -> None:
     ],
 )
 def test_prefix_of_frames(
-    prefix: str, namespace: str, given: dict[str, bool], odom: str
+    prefix: str, namespace: str, inputs: dict[str, bool], odom: str
 ) -> None:
     frames = resolve_frames(
-        "odom", "base_link", prefix=prefix, namespace=namespace, **given
+        "odom", "base_link", prefix=prefix, namespace=namespace, **inputs
     )
 
     assert frames.odom == odom

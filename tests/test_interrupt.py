@@ -154,13 +154,13 @@ def test_ctrl_c_ends_it_and_what_was_asked_for_is_there(
             assert len(steps) >= 10
             np.testing.assert_allclose(steps, steps[0], rtol=1e-9)
             assert rollout["position"].shape == (len(steps) + 1, 6)
-            told = next(
+            reported = next(
                 float(line.split()[1])
                 for line in ended.output.splitlines()
                 if line.startswith("simulated ")
             )
             # Half a unit of the last digit, and one tick.
-            assert abs(rollout["time"][-1] - told) <= 0.005 + steps[0]
+            assert abs(rollout["time"][-1] - reported) <= 0.005 + steps[0]
     if "run.html" in state.files:
         page = (tmp_path / "run.html").read_text(encoding="utf-8")
         assert page.startswith("<!DOCTYPE html>")

@@ -288,6 +288,6 @@ def test_real_robots_are_centered_and_randomized_within_their_limits(robot):
 
 def test_real_robots_start_where_their_completed_pose_is(robot):
     own = [r.name for r in joint_ranges(robot.description) if r.follows is None]
-    given = {name: robot.initial_positions[name] for name in own}
+    inputs = {name: robot.initial_positions[name] for name in own}
 
-    assert complete(robot.description, given) == robot.initial_positions
+    assert complete(robot.description, inputs) == robot.initial_positions

@@ -301,7 +301,7 @@ def test_commands_are_held_to_limits_anew_after_a_switch(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("kind", "dynamics", "told"),
+    ("kind", "dynamics", "reported"),
     [
         ("velocity", "false", True),
         ("velocity", "true", False),
@@ -309,7 +309,7 @@ def test_commands_are_held_to_limits_anew_after_a_switch(tmp_path):
         ("position", "false", False),
     ],
 )
-def test_commands_that_move_nothing_are_told(tmp_path, kind, dynamics, told):
+def test_commands_that_move_nothing_are_told(tmp_path, kind, dynamics, reported):
     text = models.pendulum(control=models.ros2_control("swing", command=kind))
     parameter = f'<param name="calculate_dynamics">{dynamics}</param></hardware>'
     robot = load(
@@ -329,8 +329,8 @@ forward:
     sim.run(1.0)
 
     said = [str(e) for e in sim.report if "move nothing" in str(e)]
-    assert bool(said) == told
-    assert (sim.joint_states().position[0] == 0.0) == told
-    if told:
+    assert bool(said) == reported
+    assert (sim.joint_states().position[0] == 0.0) == reported
+    if reported:
         assert f"1 joint follows commands of {kind}" in said[0]
         assert ("calculate_dynamics" in said[0]) == (kind == "velocity")

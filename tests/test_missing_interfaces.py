@@ -77,12 +77,12 @@ def simulate(folder: Path, *controllers: Controller) -> ad.Simulation:
     rows = (GOOD, *controllers)
     lines = ["controller_manager:", "  ros__parameters:", "    update_rate: 100"]
     lines += [f"    {name}: {{type: {type_}}}" for name, type_, _ in rows]
-    lines += [f"{name}: {{ros__parameters: {given}}}" for name, _, given in rows]
+    lines += [f"{name}: {{ros__parameters: {inputs}}}" for name, _, inputs in rows]
     robot = models.load(folder, ROBOT, "\n".join(lines))
     return ad.Simulation(ad.build_diagram(robot))
 
 
-def told(sim: ad.Simulation) -> list[tuple[str, str]]:
+def reported(sim: ad.Simulation) -> list[tuple[str, str]]:
     """Return what the report says of controllers, and check that it says where."""
     names = {controller.name for controller in sim.list_controllers()}
     entries = [entry for entry in sim.report if entry.where in names]
@@ -154,7 +154,7 @@ def test_a_chain_with_a_missing_link_is_one_line(
 ) -> None:
     sim = simulate(tmp_path, *controllers)
 
-    assert told(sim) == [("bad", message)]
+    assert reported(sim) == [("bad", message)]
     expected = {name: "active" for name, *_ in (GOOD, *controllers)}
     assert states(sim) == {**expected, "bad": "inactive"}
     check_the_rest(sim)
@@ -176,7 +176,7 @@ def test_a_link_that_did_not_load_is_named_as_such(
         f"{kind} interface '{name}' is of controller 'middle', which is not loaded; "
         "its own line says why"
     )
-    assert told(sim) == [("bad", problem)]
+    assert reported(sim) == [("bad", problem)]
     assert [e.where for e in sim.report if e.severity == "error"] == [
         "middle.input_interfaces",
         "bad",
@@ -192,7 +192,7 @@ def test_a_link_that_did_not_load_is_named_as_such(
 def test_a_link_that_is_not_active_keeps_the_chain_inactive(tmp_path: Path) -> None:
     sim = simulate(tmp_path, pid("bad", "knee"), forward("top", "bad/j1"))
 
-    assert told(sim) == [
+    assert reported(sim) == [
         ("bad", "the robot has no joint 'knee'; known: j1, j2"),
         ("top", "'bad/j1/position' belongs to 'bad', which is not active"),
     ]
@@ -233,7 +233,7 @@ def test_a_circle_is_one_line_and_who_needs_it_says_so(
 ) -> None:
     sim = simulate(tmp_path, *circle)
 
-    (first, what), *others = told(sim)
+    (first, what), *others = reported(sim)
     assert (first, what) == (
         "a",
         f"{problem}; expected chains that end at the hardware",
@@ -351,7 +351,7 @@ def test_a_broadcaster_whose_sensor_lacks_something_stays_inactive(
     sim = simulate(tmp_path, controller)
 
     name = controller[0]
-    assert told(sim) == [(name, message)]
+    assert reported(sim) == [(name, message)]
     assert states(sim) == {"good": "active", name: "inactive"}
     with pytest.raises(InputError) as error:
         sim.switch_controllers([name])

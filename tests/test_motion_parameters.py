@@ -41,7 +41,7 @@ def test_a_parameter_keeps_its_type_and_may_stand_in_a_text() -> None:
 
 
 @pytest.mark.parametrize(
-    ("data", "given", "message"),
+    ("data", "inputs", "message"),
     [
         (STEPS, {}, "[0].commands: no parameter 'angles'; the motion declares none"),
         (STEPS, {"angles": 1}, "no parameter 'angles'; the motion declares none"),
@@ -60,9 +60,9 @@ def test_a_parameter_keeps_its_type_and_may_stand_in_a_text() -> None:
         ({"parameter": {}, "steps": []}, {}, "unknown key 'parameter'; did you mean"),
     ],
 )
-def test_what_is_no_parameter_is_said(data: Any, given: Any, message: str) -> None:
+def test_what_is_no_parameter_is_said(data: Any, inputs: Any, message: str) -> None:
     with pytest.raises(MotionError) as caught:
-        parse_motion(data, parameters=given)
+        parse_motion(data, parameters=inputs)
 
     assert message in str(caught.value)
 

@@ -493,8 +493,8 @@ def test_a_mimic_joint_follows_its_master(tmp_path: Path, h: float) -> None:
     assert finger[-1] == pytest.approx(0.6, abs=1e-4)
     # Virtual work: the master also carries the follower, at -0.5 of its angle.
     weight = models.MASS * models.GRAVITY * models.LENGTH
-    carried = weight * (math.sin(0.6) - 0.5 * math.sin(0.1 - 0.3))
-    assert motion.effort[-1, 0] == pytest.approx(carried, rel=1e-3)
+    load_inertia = weight * (math.sin(0.6) - 0.5 * math.sin(0.1 - 0.3))
+    assert motion.effort[-1, 0] == pytest.approx(load_inertia, rel=1e-3)
     np.testing.assert_array_equal(motion.effort[:, 1], 0.0)
 
 
@@ -516,8 +516,10 @@ def test_a_master_carries_those_that_mimic_the_ones_that_mimic_it(
 
     # finger 0.6, follower 0.1 - 0.3, third 3 times that: velocities 1, -0.5, -1.5.
     weight = models.MASS * models.GRAVITY * models.LENGTH
-    carried = weight * (math.sin(0.6) - 0.5 * math.sin(-0.2) - 1.5 * math.sin(-0.6))
-    assert motion.effort[0, 1] == pytest.approx(carried, rel=1e-9)
+    load_inertia = weight * (
+        math.sin(0.6) - 0.5 * math.sin(-0.2) - 1.5 * math.sin(-0.6)
+    )
+    assert motion.effort[0, 1] == pytest.approx(load_inertia, rel=1e-9)
 
 
 def test_dry_friction_of_a_mimic_joint_brakes_its_master(tmp_path: Path) -> None:

@@ -94,8 +94,8 @@ def run(
     drive = DriveCommands(names, order, velocity_lead=velocity_lead(W0))
     held = drive.initial([robot.initial_positions[name] for name in names])
     mode = drive.mode(dict.fromkeys(commands, 1.0 / step))
-    told = drive.write(mode, np.array([*commands.values(), 0.0]), held)
-    source = builder.AddSystem(ConstantVectorSource(drive.told(told)))
+    servo_input = drive.write(mode, np.array([*commands.values(), 0.0]), held)
+    source = builder.AddSystem(ConstantVectorSource(drive.servo_input(servo_input)))
     assert hardware.command is not None
     builder.Connect(source.get_output_port(), hardware.command)
     log = LogVectorOutput(hardware.joint_states, builder, step)

@@ -366,8 +366,8 @@ def test_building_a_diagram_leaves_the_robots_report_alone(tmp_path):
         (ad.SimulationOptions(active=("b",)), "a", "b"),
     ):
         sim = ad.Simulation(ad.build_diagram(robot, options=options))
-        (told,) = (entry for entry in sim.report if entry.severity == "warning")
-        assert str(told) == (
+        (reported,) = (entry for entry in sim.report if entry.severity == "warning")
+        assert str(reported) == (
             f"warning: {yaml}:{4 + (inactive == 'b')}: {inactive}: "
             f"'joint1/position' is claimed by {active!r}, which stays "
             "active; the controller stays inactive"

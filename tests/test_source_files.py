@@ -357,19 +357,19 @@ def test_other_files_may_be_watched_without_losing_a_change(tmp_path):
 @pytest.mark.parametrize("name", robot_names())
 def test_files_of_real_robots_are_those_that_xacro_and_the_urdf_name(name, monkeypatch):
     row, folder = read_index()[name], robots_folder()
-    given = [folder / file for file in row["controllers_yaml"]]
+    inputs = [folder / file for file in row["controllers_yaml"]]
     # xacro keeps a list of its own, for build tools.
     monkeypatch.setattr(xacro, "all_includes", [])
     robot = ad.load_robot(
         folder / row["entry"],
         xacro_args=row["xacro_args"],
-        controllers=given or None,
+        controllers=inputs or None,
         variables=row["launch_vars"],
     )
 
     files = robot.source_files
 
-    assert {folder / row["entry"], *given} <= set(files)
+    assert {folder / row["entry"], *inputs} <= set(files)
     assert all(file.is_file() and file.is_absolute() for file in files)
     assert list(files) == sorted(set(files))
     found = {file.name for file in files}

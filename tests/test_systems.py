@@ -127,7 +127,7 @@ from arm_drake.hardware.mobile_bases import BaseTruth, Wheel
 from arm_drake.hardware.mock_hardware import MockHardware
 from arm_drake.manager import ControllerManager
 from arm_drake.manager.connections import SampledStates, WantedPositions
-from arm_drake.manager.hardware_interfaces import Surroundings
+from arm_drake.manager.hardware_interfaces import HardwareInterfaces
 from arm_drake.plant.contact import ContactForces
 from arm_drake.plant.kinematics import KinematicPlant, LinkFrames
 from arm_drake.plant.sensor_readings import ContactReadings, SensorReadings
@@ -190,7 +190,7 @@ def make_manager() -> ControllerManager:
         period=0.01,
         log_period=0.01,
         drive=DriveCommands((), (), velocity_lead=0.05),
-        surroundings=Surroundings({}, (), (), {}),
+        hardware_interfaces=HardwareInterfaces({}, (), (), {}),
     )
 
 

@@ -15,7 +15,7 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterfaceParams,
     TickingController,
 )
-from arm_drake.controllers.cycles import Now
+from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.controllers.topics import Events, add_events, new_messages
 from arm_drake.errors import InputError, MotionError
 from arm_drake.messages import (
@@ -95,7 +95,7 @@ class Listener(TickingController[ListenerState]):
         self._declare_topic("heard", lambda state: state.heard)
         self._declare_topic("events", lambda state: state.events)
 
-    def _update(self, now: Now, state: ListenerState) -> ListenerState:
+    def _update(self, now: UpdateContext, state: ListenerState) -> ListenerState:
         heard, seen, refused = [*state.heard], [], []
         for port, old in zip(self._topics, state.seen, strict=True):
             new, there = new_messages(port, now.context, self._type, old)
@@ -172,7 +172,7 @@ def trajectory(position: float) -> ad.JointTrajectory:
 
 
 @pytest.mark.parametrize(
-    ("given", "name"),
+    ("inputs", "name"),
     [
         ("/arm/joint_trajectory", "/arm/joint_trajectory"),
         ("group/commands", "/group/commands"),
@@ -184,8 +184,8 @@ def trajectory(position: float) -> ad.JointTrajectory:
         ("/jsb/joint_states", "/joint_states"),
     ],
 )
-def test_a_topic_has_the_name_that_it_has_in_ros(sim, given, name):
-    assert sim.topic(given).name == name
+def test_a_topic_has_the_name_that_it_has_in_ros(sim, inputs, name):
+    assert sim.topic(inputs).name == name
 
 
 def test_the_list_of_topics_has_names_types_and_directions(sim):
@@ -583,8 +583,8 @@ def test_the_frames_of_all_publishers_are_on_tf(tmp_path, ended, there):
     message = sim.topic("/tf").value()
 
     # "two" is told by two of them, one of whom has ended.
-    told = {t.child_frame_id: t.transform.translation.x for t in message.transforms}
-    assert told == {"one": 1.0, "two": there}
+    reported = {t.child_frame_id: t.transform.translation.x for t in message.transforms}
+    assert reported == {"one": 1.0, "two": there}
     assert len(message.transforms) == 2
     assert sim.topic("/b/tf").value().transforms[0].transform.translation.x == 2.0
     assert "/tf" in [topic.name for topic in sim.list_topics()]

@@ -208,12 +208,12 @@ class _Starter:
             self._total = before + done.wall_time
             took = self._total / max(1, self._num_done - 1)
             gain = took * (left - math.ceil(left / workers))
-            said = f"a run took {took:.2g} s, {left} were left"
+            reason = f"a run took {took:.2g} s, {left} were left"
             if gain > self._cost * (1.0 if self._num_done > 1 else _SURE):
-                self._start(workers, said)
+                self._start(workers, reason)
             else:
                 self._choice.why = (
-                    f"{said}: starting processes takes longer than they gain"
+                    f"{reason}: starting processes takes longer than they gain"
                 )
 
     def start_all(self) -> int:
@@ -237,9 +237,9 @@ class _Starter:
                 lasted = time.perf_counter() - self._began
                 left = len(self._waiting)
                 if self._may_start and left and lasted > self._cost:
-                    said = f"a run took longer than {lasted:.2g} s, {left} were left"
+                    reason = f"a run took longer than {lasted:.2g} s, {left} were left"
                     # It has a core of its own.
-                    self._start(self._work.workers - 1, said)
+                    self._start(self._work.workers - 1, reason)
 
     def _start(self, num_workers: int, why: str) -> None:
         self._may_start = False
@@ -303,7 +303,7 @@ class Progress:
         self._num_runs = num_runs
         self._num_done = self._num_failed = 0
         self._start = time.perf_counter()
-        self._told_at = self._start if not self._is_in_place else -_AS_LINE
+        self._printed_at = self._start if not self._is_in_place else -_AS_LINE
         self._width = 0
         if self._is_in_place and num_runs:
             self._tell(self._start)
@@ -314,7 +314,7 @@ class Progress:
         self._num_failed += failed
         now = time.perf_counter()
         often = _IN_PLACE if self._is_in_place else _AS_LINE
-        if now - self._told_at >= often:
+        if now - self._printed_at >= often:
             self._tell(now)
 
     def close(self) -> None:
@@ -328,7 +328,7 @@ class Progress:
     def _tell(self, now: float) -> None:
         if not self._is_shown:
             return
-        self._told_at = now
+        self._printed_at = now
         text = self._describe(now - self._start)
         if self._is_in_place:
             _write(f"\r{text.ljust(self._width)}")
@@ -608,9 +608,9 @@ def _check_function(
     keep: Callable[[Simulation], Any] | None,
 ) -> Callable[[Any], Any]:
     """Return what runs an input."""
-    for name, given in (("function", function), ("keep", keep)):
-        if given is not None and not callable(given):
-            raise InputError(f"{name}: expected a function, got {given!r}")
+    for name, value in (("function", function), ("keep", keep)):
+        if value is not None and not callable(value):
+            raise InputError(f"{name}: expected a function, got {value!r}")
     if function is not None:
         if keep is not None:
             raise InputError(

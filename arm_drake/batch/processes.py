@@ -258,12 +258,12 @@ class _Server:
             pid, status = os.waitpid(-1, os.WNOHANG)
             if pid == 0:
                 return
-            told = self._status.pop(pid)
-            if told in self._selector.get_map():
-                self._selector.unregister(told)
+            status_socket = self._status.pop(pid)
+            if status_socket in self._selector.get_map():
+                self._selector.unregister(status_socket)
             with contextlib.suppress(OSError):  # Nobody wants to know.
-                told.sendall(b"%d" % os.waitstatus_to_exitcode(status))
-            told.close()
+                status_socket.sendall(b"%d" % os.waitstatus_to_exitcode(status))
+            status_socket.close()
 
 
 def _lead_group(pid: int) -> None:
@@ -296,20 +296,20 @@ class Server:
         """Start it; it imports what runs need, which takes a second."""
         self.pid = os.getpid()
         _open_streams()
-        self._control, theirs = socket.socketpair()
+        self._control, child_socket = socket.socketpair()
         path = [str(folder) for folder in sys.path]
-        program = _PROGRAM.format(path=path, fd=theirs.fileno(), pid=self.pid)
+        program = _PROGRAM.format(path=path, fd=child_socket.fileno(), pid=self.pid)
         # Ctrl-C isn't for it, also before it can say so.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
             self._process = subprocess.Popen(  # noqa: S603  Our own.
                 [sys.executable, "-c", program],
                 stdin=subprocess.DEVNULL,
-                pass_fds=[theirs.fileno()],
+                pass_fds=[child_socket.fileno()],
             )
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
-            theirs.close()
+            child_socket.close()
 
     def is_alive(self) -> bool:
         """Return whether it runs, as a child of this very process."""
@@ -322,11 +322,13 @@ class Server:
         open files.
         """
         with contextlib.ExitStack() as stack:
-            (data, theirs), (status, its) = (
+            (data, child_socket), (status, its) = (
                 [stack.enter_context(end) for end in socket.socketpair()]
                 for _ in range(2)
             )
-            socket.send_fds(self._control, [FORK], [theirs.fileno(), its.fileno()])
+            socket.send_fds(
+                self._control, [FORK], [child_socket.fileno(), its.fileno()]
+            )
             return Connection(data.detach()), status.dup()
 
     def close(self) -> None:
@@ -334,12 +336,12 @@ class Server:
         if self.pid != os.getpid():
             return
         try:
-            said = self._control.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT)
+            reply = self._control.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT)
             self._control.shutdown(socket.SHUT_RDWR)
         except OSError:
-            said = b""
+            reply = b""
         self._control.close()
-        if said != READY:  # It is importing, for nobody, and has no workers yet.
+        if reply != READY:  # It is importing, for nobody, and has no workers yet.
             self._process.kill()
         try:
             self._process.wait(_LONGEST_END)
@@ -609,9 +611,9 @@ class Pool:
             yield from ended
             if all(w.index is None for w in self._workers):
                 return
-            there: list[Any] = [w.connection for w in self._workers]
-            there += [w.status for w in self._workers]
-            ready = wait(there)
+            handles: list[Any] = [w.connection for w in self._workers]
+            handles += [w.status for w in self._workers]
+            ready = wait(handles)
             for worker in list(self._workers):
                 if worker.connection in ready:
                     self._take(worker)

@@ -133,11 +133,11 @@ class Run:
                         "robot: expected loaded robots in a list, as of load_robot, "
                         f"got {robot!r}"
                     )
-            given = [name for name in _LOADING if getattr(self, name)]
-            if given:
+            names = [name for name in _LOADING if getattr(self, name)]
+            if names:
                 raise InputError(
-                    f"{given[0]} is for a robot that the run loads; this one is loaded "
-                    f"already, give it to load_robot(..., {given[0]}=...)"
+                    f"{names[0]} is for a robot that the run loads; this one is loaded "
+                    f"already, give it to load_robot(..., {names[0]}=...)"
                 )
         if self.parameters and (self.motion is None or isinstance(self.motion, Motion)):
             raise InputError(

@@ -1,1 +1,1 @@
-"""The commands of `arm-drake`: their words, and what they do."""
+"""The subcommands of `arm-drake`."""

@@ -21,7 +21,7 @@ from arm_drake.output_files import check_suffix, check_writable
 from arm_drake.rollout.formats import can_stream, writer_for
 from arm_drake.rollout.mcap import load_types
 from arm_drake.rollout.rollout import Rollout
-from arm_drake.simulation.mailbox import GoalHandle, News
+from arm_drake.simulation.mailbox import GoalHandle, SimulationEvent
 from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.meshcat import save_html
 from arm_drake.visualization.plot import PLOT_KINDS, check_plot_path
@@ -45,7 +45,7 @@ class Speaker:
         self._is_quiet = is_quiet
         self._is_terminal = sys.stderr.isatty()
         self._next_report = 0.0
-        self._news = ""
+        self._progress_text = ""
         self._controllers = ""
         # What ended the simulation before its end.
         self.failures: list[str] = []
@@ -73,7 +73,7 @@ class Speaker:
 
     def progress(self, simulated: float) -> None:
         """Show the simulated time: in place on a terminal, else once a second."""
-        text = f"{simulated:7.2f} s  {self._news}"
+        text = f"{simulated:7.2f} s  {self._progress_text}"
         if self._is_terminal:
             sys.stderr.write(f"\r\033[K{text}")
             sys.stderr.flush()
@@ -81,39 +81,41 @@ class Speaker:
             print(text, file=sys.stderr, flush=True)
             self._next_report = simulated + 1.0 - 1e-6
 
-    def event(self, news: News) -> None:
+    def event(self, event: SimulationEvent) -> None:
         """Tell news of goals and switches; what fails is told at the end."""
-        if isinstance(news, SwitchControllerResult) and news.ok:
-            self._switched(news)
-        elif isinstance(news, CommandLimited):
-            text = f"commands of joint {news.joint!r} go beyond its limits"
+        if isinstance(event, SwitchControllerResult) and event.ok:
+            self._switched(event)
+        elif isinstance(event, CommandLimited):
+            text = f"commands of joint {event.joint!r} go beyond its limits"
             print(f"warning: {text}; they are held to them", file=sys.stderr)
-        elif isinstance(news, GoalHandle):
-            self._goal(news)
+        elif isinstance(event, GoalHandle):
+            self._goal(event)
 
-    def _switched(self, news: SwitchControllerResult) -> None:
+    def _switched(self, result: SwitchControllerResult) -> None:
         lists = {
-            "activate": news.request.activate_controllers,
-            "deactivate": news.request.deactivate_controllers,
+            "activate": result.request.activate_controllers,
+            "deactivate": result.request.deactivate_controllers,
         }
-        asked = "; ".join(f"{k} {', '.join(v)}" for k, v in lists.items() if v)
-        self.line(f"switch of controllers: {asked}")
-        if news.message:
-            print(f"warning: left out: {news.message}", file=sys.stderr)
+        requested = "; ".join(f"{k} {', '.join(v)}" for k, v in lists.items() if v)
+        self.line(f"switch of controllers: {requested}")
+        if result.message:
+            print(f"warning: left out: {result.message}", file=sys.stderr)
 
-    def _goal(self, news: GoalHandle) -> None:
-        if news.status is GoalStatus.EXECUTING:
-            if news.feedback:
-                errors = news.feedback[-1].error.positions
+    def _goal(self, goal: GoalHandle) -> None:
+        if goal.status is GoalStatus.EXECUTING:
+            if goal.feedback:
+                errors = goal.feedback[-1].error.positions
                 largest = max((abs(error) for error in errors), default=0.0)
-                self._news = f"{news.controller}: error {1e3 * largest:.1f} mrad"
+                self._progress_text = (
+                    f"{goal.controller}: error {1e3 * largest:.1f} mrad"
+                )
             else:
-                self.line(f"{news.controller}: goal accepted")
-                if news.note:
-                    print(f"warning: {news.controller}: {news.note}", file=sys.stderr)
-        elif news.status.is_terminal:
-            self._news = ""
-            self.line(f"{news.controller}: {news.describe()}")
+                self.line(f"{goal.controller}: goal accepted")
+                if goal.note:
+                    print(f"warning: {goal.controller}: {goal.note}", file=sys.stderr)
+        elif goal.status.is_terminal:
+            self._progress_text = ""
+            self.line(f"{goal.controller}: {goal.describe()}")
 
 
 def summarize(
@@ -176,10 +178,10 @@ def _describe_result(goal: GoalHandle) -> dict[str, Any]:
     if isinstance(result, FollowJointTrajectoryResult):
         code, text = int(result.error_code), result.error_string
         return {"error_code": code, "error_string": text}
-    said: dict[str, Any] = {"error_code": None, "error_string": goal.note}
+    description: dict[str, Any] = {"error_code": None, "error_string": goal.note}
     if result is not None:
-        said |= {"stalled": result.stalled, "reached_goal": result.reached_goal}
-    return said
+        description |= {"stalled": result.stalled, "reached_goal": result.reached_goal}
+    return description
 
 
 # How much is kept of what nobody asked to be written [s].
@@ -305,7 +307,7 @@ class _Progress:
     def __init__(self, say: Speaker, *, is_quiet: bool) -> None:
         self._say = say
         self._is_quiet = is_quiet
-        self._told = 0.0
+        self._printed_at = 0.0
         self.taken = 0
 
     def show(self, taken: int, total: int) -> None:
@@ -314,6 +316,6 @@ class _Progress:
         if sys.stderr.isatty():
             sys.stderr.write(f"\r\033[K{text}")
             sys.stderr.flush()
-        elif not self._is_quiet and self._told + _SHARE * total <= taken < total:
-            self._told = taken
+        elif not self._is_quiet and self._printed_at + _SHARE * total <= taken < total:
+            self._printed_at = taken
             self._say.line(text)

@@ -38,8 +38,8 @@ def from_elsewhere(page: Page) -> str:
 def is_without_screen() -> bool:
     """Return whether whoever started the command looks from another machine."""
     names = ("DISPLAY", "WAYLAND_DISPLAY")
-    is_bare = sys.platform == "linux" and not any(map(os.environ.get, names))
-    return is_bare or "SSH_CONNECTION" in os.environ
+    is_headless = sys.platform == "linux" and not any(map(os.environ.get, names))
+    return is_headless or "SSH_CONNECTION" in os.environ
 
 
 def ssh_command(port: int) -> str:

@@ -58,20 +58,20 @@ def simulation_options(options: argparse.Namespace) -> SimulationOptions:
 
 
 def choose_motion(
-    name: str | None, given: Sequence[tuple[str, str]], robot: Robot
+    name: str | None, parameters: Sequence[tuple[str, str]], robot: Robot
 ) -> Motion | None:
     """Return the motion of a name or a file, with texts of parameters as in YAML."""
     if name is None:
-        if given:
+        if parameters:
             raise InputError("--set is for a parameter of a motion; give --motion, too")
         return None
-    return find_motion(name, robot, _read_parameters(given))
+    return find_motion(name, robot, _read_parameters(parameters))
 
 
-def _read_parameters(given: Sequence[tuple[str, str]]) -> dict[str, Any]:
+def _read_parameters(assignments: Sequence[tuple[str, str]]) -> dict[str, Any]:
     """Return the values of `--set`, read as YAML."""
     parameters = {}
-    for name, text in given:
+    for name, text in assignments:
         try:
             parameters[name] = yaml_files.parse(text)
         except yaml_files.YamlError as error:

@@ -135,8 +135,8 @@ class AdmittanceRule(Message):
             F = np.where(self.selected_axes, _rotate(R_BC.T, wrench_B), 0.0)
             X, X_dot = (_rotate(R_BC.T, x) for x in (frames.displacement, state.twist))
             force = F - self.damping * X_dot - self.stiffness * X
-            asked = self._invert(J, _rotate(R_BC, force / self.mass))
-            acceleration = asked - self.joint_damping * state.velocity
+            requested = self._invert(J, _rotate(R_BC, force / self.mass))
+            acceleration = requested - self.joint_damping * state.velocity
             velocity = state.velocity + acceleration * period
             position = state.position + velocity * period
             return AdmittanceState(

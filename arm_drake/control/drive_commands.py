@@ -148,7 +148,7 @@ class DriveCommands:
         nothing = np.zeros_like(q)
         return np.concatenate([q, nothing, self._zeros, self._no_limits, nothing])
 
-    def told(self, drive: Array) -> Array:
+    def servo_input(self, drive: Array) -> Array:
         """Return what of a drive vector the servo is told, shape (7 n,) or (2 n,).
 
         With limits 2 n more. The last part, the rate of change of the positions, is for

@@ -404,12 +404,12 @@ def make_filter_chain(parameters: Mapping[str, Any], where: str) -> FilterChain:
                 f"{suggest(str(type_), FILTERS)}"
             )
         start = f"{place}.params."
-        given = {
+        values = {
             key.removeprefix(start): value
             for key, value in parameters.items()
             if key.startswith(start)
         }
-        filters.append(_make_filter(FILTERS[str(type_)], given, f"{where}.{start}"))
+        filters.append(_make_filter(FILTERS[str(type_)], values, f"{where}.{start}"))
         names.append(str(name))
     return FilterChain(tuple(filters))
 
@@ -449,16 +449,16 @@ def parameters_of(kind: type) -> tuple[str, ...]:
     return tuple(field.name for field in dc.fields(kind) if field.init)
 
 
-def _make_filter(kind: type, given: Mapping[str, Any], where: str) -> Filter:
+def _make_filter(kind: type, parameters: Mapping[str, Any], where: str) -> Filter:
     """Return a filter of a kind with these parameters."""
     fields = {field.name: field for field in dc.fields(kind) if field.init}
     for name, field in fields.items():
-        if field.default is dc.MISSING and name not in given:
+        if field.default is dc.MISSING and name not in parameters:
             raise ValueError(f"{where}{name}: is required but missing")
     hints = typing.get_type_hints(kind)
     values = {
         name: _convert(hints[name], value, f"{where}{name}")
-        for name, value in given.items()
+        for name, value in parameters.items()
         if name in fields
     }
     try:

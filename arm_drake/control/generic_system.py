@@ -270,8 +270,8 @@ def find_joints(
                 if place == _ABSENT:
                     places[i] = len(states) + num_hidden
                     num_hidden += 1
-        given = tuple(commands.get(name, _ABSENT) for name in names)
-        joints.append(JointLayout(component.name, tuple(places), given))
+        command_indices = tuple(commands.get(name, _ABSENT) for name in names)
+        joints.append(JointLayout(component.name, tuple(places), command_indices))
     return tuple(joints), num_hidden
 
 
@@ -495,12 +495,12 @@ class GenericSystem:
         """Move the joints in ``states``, and return what is hidden."""
         # What isn't there is at index -1.
         values = [*state.states.tolist(), *state.hidden, nan]
-        given = [*commands.tolist(), nan]
+        command_values = [*commands.tolist(), nan]
         offset = self._parameters.position_offset
         step = _step_explicitly if self._parameters.humble else _step
         for joint, mode in zip(self._joints, state.modes, strict=True):
             q, v, a = (values[i] for i in joint.states)
-            command = given[joint.commands[MODES.index(mode)]]
+            command = command_values[joint.commands[MODES.index(mode)]]
             moved = step(mode, command, q, v, a, period, offset)
             for i, value in zip(joint.states, moved, strict=True):
                 if i >= 0 and isfinite(value):

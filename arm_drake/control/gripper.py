@@ -1,4 +1,4 @@
-"""The tick and the life cycle of a gripper's controller.
+"""Update and life cycle of a gripper's controller.
 
 Pure functions from one state to the next, by the rules of ros2_controllers'
 gripper_controllers (jazzy) and parallel_gripper_controller (version 6.9.0), which are
@@ -32,9 +32,9 @@ from arm_drake.messages import (
     SendGoal,
     TopicRejected,
 )
-from arm_drake.messages.base import add_news
+from arm_drake.messages.base import append_events
 
-# News of a controller.
+# Events of a controller.
 Event = GoalEvent | CancelResponse | TopicRejected
 
 _INACTIVE = "the controller was never active; activate it first"
@@ -206,9 +206,9 @@ def command(rules: GripperRules, state: GripperState, position: float) -> Grippe
     return state._replace(target=target)
 
 
-def add_events(state: GripperState, *news: Event) -> GripperState:
+def add_events(state: GripperState, *new_events: Event) -> GripperState:
     """Return the state that tells news, after those it has told."""
-    return state._replace(events=add_news(state.events, news))
+    return state._replace(events=append_events(state.events, new_events))
 
 
 def _hold(rules: GripperRules, inputs: GripperInputs) -> Target:
@@ -243,12 +243,14 @@ def _take(
     if isinstance(target, str):
         rejected = GoalEvent(request, GoalStatus.REJECTED, note=target)
         return add_events(state, rejected)
-    news, old = [GoalEvent(request, GoalStatus.EXECUTING)], state.goal
+    new_events, old = [GoalEvent(request, GoalStatus.EXECUTING)], state.goal
     if old is not None:
         result = rules.make_result(None)
-        news.append(GoalEvent(old.request, GoalStatus.CANCELED, result))
+        new_events.append(GoalEvent(old.request, GoalStatus.CANCELED, result))
     goal = ActiveGoal(request, now_ns, now_ns + rules.monitor_period_ns)
-    return add_events(state._replace(target=target, goal=goal, moved_ns=now_ns), *news)
+    return add_events(
+        state._replace(target=target, goal=goal, moved_ns=now_ns), *new_events
+    )
 
 
 def _cancel(

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_drake.arrays import Array
-from arm_drake.description.parameters import Given, Rule
+from arm_drake.description.parameters import ParameterGroup, Rule
 from arm_drake.messages import Message
 
 STRATEGIES: Final = ("none", "conditional_integration", "back_calculation", "legacy")
@@ -380,25 +380,25 @@ class PidGains:
     error_deadband: Annotated[float, Rule(since="jazzy")] = 0.0
 
     @staticmethod
-    def adapt(given: Given) -> None:
+    def adapt(params: ParameterGroup) -> None:
         """Take older parameters: one limit for both sides, anti-windup as a bool."""
-        limit = given.get("i_clamp", float)
+        limit = params.get("i_clamp", float)
         if limit is not None:
-            given.replace("i_clamp", {"i_clamp_max": limit, "i_clamp_min": -limit})
-        is_new = given.distro in ("kilted", "rolling")
-        if "antiwindup_strategy" in given:
-            strategy = given.get("antiwindup_strategy", AntiwindupStrategy)
+            params.replace("i_clamp", {"i_clamp_max": limit, "i_clamp_min": -limit})
+        is_new = params.distro in ("kilted", "rolling")
+        if "antiwindup_strategy" in params:
+            strategy = params.get("antiwindup_strategy", AntiwindupStrategy)
             if strategy == "legacy" and is_new:
-                given.add(
+                params.add(
                     "antiwindup_strategy",
                     "warning",
                     "repair",
-                    f"'legacy' is a strategy up to jazzy only, not of {given.distro}",
+                    f"'legacy' is a strategy up to jazzy only, not of {params.distro}",
                     "it is taken",
                 )
-        elif is_new and "antiwindup" in given:
-            value = given.get("antiwindup", bool)
-            given.replace(
+        elif is_new and "antiwindup" in params:
+            value = params.get("antiwindup", bool)
+            params.replace(
                 "antiwindup", {"antiwindup_strategy": "legacy", "antiwindup": value}
             )
 
@@ -428,14 +428,14 @@ class PidGains:
             )
 
 
-def adapt_saturation(given: Given) -> None:
+def adapt_saturation(params: ParameterGroup) -> None:
     """Take `saturation` of a PID: false switches the limits of the output off."""
-    is_limited = given.get("saturation", bool)
+    is_limited = params.get("saturation", bool)
     if is_limited is None:
         return
     for name in ("u_clamp_max", "u_clamp_min"):
-        if not is_limited and name in given:
+        if not is_limited and name in params:
             what = "saturation is false"
-            given.add(name, "warning", "ignored", what, "it has no effect")
-            given.drop(name)
-    given.drop("saturation")
+            params.add(name, "warning", "ignored", what, "it has no effect")
+            params.drop(name)
+    params.drop("saturation")

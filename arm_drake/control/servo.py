@@ -1,4 +1,4 @@
-"""Numbers of the joint servo, from samples of the robot's dynamics.
+"""Gains of the joint servo, from samples of the robot's dynamics.
 
 The joint servo is an ideal drive of bandwidth w0, weighted by the mass matrix, with a
 disturbance observer. With z = exp(-w0 h) and the plant's step h, the poles of the
@@ -247,7 +247,7 @@ def compute_servo_gains(
     observer_gain: float = OBSERVER_GAIN,
     position_rate: Array | None = None,
     command_period: float = 0.0,
-    carried: Array | float = 0.0,
+    load_inertia: Array | float = 0.0,
     friction: Array | float = 0.0,
     is_exact: bool = False,
     is_coordinated: bool = True,
@@ -257,14 +257,15 @@ def compute_servo_gains(
     `samples` have the step's damping h D and rotors in their inertia; `bandwidth` is w0
     [rad/s], `time_step` h [s], `command_period` T that at whose end a command is to be
     met [s], 0 is at once. `position_rate` is a velocity per position error to have
-    instead [1/s], NaN is none; `carried` the inertia of what wheels move on the ground
-    [kg·m^2]; `friction` is dry [N·m]. Exact joints are where the ideal drive would be
-    in continuous time, others up to half a step ahead; coordinated ones wait for each
-    other at their effort limits, others have accelerations that all can have at once.
+    instead [1/s], NaN is none; `load_inertia` the inertia of what wheels move on the
+    ground [kg·m^2]; `friction` is dry [N·m]. Exact joints are where the ideal drive
+    would be in continuous time, others up to half a step ahead; coordinated ones wait
+    for each other at their effort limits, others have accelerations that all can have
+    at once.
     """
     h, z = time_step, math.exp(-bandwidth * time_step)
     max_inertia, min_inertia = samples.inertia.max(axis=0), samples.inertia.min(axis=0)
-    unlimited = _UNLIMITED_ACCELERATION * (max_inertia + carried)
+    unlimited = _UNLIMITED_ACCELERATION * (max_inertia + load_inertia)
     effort, spare, is_strong, is_stuck = _find_efforts(
         limits.effort, unlimited, samples.max_gravity, friction
     )
@@ -389,9 +390,9 @@ def compute_friction_gains(samples: DynamicsSamples, time_step: float) -> Fricti
     )
 
 
-def compute_carried_inertia(
+def compute_load_inertia(
     wheels: Array,
-    carried: Array,
+    load_inertia: Array,
     *,
     bandwidth: float,
     time_step: float,
@@ -414,12 +415,12 @@ def compute_carried_inertia(
 
     Args:
         wheels: Inertia of the wheels alone, of n joints [kg·m^2].
-        carried: Inertia of what each of them moves on the ground besides; 0 for joints
-            that drive no base.
+        load_inertia: Inertia of what each of them moves on the ground besides; 0 for
+            joints that drive no base.
         bandwidth: w0 [rad/s].
         time_step: Step of the plant h [s].
         observer_gain: Share of a disturbance that is taken over at each step, b.
     """
     c, b = 1.0 - math.exp(-bandwidth * time_step), observer_gain
     least = c + b - b * c
-    return np.minimum(carried, (1.0 / least - 1.0) * wheels)
+    return np.minimum(load_inertia, (1.0 / least - 1.0) * wheels)

@@ -99,15 +99,15 @@ class Knots(NamedTuple):
         points = message.points
         n = next(len(vector) for vector in before[1:] if vector is not None)
         values = np.zeros((4, len(points) + 1, n))
-        given = np.zeros((4, len(points) + 1), dtype=bool)
+        is_set = np.zeros((4, len(points) + 1), dtype=bool)
         for knot, source in enumerate((before, *points)):
             for field, name in enumerate(FIELDS):
                 vector = getattr(source, name)
                 if vector is not None and len(vector):
                     values[field, knot] = vector
-                    given[field, knot] = True
-        given[1:3, 0] |= given[1:3, 1:2].any(axis=1)
-        return cls(values, given, given.copy())
+                    is_set[field, knot] = True
+        is_set[1:3, 0] |= is_set[1:3, 1:2].any(axis=1)
+        return cls(values, is_set, is_set.copy())
 
     def deduce(self, segments: range, durations: Array) -> None:
         """Integrate, in place, the positions that are missing at the ends of segments.
@@ -140,8 +140,8 @@ class Knots(NamedTuple):
 
     def fields(self, knot: int) -> tuple[Array | None, ...]:
         """Return positions to effort of a knot, each of shape (n,); None if missing."""
-        given = zip(self.values[:, knot], self.at_end[:, knot], strict=True)
-        return tuple(vector if is_given else None for vector, is_given in given)
+        entries = zip(self.values[:, knot], self.at_end[:, knot], strict=True)
+        return tuple(vector if is_given else None for vector, is_given in entries)
 
 
 def make_polynomials(knots: Knots, durations: Array) -> list[Polynomial]:
@@ -396,13 +396,13 @@ class Trajectory(Message):
             is_left: Whether the segment after it has been sampled, too, which may have
                 completed its velocities.
         """
-        given = self.message.points[index]
+        waypoint = self.message.points[index]
         completed = self.knots.completed() if is_left else None
-        if completed is None and (not is_deduced or given.positions):
-            return given
+        if completed is None and (not is_deduced or waypoint.positions):
+            return waypoint
         vectors = (completed or self.knots).fields(index + 1)
         q, v, a, u = (() if x is None else tuple(x.tolist()) for x in vectors)
-        return JointTrajectoryPoint(q, v, a, u, given.time_from_start)
+        return JointTrajectoryPoint(q, v, a, u, waypoint.time_from_start)
 
     def last_point(self) -> JointTrajectoryPoint:
         """Return the last point, due at once."""
@@ -516,8 +516,8 @@ def blend(
     new = []
     for point in points:
         time_ns = handoff_ns + point.time_from_start.to_nanoseconds()
-        there = old.sample(time_ns, cursor, seen) if is_partial else None
-        ordered = _ordered(point, at, _follow_old(there, missing))
+        old_sample = old.sample(time_ns, cursor, seen) if is_partial else None
+        ordered = _ordered(point, at, _follow_old(old_sample, missing))
         new.append(_at(ordered, time_ns - cursor_ns))
 
     suffix = []
@@ -582,11 +582,11 @@ def _ordered(
     return JointTrajectoryPoint(q, v, a, u, point.time_from_start)
 
 
-def _follow_old(there: Sample | None, missing: Array) -> Missing:
+def _follow_old(old_sample: Sample | None, missing: Array) -> Missing:
     """Return the values of joints that follow the old trajectory."""
-    if there is None:
+    if old_sample is None:
         return (lambda k: float(missing[k]), _zero, _zero, _zero)
-    vectors = (there.position, there.velocity, there.acceleration)
+    vectors = (old_sample.position, old_sample.velocity, old_sample.acceleration)
 
     def value_of(vector: Array | None) -> Callable[[int], float]:
         return _zero if vector is None else lambda k: float(vector[k])

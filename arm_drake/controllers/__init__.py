@@ -55,10 +55,10 @@ def find_controller_type(
     Raises:
         InputError: If an installed package offers what can't be used.
     """
-    ours = CONTROLLER_TYPES.get(name)
-    equivalent = load_other_types().equivalents.get(name) if ours is None else None
-    is_ours = equivalent is not None if ours is None else not ours.origin
-    others = ("arm_drake",) if is_ours else ()
+    builtin = CONTROLLER_TYPES.get(name)
+    equivalent = load_other_types().equivalents.get(name) if builtin is None else None
+    is_builtin = equivalent is not None if builtin is None else not builtin.origin
+    others = ("arm_drake",) if is_builtin else ()
     if own and name in own:
         origin = "load_robot(controller_types=...)"
         return own[name]._replace(origin=origin, others=others)
@@ -66,8 +66,8 @@ def find_controller_type(
     if offer is not None:
         row = check_controller_type(offer.load(), offer.origin)
         return row._replace(origin=offer.origin, others=(*others, *offer.others))
-    if ours is not None:
-        return ours
+    if builtin is not None:
+        return builtin
     if "::" in name:  # As C++ calls it.
         written = name.replace("::", "/")
         row_as_written = find_controller_type(written, own, installed)

@@ -27,7 +27,7 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterfaceParams,
     TickingController,
 )
-from arm_drake.controllers.cycles import Now
+from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.controllers.topics import (
     CHAINED,
     INACTIVE,
@@ -270,58 +270,58 @@ class AdmittanceSetup(NamedTuple):
 
 
 def make_setup(
-    given: AdmittanceControllerParameters, links: Collection[str]
+    parameters: AdmittanceControllerParameters, links: Collection[str]
 ) -> AdmittanceSetup:
     """Return what parameters set."""
     for name in _LINKS:
-        link = attrgetter(name)(given)
+        link = attrgetter(name)(parameters)
         if link not in links:
             raise ParameterError(
                 f"{name}: the robot has no link {link!r}; {suggest(link, links)}"
             )
-    law, load = given.admittance, given.gravity_compensation
+    law, load = parameters.admittance, parameters.gravity_compensation
     rule = AdmittanceRule(
         selected_axes=law.selected_axes,
         mass=np.array(law.mass),
         damping_ratio=np.array(law.damping_ratio),
         stiffness=np.array(law.stiffness),
         joint_damping=law.joint_damping,
-        alpha=given.kinematics.alpha,
-        filter_coefficient=given.ft_sensor.filter_coefficient,
+        alpha=parameters.kinematics.alpha,
+        filter_coefficient=parameters.ft_sensor.filter_coefficient,
         weight=load.CoG.force,
         center_of_gravity=np.array(load.CoG.pos),
     )
     return AdmittanceSetup(
-        given,
+        parameters,
         rule,
-        given.ft_sensor.frame.id,
-        given.control.frame.id,
+        parameters.ft_sensor.frame.id,
+        parameters.control.frame.id,
         load.frame.id,
-        given.fixed_world_frame.frame.id,
+        parameters.fixed_world_frame.frame.id,
     )
 
 
 def make_kinematics(
-    given: AdmittanceControllerParameters, params: ControllerInterfaceParams
+    parameters: AdmittanceControllerParameters, params: ControllerInterfaceParams
 ) -> ChainKinematics:
     """Return the kinematics of the joints, seen from the base of their chain."""
     if params.make_kinematics is None:
         raise ParameterError("nothing is known of the robot's kinematics")
-    for joint in given.joints:
+    for joint in parameters.joints:
         if joint not in params.joint_types:
             raise ParameterError(
                 f"joints: the robot has no joint {joint!r}; "
                 f"{suggest(joint, params.joint_types)}"
             )
-    base, tip = given.kinematics.base, given.kinematics.tip
-    kinematics = params.make_kinematics(given.joints, base)
-    chain, joints = kinematics.joints_to(tip), set(given.joints)
+    base, tip = parameters.kinematics.base, parameters.kinematics.tip
+    kinematics = params.make_kinematics(parameters.joints, base)
+    chain, joints = kinematics.joints_to(tip), set(parameters.joints)
     if not set(chain) - params.followed.keys() <= joints <= set(chain):
         raise ParameterError(
             f"joints: expected those from kinematics.base {base!r} to kinematics.tip "
-            f"{tip!r}, {list(chain)}, got {list(given.joints)}"
+            f"{tip!r}, {list(chain)}, got {list(parameters.joints)}"
         )
-    frame = given.ft_sensor.frame.id
+    frame = parameters.ft_sensor.frame.id
     if not joints & set(kinematics.joints_to(frame)):
         raise ParameterError(
             f"ft_sensor.frame.id: none of joints moves link {frame!r} against "
@@ -361,7 +361,7 @@ class AdmittanceInbox(NamedTuple):
     wrench: Array
 
     # What was on the ports at the last tick.
-    offered: object = ()
+    received_parameters: object = ()
     references: tuple[JointTrajectoryPoint, ...] = ()
     wrenches: tuple[WrenchStamped, ...] = ()
 
@@ -370,7 +370,7 @@ class AdmittanceInbox(NamedTuple):
 
 
 def take_parameters(
-    now: Now,
+    now: UpdateContext,
     ports: AdmittancePorts,
     inbox: AdmittanceInbox,
     params: ControllerInterfaceParams,
@@ -379,15 +379,22 @@ def take_parameters(
 ) -> AdmittanceInbox:
     """Return what has come in, with new parameters if they may take effect."""
     accepted, events = inbox.accepted, inbox.events
-    offered = new_parameters(ports.parameters, now.context, inbox.offered)
-    if offered is not inbox.offered and offered != ():
+    received_parameters = new_parameters(
+        ports.parameters, now.context, inbox.received_parameters
+    )
+    if (
+        received_parameters is not inbox.received_parameters
+        and received_parameters != ()
+    ):
         try:
-            changed = check_change(accepted.parameters, offered)
+            changed = check_change(accepted.parameters, received_parameters)
             accepted = make_setup(changed, params.links)
         except ValueError as error:
             events = add_events(events, [ParametersRejected(str(error))])
-    if offered is not inbox.offered:
-        inbox = inbox._replace(accepted=accepted, offered=offered, events=events)
+    if received_parameters is not inbox.received_parameters:
+        inbox = inbox._replace(
+            accepted=accepted, received_parameters=received_parameters, events=events
+        )
     in_effect = inbox.setup.parameters
     takes_changes = in_effect.enable_parameter_update_without_reactivation
     if inbox.setup is not accepted and (takes_changes or not is_running):
@@ -396,7 +403,7 @@ def take_parameters(
 
 
 def receive(
-    now: Now,
+    now: UpdateContext,
     ports: AdmittancePorts,
     inbox: AdmittanceInbox,
     params: ControllerInterfaceParams,
@@ -414,34 +421,36 @@ def receive(
     )
     if references is inbox.references and seen is inbox.wrenches:
         return inbox, None
-    news: list[Rejection] = []
-    joints, asked = inbox.setup.parameters.joints, None
+    rejections: list[Rejection] = []
+    joints, requested = inbox.setup.parameters.joints, None
     for point in points:
         fault = obstacle or _find_fault(point, joints)
         if fault:
-            news.append(TopicRejected(point, fault))
+            rejections.append(TopicRejected(point, fault))
             continue
-        asked = np.full((3, len(joints)), np.nan) if asked is None else asked
+        requested = (
+            np.full((3, len(joints)), np.nan) if requested is None else requested
+        )
         if point.positions:
-            asked[0] = point.positions
+            requested[0] = point.positions
         if point.velocities:
-            asked[1] = point.velocities
+            requested[1] = point.velocities
     wrench = inbox.wrench
     for message in wrenches:
         values = _to_array(message)
         frame, sensor = message.header.frame_id, inbox.setup.sensor
         if frame not in ("", sensor):
             fault = f"header.frame_id must be {sensor!r}, the sensor's, got {frame!r}"
-            news.append(TopicRejected(message, fault))
+            rejections.append(TopicRejected(message, fault))
         elif not np.isfinite(values).all():
-            news.append(TopicRejected(message, "wrench must be finite"))
+            rejections.append(TopicRejected(message, "wrench must be finite"))
         else:
             wrench = values
-    events = add_events(inbox.events, news)
+    events = add_events(inbox.events, rejections)
     inbox = inbox._replace(
         wrench=wrench, references=references, wrenches=seen, events=events
     )
-    return inbox, asked
+    return inbox, requested
 
 
 def _find_fault(point: JointTrajectoryPoint, joints: tuple[str, ...]) -> str:
@@ -584,7 +593,7 @@ class AdmittanceController(TickingController[AdmittanceControllerSystemState]):
     wrench_reference    --    WrenchStamped in the sensor's frame: what is added to the
                               measured wrench from now on
     parameters          --    AdmittanceControllerParameters to go on with
-    command_interfaces  --    Tick; its command has n values of each of
+    command_interfaces  --    UpdateResult; n values of each of
                               ``command_interfaces``, one after the other
     status              --    AdmittanceControllerState
     events              --    tuple of the latest (number, event), the newest last; an
@@ -663,19 +672,19 @@ class AdmittanceController(TickingController[AdmittanceControllerSystemState]):
         self._declare_topic("events", lambda state: state.inbox.events)
 
     def _update(
-        self, now: Now, state: AdmittanceControllerSystemState
+        self, now: UpdateContext, state: AdmittanceControllerSystemState
     ) -> AdmittanceControllerSystemState:
         if state.fault:
             return state
         chained = self._read_references(now)
         obstacle = "" if chained is None else CHAINED
-        inbox, asked = receive(now, self._ports, state.inbox, self.params, obstacle)
+        inbox, requested = receive(now, self._ports, state.inbox, self.params, obstacle)
         if chained is not None:
-            asked = self._nothing.copy()
-            asked[self._referred] = chained.reshape(len(self._referred), -1)
+            requested = self._nothing.copy()
+            requested[self._referred] = chained.reshape(len(self._referred), -1)
         references = state.references
-        if asked is not None:
-            references = np.where(np.isfinite(asked), asked, references)
+        if requested is not None:
+            references = np.where(np.isfinite(requested), requested, references)
         measured, wrench = self._measure(now)
         q = measured[0] if np.isfinite(measured[0]).all() else state.commands[0]
         setup, period = inbox.setup, now.period_ns / NANOSECONDS
@@ -694,7 +703,7 @@ class AdmittanceController(TickingController[AdmittanceControllerSystemState]):
             inbox, control, references, commands, last, fault
         )
 
-    def _measure(self, now: Now) -> tuple[Array, Array]:
+    def _measure(self, now: UpdateContext) -> tuple[Array, Array]:
         """Return the joints' state, shape (3, n), NaN where unknown, and the wrench."""
         values, measured = self._read(now.context), self._nothing.copy()
         measured[self._measured_rows] = values[:-6].reshape(
@@ -725,7 +734,7 @@ class AdmittanceController(TickingController[AdmittanceControllerSystemState]):
         return frames, X_BR
 
     def _activate(
-        self, now: Now, state: AdmittanceControllerSystemState
+        self, now: UpdateContext, state: AdmittanceControllerSystemState
     ) -> AdmittanceControllerSystemState:
         inbox = take_parameters(
             now, self._ports, state.inbox, self.params, is_running=False
@@ -741,7 +750,7 @@ class AdmittanceController(TickingController[AdmittanceControllerSystemState]):
         return state._replace(inbox=inbox, references=references, fault=fault)
 
     def _deactivate(
-        self, now: Now, state: AdmittanceControllerSystemState
+        self, now: UpdateContext, state: AdmittanceControllerSystemState
     ) -> AdmittanceControllerSystemState:
         del now
         return state._replace(
@@ -750,7 +759,7 @@ class AdmittanceController(TickingController[AdmittanceControllerSystemState]):
         )
 
     def _idle(
-        self, now: Now, state: AdmittanceControllerSystemState
+        self, now: UpdateContext, state: AdmittanceControllerSystemState
     ) -> AdmittanceControllerSystemState:
         inbox, _ = receive(now, self._ports, state.inbox, self.params, INACTIVE)
         return state if inbox is state.inbox else state._replace(inbox=inbox)

@@ -12,7 +12,7 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterfaceParams,
     TickingController,
 )
-from arm_drake.controllers.cycles import Now
+from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.description.parameters import check_unique, check_within, per_element_of
 from arm_drake.errors import ParameterError
 from arm_drake.messages import Header
@@ -195,7 +195,7 @@ class BatteryStateBroadcaster(TickingController[BatteryStateBroadcasterState]):
     state_interfaces    m     everything that is measured; it reads
                               ``<battery>/battery_voltage`` of each battery and what
                               ``interfaces`` switches on, or ``<sensor_name>/voltage``
-    command_interfaces  --    Tick; it commands nothing
+    command_interfaces  --    UpdateResult; no commands
     battery_state       --    BatteryState of all batteries in the last tick
     raw_battery_states  --    BatteryStateArray of them; without any if there is only a
                               ``sensor_name``
@@ -272,13 +272,13 @@ class BatteryStateBroadcaster(TickingController[BatteryStateBroadcasterState]):
         return BatteryStateBroadcasterState(combined, BatteryStateArray(raw))
 
     def _activate(
-        self, now: Now, state: BatteryStateBroadcasterState
+        self, now: UpdateContext, state: BatteryStateBroadcasterState
     ) -> BatteryStateBroadcasterState:
         del now, state
         return self._at_start
 
     def _update(
-        self, now: Now, state: BatteryStateBroadcasterState
+        self, now: UpdateContext, state: BatteryStateBroadcasterState
     ) -> BatteryStateBroadcasterState:
         del state
         values = self._read(now.context).tolist()

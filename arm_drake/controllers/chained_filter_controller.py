@@ -16,8 +16,12 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterfaceParams,
     TickingController,
 )
-from arm_drake.controllers.cycles import Now
-from arm_drake.description.parameters import Given, check_not_empty, per_element_of
+from arm_drake.controllers.cycles import UpdateContext
+from arm_drake.description.parameters import (
+    ParameterGroup,
+    check_not_empty,
+    per_element_of,
+)
 from arm_drake.errors import ParameterError
 
 # Group of a chain's parameters, and the one that makes it hold for several inputs.
@@ -57,25 +61,25 @@ class ChainedFilterParameters:
             )
 
     @staticmethod
-    def adapt(given: Given) -> None:
+    def adapt(params: ParameterGroup) -> None:
         """Report filters that others stand in for, and what belongs to no filter."""
-        inputs = given.get("input_interfaces", tuple[str, ...]) or ()
+        inputs = params.get("input_interfaces", tuple[str, ...]) or ()
         own = dict.fromkeys(f"{name}.{_CHAIN}" for name in inputs)
-        if f"{_CHAIN}.{_FIRST_NAME}" in given:
+        if f"{_CHAIN}.{_FIRST_NAME}" in params:
             ignored, what = list(own), f"{_CHAIN} holds for all inputs"
         elif len(inputs) > 1:
             ignored, what = [_CHAIN], f"without {_FIRST_NAME} it holds for no input"
         else:
             ignored, what = list(own), f"a single input has no filters but {_CHAIN}"
         for group in ignored:
-            first = given.first_of(group)
+            first = params.first_of(group)
             if first is not None:
-                given.add(first, "warning", "ignored", what, f"{group} has no effect")
+                params.add(first, "warning", "ignored", what, f"{group} has no effect")
         for group in (_CHAIN, *own):
             if group not in ignored:
-                for name, why in find_unused(given.group(group)).items():
+                for name, why in find_unused(params.group(group)).items():
                     what = f"{group}.{name}"
-                    given.add(what, "warning", "ignored", why, "it has no effect")
+                    params.add(what, "warning", "ignored", why, "it has no effect")
 
     def chain_of(self, name: str) -> tuple[dict[str, Any], str]:
         """Return the parameters of an input's filters, and where they stand."""
@@ -115,7 +119,7 @@ class ChainedFilter(TickingController[ChainedFilterState]):
     controller_manager         --    Cycle: when to tick
     state_interfaces           2J    positions and velocities of all J joints of the
                                      robot, or more
-    command_interfaces         --    Tick; it commands nothing
+    command_interfaces         --    UpdateResult; no commands
     exported_state_interfaces  n     outputs of the last tick, each in the unit of its
                                      input
     =========================  ====  ==================================================
@@ -150,7 +154,9 @@ class ChainedFilter(TickingController[ChainedFilterState]):
             exported_interfaces=tuple(f"{params.controller_name}/{n}" for n in outputs),
         )
 
-    def _update(self, now: Now, state: ChainedFilterState) -> ChainedFilterState:
+    def _update(
+        self, now: UpdateContext, state: ChainedFilterState
+    ) -> ChainedFilterState:
         measured = self._read(now.context).tolist()
         outputs, chains = state.outputs.copy(), list(state.chains)
         for index, value in enumerate(measured):
@@ -160,7 +166,9 @@ class ChainedFilter(TickingController[ChainedFilterState]):
                 outputs[index] = chains[index].output[0]
         return ChainedFilterState(outputs, tuple(chains))
 
-    def _activate(self, now: Now, state: ChainedFilterState) -> ChainedFilterState:
+    def _activate(
+        self, now: UpdateContext, state: ChainedFilterState
+    ) -> ChainedFilterState:
         del now
         return state._replace(outputs=self._nothing)
 

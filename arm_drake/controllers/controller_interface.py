@@ -27,7 +27,12 @@ from pydrake.systems.framework import (
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
-from arm_drake.controllers.cycles import Cycle, Given, Now, Tick
+from arm_drake.controllers.cycles import (
+    Cycle,
+    HardwareValues,
+    UpdateContext,
+    UpdateResult,
+)
 from arm_drake.errors import InputError
 from arm_drake.messages import NANOSECONDS
 from arm_drake.python_system import PythonSystem
@@ -158,12 +163,12 @@ class ControllerInterface(PythonSystem):
         self._exporters: list[tuple[_ReadExports, list[int], list[int]]] = []
         self._missing = dict.fromkeys(n for n in state_interfaces if n not in order)
         # Of those that are measured: where they go, and where they stand.
-        self._measured_here = [i for i, n in enumerate(state_interfaces) if n in order]
-        self._measured_there = [order[n] for n in state_interfaces if n in order]
+        self._target_indices = [i for i, n in enumerate(state_interfaces) if n in order]
+        self._source_indices = [order[n] for n in state_interfaces if n in order]
         # What to index with if all are measured.
         self._read_at: slice | list[int] | None = None
         if not self._missing:
-            self._read_at = _as_slice(self._measured_there)
+            self._read_at = _as_slice(self._source_indices)
         # At most one port with the time of the last tick.
         self._tick_times: list[InputPort] = []
 
@@ -192,9 +197,11 @@ class ControllerInterface(PythonSystem):
             names: Names of all that it exports.
             read: Returns their values, in this order.
         """
-        here = [i for i, name in enumerate(self.state_interfaces) if name in names]
-        there = [names.index(self.state_interfaces[i]) for i in here]
-        self._exporters.append((read, here, there))
+        target_indices = [
+            i for i, name in enumerate(self.state_interfaces) if name in names
+        ]
+        source_indices = [names.index(self.state_interfaces[i]) for i in target_indices]
+        self._exporters.append((read, target_indices, source_indices))
         for name in names:
             self._missing.pop(name, None)
 
@@ -213,9 +220,11 @@ class ControllerInterface(PythonSystem):
                 f"{sorted(self.params.measured)}"
             )
         values = np.full(len(self.state_interfaces), np.nan)
-        values[self._measured_here] = self._measured.Eval(context)[self._measured_there]
-        for read, here, there in self._exporters:
-            values[here] = read(context)[there]
+        values[self._target_indices] = self._measured.Eval(context)[
+            self._source_indices
+        ]
+        for read, target_indices, source_indices in self._exporters:
+            values[target_indices] = read(context)[source_indices]
         return values
 
     def _is_active(self, context: Context) -> bool:
@@ -244,7 +253,10 @@ class KeptTicks(Generic[S]):
     """The last tick of a controller, on a port of its manager's."""
 
     def __init__(
-        self, system: LeafSystem, params: ControllerInterfaceParams, first: Tick[S]
+        self,
+        system: LeafSystem,
+        params: ControllerInterfaceParams,
+        first: UpdateResult[S],
     ) -> None:
         """Declare the port."""
         self._name = params.controller_name
@@ -253,27 +265,32 @@ class KeptTicks(Generic[S]):
         )
         self.ticket: DependencyTicket = system.input_port_ticket(self._port.get_index())
 
-    def last(self, context: Context) -> Tick[S]:
+    def last(self, context: Context) -> UpdateResult[S]:
         """Return what the last tick left behind."""
-        tick: Tick[S] = self._port.Eval(context).ticks[self._name]
-        return tick
+        result: UpdateResult[S] = self._port.Eval(context).ticks[self._name]
+        return result
 
-    def at(self, context: Context, told: Cycle | None) -> tuple[Cycle, Tick[S]]:
+    def at(
+        self, context: Context, cycle: Cycle | None
+    ) -> tuple[Cycle, UpdateResult[S]]:
         """Return a cycle, and what the tick before it left behind.
 
         Args:
             context: Context of the controller.
-            told: What its manager says; None without one.
+            cycle: What its manager says; None without one.
         """
-        assert told is not None
-        return told, told.ticks[self._name]
+        assert cycle is not None
+        return cycle, cycle.ticks[self._name]
 
 
 class OwnTicks(KeptTicks[S]):
     """The same in the state of a controller that has no manager."""
 
     def __init__(
-        self, system: LeafSystem, params: ControllerInterfaceParams, first: Tick[S]
+        self,
+        system: LeafSystem,
+        params: ControllerInterfaceParams,
+        first: UpdateResult[S],
     ) -> None:
         """Declare the state; arguments are those of KeptTicks."""
         self._update_rate, self._period = params.update_rate, params.period
@@ -284,26 +301,28 @@ class OwnTicks(KeptTicks[S]):
         self._index = int(system.DeclareAbstractState(AbstractValue.Make(first)))
         self.ticket = system.xa_ticket()
 
-    def last(self, context: Context) -> Tick[S]:
+    def last(self, context: Context) -> UpdateResult[S]:
         """Return what the last tick left behind."""
-        tick: Tick[S] = context.get_abstract_state(self._index).get_value()
-        return tick
+        result: UpdateResult[S] = context.get_abstract_state(self._index).get_value()
+        return result
 
-    def at(self, context: Context, told: Cycle | None) -> tuple[Cycle, Tick[S]]:
+    def at(
+        self, context: Context, cycle: Cycle | None
+    ) -> tuple[Cycle, UpdateResult[S]]:
         """Return a cycle, and what the tick before it left behind; as KeptTicks."""
-        held = self.last(context)
-        if told is not None:
-            return told, held
+        last = self.last(context)
+        if cycle is not None:
+            return cycle, last
         number = cycle_at(context.get_time(), self._period)
         if number is None:
-            number = -1 if held.number is None else held.number
+            number = -1 if last.number is None else last.number
         time_ns = self._time_ns(number)
         period_ns = time_ns - self._time_ns(number - 1)
-        return Cycle(number, time_ns, period_ns, self._always_active), held
+        return Cycle(number, time_ns, period_ns, self._always_active), last
 
-    def store(self, state: State, tick: Tick[Any]) -> None:
+    def store(self, state: State, result: UpdateResult[Any]) -> None:
         """Store what a tick has left behind."""
-        state.get_mutable_abstract_state(self._index).set_value(tick)
+        state.get_mutable_abstract_state(self._index).set_value(result)
 
     def _time_ns(self, number: int) -> int:
         return number * NANOSECONDS // self._update_rate
@@ -325,11 +344,11 @@ class TickReader(ControllerInterface, Generic[S]):
         # commands stand among them.
         self._predecessors: list[tuple[str, InputPort, list[int], list[int]]] = []
         self._no_references = np.full(len(self.reference_interfaces), np.nan)
-        self.first_tick: Tick[S] = Tick(
+        self.first_result: UpdateResult[S] = UpdateResult(
             None, None, initial, np.full(len(self.command_interfaces), np.nan)
         )
         make = KeptTicks if params.is_managed else OwnTicks
-        self._ticks: KeptTicks[S] = make(self, params, self.first_tick)
+        self._ticks: KeptTicks[S] = make(self, params, self.first_result)
 
     def add_command_values(self, order: Sequence[str]) -> InputPort:
         """Declare the port of what all command interfaces hold.
@@ -352,26 +371,30 @@ class TickReader(ControllerInterface, Generic[S]):
             controller: One whose command interfaces are among the references.
         """
         names = controller.command_interfaces
-        here = [i for i, ref in enumerate(self.reference_interfaces) if ref in names]
-        there = [names.index(self.reference_interfaces[i]) for i in here]
+        target_indices = [
+            i for i, ref in enumerate(self.reference_interfaces) if ref in names
+        ]
+        source_indices = [
+            names.index(self.reference_interfaces[i]) for i in target_indices
+        ]
         name = controller.params.controller_name
         port = self.DeclareAbstractInputPort(
             f"{interfaces.CHAIN_PORT}{name}", AbstractValue.Make(())
         )
-        self._predecessors.append((name, port, here, there))
+        self._predecessors.append((name, port, target_indices, source_indices))
         return port
 
     def _state(self, context: Context) -> S:
         """Return the state that the last tick left."""
         return self._ticks.last(context).state
 
-    def _measured_now(self, now: Now) -> Array:
+    def _measured_now(self, now: UpdateContext) -> Array:
         """Return the measured `state_interfaces`; NaN where there is none."""
         if now.given is None:
             return self._read(now.context)
         return now.given.motions[self._read_at]
 
-    def _read_commands(self, now: Now) -> Array:
+    def _read_commands(self, now: UpdateContext) -> Array:
         """Return the present values of the command interfaces, shape (k,).
 
         NaN is what was never written. References of other controllers are what was
@@ -382,13 +405,15 @@ class TickReader(ControllerInterface, Generic[S]):
         for port in self._values:
             present = now.cycle.commands
             if present is None:
-                given = now.given
-                present = port.Eval(now.context) if given is None else given.values
+                hardware = now.given
+                present = (
+                    port.Eval(now.context) if hardware is None else hardware.values
+                )
             for i, at in self._values_at:
                 values[i] = present[at]
         return values
 
-    def _read_references(self, now: Now) -> Array | None:
+    def _read_references(self, now: UpdateContext) -> Array | None:
         """Return what other controllers command, NaN where none does; None if none.
 
         Shape (number of reference_interfaces,).
@@ -396,9 +421,11 @@ class TickReader(ControllerInterface, Generic[S]):
         if self.params.controller_name not in now.cycle.chained:
             return None
         references = self._no_references.copy()
-        for name, port, here, there in self._predecessors:
+        for name, port, target_indices, source_indices in self._predecessors:
             if name in now.cycle.active:
-                references[here] = port.Eval(now.context).command[there]
+                references[target_indices] = port.Eval(now.context).command[
+                    source_indices
+                ]
         return references
 
 
@@ -414,9 +441,9 @@ class TickingController(TickReader[S]):
     Without a manager on its port a controller is always active.
     """
 
-    # Whether all that it reads while `Now.is_quiet` goes through `_measured_now` and
-    # `_read_commands`, so that its manager can call it without a Context. It holds for
-    # the class that says so, not for those derived from it.
+    # Whether all that it reads while `UpdateContext.is_quiet` goes through
+    # `_measured_now` and `_read_commands`, so that its manager can call it without a
+    # Context. It holds for the class that says so, not for those derived from it.
     reads_by_now = False
 
     def __init__(
@@ -500,19 +527,21 @@ class TickingController(TickReader[S]):
         reads_by_now = vars(type(self)).get("reads_by_now", False)
         return bool(self.params.is_managed and reads_by_now and not takes)
 
-    def tick(self, cycle: Cycle, given: Given) -> Tick[S]:
+    def tick(self, cycle: Cycle, hardware: HardwareValues) -> UpdateResult[S]:
         """Return what a cycle leaves behind in which nothing comes.
 
         The same as what the port says, without a way through Drake.
 
         Args:
             cycle: A cycle with the `news` of the last tick.
-            given: What there is to read.
+            hardware: What there is to read.
         """
-        return self._run(None, cycle.ticks[self.params.controller_name], cycle, given)
+        return self._run(
+            None, cycle.ticks[self.params.controller_name], cycle, hardware
+        )
 
     @abstractmethod
-    def _update(self, now: Now, state: S) -> S:
+    def _update(self, now: UpdateContext, state: S) -> S:
         """Return the state after a tick.
 
         Args:
@@ -520,17 +549,17 @@ class TickingController(TickReader[S]):
             state: State after the last tick.
         """
 
-    def _activate(self, now: Now, state: S) -> S:
+    def _activate(self, now: UpdateContext, state: S) -> S:
         """Return the state at the start of an activation, before its first tick."""
         del now
         return state
 
-    def _deactivate(self, now: Now, state: S) -> S:
+    def _deactivate(self, now: UpdateContext, state: S) -> S:
         """Return the state at the end of an activation."""
         del now
         return state
 
-    def _idle(self, now: Now, state: S) -> S:
+    def _idle(self, now: UpdateContext, state: S) -> S:
         """Return the state after a cycle in which the controller is inactive."""
         del now
         return state
@@ -588,28 +617,34 @@ class TickingController(TickReader[S]):
 
     def _calc_tick(self, context: Context, output: AbstractValue) -> None:
         has_manager = self.params.is_managed or self._manager.HasValue(context)
-        told = self._manager.Eval(context) if has_manager else None
-        cycle, held = self._ticks.at(context, told)
-        if cycle.number != held.number:
-            held = self._run(context, held, cycle)
-        output.set_value(held)
+        managed_cycle = self._manager.Eval(context) if has_manager else None
+        cycle, last = self._ticks.at(context, managed_cycle)
+        if cycle.number != last.number:
+            last = self._run(context, last, cycle)
+        output.set_value(last)
 
     def _run(
-        self, context: Context, held: Tick[S], cycle: Cycle, given: Given | None = None
-    ) -> Tick[S]:
+        self,
+        context: Context,
+        last: UpdateResult[S],
+        cycle: Cycle,
+        hardware: HardwareValues | None = None,
+    ) -> UpdateResult[S]:
         """Return what a cycle leaves behind."""
         name = self.params.controller_name
         period_ns = cycle.period_ns
         if cycle.periods:
             period_ns = cycle.periods.get(name, period_ns)
-        news = cycle.news
-        is_quiet = news is not None and news is held.news
-        now = Now(context, cycle.time_ns, period_ns, cycle, is_quiet, given)
+        inputs = cycle.inputs
+        is_quiet = inputs is not None and inputs is last.inputs
+        now = UpdateContext(
+            context, cycle.time_ns, period_ns, cycle, is_quiet, hardware
+        )
         activation = cycle.active.get(name)
-        state, command, is_ok, fault = held.state, held.command, True, ""
+        state, command, is_ok, fault = last.state, last.command, True, ""
         ending: Array | None = None
-        if activation != held.activation:
-            if held.activation is not None:
+        if activation != last.activation:
+            if last.activation is not None:
                 state = self._deactivate(now, state)
                 command = ending = self._command(state)
             if activation is not None:
@@ -617,7 +652,7 @@ class TickingController(TickReader[S]):
         if activation is None:
             state = self._idle(now, state)
         elif not period_ns:
-            news = held.news
+            inputs = last.inputs
         else:
             state = self._update(now, state)
             command, is_ok = self._command(state), self._is_ok(state)
@@ -628,7 +663,9 @@ class TickingController(TickReader[S]):
                     command = self._command(state)
         if ending is not None:  # What a restart leaves unwritten ends.
             command = np.where(np.isnan(command), ending, command)
-        return Tick(cycle.number, activation, state, command, is_ok, fault, news)
+        return UpdateResult(
+            cycle.number, activation, state, command, is_ok, fault, inputs
+        )
 
     def _update_state(self, context: Context, state: State) -> None:
         assert isinstance(self._ticks, OwnTicks)

@@ -37,17 +37,17 @@ class Cycle(NamedTuple):
     commands: Array | None = None
 
     # The last ticks of the controllers whose state the manager keeps.
-    ticks: Mapping[str, "Tick[Any]"] = {}
+    ticks: Mapping[str, "UpdateResult[Any]"] = {}
 
     # What lies on their ports: the same object as long as nothing new does; None if
     # that isn't known.
-    news: object = None
+    inputs: object = None
 
     def __deepcopy__(self, memo: dict[int, object]) -> Self:
         return self
 
 
-class Tick(NamedTuple, Generic[S]):
+class UpdateResult(NamedTuple, Generic[S]):
     """What a tick of a controller leaves behind."""
 
     # Number of the cycle; None before the first one.
@@ -68,14 +68,14 @@ class Tick(NamedTuple, Generic[S]):
     # Why it didn't.
     fault: str = ""
 
-    # The cycle's `news` when the controller last looked at its ports.
-    news: object = None
+    # The cycle's `inputs` when the controller last looked at its ports.
+    inputs: object = None
 
     def __deepcopy__(self, memo: dict[int, object]) -> Self:
         return self
 
 
-class Given(NamedTuple):
+class HardwareValues(NamedTuple):
     """What a manager has read for all of its controllers."""
 
     # What is on a port of positions and velocities of all joints.
@@ -85,7 +85,7 @@ class Given(NamedTuple):
     values: Array
 
 
-class Now(NamedTuple):
+class UpdateContext(NamedTuple):
     """When and where a tick happens."""
 
     # Where inputs are read; None if all that is read is given.
@@ -101,7 +101,11 @@ class Now(NamedTuple):
     # Whether nothing can have come on the controller's ports since it last looked.
     is_quiet: bool = False
 
-    given: Given | None = None
+    given: HardwareValues | None = None
+
+
+# Its older public name.
+Now = UpdateContext
 
 
 def messages_on(port: InputPort, context: Context, expected: type[M]) -> tuple[M, ...]:

@@ -17,8 +17,8 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterfaceParams,
     TickingController,
 )
-from arm_drake.controllers.cycles import Now
-from arm_drake.description.parameters import Given, Rule, check_not_empty
+from arm_drake.controllers.cycles import UpdateContext
+from arm_drake.description.parameters import ParameterGroup, Rule, check_not_empty
 from arm_drake.errors import ParameterError
 from arm_drake.messages import Header, Vector3, Wrench, WrenchStamped
 
@@ -108,14 +108,14 @@ class ForceTorqueSensorBroadcasterParameters:
     )
 
     @staticmethod
-    def adapt(given: Given) -> None:
+    def adapt(params: ParameterGroup) -> None:
         """Report what belongs to no filter."""
-        if given.is_before("jazzy"):
+        if params.is_before("jazzy"):
             return
         known = {_FILTER_TYPE: _FILTER_PARAMETERS}
-        for name, why in find_unused(given.group(_CHAIN), known).items():
+        for name, why in find_unused(params.group(_CHAIN), known).items():
             what = f"{_CHAIN}.{name}"
-            given.add(what, "warning", "ignored", why, "it has no effect")
+            params.add(what, "warning", "ignored", why, "it has no effect")
 
     def __post_init__(self) -> None:
         """Reject what the types alone can't express."""
@@ -160,7 +160,7 @@ class ForceTorqueSensorBroadcaster(
     state_interfaces           m     everything that is measured; it reads
                                      ``force.{x,y,z}`` [N] and ``torque.{x,y,z}`` [N·m]
                                      of ``<sensor_name>``, or ``interface_names``
-    command_interfaces         --    Tick; it commands nothing
+    command_interfaces         --    UpdateResult; no commands
     exported_state_interfaces  k     the wrench of the last tick, as ``<name>/`` and
                                      the name of what is read; not in humble
     wrench                     --    WrenchStamped of the last tick; NaN along axes
@@ -209,7 +209,7 @@ class ForceTorqueSensorBroadcaster(
             self._declare_topic("wrench_filtered", lambda state: state.filtered)
 
     def _update(
-        self, now: Now, state: ForceTorqueSensorBroadcasterState
+        self, now: UpdateContext, state: ForceTorqueSensorBroadcasterState
     ) -> ForceTorqueSensorBroadcasterState:
         values = np.full(len(_AXES), math.nan)
         values[self._at] = self._read(now.context)

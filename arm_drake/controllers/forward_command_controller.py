@@ -20,7 +20,7 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterfaceParams,
     TickingController,
 )
-from arm_drake.controllers.cycles import Now
+from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.controllers.topics import INACTIVE, Events, add_events, new_messages
 from arm_drake.description.parameters import check_not_empty, check_unique
 from arm_drake.messages import Float64MultiArray, TopicRejected
@@ -62,7 +62,9 @@ class ForwardControllersBase(TickingController[ForwardCommandState]):
         self._declare_topic("events", lambda state: state.events)
         self._drops_non_finite = params.distro != "humble"
 
-    def _update(self, now: Now, state: ForwardCommandState) -> ForwardCommandState:
+    def _update(
+        self, now: UpdateContext, state: ForwardCommandState
+    ) -> ForwardCommandState:
         new, seen = new_messages(
             self._topic, now.context, Float64MultiArray, state.seen
         )
@@ -99,15 +101,21 @@ class ForwardControllersBase(TickingController[ForwardCommandState]):
             f"({', '.join(names)}), got {size}; the update fails"
         )
 
-    def _activate(self, now: Now, state: ForwardCommandState) -> ForwardCommandState:
+    def _activate(
+        self, now: UpdateContext, state: ForwardCommandState
+    ) -> ForwardCommandState:
         del now
         return state._replace(command=self._nothing, is_ok=True)
 
-    def _deactivate(self, now: Now, state: ForwardCommandState) -> ForwardCommandState:
+    def _deactivate(
+        self, now: UpdateContext, state: ForwardCommandState
+    ) -> ForwardCommandState:
         del now
         return state._replace(command=self._at_end)
 
-    def _idle(self, now: Now, state: ForwardCommandState) -> ForwardCommandState:
+    def _idle(
+        self, now: UpdateContext, state: ForwardCommandState
+    ) -> ForwardCommandState:
         new, seen = new_messages(
             self._topic, now.context, Float64MultiArray, state.seen
         )
@@ -200,7 +208,7 @@ class ForwardCommandController(ForwardControllersBase):
     controller_manager  --    --       Cycle: when to tick
     state_interfaces    2J    rad, ..  not read
     commands            --    --       Float64MultiArray of k values
-    command_interfaces  --    --       Tick; its command is (k,), in rad, rad/s or N·m
+    command_interfaces  --    --       UpdateResult; command (k,), in rad, rad/s or N·m
     events              --    --       tuple of the latest (number, TopicRejected), the
                                        newest last
     ==================  ====  =======  =================================================
@@ -246,7 +254,7 @@ class MultiInterfaceForwardCommandController(ForwardControllersBase):
     controller_manager  --    --       Cycle: when to tick
     state_interfaces    2J    rad, ..  not read
     commands            --    --       Float64MultiArray of k values
-    command_interfaces  --    --       Tick; its command is (k,), in rad, rad/s or N·m
+    command_interfaces  --    --       UpdateResult; command (k,), in rad, rad/s or N·m
     events              --    --       tuple of the latest (number, TopicRejected)
     ==================  ====  =======  =================================================
 
@@ -288,7 +296,7 @@ class JointGroupController(ForwardControllersBase):
     controller_manager  --    --       Cycle: when to tick
     state_interfaces    2J    rad, ..  not read
     commands            --    --       Float64MultiArray of k values
-    command_interfaces  --    --       Tick; its command is (k,), in rad, rad/s or N·m
+    command_interfaces  --    --       UpdateResult; command (k,), in rad, rad/s or N·m
     events              --    --       tuple of the latest (number, TopicRejected)
     ==================  ====  =======  =================================================
 

@@ -14,7 +14,7 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterfaceParams,
     TickingController,
 )
-from arm_drake.controllers.cycles import Now
+from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.controllers.topics import INACTIVE, Events, add_events, new_messages
 from arm_drake.description.parameters import (
     check_not_empty,
@@ -109,7 +109,7 @@ class GpioCommandController(TickingController[GpioCommandControllerState]):
     controller_manager  --    Cycle: when to tick
     state_interfaces    --    all that is measured
     commands            --    DynamicInterfaceGroupValues: values by GPIO and interface
-    command_interfaces  --    Tick; its command is (k,), in units of the hardware
+    command_interfaces  --    UpdateResult; command (k,), in units of the hardware
     gpio_states         --    DynamicInterfaceGroupValues of the last tick, a group for
                               each of ``gpios``; NaN before the first one
     events              --    tuple of the latest (number, TopicRejected), the newest
@@ -165,7 +165,7 @@ class GpioCommandController(TickingController[GpioCommandControllerState]):
         self._declare_topic("events", lambda state: state.events)
 
     def _update(
-        self, now: Now, state: GpioCommandControllerState
+        self, now: UpdateContext, state: GpioCommandControllerState
     ) -> GpioCommandControllerState:
         state = state._replace(
             measured=np.array(self._read(now.context)), time_ns=now.time_ns
@@ -205,19 +205,19 @@ class GpioCommandController(TickingController[GpioCommandControllerState]):
         return command, f"no command interface {listed} here, skipped; {hint}"
 
     def _activate(
-        self, now: Now, state: GpioCommandControllerState
+        self, now: UpdateContext, state: GpioCommandControllerState
     ) -> GpioCommandControllerState:
         del now
         return state._replace(is_ok=True)
 
     def _deactivate(
-        self, now: Now, state: GpioCommandControllerState
+        self, now: UpdateContext, state: GpioCommandControllerState
     ) -> GpioCommandControllerState:
         del now
         return state._replace(command=self._nothing)
 
     def _idle(
-        self, now: Now, state: GpioCommandControllerState
+        self, now: UpdateContext, state: GpioCommandControllerState
     ) -> GpioCommandControllerState:
         new, seen = new_messages(
             self._topic, now.context, DynamicInterfaceGroupValues, state.seen

@@ -30,7 +30,7 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterfaceParams,
     TickingController,
 )
-from arm_drake.controllers.cycles import Now
+from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.controllers.topics import (
     GRIPPER_COMMAND,
     find_part_fault,
@@ -113,24 +113,26 @@ class GripperControllerBase(TickingController[GripperControllerState]):
         """Return the command, shape (k,), of a controller that has been active."""
 
     def _update(
-        self, now: Now, state: GripperControllerState
+        self, now: UpdateContext, state: GripperControllerState
     ) -> GripperControllerState:
         state, inputs = self._receive(now, state)
         return state._replace(control=control.tick(self._rules, state.control, inputs))
 
-    def _idle(self, now: Now, state: GripperControllerState) -> GripperControllerState:
+    def _idle(
+        self, now: UpdateContext, state: GripperControllerState
+    ) -> GripperControllerState:
         state, inputs = self._receive(now, state)
         new = control.idle(self._rules, state.control, inputs)
         return state if new is state.control else state._replace(control=new)
 
     def _activate(
-        self, now: Now, state: GripperControllerState
+        self, now: UpdateContext, state: GripperControllerState
     ) -> GripperControllerState:
         new = control.activate(self._rules, state.control, self._sense(now))
         return state._replace(control=new, is_active=True)
 
     def _deactivate(
-        self, now: Now, state: GripperControllerState
+        self, now: UpdateContext, state: GripperControllerState
     ) -> GripperControllerState:
         del now
         return state._replace(is_active=False)
@@ -141,7 +143,7 @@ class GripperControllerBase(TickingController[GripperControllerState]):
         return self._write(state.control)
 
     def _receive(
-        self, now: Now, state: GripperControllerState
+        self, now: UpdateContext, state: GripperControllerState
     ) -> tuple[GripperControllerState, GripperInputs]:
         """Return the state with what came in, and the inputs of the tick."""
         requests, seen = new_messages(
@@ -167,7 +169,7 @@ class GripperControllerBase(TickingController[GripperControllerState]):
                 taken = control.command(self._rules, taken, at)
         return state._replace(control=taken, parts=parts), inputs
 
-    def _sense(self, now: Now) -> GripperInputs:
+    def _sense(self, now: UpdateContext) -> GripperInputs:
         """Return what the tick reads besides messages."""
         position, velocity = self._read(now.context).tolist()
         return GripperInputs(now.time_ns, now.period_ns, position, velocity)
@@ -289,7 +291,7 @@ class GripperActionController(GripperControllerBase):
     gripper_cmd         --    --       SendGoal of a GripperCommandGoal, or CancelGoal
     gripper_command     --    --       Float32: from 0 (open) to 1 (closed); there only
                                        where it is known what that is
-    command_interfaces  --    --       Tick; its command is (1,): the position, or with
+    command_interfaces  --    --       UpdateResult; command (1,): the position, or with
                                        gains the effort
     events              --    --       tuple of the latest (number, event), the newest
                                        last; an event is a GoalEvent, a CancelResponse
@@ -441,7 +443,7 @@ class ParallelGripperActionController(GripperControllerBase):
                                        CancelGoal
     gripper_command     --    --       Float32: from 0 (open) to 1 (closed); there only
                                        where it is known what that is
-    command_interfaces  --    --       Tick; its command is the position, then as there
+    command_interfaces  --    --       UpdateResult; the position, then as there
                                        are such interfaces the largest effort and the
                                        largest velocity
     events              --    --       tuple of the latest (number, event), the newest

@@ -250,10 +250,10 @@ def _picker(at: list[int]) -> Picker:
 def _map_interfaces(parameters: JointStateBroadcasterParameters) -> dict[str, str]:
     """Return in which field of JointState an interface is published, by its name."""
     both = bool(parameters.joints and parameters.interfaces)
-    asked = parameters.interfaces if both else ()
+    requested = parameters.interfaces if both else ()
     return {
         field
-        if field in asked
+        if field in requested
         else getattr(parameters.map_interface_to_joint_state, field): field
         for field in interfaces.STATE_INTERFACES
     }
@@ -265,23 +265,23 @@ def _find_claims(
     fields: dict[str, str],
 ) -> tuple[str, ...]:
     """Return the interfaces to read."""
-    there = params.state_interfaces
+    available = params.state_interfaces
     if parameters.joints and parameters.interfaces:
         claims = interfaces.interface_names(parameters.joints, parameters.interfaces)
         for claim in claims:
-            if claim not in there:
+            if claim not in available:
                 raise ParameterError(
-                    f"no state interface {claim}; it has {sorted(there)}"
+                    f"no state interface {claim}; it has {sorted(available)}"
                 )
         return claims
-    there = there - params.other_types
+    available = available - params.other_types
     joints = sorted(params.joint_types)
     if params.distro == "rolling":
         joints = [name for name in joints if params.joint_types[name] in _JOINT_TYPES]
         every = interfaces.interface_names(joints, fields)
-        claims = tuple(claim for claim in every if claim in there)
+        claims = tuple(claim for claim in every if claim in available)
     else:
-        order = [name for name in params.measured if name in there]
+        order = [name for name in params.measured if name in available]
         if parameters.use_urdf_to_filter:
             rank = {joint: index for index, joint in enumerate(joints)}
             order.sort(key=lambda n: rank.get(n.rpartition("/")[0], len(rank)))

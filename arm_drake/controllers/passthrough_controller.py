@@ -15,7 +15,7 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterfaceParams,
     TickingController,
 )
-from arm_drake.controllers.cycles import Now
+from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.controllers.topics import (
     CHAINED,
     INACTIVE,
@@ -75,7 +75,7 @@ class PassthroughController(TickingController[PassthroughState]):
     controller_manager  --    --       Cycle: when to tick
     state_interfaces    2J    rad, ..  not read
     commands            --    --       Float64MultiArray of k values
-    command_interfaces  --    --       Tick; its command is (k,), in the units of the
+    command_interfaces  --    --       UpdateResult; command (k,), in the units of the
                                        interfaces
     events              --    --       tuple of the latest (number, TopicRejected), the
                                        newest last
@@ -104,7 +104,7 @@ class PassthroughController(TickingController[PassthroughState]):
         self._topic = self.DeclareAbstractInputPort("commands", AbstractValue.Make(()))
         self._declare_topic("events", lambda state: state.events)
 
-    def _update(self, now: Now, state: PassthroughState) -> PassthroughState:
+    def _update(self, now: UpdateContext, state: PassthroughState) -> PassthroughState:
         chained = self._read_references(now)
         state = self._receive(now, state, "" if chained is None else CHAINED)
         if chained is None:
@@ -113,7 +113,7 @@ class PassthroughController(TickingController[PassthroughState]):
         return state._replace(references=references)
 
     def _receive(
-        self, now: Now, state: PassthroughState, obstacle: str
+        self, now: UpdateContext, state: PassthroughState, obstacle: str
     ) -> PassthroughState:
         """Return the state with what came on the topic."""
         new, seen = new_messages(
@@ -143,15 +143,19 @@ class PassthroughController(TickingController[PassthroughState]):
                 return f"data[{index}] must be finite, got {value}"
         return ""
 
-    def _activate(self, now: Now, state: PassthroughState) -> PassthroughState:
+    def _activate(
+        self, now: UpdateContext, state: PassthroughState
+    ) -> PassthroughState:
         del now
         return state._replace(references=self._nothing)
 
-    def _deactivate(self, now: Now, state: PassthroughState) -> PassthroughState:
+    def _deactivate(
+        self, now: UpdateContext, state: PassthroughState
+    ) -> PassthroughState:
         del now
         return state._replace(references=self._nothing)
 
-    def _idle(self, now: Now, state: PassthroughState) -> PassthroughState:
+    def _idle(self, now: UpdateContext, state: PassthroughState) -> PassthroughState:
         return self._receive(now, state, INACTIVE)
 
     def _command(self, state: PassthroughState) -> Array:

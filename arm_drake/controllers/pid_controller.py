@@ -24,7 +24,7 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterfaceParams,
     TickingController,
 )
-from arm_drake.controllers.cycles import Now
+from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.controllers.topics import (
     CHAINED,
     INACTIVE,
@@ -35,7 +35,7 @@ from arm_drake.controllers.topics import (
     new_parameters,
 )
 from arm_drake.description.parameters import (
-    Given,
+    ParameterGroup,
     Rule,
     check_not_empty,
     check_unique,
@@ -74,10 +74,10 @@ class DofGains(PidGains):
     activate_state_publisher: bool = False
 
     @staticmethod
-    def adapt(given: Given) -> None:
+    def adapt(params: ParameterGroup) -> None:
         """Take what older versions have, and `saturation`."""
-        PidGains.adapt(given)
-        adapt_saturation(given)
+        PidGains.adapt(params)
+        adapt_saturation(params)
 
 
 @dc.dataclass(frozen=True)
@@ -365,7 +365,7 @@ class Inbox(NamedTuple):
     external: Array
 
     # What was on the ports at the last tick.
-    offered: object = ()
+    received_parameters: object = ()
     references: tuple[MultiDOFCommand, ...] = ()
     measurements: tuple[MultiDOFCommand, ...] = ()
 
@@ -414,7 +414,7 @@ class PidController(TickingController[PidControllerState]):
     parameters                 --    PidControllerParameters to go on with
     measured_state             --    MultiDOFCommand: measurements; there only with
                                      ``use_external_measured_states``
-    command_interfaces         --    Tick; its command is (n,)
+    command_interfaces         --    UpdateResult; command (n,)
     exported_state_interfaces  nm    measurements of the last tick
     controller_state           --    MultiDOFStateStamped
     events                     --    tuple of the latest (number, event), the newest
@@ -479,60 +479,73 @@ class PidController(TickingController[PidControllerState]):
             is_humble=self._is_humble,
         )
 
-    def _update(self, now: Now, state: PidControllerState) -> PidControllerState:
+    def _update(
+        self, now: UpdateContext, state: PidControllerState
+    ) -> PidControllerState:
         chained = self._read_references(now)
         obstacle = "" if chained is None else CHAINED
-        inbox, asked = self._receive(now, state.inbox, obstacle)
+        inbox, requested = self._receive(now, state.inbox, obstacle)
         references = state.control.references
         if chained is not None:
-            asked = chained
-        if asked is not None:
-            references = np.where(np.isnan(asked), references, asked)
+            requested = chained
+        if requested is not None:
+            references = np.where(np.isnan(requested), references, requested)
         measured = inbox.external if self._is_external else self._read(now.context)
         period = now.period_ns / NANOSECONDS
         control = inbox.rules.step(state.control, references, measured, period)
         return PidControllerState(inbox, control, now.time_ns, now.period_ns)
 
     def _receive(
-        self, now: Now, inbox: Inbox, obstacle: str = ""
+        self, now: UpdateContext, inbox: Inbox, obstacle: str = ""
     ) -> tuple[Inbox, Array | None]:
         """Return what has come in, and the references to take, NaN where none."""
         context = now.context
-        news: list[Rejection] = []
+        rejections: list[Rejection] = []
         parameters, rules = inbox.parameters, inbox.rules
-        offered = new_parameters(self._parameters, context, inbox.offered)
-        if offered is not inbox.offered and offered != ():
+        received_parameters = new_parameters(
+            self._parameters, context, inbox.received_parameters
+        )
+        if (
+            received_parameters is not inbox.received_parameters
+            and received_parameters != ()
+        ):
             try:
-                parameters, rules = self._accept(offered, parameters)
+                parameters, rules = self._accept(received_parameters, parameters)
             except ValueError as error:
-                news.append(ParametersRejected(str(error)))
+                rejections.append(ParametersRejected(str(error)))
         new, references = new_messages(
             self._reference, context, MultiDOFCommand, inbox.references
         )
-        asked = self._take(new, news, obstacle) if new else None
+        requested = self._take(new, rejections, obstacle) if new else None
         external, measurements = inbox.external, inbox.measurements
         if self._is_external:
             new, measurements = new_messages(
                 self._external, context, MultiDOFCommand, measurements
             )
-            measured = self._take(new, news, takes_rates=self._has_rate)
+            measured = self._take(new, rejections, takes_rates=self._has_rate)
             external = external if measured is None else measured
         if (
-            offered is inbox.offered
+            received_parameters is inbox.received_parameters
             and references is inbox.references
             and measurements is inbox.measurements
         ):
             return inbox, None
-        events = add_events(inbox.events, news)
+        events = add_events(inbox.events, rejections)
         inbox = Inbox(
-            parameters, rules, external, offered, references, measurements, events
+            parameters,
+            rules,
+            external,
+            received_parameters,
+            references,
+            measurements,
+            events,
         )
-        return inbox, asked
+        return inbox, requested
 
     def _take(
         self,
         messages: tuple[MultiDOFCommand, ...],
-        news: list[Rejection],
+        rejections: list[Rejection],
         obstacle: str = "",
         *,
         takes_rates: bool = True,
@@ -542,23 +555,27 @@ class PidController(TickingController[PidControllerState]):
         for message in messages:
             fault = obstacle or find_fault(message, self._dofs, takes_rates=takes_rates)
             if fault:
-                news.append(TopicRejected(message, fault))
+                rejections.append(TopicRejected(message, fault))
             else:
                 taken = sort_values(message, self._dofs, has_rate=self._has_rate)
         return taken
 
     def _accept(
-        self, offered: object, present: PidControllerParameters
+        self, received_parameters: object, present: PidControllerParameters
     ) -> tuple[PidControllerParameters, PidControl]:
         """Return new parameters and their rules; raise ValueError for bad ones."""
-        if not isinstance(offered, PidControllerParameters):
-            raise ValueError(f"expected PidControllerParameters, got {offered!r}")
+        if not isinstance(received_parameters, PidControllerParameters):
+            raise ValueError(
+                f"expected PidControllerParameters, got {received_parameters!r}"
+            )
         for name in _READ_ONLY:
-            if getattr(offered, name) != getattr(present, name):
+            if getattr(received_parameters, name) != getattr(present, name):
                 raise ValueError(f"{name} can't change while the controller runs")
-        return offered, self._make_rules(offered)
+        return received_parameters, self._make_rules(received_parameters)
 
-    def _activate(self, now: Now, state: PidControllerState) -> PidControllerState:
+    def _activate(
+        self, now: UpdateContext, state: PidControllerState
+    ) -> PidControllerState:
         inbox, references = state.inbox._replace(external=self._unknown), self._unknown
         if (
             inbox.parameters.set_current_state_as_first_setpoint
@@ -569,12 +586,16 @@ class PidController(TickingController[PidControllerState]):
         control = inbox.rules.start(state.control, references, output)
         return state._replace(inbox=inbox, control=control)
 
-    def _deactivate(self, now: Now, state: PidControllerState) -> PidControllerState:
+    def _deactivate(
+        self, now: UpdateContext, state: PidControllerState
+    ) -> PidControllerState:
         del now
         nothing = self._unknown[: len(self._dofs)]
         return state._replace(control=state.control._replace(command=nothing))
 
-    def _idle(self, now: Now, state: PidControllerState) -> PidControllerState:
+    def _idle(
+        self, now: UpdateContext, state: PidControllerState
+    ) -> PidControllerState:
         inbox, _ = self._receive(now, state.inbox, INACTIVE)
         return state if inbox is state.inbox else state._replace(inbox=inbox)
 

@@ -24,8 +24,13 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterfaceParams,
     TickingController,
 )
-from arm_drake.controllers.cycles import Now
-from arm_drake.description.parameters import Given, Rule, check_length, check_not_empty
+from arm_drake.controllers.cycles import UpdateContext
+from arm_drake.description.parameters import (
+    ParameterGroup,
+    Rule,
+    check_length,
+    check_not_empty,
+)
 from arm_drake.errors import ParameterError
 from arm_drake.messages import (
     Header,
@@ -106,7 +111,7 @@ class SensorBroadcaster(TickingController[M]):
         del topic
         return lambda message: message
 
-    def _update(self, now: Now, state: M) -> M:
+    def _update(self, now: UpdateContext, state: M) -> M:
         header = Header.from_nanoseconds(now.time_ns, self._frame_id)
         return self._make(header, self._read(now.context), state)
 
@@ -633,11 +638,11 @@ class Vda5050SafetyStateBroadcasterParameters:
     interfaces: SafetyInterfaces = SafetyInterfaces()
 
     @staticmethod
-    def adapt(given: Given) -> None:
+    def adapt(params: ParameterGroup) -> None:
         """Take the names of before."""
         for name, older in _OLDER.items():
             for old in older:
-                given.rename(old, f"interfaces.{name}")
+                params.rename(old, f"interfaces.{name}")
 
     def __post_init__(self) -> None:
         """Reject what the types alone can't express."""
@@ -677,10 +682,10 @@ class Vda5050SafetyStateBroadcaster(SensorBroadcaster[VDA5050SafetyState]):
         self, header: Header, values: Array, last: VDA5050SafetyState
     ) -> VDA5050SafetyState:
         del header, last
-        told = [
+        stop_kinds = [
             kind
             for kind, value in zip(self._kinds, values.tolist(), strict=True)
             if value and not math.isnan(value)
         ]
-        stops = [kind for kind in told if kind]
-        return VDA5050SafetyState(stops[0] if stops else "none", "" in told)
+        stops = [kind for kind in stop_kinds if kind]
+        return VDA5050SafetyState(stops[0] if stops else "none", "" in stop_kinds)

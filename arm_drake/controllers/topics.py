@@ -12,9 +12,9 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterfaceParams,
     TickingController,
 )
-from arm_drake.controllers.cycles import Now, messages_on
+from arm_drake.controllers.cycles import UpdateContext, messages_on
 from arm_drake.messages import Float64, Message, ParametersRejected, TopicRejected
-from arm_drake.messages.base import add_news
+from arm_drake.messages.base import append_events
 
 M = TypeVar("M", bound=Message)
 
@@ -66,20 +66,22 @@ def new_parameters(port: InputPort, context: Context, seen: object) -> object:
     """
     if not port.HasValue(context):
         return seen
-    offered = port.Eval(context)
-    if offered is seen or (type(offered) is type(seen) and bool(offered == seen)):
+    received_parameters = port.Eval(context)
+    if received_parameters is seen or (
+        type(received_parameters) is type(seen) and bool(received_parameters == seen)
+    ):
         return seen
-    return offered
+    return received_parameters
 
 
-def add_events(events: Events, news: Sequence[Rejection]) -> Events:
+def add_events(events: Events, new_events: Sequence[Rejection]) -> Events:
     """Return the latest events, those of this tick at their end.
 
     Args:
         events: What there was.
-        news: What happened in this tick.
+        new_events: What happened in this tick.
     """
-    return add_news(events, news) if news else events
+    return append_events(events, new_events) if new_events else events
 
 
 class Inbox(NamedTuple):
@@ -148,27 +150,27 @@ class TopicController(TickingController[T]):
         """Declare the output port of what was not accepted."""
         self._declare_topic("events", lambda state: state.inbox.events)
 
-    def _receive(self, now: Now, state: T, obstacle: str = "") -> T:
+    def _receive(self, now: UpdateContext, state: T, obstacle: str = "") -> T:
         """Return the state with what has come in; itself if nothing has."""
         if now.is_quiet:
             return state
         inbox = state.inbox
         seen = inbox.seen or ((),) * len(self._topics)
-        there: list[tuple[Message, ...]] = []
-        news: list[Rejection] = []
+        received: list[tuple[Message, ...]] = []
+        rejections: list[Rejection] = []
         for (port, kind, take), before in zip(self._topics, seen, strict=True):
             new, messages = new_messages(port, now.context, kind, before)
-            there.append(messages)
+            received.append(messages)
             for message in new:
                 state, fault = take(state, message, now.time_ns, obstacle)
                 if fault:
-                    news.append(TopicRejected(message, fault))
-        if all(map(is_, there, seen)):
+                    rejections.append(TopicRejected(message, fault))
+        if all(map(is_, received, seen)):
             return state
-        events = add_events(inbox.events, news)
-        return state._replace(inbox=Inbox(tuple(there), events))
+        events = add_events(inbox.events, rejections)
+        return state._replace(inbox=Inbox(tuple(received), events))
 
-    def _idle(self, now: Now, state: T) -> T:
+    def _idle(self, now: UpdateContext, state: T) -> T:
         return self._receive(now, state, INACTIVE)
 
     def _command(self, state: T) -> Array:

@@ -9,7 +9,7 @@ import typing
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from arm_drake.description.parameters import DISTROS, Given, Rule
+from arm_drake.description.parameters import DISTROS, ParameterGroup, Rule
 
 if TYPE_CHECKING:
     from arm_drake.controllers.registry import ControllerType
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _MAX_NAMES = 3
 
 
-class _Asked(Given):
+class _RequestedNames(ParameterGroup):
     """Nothing given, and the names that `adapt` looks for nevertheless."""
 
     def __init__(self, distro: str) -> None:
@@ -159,9 +159,9 @@ def _older(schema: type) -> Iterator[str]:
     adapt = getattr(schema, "adapt", None)
     if adapt is not None:
         for distro in DISTROS:
-            asked = _Asked(distro)
-            adapt(asked)
-            yield from (name for name in asked.names if name not in known)
+            requested = _RequestedNames(distro)
+            adapt(requested)
+            yield from (name for name in requested.names if name not in known)
     for _, expected, rule, _ in _fields(schema):
         yield from rule.was
         if dc.is_dataclass(expected):

@@ -100,31 +100,31 @@ def find_bases(
             bases.append(MobileBase(controller.name, driven, (), link))
         if controller.type not in _PARAMETERS:
             continue
-        given = controller.parameters
+        parameters = controller.parameters
         driving, steering = _PARAMETERS[controller.type]
         if _PARAMETERS[controller.type] is _STEERING:
-            steers_front = given.get("front_steering")
+            steers_front = parameters.get("front_steering")
             is_front = steers_front is None or bool(steers_front.value)
             older = _OF_HUMBLE[is_front]
             driving, steering = (*driving, older[0]), (*steering, older[1])
-        frame = given.get("base_frame_id")
+        frame = parameters.get("base_frame_id")
         link = "base_link" if frame is None else str(frame.value)
         bases.append(
             MobileBase(
                 controller.name,
-                tuple(n for n in _names(given, driving) if n in joints),
-                tuple(n for n in _names(given, steering) if n in joints),
+                tuple(n for n in _names(parameters, driving) if n in joints),
+                tuple(n for n in _names(parameters, steering) if n in joints),
                 link if link in description.links else description.base,
             )
         )
     return tuple(bases)
 
 
-def _names(given: Mapping[str, Parameter], parameters: Iterable[str]) -> list[str]:
+def _names(values: Mapping[str, Parameter], parameters: Iterable[str]) -> list[str]:
     """Return the texts that parameters have, each once."""
     found: list[str] = []
     for name in parameters:
-        value = given[name].value if name in given else ()
+        value = values[name].value if name in values else ()
         texts = [value] if isinstance(value, str) else value
         if isinstance(texts, Sequence):
             found += [text for text in texts if isinstance(text, str)]
@@ -158,7 +158,7 @@ def wheel_links(description: RobotDescription, joint: str) -> list[str]:
     ]
 
 
-def carried_inertia(
+def find_load_inertia(
     description: RobotDescription, bases: Iterable[MobileBase]
 ) -> dict[str, float]:
     """Return what driven joints move on the ground besides their wheels [kg·m^2].
@@ -167,7 +167,7 @@ def carried_inertia(
     Wheels that are neither cylinders nor spheres are left out.
     """
     mass = total_mass(description)
-    carried: dict[str, float] = {}
+    load_inertia: dict[str, float] = {}
     for base in bases:
         for joint in base.driven:
             radius = max(
@@ -179,8 +179,8 @@ def carried_inertia(
                 default=0.0,
             )
             if radius > 0.0:
-                carried[joint] = mass * radius**2 / len(base.driven)
-    return carried
+                load_inertia[joint] = mass * radius**2 / len(base.driven)
+    return load_inertia
 
 
 def report_bases(

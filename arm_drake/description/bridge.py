@@ -93,15 +93,15 @@ class TopicAlias:
 
 
 def split_bridges(
-    given: Source | Sequence[Source] | None,
+    sources: Source | Sequence[Source] | None,
 ) -> tuple[list[Path], list[Source] | None]:
     """Return which of the files that a user names are bridges, and the others.
 
     Bridges alone leave None: nothing is said of the controllers.
     """
-    if given is None:
+    if sources is None:
         return [], None
-    files = [given] if isinstance(given, str | os.PathLike) else list(given)
+    files = [sources] if isinstance(sources, str | os.PathLike) else list(sources)
     bridges = [file for file in files if _is_bridge(Path(file))]
     others = [file for file in files if file not in bridges]
     return [Path(file) for file in bridges], others if others or not files else None

@@ -1,4 +1,4 @@
-"""Hardware of a description without `<ros2_control>`: what the controllers claim."""
+"""Hardware from controllers' claims, for descriptions without `<ros2_control>`."""
 
 import collections
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -131,12 +131,12 @@ def _claims(controller: ControllerConfig) -> Iterator[tuple[str, str]]:
     package, _, name = controller.type.partition("/")
     if name.endswith("Broadcaster"):
         return
-    said = tuple(
+    declared = tuple(
         interface
         for parameter in _INTERFACES
         for interface in _texts(controller, parameter)
     )
-    implied = said or (_PACKAGES.get(package, _POSITION),)
+    implied = declared or (_PACKAGES.get(package, _POSITION),)
     parameters = [name for name in _JOINTS if _texts(controller, name)]
     if "command_joints" in parameters and "joints" in parameters:
         parameters.remove("joints")

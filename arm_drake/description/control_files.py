@@ -33,15 +33,15 @@ _MAX_CANDIDATES = 5
 
 
 def find_control_files(
-    given: Source | Sequence[Source] | None,
+    sources: Source | Sequence[Source] | None,
     description: RobotDescription,
     packages: PackageFinder,
     bundled: str | None,
     report: LoadReport,
 ) -> list[Path] | None:
     """Return the controllers YAML files of a robot, None if nothing hints at any."""
-    if given is not None:
-        files = [given] if isinstance(given, str | os.PathLike) else list(given)
+    if sources is not None:
+        files = [sources] if isinstance(sources, str | os.PathLike) else list(sources)
         return [Path(file) for file in files]
     named = [
         text

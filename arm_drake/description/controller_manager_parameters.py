@@ -249,9 +249,9 @@ class Nodes:
 
     def plugin_parameters(self, name: str, report: LoadReport) -> dict[str, Parameter]:
         """Return the parameters of a plugin's node, those of all nodes included."""
-        given: dict[str, Parameter] = {}
+        parameters: dict[str, Parameter] = {}
         for namespace in reversed(self._namespaces):
-            given |= self.parameters(namespace, name)
+            parameters |= self.parameters(namespace, name)
         for section in self.sections:
             keys = section.parameters if section.name == name else ()
             for key in keys:
@@ -266,7 +266,7 @@ class Nodes:
                     file=section.file,
                     line=section.parameters[key].line,
                 )
-        return given
+        return parameters
 
     def typed(self, namespace: str) -> list[str]:
         """Return the names of the nodes that sections of their own give a type."""

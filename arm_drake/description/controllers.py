@@ -126,12 +126,14 @@ def load_controllers(
     nodes.report_unused((*names, MANAGER), report)
     further = [file for manager in managers for file in manager.files]
     return ControllerManagerConfig(
-        update_rate=_first_given("update_rate", managers),
+        update_rate=_first_setting("update_rate", managers),
         controllers=tuple(controllers),
         files=tuple(dict.fromkeys((*files, *further))),
-        enforce_command_limits=_first_given("enforce_command_limits", managers),
+        enforce_command_limits=_first_setting("enforce_command_limits", managers),
         hardware_components_initial_state=_together(m.settings for m in managers),
-        plugin_nodes={name: given for name, given in plugin_nodes.items() if given},
+        plugin_nodes={
+            name: parameters for name, parameters in plugin_nodes.items() if parameters
+        },
     )
 
 
@@ -219,10 +221,10 @@ class ManagedControllers:
         self, name: str, key: str, own: Parameter | None
     ) -> tuple[Parameter | None, str]:
         """Return what the manager is told about a controller, and its full name."""
-        given = self.parameters.get(f"{name}.{key}")
-        if given is None:
+        parameter = self.parameters.get(f"{name}.{key}")
+        if parameter is None:
             return own, f"{name}.{key}"
-        return given, f"{self.node}.{name}.{key}"
+        return parameter, f"{self.node}.{name}.{key}"
 
     def _with_fallback(
         self, controller: ControllerConfig, others: Collection[str]
@@ -230,23 +232,23 @@ class ManagedControllers:
         """Return a controller with its fallback controllers, of the names given."""
         name, parameters = controller.name, dict(controller.parameters)
         own = parameters.pop("fallback_controllers", None)
-        given, where = self._choose(name, "fallback_controllers", own)
-        if given is None:
+        parameter, where = self._choose(name, "fallback_controllers", own)
+        if parameter is None:
             return controller
         names: tuple[str, ...] = ()
         problem = ""
         try:
-            names = texts_of(given, where)
+            names = texts_of(parameter, where)
         except ParameterError as error:
             problem = error.problem
         if name in names:
             problem = "it is its own fallback"
         if problem:
-            self._complain(where, given, problem, "error", _IDLE)
+            self._complain(where, parameter, problem, "error", _IDLE)
         for other in () if problem else names:
             if other not in others:
                 what = f"no controller {other!r}; {suggest(other, others)}"
-                self._complain(where, given, what, "warning", "it is left out")
+                self._complain(where, parameter, what, "warning", "it is left out")
         return dc.replace(
             controller,
             parameters=parameters,
@@ -262,31 +264,31 @@ class ManagedControllers:
 
     def _further_sections(self, name: str) -> tuple[list[Section], str]:
         """Return what the files of a controller give it, and why it can't be loaded."""
-        given, where = self._choose(name, "params_file", None)
+        parameter, where = self._choose(name, "params_file", None)
         sections: list[Section] = []
-        if given is None:
+        if parameter is None:
             return sections, ""
         try:
-            texts = texts_of(given, where)
+            texts = texts_of(parameter, where)
         except ParameterError as error:
-            self._complain(where, given, error.problem, "error", "it is ignored")
+            self._complain(where, parameter, error.problem, "error", "it is ignored")
             return sections, ""
         for text in texts:
             try:
-                path = self._resolve(text, given.file.parent)
+                path = self._resolve(text, parameter.file.parent)
                 # Unlike that of Path, it takes names that no file can have.
                 is_file = os.path.isfile(path)
                 problem = "" if is_file else f"no such file: {text!r}"
             except PackageError as error:
                 problem = error.problem
             if problem:
-                self._complain(where, given, problem, "error", "it is left out")
+                self._complain(where, parameter, problem, "error", "it is left out")
                 continue
             self.files.append(path)
             try:
                 read = self._reader.read(path)
             except ParameterError as error:
-                self._complain(where, given, str(error), "error", _IDLE)
+                self._complain(where, parameter, str(error), "error", _IDLE)
                 return sections, str(error)
             sections += [
                 section
@@ -409,13 +411,16 @@ def _report_several(managers: Sequence[ManagedControllers], report: LoadReport) 
             line=place.line,
         )
         for name in ("update_rate", "enforce_command_limits"):
-            asked, used = getattr(manager.settings, name), _first_given(name, managers)
+            setting, used = (
+                getattr(manager.settings, name),
+                _first_setting(name, managers),
+            )
             parameter = manager.parameters.get(name)
-            if asked != used and parameter is not None:
+            if setting != used and parameter is not None:
                 report.add(
                     "warning",
                     "ignored",
-                    f"{asked} differs from {used} of another controller manager",
+                    f"{setting} differs from {used} of another controller manager",
                     f"{used} is used",
                     where=f"{manager.node}.{name}",
                     file=parameter.file,
@@ -423,10 +428,10 @@ def _report_several(managers: Sequence[ManagedControllers], report: LoadReport) 
                 )
 
 
-def _first_given(name: str, managers: Sequence[ManagedControllers]) -> Any:
+def _first_setting(name: str, managers: Sequence[ManagedControllers]) -> Any:
     """Return a parameter of the first manager that it is given to, or its default."""
-    given = (m.settings for m in managers if name in m.parameters)
-    return getattr(next(given, managers[0].settings), name)
+    settings = (m.settings for m in managers if name in m.parameters)
+    return getattr(next(settings, managers[0].settings), name)
 
 
 def _together(

@@ -94,8 +94,8 @@ class _Finder:
         self._report = report
         self._simulators = gazebo_nodes(robot.description)
         self._nodes = [
-            NodeParameters(given, name, Path(), report, robot.distro)
-            for name, given in robot.controllers.plugin_nodes.items()
+            NodeParameters(parameters, name, Path(), report, robot.distro)
+            for name, parameters in robot.controllers.plugin_nodes.items()
         ]
         self._joints = {joint.name: joint for joint in robot.description.movable_joints}
         self._found: dict[str, DriveGains] = {}
@@ -202,16 +202,16 @@ class _Finder:
         if source != where:
             self._note(f"{source} give these gains too", "those count", where, first)
             return
-        given = [name for name in _ALL if name in names]
-        if not set(_GAINS) <= set(given):
-            what = f"expected {', '.join(_GAINS)}, got {', '.join(given) or 'none'}"
+        present = [name for name in _ALL if name in names]
+        if not set(_GAINS) <= set(present):
+            what = f"expected {', '.join(_GAINS)}, got {', '.join(present) or 'none'}"
             self._note(what, _OWN, where, first)
             return
         if self._value(node, f"{group}.{_ANTIWINDUP}", bool):
             what = "it limits the integral itself, here its term is limited"
             key = f"{group}.{_ANTIWINDUP}"
             node.add(key, "warning", "unsupported", what, _NO_EFFECT)
-        values = {n: self._value(node, f"{group}.{n}", float, _OWN) for n in given}
+        values = {n: self._value(node, f"{group}.{n}", float, _OWN) for n in present}
         if None in values.values():
             return
         gains = PidGains(**values)

@@ -249,9 +249,9 @@ class _FieldReader(ElementReader):
         for field in fields:
             tags = field.metadata.get("tags", (field.name,))
             known.update(tags)
-            given = [(tag, text) for tag in tags for text in plugin.texts(tag)]
-            if given:
-                values[field.name] = self._value(field, given)
+            entries = [(tag, text) for tag in tags for text in plugin.texts(tag)]
+            if entries:
+                values[field.name] = self._value(field, entries)
             if field.metadata.get("joints"):
                 values[field.name] = self._joints(
                     values.get(field.name, ()), joint_names
@@ -269,21 +269,21 @@ class _FieldReader(ElementReader):
             return None
         return typed
 
-    def _value(self, field: dc.Field[Any], given: list[tuple[str, str]]) -> Any:
+    def _value(self, field: dc.Field[Any], entries: list[tuple[str, str]]) -> Any:
         """Return the value of a field, or None if its text is none."""
         if field.type == tuple[str, ...]:
             # Of these names, the old form takes a list.
             return tuple(
                 name
-                for tag, text in given
+                for tag, text in entries
                 for name in (text.split() if tag == "joint_names" else [text])
             )
         if field.type == tuple[float, ...]:
             numbers = [
-                self.number(part, tag) for tag, text in given for part in text.split()
+                self.number(part, tag) for tag, text in entries for part in text.split()
             ]
             return None if None in numbers else tuple(numbers)
-        tag, text = given[0]
+        tag, text = entries[0]
         if field.type is str:
             return text
         if field.type is float:
@@ -342,8 +342,8 @@ def _classic_problem(plugin: GazeboPlugin, typed: GazeboRosDiffDrive) -> str | N
     if not typed.max_wheel_torque > 0.0:
         return f"max_wheel_torque: expected more than 0, got {typed.max_wheel_torque:g}"
     if not typed.max_wheel_acceleration >= 0.0:
-        given = typed.max_wheel_acceleration
-        return f"max_wheel_acceleration: expected at least 0, got {given:g}"
+        acceleration = typed.max_wheel_acceleration
+        return f"max_wheel_acceleration: expected at least 0, got {acceleration:g}"
     diameters = tuple(2.0 * radius for radius in typed.radii)
     return _measure_problem(typed.separations, diameters, "wheel_diameter")
 

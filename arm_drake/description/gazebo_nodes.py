@@ -82,10 +82,10 @@ def parse_sdf_bool(text: str) -> bool | None:
 def report_unread(robot: Robot, report: LoadReport) -> None:
     """Report parameters of the plugins' nodes, and tags, that no simulator reads."""
     simulators = gazebo_nodes(robot.description)
-    given = robot.controllers.plugin_nodes
+    nodes = robot.controllers.plugin_nodes
     # What all nodes get need not be for these.
-    common = set.intersection(*(_places(given.get(node, {})) for node in PLUGIN_NODES))
-    for node, parameters in given.items():
+    common = set.intersection(*(_places(nodes.get(node, {})) for node in PLUGIN_NODES))
+    for node, parameters in nodes.items():
         read = _READ.get(simulators.get(node, ""), ())
         unread: dict[str, Parameter] = {}
         for name, parameter in parameters.items():

@@ -310,9 +310,9 @@ class GazeboRosDiffDrive:
         """Radius of the wheels of each pair [m]."""
         return tuple(d / 2.0 for d in self._per_pair(self.wheel_diameter, 0.15))
 
-    def _per_pair(self, given: tuple[float, ...], default: float) -> tuple[float, ...]:
+    def _per_pair(self, values: tuple[float, ...], default: float) -> tuple[float, ...]:
         pairs = max(1, self.num_wheel_pairs)
-        return (*given, *(default,) * pairs)[:pairs]
+        return (*values, *(default,) * pairs)[:pairs]
 
 
 @dc.dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Inertias that Drake can simulate with, in place of those that no body can have.
+"""Repair of inertias that no body can have.
 
 If every body that moves can move on its own, the robot's mass matrix is positive
 definite. Links fixed to each other are one body, as in Drake. What slides needs a mass,

@@ -78,11 +78,11 @@ def _report_others(joint: ComponentInfo, reader: ElementReader, where: str) -> N
 
 
 def find_initial_positions(
-    description: RobotDescription, given: dict[str, float], report: LoadReport
+    description: RobotDescription, requested: dict[str, float], report: LoadReport
 ) -> dict[str, float]:
     """Return where the joints start [rad] or [m]: within their limits."""
     movable = {joint.name: joint for joint in description.movable_joints}
-    for name in given:
+    for name in requested:
         if name not in movable:
             raise InputError(
                 f"initial position of joint {name!r}: the robot has no such joint; "
@@ -92,7 +92,7 @@ def find_initial_positions(
     ranges = _ranges(description)
     positions: dict[str, float] = {}
     for name, joint in movable.items():
-        position = given.get(name, values.get(name, 0.0))
+        position = requested.get(name, values.get(name, 0.0))
         if not _is_finite(position):
             problem = f"expected a finite number, got {position!r}"
             raise InputError(problem, where=f"joint {name!r}")
@@ -114,8 +114,8 @@ def find_initial_positions(
         master, factor, offset = last_master(joint, movable)
         position = positions[name] = factor * positions[master] + offset
         what = f"the joint follows {joint.mimic.joint!r}, which puts it at {position}"
-        if abs(given.get(name, position) - position) > _TOLERANCE:
-            problem = f"{what}, not at {given[name]}; give {master!r} a position"
+        if abs(requested.get(name, position) - position) > _TOLERANCE:
+            problem = f"{what}, not at {requested[name]}; give {master!r} a position"
             raise InputError(problem, where=f"joint {name!r}")
         if abs(values.get(name, position) - position) > _TOLERANCE:
             done = f"its initial value {values[name]} is left out"

@@ -195,8 +195,8 @@ def _narrowest(
     pick: Callable[[list[float]], float], *limits: float | None
 ) -> float | None:
     """Return the one that holds of several limits, None without a finite one."""
-    given = [x for x in limits if x is not None and math.isfinite(x)]
-    return pick(given) if given else None
+    known_limits = [x for x in limits if x is not None and math.isfinite(x)]
+    return pick(known_limits) if known_limits else None
 
 
 def _report(

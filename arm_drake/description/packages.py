@@ -236,8 +236,8 @@ def installed_elsewhere(package: Path, name: str) -> list[Installed]:
             raise ValueError(f"more than {_MAX_RULES} files and folders are installed")
         if place.is_absolute() or ".." in place.parts:
             continue  # It isn't below `share/<package>`.
-        there = package / place
-        if source.exists() and not (there.exists() and there.samefile(source)):
+        original = package / place
+        if source.exists() and not (original.exists() and original.samefile(source)):
             found.append((place, source))
     return found
 
@@ -527,8 +527,8 @@ class PackageFinder:
             return None
         beside = [folder / name for folder in self._ancestors]
         above = [folder for folder in self._ancestors if folder.name == name]
-        given = [root / name for root in self._package_paths]
-        candidates = [*given, *above, *beside]
+        explicit = [root / name for root in self._package_paths]
+        candidates = [*explicit, *above, *beside]
         # Unlike that of Path, it takes names that no folder can have.
         return next((path for path in candidates if os.path.isdir(path)), None)
 

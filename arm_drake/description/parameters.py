@@ -7,12 +7,12 @@ dataclass is a group (`constraints.goal_time`). A field with the metadata of
 
 The default of a field is jazzy's. What is different in other distros stands in a `Rule`
 beside its type: `rate: Annotated[float, Rule(humble=50.0)] = 20.0`. What takes more
-than a rule is done by the schema's static method ``adapt``, on what was `Given`.
+than a rule is done by the schema's static method ``adapt``, on the `ParameterGroup`.
 
 Parameters as a YAML gives them, and the place of each of them.
 
-A schema that renames or recomputes older parameters does so on `Given`, before they
-become its fields.
+A schema that renames or recomputes older parameters does so on the `ParameterGroup`,
+before they become its fields.
 """
 
 import dataclasses as dc
@@ -124,7 +124,7 @@ class NodeParameters:
         self.reject(name, f"expected {expectation}, got {value!r}")
 
 
-class Given:
+class ParameterGroup:
     """The parameters of one group as they were given, for its schema to adapt."""
 
     def __init__(self, node: NodeParameters, prefix: str) -> None:
@@ -170,7 +170,7 @@ class Given:
             old: Name of the given one.
             new: Values by newer names. One that is given itself stays as it is.
         """
-        given = self._node.by_name
+        parameters = self._node.by_name
         taken = {n: v for n, v in new.items() if n == old or n not in self}
         listed = ", ".join(f"{n}: {value}" for n, value in new.items() if n != old)
         what = f"older parameter; later: {listed}"
@@ -178,9 +178,9 @@ class Given:
             self.add(old, "info", "repair", what, "taken as that")
         else:
             self.add(old, "warning", "ignored", what, "it has no effect")
-        parameter = given.pop(self._prefix + old)
+        parameter = parameters.pop(self._prefix + old)
         for name, value in taken.items():
-            given[self._prefix + name] = dc.replace(parameter, value=value)
+            parameters[self._prefix + name] = dc.replace(parameter, value=value)
             self._node.adapted.add(self._prefix + name)
 
     def rename(self, old: str, new: str) -> None:
@@ -191,8 +191,8 @@ class Given:
     def set(self, name: str, value: Any) -> None:
         """Change the value of a given parameter."""
         name = self._prefix + name
-        given = self._node.by_name
-        given[name] = dc.replace(given[name], value=value)
+        parameters = self._node.by_name
+        parameters[name] = dc.replace(parameters[name], value=value)
         self._node.adapted.add(name)
 
     def drop(self, name: str) -> None:
@@ -212,8 +212,8 @@ class Given:
 
 __all__ = [
     "DISTROS",
-    "Given",
     "Parameter",
+    "ParameterGroup",
     "Parameters",
     "Rule",
     "load_parameters",
@@ -321,10 +321,10 @@ class _Loader:
         self.known: set[str] = set()
 
     def load(self, schema: type[T], prefix: str) -> T:
-        given = Given(self._node, prefix)
+        group = ParameterGroup(self._node, prefix)
         adapt = getattr(schema, "adapt", None)
         if adapt is not None:
-            adapt(given)
+            adapt(group)
         hints = typing.get_type_hints(schema, include_extras=True)
         values: dict[str, Any] = {}
         for field in dc.fields(schema):  # type: ignore[arg-type]
@@ -332,7 +332,7 @@ class _Loader:
             if typing.get_origin(expected) is typing.Annotated:
                 expected, rule = typing.get_args(expected)
             for old in rule.was:
-                given.rename(old, field.name)
+                group.rename(old, field.name)
             default = getattr(rule, self._node.distro, ...)
             if default is ...:
                 default = field.default
@@ -343,7 +343,7 @@ class _Loader:
             elif rule.only not in (..., value):
                 done = f"the controller acts as with {rule.only!r}"
                 what = f"{value!r} is not acted on yet"
-                given.add(field.name, "warning", "unsupported", what, done)
+                group.add(field.name, "warning", "unsupported", what, done)
             if value is not dc.MISSING:
                 values[field.name] = value
             elif field.default_factory is dc.MISSING:
@@ -365,16 +365,16 @@ class _Loader:
 
     def _sort_out(self, rule: Rule, name: str, default: Any) -> None:
         """Report what the distro doesn't have, and drop it unless it is kept."""
-        given, distro = self._node.by_name, self._node.distro
+        parameters, distro = self._node.by_name, self._node.distro
         if rule.knows(distro):
             return
         is_old = DISTROS.index(distro) > DISTROS.index(rule.until)
-        below = [key for key in given if key == name or key.startswith(f"{name}.")]
+        below = [key for key in parameters if key == name or key.startswith(f"{name}.")]
         for key in below:
             # What was put in the place of an older parameter is there for this distro.
             if key in self._node.adapted and not is_old:
                 continue
-            if given[key].value != default:
+            if parameters[key].value != default:
                 version = f"up to {rule.until}" if is_old else f"since {rule.since}"
                 done = "it is taken" if rule.is_kept else "it has no effect"
                 self._node.add(
@@ -385,7 +385,7 @@ class _Loader:
                     f"{done}: {rule.instead}" if rule.instead else done,
                 )
             if not rule.is_kept:
-                del given[key]
+                del parameters[key]
 
     def _value(self, field: "dc.Field[Any]", expected: Any, prefix: str) -> Any:
         """Return the value of a field; MISSING if it is a parameter not given."""

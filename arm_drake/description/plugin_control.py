@@ -64,13 +64,13 @@ def moving_plugins(description: RobotDescription) -> tuple[JointPlugin, ...]:
 def plugin_joints(description: RobotDescription) -> frozenset[str]:
     """Return the joints that plugins move, and those that these follow."""
     movable = {joint.name: joint for joint in description.movable_joints}
-    asked = {
+    requested = {
         (name, interface_of(plugin))
         for plugin in description.joint_plugins
         for name in _joints_of(plugin, movable)
     }
-    names = {name for name, _ in asked}
-    carriers = {find_carrier(movable, *key) for key in asked}
+    names = {name for name, _ in requested}
+    carriers = {find_carrier(movable, *key) for key in requested}
     return frozenset(names | {name for name in carriers if name is not None})
 
 
@@ -127,33 +127,37 @@ class PluginSorter:
         A joint follows the last plugin that commands it. A drive follows one system: of
         those that command it the last one gets it, with all its tags.
         """
-        asked = [_joints_of(plugin, self._movable) for plugin in plugins]
+        requested = [_joints_of(plugin, self._movable) for plugin in plugins]
         last: dict[str, int] = {}
         owner: dict[str, object] = {}
-        for at, (plugin, names) in enumerate(zip(plugins, asked, strict=True)):
+        for at, (plugin, names) in enumerate(zip(plugins, requested, strict=True)):
             for name in names:
                 carrier = find_carrier(self._movable, name, interface_of(plugin))
                 if carrier is not None:
                     last[name], owner[carrier] = at, _system(plugin, at)
         tags = []
-        for at, (plugin, names) in enumerate(zip(plugins, asked, strict=True)):
-            mine = tuple(
+        for at, (plugin, names) in enumerate(zip(plugins, requested, strict=True)):
+            own_joints = tuple(
                 name
                 for name in names
                 if not (problem := self._find_problem(plugin, at, name, last, owner))
                 or self._tell(plugin, problem)
             )
-            if isinstance(plugin, OneOfJoints) and mine:
-                tags.append(PluginTag(_with_joints(plugin, names, mine), mine))
+            if isinstance(plugin, OneOfJoints) and own_joints:
+                tags.append(
+                    PluginTag(_with_joints(plugin, names, own_joints), own_joints)
+                )
             elif isinstance(plugin, Driving):
-                tags += self._with_wheels(plugin, mine)
-            elif mine or not isinstance(plugin, Moving):
-                tags.append(PluginTag(plugin, mine))
+                tags += self._with_wheels(plugin, own_joints)
+            elif own_joints or not isinstance(plugin, Moving):
+                tags.append(PluginTag(plugin, own_joints))
         return tags
 
-    def _with_wheels(self, plugin: Driving, mine: Sequence[str]) -> list[PluginTag]:
+    def _with_wheels(
+        self, plugin: Driving, own_joints: Sequence[str]
+    ) -> list[PluginTag]:
         """Return a plugin of fewer wheels; none and a line if they can't drive."""
-        driving = _keep_wheels(plugin, mine)
+        driving = _keep_wheels(plugin, own_joints)
         if driving.left_joints and driving.right_joints:
             wheels = dict.fromkeys((*driving.left_joints, *driving.right_joints))
             return [PluginTag(driving, tuple(wheels))]
@@ -204,17 +208,17 @@ def _system(plugin: RunPlugin, at: int) -> object:
 
 
 def _with_joints(
-    plugin: OneOfJoints, names: Sequence[str], mine: Sequence[str]
+    plugin: OneOfJoints, names: Sequence[str], own_joints: Sequence[str]
 ) -> RunPlugin:
     """Return a plugin of fewer joints; topic and n-th values stay those of theirs."""
-    changes: dict[str, Any] = {"joint_names": tuple(mine)}
-    is_first_left_out = mine[0] != names[0]
+    changes: dict[str, Any] = {"joint_names": tuple(own_joints)}
+    is_first_left_out = own_joints[0] != names[0]
     if is_first_left_out and not isinstance(plugin, JointTrajectoryController):
         end = "pos" if isinstance(plugin, JointPositionController) else "vel"
         default = f"joint/{names[0]}/cmd_{end}"
         changes["sub_topic"] = plugin.sub_topic or default
     if isinstance(plugin, JointTrajectoryController):
-        at = [names.index(name) for name in mine]
+        at = [names.index(name) for name in own_joints]
         for field in dc.fields(plugin):
             values = getattr(plugin, field.name)
             if field.name != "joint_names" and isinstance(values, tuple):
@@ -223,16 +227,18 @@ def _with_joints(
     return dc.replace(plugin, **changes)
 
 
-def _keep_wheels(plugin: Driving, mine: Collection[str]) -> Driving:
+def _keep_wheels(plugin: Driving, own_joints: Collection[str]) -> Driving:
     """Return a plugin with these wheels alone; in Classic they go in pairs."""
     left, right = plugin.left_joints, plugin.right_joints
-    if set(left + right) <= set(mine):
+    if set(left + right) <= set(own_joints):
         return plugin
     if isinstance(plugin, DiffDrive):
-        left, right = (tuple(n for n in side if n in mine) for side in (left, right))
+        left, right = (
+            tuple(n for n in side if n in own_joints) for side in (left, right)
+        )
         return dc.replace(plugin, left_joints=left, right_joints=right)
     pairs = list(enumerate(zip(left, right, strict=True)))
-    at = [k for k, pair in pairs if set(pair) <= set(mine)]
+    at = [k for k, pair in pairs if set(pair) <= set(own_joints)]
     return dc.replace(
         plugin,
         left_joints=tuple(left[k] for k in at),

@@ -110,8 +110,8 @@ def find_rollers(
         controller = types[base.controller]
         if controller.type not in _RADIUS:
             continue
-        given = controller.parameters.get(_RADIUS[controller.type])
-        radius = given.value if given is not None else 0.0
+        parameter = controller.parameters.get(_RADIUS[controller.type])
+        radius = parameter.value if parameter is not None else 0.0
         if not isinstance(radius, int | float):
             continue  # The controller doesn't load, and says why.
         is_mecanum = controller.type == MECANUM

@@ -258,10 +258,10 @@ def read_hardware(
     """Return the `<ros2_control>` blocks of a URDF."""
     types = {attribute(e, "name"): e.get("type", "") for e in root.iterfind("joint")}
     joints = {name: types.get(name, "") for name in joint_names}
-    offered: dict[str, str] = {}
+    owners: dict[str, str] = {}
     blocks: list[HardwareInfo] = []
     for element in root.iterfind("ros2_control"):
-        reader = _BlockReader(element, joints, offered, report, file)
+        reader = _BlockReader(element, joints, owners, report, file)
         block = reader.read()
         if any(other.name == block.name for other in blocks):
             what = "another block has this name; expected distinct names"
@@ -277,7 +277,7 @@ class _BlockReader(ElementReader):
         self,
         block: ET.Element,
         joint_types: Mapping[str, str],
-        offered: dict[str, str],
+        owners: dict[str, str],
         report: LoadReport,
         file: Path,
     ) -> None:
@@ -286,7 +286,7 @@ class _BlockReader(ElementReader):
         self._name = attribute(block, "name")
         super().__init__(f"ros2_control {self._name!r}", report, file)
         self._joint_types = joint_types
-        self._offered = offered
+        self._owners = owners
         self._plugin = text_of(block.find("hardware"), "plugin")
 
     def read(self) -> HardwareInfo:
@@ -388,11 +388,11 @@ class _BlockReader(ElementReader):
             if self._plugin == _CLASSIC and tag == "command_interface":
                 name = _PID_INTERFACES.get(name, name)
             full = f"{tag} {attribute(component, 'name')}/{name}"
-            if full in self._offered:
-                what = f"block {self._offered[full]!r} has <{tag}> {name!r} already"
+            if full in self._owners:
+                what = f"block {self._owners[full]!r} has <{tag}> {name!r} already"
                 self.note("warning", "invalid", what, "it is taken once", where)
                 continue
-            self._offered[full] = self._name
+            self._owners[full] = self._name
             yield self._interface(element, name, component.tag == "joint", where)
 
     def _interface(

@@ -297,12 +297,12 @@ def _unresolved(unresolved: _Unresolved, file: Path) -> ParameterError:
         for text, (_, line) in unresolved.items()
     ]
     names = dict.fromkeys(name for name, _ in unresolved.values())
-    given = ", ".join(f"{name!r}: ..." for name in names)
+    assignments = ", ".join(f"{name!r}: ..." for name in names)
     options = " ".join(f"--var {name}=VALUE" for name in names)
     noun = "one" if len(names) == 1 else "them"
     verb = "has" if len(texts) == 1 else "have"
     problem = f"{', '.join(texts)} {verb} no value"
-    hint = f"give {noun} with variables={{{given}}} ({options})"
+    hint = f"give {noun} with variables={{{assignments}}} ({options})"
     return ParameterError(f"{problem}; {hint}", file=file, line=first)
 
 

@@ -228,16 +228,16 @@ def _frames(controller: ControllerConfig, name: str) -> Iterator[_Place]:
     """Yield the frame that a controller gives for a sensor that it reads."""
     values = _values(controller)
     for parameter, frame in _NAMES.items():
-        given = values.get(parameter, "")
+        frame_id = values.get(parameter, "")
         if parameter.startswith("interface_names"):
-            given = given.rpartition("/")[0]
-        if given == name and values.get(frame):
-            yield _given(controller, frame)
+            frame_id = frame_id.rpartition("/")[0]
+        if frame_id == name and values.get(frame):
+            yield _place_from_parameter(controller, frame)
     if values.get(_POSE_NAME) == name and values.get(_POSE_LINK):
-        yield _given(controller, _POSE_LINK)
+        yield _place_from_parameter(controller, _POSE_LINK)
 
 
-def _given(controller: ControllerConfig, parameter: str) -> _Place:
+def _place_from_parameter(controller: ControllerConfig, parameter: str) -> _Place:
     value = controller.parameters[parameter]
     source = f"{parameter} of controller {controller.name!r}"
     return _Place(value.value, source=source, file=str(value.file))

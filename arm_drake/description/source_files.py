@@ -204,5 +204,5 @@ def _absolute(file: Path) -> Path:
     return file.parent.resolve() / file.name
 
 
-def _listed(given: Source | Sequence[Source]) -> Sequence[Source]:
-    return [given] if isinstance(given, str | os.PathLike) else given
+def _listed(sources: Source | Sequence[Source]) -> Sequence[Source]:
+    return [sources] if isinstance(sources, str | os.PathLike) else sources

@@ -1,4 +1,4 @@
-"""MoveIt's semantic description: links that never collide, positions with a name."""
+"""MoveIt's SRDF: disabled collisions and named positions."""
 
 import dataclasses as dc
 import xml.etree.ElementTree as ET

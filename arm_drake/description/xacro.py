@@ -389,8 +389,8 @@ def expand_xacro(
     if "xacro" not in text and "$(" not in text:
         _check_unused(values, path, text, packages, report)
         return text
-    said, opened = io.StringIO(), set[str]()
-    with _LOCK, _our_own(packages.find, opened), contextlib.redirect_stderr(said):
+    stderr, opened = io.StringIO(), set[str]()
+    with _LOCK, _our_own(packages.find, opened), contextlib.redirect_stderr(stderr):
         try:
             document = xacro.process_file(str(path), mappings=values, verbosity=0)
         except xacro.XacroException as error:
@@ -414,7 +414,7 @@ def expand_xacro(
             xacro.substitution_args_context["arg"] = {}
             files.update(packages.real(Path(name)) for name in opened)
     if report is not None:
-        for line in said.getvalue().splitlines():
+        for line in stderr.getvalue().splitlines():
             what = line.strip().removeprefix("warning: ")
             report.add("info", "ignored", what, "so says xacro", file=path)
     _check_unused(values, path, text, packages, report)

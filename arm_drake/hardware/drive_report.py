@@ -211,8 +211,8 @@ def report_times(
         report: Where the lines are added.
     """
     largest = options.largest_step
-    is_asked_for = options.time_step is not None or options.preset != "fast"
-    if is_asked_for and step < _MUCH_LESS * largest:
+    is_requested = options.time_step is not None or options.preset != "fast"
+    if is_requested and step < _MUCH_LESS * largest:
         report.add(
             "info",
             "repair",

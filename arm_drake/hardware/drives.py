@@ -17,7 +17,7 @@ from arm_drake.control.servo import (
     DriveLimits,
     DynamicsSamples,
     ServoGains,
-    compute_carried_inertia,
+    compute_load_inertia,
     compute_rotor_inertia,
     compute_servo_gains,
 )
@@ -28,7 +28,7 @@ from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Pose, Robot
 from arm_drake.description.urdf import RobotDescription, reach, total_mass
 from arm_drake.hardware.servo import DrivePid
-from arm_drake.manager.hardware_interfaces import Surroundings
+from arm_drake.manager.hardware_interfaces import HardwareInterfaces
 from arm_drake.manager.loaded_controllers import (
     LoadedController,
     command_order,
@@ -126,33 +126,36 @@ def make_robot_drive(
     options: SimulationOptions,
     time_step: float,
     *,
-    stated: Mapping[str, DriveGains] | None = None,
-    bare: Collection[str] = (),
+    declared_gains: Mapping[str, DriveGains] | None = None,
+    effort_only: Collection[str] = (),
     lets_go: bool = False,
     grippers: Collection[str] = (),
-    carried: Mapping[str, float] | None = None,
+    load_inertia: Mapping[str, float] | None = None,
     period: float = 0.0,
 ) -> RobotDrive:
     """Return what drives a robot's commanded joints.
 
-    `stated` is what the description says of drives, by joint; `bare` joints follow
-    nothing but efforts, and get no rotor; `lets_go` tells that joints may move freely
-    besides; `grippers` press against things and let them go again; `carried` is the
-    inertia of what wheels move on the ground [kg·m^2]; commands have a period [s].
+    `declared_gains` is what the description says of drives, by joint; `effort_only`
+    joints follow nothing but efforts, and get no rotor; `lets_go` tells that joints may
+    move freely besides; `grippers` press against things and let them go again;
+    `load_inertia` is the inertia of what wheels move on the ground [kg·m^2]; commands
+    have a period [s].
     """
     joints = commanded_joints(description)
     plant = make_servo_plant(description, pose, options, time_step)
     N, n = velocity_map(plant, description, joints), len(joints)
     samples = sample_dynamics(plant, N, find_followers(plant, description))
     limits = drive_limits(joints)
-    is_driven = np.array([joint.name not in bare for joint in joints], dtype=bool)
+    is_driven = np.array(
+        [joint.name not in effort_only for joint in joints], dtype=bool
+    )
     strength = _strength(description, limits, samples)
     lacking = compute_rotor_inertia(samples, limits, strength, time_step) * is_driven
     rotors = lacking if _gets_rotors(options, time_step) else np.zeros(n)
     add_rotors(plant, dict(zip([j.name for j in joints], rotors, strict=True)))
     if not options.gravity_compensation:
         plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, 0.0])
-    rows = [(stated or {}).get(joint.name, DriveGains()) for joint in joints]
+    rows = [(declared_gains or {}).get(joint.name, DriveGains()) for joint in joints]
     pid = DrivePid([r.position_pid for r in rows], [r.velocity_pid for r in rows])
     is_passive = n < len([j for j in description.movable_joints if j.mimic is None])
     known = samples.with_rotors(rotors)
@@ -162,8 +165,8 @@ def make_robot_drive(
         limits,
         options,
         plant,
-        carried=carried or {},
-        is_careful=lets_go or is_passive or pid.is_given or bool(carried),
+        load_inertia=load_inertia or {},
+        is_careful=lets_go or is_passive or pid.is_given or bool(load_inertia),
         command_period=period,
         friction=sum_friction(plant, description, joints) * options.friction,
         rates=[row.position_rate for row in rows],
@@ -189,7 +192,7 @@ def _make_gains(
     options: SimulationOptions,
     plant: MultibodyPlant,
     *,
-    carried: Mapping[str, float],
+    load_inertia: Mapping[str, float],
     is_careful: bool,
     command_period: float,
     friction: np.ndarray,
@@ -200,8 +203,8 @@ def _make_gains(
     observer_gain = CAREFUL_OBSERVER_GAIN if is_careful else OBSERVER_GAIN
     if is_fast or not options.disturbance_observer:
         observer_gain = 0.0
-    load = np.array([carried.get(joint.name, 0.0) for joint in joints])
-    ground = compute_carried_inertia(
+    load = np.array([load_inertia.get(joint.name, 0.0) for joint in joints])
+    ground = compute_load_inertia(
         known.inertia.min(axis=0),
         load,
         bandwidth=options.servo_bandwidth,
@@ -215,7 +218,7 @@ def _make_gains(
         bandwidth=options.servo_bandwidth,
         time_step=time_step,
         command_period=command_period,
-        carried=load,
+        load_inertia=load,
         observer_gain=observer_gain,
         friction=friction,
         position_rate=np.array([rate or math.nan for rate in rates]),
@@ -329,7 +332,7 @@ def add_rotors(
         )
 
 
-def find_bare_joints(
+def find_effort_only_joints(
     robot: Robot, controllers: Iterable[LoadedController]
 ) -> frozenset[str]:
     """Return the joints that follow efforts and nothing else."""
@@ -340,12 +343,14 @@ def find_bare_joints(
 
 def may_let_go(robot: Robot, controllers: Iterable[LoadedController]) -> bool:
     """Return whether a joint may be commanded nothing but an effort."""
-    return any(find_bare_joints(robot, [controller]) for controller in controllers)
+    return any(
+        find_effort_only_joints(robot, [controller]) for controller in controllers
+    )
 
 
 def make_drive_commands(
     robot: Robot,
-    surroundings: Surroundings,
+    hardware_interfaces: HardwareInterfaces,
     controllers: Sequence[LoadedController],
     drive: RobotDrive,
     *,
@@ -355,7 +360,7 @@ def make_drive_commands(
     positions = set(interfaces.interface_names(drive.names, [interfaces.POSITION]))
     return DriveCommands(
         drive.names,
-        command_order(surroundings, controllers),
+        command_order(hardware_interfaces, controllers),
         velocity_lead=drive.rest_time,
         has_modes=not (
             holds
@@ -389,7 +394,7 @@ def _is_effort(name: str) -> bool:
 
 def make_command_limits(
     robot: Robot,
-    surroundings: Surroundings,
+    hardware_interfaces: HardwareInterfaces,
     controllers: Iterable[LoadedController],
     report: LoadReport,
 ) -> CommandLimits | None:
@@ -398,8 +403,8 @@ def make_command_limits(
         return None
     return CommandLimits(
         find_joint_limits(robot.description, report),
-        command_order(surroundings, controllers),
-        surroundings.measured,
+        command_order(hardware_interfaces, controllers),
+        hardware_interfaces.measured,
     )
 
 

@@ -23,9 +23,9 @@ from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.description.base_wheels import (
     Axle,
     MobileBase,
-    carried_inertia,
     find_axles,
     find_bases,
+    find_load_inertia,
     moved_joints,
     report_axles,
     report_bases,
@@ -492,9 +492,9 @@ class RobotBases:
         return self.robot.free_links | added
 
     @property
-    def carried_inertia(self) -> dict[str, float]:
+    def load_inertia(self) -> dict[str, float]:
         """What wheels move on the ground [kg·m^2], by their joints."""
-        return carried_inertia(self.robot.description, self.bases)
+        return find_load_inertia(self.robot.description, self.bases)
 
     def report(self, report: LoadReport) -> None:
         """Record what is the matter with the wheels, and what is done about it."""

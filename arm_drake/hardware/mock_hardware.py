@@ -25,7 +25,7 @@ from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.hardware.hardware import Hardware
 from arm_drake.interfaces import CLAIMED_PORT
-from arm_drake.manager.hardware_interfaces import Surroundings
+from arm_drake.manager.hardware_interfaces import HardwareInterfaces
 from arm_drake.python_system import PythonSystem
 from arm_drake.timing import cycle_at
 
@@ -167,22 +167,22 @@ class MockHardware(PythonSystem):
         return measured
 
     def _calc_read(self, context: Context, output: AbstractValue) -> None:
-        held: _Read = context.get_abstract_state(self._state).get_value()
+        last: _Read = context.get_abstract_state(self._state).get_value()
         number = cycle_at(context.get_time(), self._period)
         # The first cycle reads what there is; nothing has been written yet.
-        if number is None or number == held.number:
-            output.set_value(held)
+        if number is None or number == last.number:
+            output.set_value(last)
             return
         values, claimed = self._values.Eval(context), self._claimed.Eval(context)
-        states, new = [], [name for name in claimed if name not in held.claimed]
+        states, new = [], [name for name in claimed if name not in last.claimed]
         for block, at, state in zip(
-            self._blocks, self._commands_at, held.blocks, strict=True
+            self._blocks, self._commands_at, last.blocks, strict=True
         ):
             if new:
                 modes = block.modes_after(state.modes, new, ())
                 state = dc.replace(state, modes=modes)
             states.append(block.read(state, values[at], self._period))
-        measured = self._measure(held.measured, states)
+        measured = self._measure(last.measured, states)
         output.set_value(_Read(number, tuple(states), measured, claimed))
 
     def _update(self, context: Context, state: State) -> None:
@@ -228,7 +228,7 @@ def add_mock_hardware(
     robot: Robot,
     blocks: Sequence[GenericSystem],
     order: Sequence[str],
-    surroundings: Surroundings,
+    hardware_interfaces: HardwareInterfaces,
     prefix: str,
     period: float,
 ) -> Hardware:
@@ -239,13 +239,13 @@ def add_mock_hardware(
         robot: The robot.
         blocks: Its hardware blocks.
         order: Names of the command values.
-        surroundings: Its interfaces.
+        hardware_interfaces: Its interfaces.
         prefix: Start of the names of the systems.
         period: Period of the manager in Drake's time [s].
     """
     hardware = builder.AddNamedSystem(
         f"{prefix}hardware",
-        MockHardware(robot, blocks, order, surroundings.measured, period),
+        MockHardware(robot, blocks, order, hardware_interfaces.measured, period),
     )
     return Hardware(
         commanded=(),

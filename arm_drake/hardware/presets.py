@@ -57,8 +57,8 @@ def find_obstacles(
     ranging = [s.name for s in robot.sensors if interfaces.RANGE in s.interfaces]
     passive = [j.name for j in movable if j.mimic is None and j.name not in driven]
     # What finds drive gains records what is wrong with them; that comes once more.
-    unheard = LoadReport()
-    stated = find_drive_gains(robot, unheard)
+    ignored_report = LoadReport()
+    declared_gains = find_drive_gains(robot, ignored_report)
     has_friction = options.friction and any(joint.friction for joint in movable)
     facts = {
         "its base stands on the ground, or links are free": bool(robot.free_links),
@@ -68,11 +68,15 @@ def find_obstacles(
         f"nothing drives {_listed(passive)}": bool(passive),
         f"controllers command {', '.join(others)}": bool(others),
         "a gripper has limits at run time": any(s.limit_interfaces for s in systems),
-        "joints that nobody commands are not held": not holds_joints(robot, unheard),
+        "joints that nobody commands are not held": not holds_joints(
+            robot, ignored_report
+        ),
         "effort limits don't bear its weight and friction": not can_move(
             robot, options
         ),
-        f"gains of the description drive {_listed(stated)}": bool(stated),
+        f"gains of the description drive {_listed(declared_gains)}": bool(
+            declared_gains
+        ),
         "weight that the drives don't know needs their observer": (
             not options.gravity_compensation
         ),
@@ -80,7 +84,7 @@ def find_obstacles(
             has_friction and not options.friction_compensation
         ),
     }
-    return [text for text, is_there in facts.items() if is_there]
+    return [text for text, applies in facts.items() if applies]
 
 
 def _listed(names: Iterable[str]) -> str:

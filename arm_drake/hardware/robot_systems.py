@@ -22,7 +22,10 @@ from arm_drake.manager.connections import (
     export_topics,
     log_references,
 )
-from arm_drake.manager.hardware_interfaces import Surroundings, find_surroundings
+from arm_drake.manager.hardware_interfaces import (
+    HardwareInterfaces,
+    find_hardware_interfaces,
+)
 from arm_drake.manager.loaded_controllers import LoadedController
 from arm_drake.options import SimulationOptions
 from arm_drake.plant.contact import CONTACT_LOG, ContactForces
@@ -52,13 +55,13 @@ class RobotSystems:
     # Name of the world, which topics of Gazebo contain.
     world_name: str = "empty"
 
-    def find_surroundings(
+    def find_hardware_interfaces(
         self,
         blocks: Sequence[GenericSystem] | None = None,
         gripper_ranges: Mapping[str, tuple[float, float]] | None = None,
-    ) -> Surroundings:
+    ) -> HardwareInterfaces:
         """Return what the robot offers its controllers."""
-        there = find_surroundings(
+        hardware_interfaces = find_hardware_interfaces(
             self.robot.description,
             self.robot.initial_positions,
             blocks,
@@ -67,7 +70,9 @@ class RobotSystems:
             world_name=self.world_name,
         )
         return dc.replace(
-            there, gripper_ranges=gripper_ranges or {}, namespace=self.namespace
+            hardware_interfaces,
+            gripper_ranges=gripper_ranges or {},
+            namespace=self.namespace,
         )
 
     @property
@@ -91,7 +96,7 @@ class RobotSystems:
     def add(
         self,
         hardware: Hardware,
-        surroundings: Surroundings,
+        hardware_interfaces: HardwareInterfaces,
         controllers: Sequence[LoadedController],
         report: LoadReport,
         drive: DriveCommands,
@@ -109,9 +114,9 @@ class RobotSystems:
                 period=self.period,
                 log_period=self.log_period,
                 drive=drive,
-                surroundings=surroundings,
+                hardware_interfaces=hardware_interfaces,
                 limits=make_command_limits(
-                    self.robot, surroundings, controllers, report
+                    self.robot, hardware_interfaces, controllers, report
                 ),
                 keep=hardware.drive,
             ),
@@ -252,8 +257,8 @@ class RobotSystems:
             SampledStates(system.params.controller_name, measured.size(), self.period),
         )
         cycle = self.builder.GetSubsystemByName(f"{self.prefix}{MANAGER}")
-        told = sample.GetInputPort(interfaces.MANAGER_PORT)
-        self.builder.Connect(cycle.GetOutputPort("cycle"), told)
+        manager_port = sample.GetInputPort(interfaces.MANAGER_PORT)
+        self.builder.Connect(cycle.GetOutputPort("cycle"), manager_port)
         self.builder.Connect(measured, sample.GetInputPort(interfaces.STATE_PORT))
         tick_time = sample.GetOutputPort(interfaces.TICK_PORT)
         self.builder.Connect(tick_time, system.add_tick_time())

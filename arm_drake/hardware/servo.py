@@ -124,7 +124,7 @@ class Layout:
         """Return the matrix that picks parts of a command."""
         n = self.num_joints
         rows = [k * n + i for k in parts for i in range(n)]
-        return np.eye(self.num_told)[rows]
+        return np.eye(self.num_commands)[rows]
 
     @property
     def num_parts(self) -> int:
@@ -132,7 +132,7 @@ class Layout:
         return NUM_PARTS if self.has_modes else NUM_PARTS_OF_POSITIONS
 
     @property
-    def num_told(self) -> int:
+    def num_commands(self) -> int:
         """Size of the command."""
         parts = self.num_parts + (NUM_LIMITS if self.has_limits else 0)
         return parts * self.num_joints
@@ -144,8 +144,8 @@ class Command:
     def __init__(self, layout: Layout) -> None:
         """Name them."""
         n = layout.num_joints
-        self.variables = variables("c", layout.num_told)
-        split = [self.variables[k : k + n] for k in range(0, layout.num_told, n)]
+        self.variables = variables("c", layout.num_commands)
+        split = [self.variables[k : k + n] for k in range(0, layout.num_commands, n)]
         self.q_d, self.v_d = split[:NUM_PARTS_OF_POSITIONS]
         rest = split[NUM_PARTS_OF_POSITIONS : layout.num_parts] or [[]] * 5
         self.effort_limit, self.velocity_limit = split[layout.num_parts :] or [[]] * 2
@@ -169,10 +169,10 @@ def clamp(value: Expression, limit: float | Expression) -> Expression:
     return max_(-limit, min_(value, limit))
 
 
-def lower_of(limit: float, told: Variable | Expression) -> Expression:
+def lower_of(limit: float, commanded: Variable | Expression) -> Expression:
     """Return a limit, or one that is told if it is lower; 0 is none."""
     most = limit if np.isfinite(limit) else _NO_LIMIT
-    return if_then_else(told > 0.0, min_(told, most), Expression(most))
+    return if_then_else(commanded > 0.0, min_(commanded, most), Expression(most))
 
 
 def function(
@@ -211,7 +211,7 @@ def acceleration_law(
     x, command = variables("x", layout.num_states), Command(layout)
     w = variables("w", n if b else 0)
     grippers = gains.grippers if b else ()
-    held = dict(zip(grippers, variables("held", len(grippers)), strict=True))
+    held_positions = dict(zip(grippers, variables("held", len(grippers)), strict=True))
     felt, r = (variables(name, n if layout.has_modes else 0) for name in ("felt", "r"))
     kept_at_stop = max(0.0, 1.0 - h / _STOP_TIME)
     accelerations, kept = [], []
@@ -225,9 +225,9 @@ def acceleration_law(
         if b:
             shift = b / h * v
             disturbance = clamp(w[i] - shift, float(gains.max_disturbance[i]))
-            if i in held:
+            if i in held_positions:
                 # What a gripper pressed against is no load when it is sent elsewhere.
-                step = abs_(command.q_d[i] - held[i]) - gains.step[i]
+                step = abs_(command.q_d[i] - held_positions[i]) - gains.step[i]
                 disturbance = if_then_else(step > 0.0, 0.0, disturbance)
             # Whatever holds a joint at its stop goes away with what pushes it there,
             # and slowly where nothing does: it may be a load that pulls it back.
@@ -244,8 +244,8 @@ def acceleration_law(
             free = shift + b * r[i] if layout.has_modes else shift
             kept.append(_unless(command.is_tau, i, keep, free))
         accelerations.append(_unless(command.is_tau, i, u, felt))
-    inputs = [*x, *command.variables, *w, *held.values(), *felt, *r]
-    now = [Expression(command.q_d[i]) for i in held]
+    inputs = [*x, *command.variables, *w, *held_positions.values(), *felt, *r]
+    now = [Expression(command.q_d[i]) for i in held_positions]
     return function(inputs, [*accelerations, *kept, *now])
 
 
@@ -307,7 +307,7 @@ class EffortLaws:
         self._tau = variables("tau", n)
         self._bias = variables("bias", n if self.is_limited else 0)
         self._friction = variables("friction", n if knows_friction else 0)
-        self._told, self._free = (
+        self._commanded_effort, self._free = (
             variables(name, n if layout.has_modes else 0) for name in ("told", "free")
         )
         num_groups = int(gains.group.max()) + 1
@@ -319,10 +319,10 @@ class EffortLaws:
         for i in map(int, np.flatnonzero(self._gains.is_strong)):
             limit = self._limit_of(i)
             more = self._tau[i] - self._bias[i]
-            held = Expression(self._bias[i])
+            bias = Expression(self._bias[i])
             if self._friction:
-                held = held - self._friction[i]
-            room = if_then_else(more > 0.0, limit - held, limit + held)
+                bias = bias - self._friction[i]
+            room = if_then_else(more > 0.0, limit - bias, limit + bias)
             # Where there is none, the others are not to stand still all the same.
             part = max_(room, _LEAST_ROOM * limit) / max_(abs_(more), _TINY * limit)
             part = _unless(self._free, i, part, Expression(1.0))
@@ -342,8 +342,13 @@ class EffortLaws:
                 tau = self._bias[i] + self._scale_of(i) * (tau - self._bias[i])
             if self._friction:
                 tau = tau - self._friction[i]
-            if self._told:
-                tau = _unless(self._free, i, tau + self._told[i], self._told)
+            if self._commanded_effort:
+                tau = _unless(
+                    self._free,
+                    i,
+                    tau + self._commanded_effort[i],
+                    self._commanded_effort,
+                )
             efforts.append(clamp(tau, self._limit_of(i)))
         return function([*self._inputs(), *self._scale], efforts)
 
@@ -360,9 +365,9 @@ class EffortLaws:
             _unless(self._free, i, kept[i] + b * self._scale_of(i) * u[i], kept)
             for i in range(n)
         ]
-        told = [Expression(position) for position in sent]
+        commanded = [Expression(position) for position in sent]
         inputs = [*u, *kept, *sent, *self._scale, *self._free]
-        return function(inputs, [*found, *told])
+        return function(inputs, [*found, *commanded])
 
     def _scale_of(self, i: int) -> Expression:
         if not self.is_limited:
@@ -374,7 +379,13 @@ class EffortLaws:
         return lower_of(limit, self._limits[i]) if self._limits else limit
 
     def _inputs(self) -> list[Variable]:
-        parts = (self._tau, self._bias, self._friction, self._told, self._free)
+        parts = (
+            self._tau,
+            self._bias,
+            self._friction,
+            self._commanded_effort,
+            self._free,
+        )
         return [variable for part in (*parts, self._limits) for variable in part]
 
 
@@ -400,9 +411,9 @@ def _wanted_by_position(
     largest: float | Expression = float(gains.max_error[i])
     if command.velocity_limit:
         # A joint moves with kp / kd times the error.
-        told = gains.kd[i] / gains.kp[i] * command.velocity_limit[i]
+        commanded_limit = gains.kd[i] / gains.kp[i] * command.velocity_limit[i]
         approach, largest = (
-            lower_of(float(limits[i]), told)
+            lower_of(float(limits[i]), commanded_limit)
             for limits in (gains.max_approach, gains.max_error)
         )
     error = clamp(error, approach)
@@ -457,7 +468,7 @@ def pid_law(pid: DrivePid, layout: Layout, h: float) -> SymbolicVectorSystem:
     derivative is the change since the last step. What isn't followed starts anew.
     """
     x, command = variables("x", layout.num_states), Command(layout)
-    told = [Expression(c) for c in command.variables]
+    commanded = [Expression(c) for c in command.variables]
     index = {c.get_id(): k for k, c in enumerate(command.variables)}
     states: list[Variable] = []
     updates: list[Expression] = []
@@ -480,14 +491,14 @@ def pid_law(pid: DrivePid, layout: Layout, h: float) -> SymbolicVectorSystem:
                 (command.is_v, Expression(0.0)),
             ):
                 at = index[part[i].get_id()]
-                told[at] = if_then_else(is_set(acts), value, told[at])
+                commanded[at] = if_then_else(is_set(acts), value, commanded[at])
             states += [integral, last]
             updates += [acts * summed, acts * error]
     return SymbolicVectorSystem(
         state=np.array(states),
         input=np.array([*x, *command.variables]),
         dynamics=np.array(updates),
-        output=np.array(told),
+        output=np.array(commanded),
         time_period=h,
     )
 
@@ -535,7 +546,7 @@ def make_joint_servo(
     laws = EffortLaws(gains, layout, knows_friction=knows_friction)
     wiring = _Wiring()
     state = wiring.source("state", layout.num_states)
-    command = wiring.source("command", layout.num_told)
+    command = wiring.source("command", layout.num_commands)
     if pid is not None:
         command = wiring.add("pid", pid_law(pid, layout, h), state, command)
     if gains.last_command:
@@ -546,18 +557,18 @@ def make_joint_servo(
         mixed = mixed_command(gains.last_command, before, h)
         command = wiring.add("mixed", mixed, command)
     read = [state, command]
-    held = None
+    hold = None
     if gains.observer_gain:
-        num_held = layout.num_joints + len(gains.grippers)
-        held = wiring.builder.AddNamedSystem("w", ZeroOrderHold(h, num_held))
-        read.append(held.get_output_port())
+        num_hold = layout.num_joints + len(gains.grippers)
+        hold = wiring.builder.AddNamedSystem("w", ZeroOrderHold(h, num_hold))
+        read.append(hold.get_output_port())
     if has_modes:
         read.append(wiring.add("felt", felt_acceleration(gains, layout, h), state))
     law = wiring.add("acceleration", acceleration_law(gains, layout, h), *read)
     added = _add_efforts(wiring, laws, layout, control_plant, N, state, command, law)
-    if held is not None:
+    if hold is not None:
         new = wiring.add("observer", laws.observer(), law, *added)
-        wiring.builder.Connect(new, held.get_input_port())
+        wiring.builder.Connect(new, hold.get_input_port())
     diagram = wiring.builder.Build()
     diagram.set_name("servo")
     return diagram

@@ -62,8 +62,8 @@ def connect_chains(
             builder.Connect(tick, second.add_exporter_tick(first))
             waits[second.get_name()].add(first.get_name())
         else:
-            held = first.GetOutputPort(interfaces.EXPORT_PORT)
-            builder.Connect(held, second.add_exporter(first))
+            exported = first.GetOutputPort(interfaces.EXPORT_PORT)
+            builder.Connect(exported, second.add_exporter(first))
 
 
 def _waits(name: str, other: str, waits: Mapping[str, Collection[str]]) -> bool:
@@ -221,17 +221,19 @@ class WantedPositions(PythonSystem):
         """Create the system."""
         super().__init__()
         state = AbstractValue.Make(JointTrajectoryControllerState())
-        self._told = self.DeclareAbstractInputPort("controller_state", state)
+        self._controller_state = self.DeclareAbstractInputPort(
+            "controller_state", state
+        )
         self._unknown = np.full(num_joints, np.nan)
         self.DeclareVectorOutputPort(
             "position",
             num_joints,
             self._calc_position,
-            prerequisites_of_calc={self._told.ticket()},
+            prerequisites_of_calc={self._controller_state.ticket()},
         )
 
     def _calc_position(self, context: Context, output: BasicVector) -> None:
-        wanted = self._told.Eval(context).reference.positions
+        wanted = self._controller_state.Eval(context).reference.positions
         has_all = len(wanted) == len(self._unknown)
         output.SetFromVector(wanted if has_all else self._unknown)
 
@@ -256,8 +258,8 @@ def log_references(
         if joints := wanted_joints(system):
             name = f"{prefix}{log_name(system.params.controller_name)}"
             wanted = builder.AddNamedSystem(name, WantedPositions(len(joints)))
-            told = system.GetOutputPort("controller_state")
-            builder.Connect(told, wanted.GetInputPort("controller_state"))
+            controller_state = system.GetOutputPort("controller_state")
+            builder.Connect(controller_state, wanted.GetInputPort("controller_state"))
             log = VectorLogSink(len(joints), period)
             builder.AddNamedSystem(
                 f"{prefix}log:{log_name(system.params.controller_name)}", log

@@ -28,8 +28,14 @@ from arm_drake.controllers.controller_interface import (
 from arm_drake.controllers.cycles import Cycle, messages_on
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
-from arm_drake.manager.hardware_interfaces import Surroundings
-from arm_drake.manager.lifecycle import Claimants, Lifecycle, News, TickKeeper, Ticks
+from arm_drake.manager.hardware_interfaces import HardwareInterfaces
+from arm_drake.manager.lifecycle import (
+    Claimants,
+    Lifecycle,
+    ManagerInputs,
+    TickKeeper,
+    UpdateResults,
+)
 from arm_drake.manager.loaded_controllers import (
     LoadedController,
     command_order,
@@ -38,7 +44,7 @@ from arm_drake.manager.loaded_controllers import (
 )
 from arm_drake.manager.state import CommandLimited, ManagerState
 from arm_drake.messages import NANOSECONDS, SwitchController
-from arm_drake.messages.base import add_news
+from arm_drake.messages.base import append_events
 from arm_drake.python_system import PythonSystem
 from arm_drake.timing import cycle_at, cycle_times
 
@@ -46,10 +52,10 @@ from arm_drake.timing import cycle_at, cycle_times
 class Readings(NamedTuple):
     """What the manager holds and reads at the start of a cycle."""
 
-    held: ManagerState
+    state: ManagerState
 
     # What lies on the ports, old and new.
-    news: News
+    inputs: ManagerInputs
 
     # Returns positions, velocities and efforts of all joints, shape (3 J,).
     measure: Callable[[], Array]
@@ -57,16 +63,16 @@ class Readings(NamedTuple):
     @property
     def new_requests(self) -> tuple[SwitchController, ...]:
         """The requests that weren't there in the last cycle."""
-        old = self.held.requests
-        new = self.news.requests
+        old = self.state.requests
+        new = self.inputs.requests
         return tuple(r for r in new if not any(r is other for other in old))
 
     @property
     def is_switching(self) -> bool:
         """Whether controllers may start or end."""
-        held = self.held
-        return held.active is not held.cycle.active or (
-            self.news.requests is not held.requests and bool(self.new_requests)
+        state = self.state
+        return state.active is not state.cycle.active or (
+            self.inputs.requests is not state.requests and bool(self.new_requests)
         )
 
 
@@ -82,14 +88,14 @@ class Loop:
         claimants: Claimants,
         drive: DriveCommands,
         limits: CommandLimits | None,
-        surroundings: Surroundings,
+        hardware_interfaces: HardwareInterfaces,
     ) -> None:
         """Create it."""
         self._lifecycle = lifecycle
         self._claimants = claimants
         self._drive = drive
         self._limits = limits
-        order = surroundings.measured
+        order = hardware_interfaces.measured
         self._measured_at = [
             [order.index(f"{joint}/{name}") for joint in drive.joints]
             for name in interfaces.STATE_INTERFACES
@@ -99,15 +105,15 @@ class Loop:
         self, readings: Readings, number: int, time_ns: int, period_ns: int
     ) -> Cycle:
         """Return what controllers are told in a cycle; its times are in [ns]."""
-        held, values = readings.held, None
-        active, chain = held.active, held.chained
+        state, values = readings.state, None
+        active, chain = state.active, state.chained
         if readings.is_switching:
-            plan = self._lifecycle.switch(held, readings.new_requests)
+            plan = self._lifecycle.switch(state, readings.new_requests)
             active, chain = plan.active, plan.chained
             values, _ = self._seed(readings, plan.mode)
         periods: Mapping[str, int] = _NO_PERIODS
         if self._lifecycle.slow:
-            periods = self._lifecycle.periods(held, active, time_ns)
+            periods = self._lifecycle.periods(state, active, time_ns)
         return Cycle(
             number,
             time_ns,
@@ -116,48 +122,57 @@ class Loop:
             chain,
             periods,
             values,
-            held.ticks,
-            readings.news,
+            state.ticks,
+            readings.inputs,
         )
 
     def finish(
-        self, ticks: Ticks, asleep: frozenset[str], readings: Readings, cycle: Cycle
+        self,
+        ticks: UpdateResults,
+        asleep: frozenset[str],
+        readings: Readings,
+        cycle: Cycle,
     ) -> ManagerState:
         """Return what a cycle leads to, once controllers have ticked."""
-        held = readings.held
-        active, chain, mode = held.active, held.chained, held.mode
-        events, number = held.events, held.next_activation
-        values, drive, fresh = held.values, held.drive, None
+        state = readings.state
+        active, chain, mode = state.active, state.chained, state.mode
+        events, number = state.events, state.next_activation
+        values, drive, fresh = state.values, state.drive, None
         if cycle.commands is None:
             values = values.copy()
         else:
-            plan = self._lifecycle.switch(held, readings.new_requests)
+            plan = self._lifecycle.switch(state, readings.new_requests)
             # The same as in the plan, and this very object.
             active, chain, mode = cycle.active, plan.chained, plan.mode
-            events, number = add_news(events, plan.events), plan.next_activation
+            events, number = append_events(events, plan.events), plan.next_activation
             _, drive = self._seed(readings, mode)
             values = cycle.commands.copy()
-            fresh = self._claimants.fresh(cycle, held.cycle)
-        failed = self._claimants.write(ticks, cycle, held.cycle, values)
-        previous, all_limited = held.previous, held.limited
+            fresh = self._claimants.fresh(cycle, state.cycle)
+        failed = self._claimants.write(ticks, cycle, state.cycle, values)
+        previous, all_limited = state.previous, state.limited
         if self._limits is not None:
             previous, limited = self._limit(
                 readings, cycle, active, values, failed, is_fresh=fresh is not None
             )
-            news = [CommandLimited(j) for j in limited if j not in held.limited]
-            if news:
-                events = add_news(events, news)
-                all_limited |= {event.joint for event in news}
-        last_ns, skipped = held.last_ns, None
+            limit_events = [
+                CommandLimited(j) for j in limited if j not in state.limited
+            ]
+            if limit_events:
+                events = append_events(events, limit_events)
+                all_limited |= {event.joint for event in limit_events}
+        last_ns, skipped = state.last_ns, None
         if cycle.periods:
             skipped = self._claimants.skipped(cycle)
             due = {n: cycle.time_ns for n, p in cycle.periods.items() if p}
             last_ns = {**last_ns, **due}
         drive = self._drive.write(mode, values, drive, fresh=fresh, skipped=skipped)
         failing = frozenset(failed)
-        if failed and (failing != held.failing or self._lifecycle.ends_failed):
-            active, number, told = self._lifecycle.replace(failed, active, number)
-            events, chain = add_news(events, told), self._lifecycle.chained(active)
+        if failed and (failing != state.failing or self._lifecycle.ends_failed):
+            active, number, failures = self._lifecycle.replace(failed, active, number)
+            events, chain = (
+                append_events(events, failures),
+                self._lifecycle.chained(active),
+            )
         return ManagerState(
             cycle,
             active,
@@ -169,7 +184,7 @@ class Loop:
             last_ns,
             ticks,
             asleep,
-            readings.news.requests,
+            readings.inputs.requests,
             events,
             previous,
             all_limited,
@@ -191,10 +206,10 @@ class Loop:
         Return what is remembered of the joints, and those that were limited.
         """
         assert self._limits is not None
-        held = readings.held
-        previous = held.previous
+        state = readings.state
+        previous = state.previous
         if is_fresh:
-            previous = self._claimants.forget(previous, cycle, held.cycle)
+            previous = self._claimants.forget(previous, cycle, state.cycle)
         previous, limited, lost = self._limits.apply(
             self._lifecycle.claims(active),
             values,
@@ -204,30 +219,32 @@ class Loop:
         )
         if lost:
             owners = self._claimants.owners(active, lost)
-            self._claimants.restore(values, held.values, owners)
+            self._claimants.restore(values, state.values, owners)
             failed |= owners
         return previous, limited
 
     def _seed(self, readings: Readings, mode: DriveMode) -> tuple[Array, Array]:
         """Return the values and the drive vector with which a mode starts."""
-        held = readings.held
-        values, drive = held.values, held.drive
-        if held.cycle.number < 0:
+        state = readings.state
+        values, drive = state.values, state.drive
+        if state.cycle.number < 0:
             return values, drive
         measured = readings.measure()
         q, v, tau = (measured[at] for at in self._measured_at)
-        return self._drive.seed(held.mode, mode, values, drive, (q, v, tau))
+        return self._drive.seed(state.mode, mode, values, drive, (q, v, tau))
 
 
 class StoredStates:
     """State interfaces that follow a command interface of their name, or nothing."""
 
-    def __init__(self, surroundings: Surroundings, commands: Sequence[str]) -> None:
+    def __init__(
+        self, hardware_interfaces: HardwareInterfaces, commands: Sequence[str]
+    ) -> None:
         """Create it."""
-        order = tuple(surroundings.stored)
+        order = tuple(hardware_interfaces.stored)
         mirrored = [name for name in order if name in commands]
-        self._here = [order.index(name) for name in mirrored]
-        self._there = [commands.index(name) for name in mirrored]
+        self._target_indices = [order.index(name) for name in mirrored]
+        self._source_indices = [commands.index(name) for name in mirrored]
 
     def update(self, stored: Array, values: Array) -> Array:
         """Return the states after commands; what was never commanded stays.
@@ -236,8 +253,10 @@ class StoredStates:
             stored: The states before.
             values: Command values, shape (k,).
         """
-        new, stored = values[self._there], stored.copy()
-        stored[self._here] = np.where(np.isnan(new), stored[self._here], new)
+        new, stored = values[self._source_indices], stored.copy()
+        stored[self._target_indices] = np.where(
+            np.isnan(new), stored[self._target_indices], new
+        )
         return stored
 
 
@@ -303,7 +322,7 @@ class ControllerManager(PythonSystem):
                                       DriveCommands
     active             c     --       1 for each controller that is active, else 0
     ticks              --    --       ManagerState: the last ticks of the controllers
-    news               --    --       News: what lies on all ports of messages
+    news               --    --       ManagerInputs: messages on all ports
     =================  ====  =======  ==================================================
 
     Further input ports, `command_interfaces:<controller>`, are what their ticks leave
@@ -325,7 +344,7 @@ class ControllerManager(PythonSystem):
         period: float,
         log_period: float,
         drive: DriveCommands,
-        surroundings: Surroundings,
+        hardware_interfaces: HardwareInterfaces,
         limits: CommandLimits | None = None,
         keep: object = None,
     ) -> None:
@@ -340,14 +359,14 @@ class ControllerManager(PythonSystem):
         # Periods of the manager, and of the log of joints' states, in Drake's time [s].
         self.period = period
         self.log_period = log_period
-        self.commands = command_order(surroundings, self.controllers)
+        self.commands = command_order(hardware_interfaces, self.controllers)
         # What must live as long as the diagram, such as the servo's plant.
         self._keep = keep
         self._update_rate = robot.controllers.update_rate
         self._drive = drive
         systems = {c.name: c.system for c in self.controllers if c.system is not None}
-        self._lifecycle = self._make_lifecycle(systems, surroundings)
-        nothing, J = AbstractValue.Make(()), len(surroundings.joint_types)
+        self._lifecycle = self._make_lifecycle(systems, hardware_interfaces)
+        nothing, J = AbstractValue.Make(()), len(hardware_interfaces.joint_types)
         self._switch = self.DeclareAbstractInputPort(SWITCH_PORT, nothing)
         self._measured = self.DeclareVectorInputPort(interfaces.STATE_PORT, 3 * J)
         self._keeper = TickKeeper(
@@ -356,27 +375,33 @@ class ControllerManager(PythonSystem):
             lambda name: self.DeclareAbstractInputPort(name, nothing),
         )
         claimants = Claimants(systems, self.commands, drive.joints)
-        self._loop = Loop(self._lifecycle, claimants, drive, limits, surroundings)
-        state = self._start(surroundings)
+        self._loop = Loop(
+            self._lifecycle, claimants, drive, limits, hardware_interfaces
+        )
+        state = self._start(hardware_interfaces)
         kept = self.DeclareAbstractState(AbstractValue.Make(state))
         self._state_index = int(kept)
         self._cycle = self._declare_read("cycle", self._calc_cycle, is_of_now=True)
         flags = [float(c.name in state.active) for c in self.controllers]
-        start = (state.values, drive.told(state.drive), flags)
+        start = (state.values, drive.servo_input(state.drive), flags)
         numbers = [self.DeclareDiscreteState(x) for x in start]
         self._values, self._drive_state, self._flags = map(int, numbers)
         self._stored = None
-        if surroundings.stored:
-            self._stored_states = StoredStates(surroundings, self.commands)
-            self._stored = self.DeclareDiscreteState(list(surroundings.stored.values()))
+        if hardware_interfaces.stored:
+            self._stored_states = StoredStates(hardware_interfaces, self.commands)
+            self._stored = self.DeclareDiscreteState(
+                list(hardware_interfaces.stored.values())
+            )
             self.DeclareStateOutputPort(STORED_PORT, self._stored)
         self._declare_shown(kept, numbers)
         # Computed anew only when something is put on a port.
-        self._news = self._declare_read("news", self._calc_news)
+        self._inputs = self._declare_read("news", self._calc_inputs)
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
 
     def _make_lifecycle(
-        self, systems: Mapping[str, ControllerInterface], surroundings: Surroundings
+        self,
+        systems: Mapping[str, ControllerInterface],
+        hardware_interfaces: HardwareInterfaces,
     ) -> Lifecycle:
         """Return what decides which controllers are active."""
         return Lifecycle(
@@ -390,12 +415,12 @@ class ControllerManager(PythonSystem):
             self._drive,
             update_rate=self._update_rate,
             distro=self.robot.distro,
-            refuse=surroundings.refuse,
+            refuse=hardware_interfaces.refuse,
         )
 
-    def _start(self, surroundings: Surroundings) -> ManagerState:
+    def _start(self, hardware_interfaces: HardwareInterfaces) -> ManagerState:
         """Return the state before the first cycle, in which controllers start."""
-        drive, initial = self._drive, surroundings.initial_positions
+        drive, initial = self._drive, hardware_interfaces.initial_positions
         values = np.array(initial_values(self.commands, drive.joints, initial))
         hold = drive.initial([initial[joint] for joint in drive.joints])
         started = [c.name for c in self.controllers if c.state == "active"]
@@ -468,38 +493,38 @@ class ControllerManager(PythonSystem):
             prerequisites_of_calc={self.xa_ticket()},
         )
 
-    def _calc_news(self, context: Context, output: AbstractValue) -> None:
+    def _calc_inputs(self, context: Context, output: AbstractValue) -> None:
         requests = messages_on(self._switch, context, SwitchController)
-        output.set_value(self._keeper.read_news(context, requests))
+        output.set_value(self._keeper.read_inputs(context, requests))
 
     def _calc_cycle(self, context: Context, output: AbstractValue) -> None:
         output.set_value(self._find_cycle(context, self._state(context)))
 
-    def _find_cycle(self, context: Context, held: ManagerState) -> Cycle:
+    def _find_cycle(self, context: Context, state: ManagerState) -> Cycle:
         number = cycle_at(context.get_time(), self.period)
-        if number is None or number == held.cycle.number:
-            return held.cycle._replace(ticks=held.ticks)
+        if number is None or number == state.cycle.number:
+            return state.cycle._replace(ticks=state.ticks)
         times = cycle_times(number, self.period, self._update_rate)
-        news = self._news.Eval(context)
-        readings = Readings(held, news, partial(self._measured.Eval, context))
+        inputs = self._inputs.Eval(context)
+        readings = Readings(state, inputs, partial(self._measured.Eval, context))
         return self._loop.begin(readings, number, *times)
 
     def _update(self, context: Context, state: State) -> None:
-        held: ManagerState = context.get_abstract_state(self._state_index).get_value()
+        old: ManagerState = context.get_abstract_state(self._state_index).get_value()
         if self._keeper.are_direct:
-            cycle = self._find_cycle(context, held)
+            cycle = self._find_cycle(context, old)
         else:  # Others ask for it too, and the port remembers it.
             cycle = self._cycle.Eval(context)
-        if cycle.number == held.cycle.number:
+        if cycle.number == old.cycle.number:
             return
-        news = cast(News, cycle.news)
-        readings = Readings(held, news, partial(self._measured.Eval, context))
-        ticks, asleep = self._keeper.run(context, cycle, held)
+        inputs = cast(ManagerInputs, cycle.inputs)
+        readings = Readings(old, inputs, partial(self._measured.Eval, context))
+        ticks, asleep = self._keeper.run(context, cycle, old)
         new = self._loop.finish(ticks, asleep, readings, cycle)
         state.get_mutable_abstract_state(self._state_index).set_value(new)
         numbers = state.get_mutable_discrete_state()
         numbers.set_value(self._values, new.values)
-        numbers.set_value(self._drive_state, self._drive.told(new.drive))
+        numbers.set_value(self._drive_state, self._drive.servo_input(new.drive))
         if cycle.commands is not None:
             flags = [float(c.name in cycle.active) for c in self.controllers]
             numbers.set_value(self._flags, flags)

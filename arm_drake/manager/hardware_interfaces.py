@@ -15,7 +15,7 @@ from arm_drake.plant.kinematics import PlantKinematics
 
 
 @dc.dataclass(frozen=True)
-class Surroundings:
+class HardwareInterfaces:
     """What a robot offers its controllers."""
 
     # URDF type of every movable joint.
@@ -87,7 +87,7 @@ class Surroundings:
         return (*joints, *self.sensed, *self.stored)
 
 
-def find_surroundings(
+def find_hardware_interfaces(
     description: RobotDescription,
     initial_positions: Mapping[str, float],
     blocks: Sequence[GenericSystem] | None = None,
@@ -95,7 +95,7 @@ def find_surroundings(
     sensors: Sequence[SensorInfo] = (),
     robot_name: str = "",
     world_name: str = "empty",
-) -> Surroundings:
+) -> HardwareInterfaces:
     """Return the joints and interfaces of a robot.
 
     Args:
@@ -118,7 +118,7 @@ def find_surroundings(
         commands, states = _mirrored_interfaces(blocks)
     velocities = {joint.name: joint.limits.velocity for joint in joints}
     efforts = {joint.name: joint.limits.effort for joint in joints}
-    return Surroundings(
+    return HardwareInterfaces(
         movable,
         commands,
         tuple(states),

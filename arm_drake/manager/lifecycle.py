@@ -32,10 +32,10 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     TickingController,
 )
-from arm_drake.controllers.cycles import Cycle, Given, Tick
+from arm_drake.controllers.cycles import Cycle, HardwareValues, UpdateResult
 from arm_drake.description.parameters import DISTROS
 from arm_drake.errors import ParameterError
-from arm_drake.manager.state import ControllerFailure, Event, ManagerState
+from arm_drake.manager.state import ControllerFailure, ManagerEvent, ManagerState
 from arm_drake.manager.switching import (
     ControllerInfo,
     SwitchPlan,
@@ -46,7 +46,7 @@ from arm_drake.manager.switching import (
 from arm_drake.messages import NANOSECONDS, SwitchController, SwitchControllerResult
 
 
-def effective_rate(asked: int, manager_rate: int, *, distro: str = "jazzy") -> int:
+def effective_rate(requested: int, manager_rate: int, *, distro: str = "jazzy") -> int:
     """Return the rate [Hz] that a controller gets.
 
     It is never above the manager's. From kilted on, one that doesn't divide the
@@ -54,22 +54,22 @@ def effective_rate(asked: int, manager_rate: int, *, distro: str = "jazzy") -> i
     it stays as it is, and the controller runs in the nearest ticks.
 
     Args:
-        asked: The controller's parameter `update_rate` [Hz]; 0 is the manager's.
+        requested: The controller's parameter `update_rate` [Hz]; 0 is the manager's.
         manager_rate: Update rate of the manager [Hz].
         distro: Distribution whose rule holds.
 
     Raises:
-        ParameterError: If ``asked`` is negative.
+        ParameterError: If ``requested`` is negative.
     """
-    if asked < 0:
-        problem = f"expected a rate above 0, or 0 for the manager's, got {asked}"
+    if requested < 0:
+        problem = f"expected a rate above 0, or 0 for the manager's, got {requested}"
         raise ParameterError(problem, where="update_rate")
-    if asked == 0 or asked >= manager_rate:
+    if requested == 0 or requested >= manager_rate:
         return manager_rate
     if DISTROS.index(distro) < DISTROS.index("kilted"):
-        return asked
+        return requested
     # The nearest whole number, half rounded up as C++ does; Python's round doesn't.
-    divisor = (2 * manager_rate + asked) // (2 * asked)
+    divisor = (2 * manager_rate + requested) // (2 * requested)
     return manager_rate // divisor
 
 
@@ -110,7 +110,7 @@ class Activation(NamedTuple):
     chained: frozenset[str]
     mode: DriveMode
     next_activation: int
-    events: tuple[Event, ...]
+    events: tuple[ManagerEvent, ...]
 
 
 class Lifecycle:
@@ -156,7 +156,7 @@ class Lifecycle:
         started: Iterable[str],
         values: Array,
         drive: Array,
-        ticks: Mapping[str, Tick[Any]] = MappingProxyType({}),
+        ticks: Mapping[str, UpdateResult[Any]] = MappingProxyType({}),
     ) -> ManagerState:
         """Return the state before the first cycle, in which controllers start.
 
@@ -197,11 +197,11 @@ class Lifecycle:
         return plan
 
     def switch(
-        self, held: ManagerState, requests: Iterable[SwitchController]
+        self, state: ManagerState, requests: Iterable[SwitchController]
     ) -> Activation:
         """Return which controllers are active in a cycle."""
-        active, number = dict(held.active), held.next_activation
-        events: list[Event] = []
+        active, number = dict(state.active), state.next_activation
+        events: list[ManagerEvent] = []
         for request in requests:
             plan = self.judge(active, request)
             for name in plan.deactivate:
@@ -215,23 +215,23 @@ class Lifecycle:
         return Activation(active, chain, mode, number, tuple(events))
 
     def periods(
-        self, held: ManagerState, active: Mapping[str, int], time_ns: int
+        self, state: ManagerState, active: Mapping[str, int], time_ns: int
     ) -> Mapping[str, int]:
         """Return the time since the last tick of controllers with their own rate [ns].
 
         It is 0 for those that don't tick.
 
         Args:
-            held: State after the last cycle.
+            state: State after the last cycle.
             active: Which controllers are active in this one.
             time_ns: Its time [ns].
         """
         periods = {}
         for name in self.slow & active.keys():
-            is_new = active[name] != held.cycle.active.get(name)
+            is_new = active[name] != state.cycle.active.get(name)
             due = due_period(
                 time_ns,
-                None if is_new else held.last_ns.get(name),
+                None if is_new else state.last_ns.get(name),
                 self._rates[name],
                 self._update_rate,
                 self._period_ns,
@@ -246,12 +246,14 @@ class Lifecycle:
 
     def replace(
         self, failed: Mapping[str, str], active: Mapping[str, int], number: int
-    ) -> tuple[Mapping[str, int], int, tuple[Event, ...]]:
+    ) -> tuple[Mapping[str, int], int, tuple[ManagerEvent, ...]]:
         """Return what is active after updates failed."""
         if not self.ends_failed:
-            told = (ControllerFailure(n, (), reason=why) for n, why in failed.items())
-            return active, number, tuple(told)
-        remaining, news = dict(active), []
+            failures = (
+                ControllerFailure(n, (), reason=why) for n, why in failed.items()
+            )
+            return active, number, tuple(failures)
+        remaining, failure_events = dict(active), []
         for name, reason in failed.items():
             # Up to kilted its chain stays active without it.
             chain: tuple[str, ...] = (name,)
@@ -268,10 +270,10 @@ class Lifecycle:
             for other in plan.activate:
                 remaining[other] = number
                 number += 1
-            news.append(
+            failure_events.append(
                 ControllerFailure(name, chain, plan.activate, reason, plan.problems)
             )
-        return remaining, number, tuple(news)
+        return remaining, number, tuple(failure_events)
 
     def chained(self, active: Collection[str]) -> frozenset[str]:
         """Return the active controllers whose references another one commands."""
@@ -338,10 +340,10 @@ def _is_topic(port: InputPort) -> bool:
     return name == interfaces.PARAMETERS_PORT or not interfaces.is_internal(name)
 
 
-Ticks = Mapping[str, Tick[Any]]
+UpdateResults = Mapping[str, UpdateResult[Any]]
 
 
-class News(NamedTuple):
+class ManagerInputs(NamedTuple):
     """What lies on the ports of a manager and of its controllers."""
 
     requests: tuple[SwitchController, ...]
@@ -404,43 +406,53 @@ class TickKeeper:
             builder.Connect(system.GetOutputPort(interfaces.COMMAND_PORT), member.ticks)
             builder.Connect(add_inbox(system), member.inbox)
 
-    def start(self) -> Ticks:
+    def start(self) -> UpdateResults:
         """Return what there is before the first cycle."""
-        return {name: m.system.first_tick for name, m in self._members.items()}
+        return {name: m.system.first_result for name, m in self._members.items()}
 
-    def read_news(
+    def read_inputs(
         self, context: Context, requests: tuple[SwitchController, ...]
-    ) -> News:
+    ) -> ManagerInputs:
         """Return what lies on all ports."""
-        return News(requests, tuple(port.Eval(context) for port in self.inboxes))
+        return ManagerInputs(
+            requests, tuple(port.Eval(context) for port in self.inboxes)
+        )
 
     def run(
         self,
         context: Context,
         cycle: Cycle,
-        held: ManagerState,
-    ) -> tuple[Ticks, frozenset[str]]:
+        state: ManagerState,
+    ) -> tuple[UpdateResults, frozenset[str]]:
         """Return what a cycle leaves behind, and who has nothing to do after it."""
-        news, asleep = cycle.news, held.asleep
-        ticks: dict[str, Tick[Any]] = {}
-        given: Given | None = None
-        if cycle.commands is not None or news is not held.cycle.news:
+        inputs, asleep = cycle.inputs, state.asleep
+        ticks: dict[str, UpdateResult[Any]] = {}
+        hardware: HardwareValues | None = None
+        if cycle.commands is not None or inputs is not state.cycle.inputs:
             asleep = frozenset()
         for name, member in self._members.items():
-            tick = cycle.ticks[name]
+            result = cycle.ticks[name]
             if name not in asleep:
-                if member.is_direct and cycle.commands is None and tick.news is news:
-                    if given is None:
-                        given = Given(self._motions.Eval(context), held.values)
-                    tick = member.system.tick(cycle, given)
+                if (
+                    member.is_direct
+                    and cycle.commands is None
+                    and result.inputs is inputs
+                ):
+                    if hardware is None:
+                        hardware = HardwareValues(
+                            self._motions.Eval(context), state.values
+                        )
+                    result = member.system.tick(cycle, hardware)
                 else:
-                    tick = member.ticks.Eval(context)
-            ticks[name] = tick
+                    result = member.ticks.Eval(context)
+            ticks[name] = result
         if ticks.keys() - cycle.active.keys() - asleep:
             asleep = self._find_asleep(ticks, cycle.active)
         return ticks, asleep
 
-    def _find_asleep(self, ticks: Ticks, active: Collection[str]) -> frozenset[str]:
+    def _find_asleep(
+        self, ticks: UpdateResults, active: Collection[str]
+    ) -> frozenset[str]:
         """Return the controllers that have nothing to do until something comes."""
         return frozenset(
             name
@@ -500,7 +512,7 @@ class Claimants:
                 self._claimants.append(claimant)
 
     def write(
-        self, ticks: Ticks, cycle: Cycle, last: Cycle, values: Array
+        self, ticks: UpdateResults, cycle: Cycle, last: Cycle, values: Array
     ) -> dict[str, str]:
         """Write what controllers command in a cycle; return those that failed.
 
@@ -524,16 +536,16 @@ class Claimants:
                 continue
             if cycle.periods and cycle.periods.get(name) == 0:
                 continue
-            tick = ticks[name]
-            command = tick.command
+            result = ticks[name]
+            command = result.command
             # A sum is finite only if all its terms are; quicker than in numpy.
             if math.isfinite(sum(command.tolist())):
                 values[at] = command
             else:
                 written = np.isfinite(command)
                 values[at[written]] = command[written]
-            if not tick.is_ok:
-                failed[name] = tick.fault
+            if not result.is_ok:
+                failed[name] = result.fault
         return failed
 
     def restore(self, values: Array, before: Array, names: Collection[str]) -> None:

@@ -6,7 +6,7 @@ from typing import Literal, NamedTuple
 
 from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.description.robot import Robot
-from arm_drake.manager.hardware_interfaces import Surroundings
+from arm_drake.manager.hardware_interfaces import HardwareInterfaces
 from arm_drake.manager.switching import ControllerInfo
 
 ControllerStatus = Literal["active", "inactive", "unconfigured"]
@@ -82,7 +82,7 @@ def controller_infos(
 
 
 def command_order(
-    surroundings: Surroundings, controllers: Iterable[LoadedController]
+    hardware_interfaces: HardwareInterfaces, controllers: Iterable[LoadedController]
 ) -> tuple[str, ...]:
     """Return the names of all command interfaces.
 
@@ -91,7 +91,7 @@ def command_order(
     """
     systems = [c.system for c in controllers if c.system is not None]
     limits = (name for system in systems for name in system.limit_interfaces)
-    known = dict.fromkeys((*surroundings.command_interfaces, *limits))
+    known = dict.fromkeys((*hardware_interfaces.command_interfaces, *limits))
     references = (name for system in systems for name in system.reference_interfaces)
     return (*known, *references)
 
@@ -103,5 +103,5 @@ def enforces_limits(robot: Robot) -> bool:
     """
     if robot.distro == "humble":
         return False
-    asked = robot.controllers.enforce_command_limits
-    return robot.distro != "jazzy" if asked is None else asked
+    setting = robot.controllers.enforce_command_limits
+    return robot.distro != "jazzy" if setting is None else setting

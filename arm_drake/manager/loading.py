@@ -35,7 +35,10 @@ from arm_drake.description.report import Kind, LoadReport, Severity
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, ParameterError, suggest
 from arm_drake.interfaces import EFFORT, VELOCITY
-from arm_drake.manager.hardware_interfaces import Surroundings, find_surroundings
+from arm_drake.manager.hardware_interfaces import (
+    HardwareInterfaces,
+    find_hardware_interfaces,
+)
 from arm_drake.manager.lifecycle import effective_rate
 from arm_drake.manager.loaded_controllers import LoadedController, controller_infos
 from arm_drake.manager.switching import activation_order, find_cycle, plan_switch
@@ -80,7 +83,7 @@ def report_gains(
 def find_missing(
     system: ControllerInterface,
     others: Mapping[str, ControllerInterface],
-    there: Surroundings,
+    hardware: HardwareInterfaces,
     states: HardwareComponentsInitialState,
     *,
     configured: Collection[str] = (),
@@ -89,11 +92,11 @@ def find_missing(
     """Return why a controller can't be activated: what is not there."""
     exported = {n for s in others.values() for n in s.exported_interfaces}
     references = {n for s in others.values() for n in s.reference_interfaces}
-    limits = find_undeclared_limits(system, there)
-    commands = {*there.command_interfaces, *references, *limits}
-    measured = {*there.state_interfaces, *exported}
+    limits = find_undeclared_limits(system, hardware)
+    commands = {*hardware.command_interfaces, *references, *limits}
+    measured = {*hardware.state_interfaces, *exported}
     if reads_all:
-        measured |= {*there.measured}
+        measured |= {*hardware.measured}
     problems = []
     for kind, needed, known in (
         ("command", system.command_interfaces, commands),
@@ -104,36 +107,38 @@ def find_missing(
             if name not in known:
                 groups.setdefault(name.rpartition("/")[0], []).append(name)
         problems += [
-            _missing(kind, names, known, others, there, configured)
+            _missing(kind, names, known, others, hardware, configured)
             for names in groups.values()
         ]
-    off = [n for n in system.command_interfaces if _is_off(n, there, states)]
+    off = [n for n in system.command_interfaces if _is_off(n, hardware, states)]
     off += [
-        n for n in system.state_interfaces if _is_off(n, there, states, is_state=True)
+        n
+        for n in system.state_interfaces
+        if _is_off(n, hardware, states, is_state=True)
     ]
     if off:
         problems.append(
-            f"{off[0]!r} belongs to hardware component {there.blocks[off[0]]!r}, "
+            f"{off[0]!r} belongs to hardware component {hardware.blocks[off[0]]!r}, "
             "which hardware_components_initial_state leaves inactive"
         )
     return tuple(dict.fromkeys(problems))
 
 
 def find_undeclared_limits(
-    system: ControllerInterface, there: Surroundings
+    system: ControllerInterface, hardware: HardwareInterfaces
 ) -> list[str]:
     """Return the limits of a controller that drives know, not the description."""
     return [
         name
         for name in system.limit_interfaces
-        if name not in there.command_interfaces
-        and name.rpartition("/")[0] in (there.driven or there.joint_types)
+        if name not in hardware.command_interfaces
+        and name.rpartition("/")[0] in (hardware.driven or hardware.joint_types)
     ]
 
 
 def _is_off(
     name: str,
-    there: Surroundings,
+    hardware: HardwareInterfaces,
     states: HardwareComponentsInitialState,
     *,
     is_state: bool = False,
@@ -142,7 +147,7 @@ def _is_off(
 
     What is configured can be read, and no more.
     """
-    block = there.blocks.get(name)
+    block = hardware.blocks.get(name)
     if block is None:
         return False
     off = states.unconfigured if is_state else states.unconfigured + states.inactive
@@ -154,7 +159,7 @@ def _missing(
     names: Sequence[str],
     known: Collection[str],
     others: Mapping[str, ControllerInterface],
-    there: Surroundings,
+    hardware: HardwareInterfaces,
     configured: Collection[str],
 ) -> str:
     """Return why there are no command or state interfaces of a component."""
@@ -163,8 +168,8 @@ def _missing(
     has = sorted(
         n[len(component) + 1 :] for n in known if n.startswith(f"{component}/")
     )
-    noun = there.components.get(component, "")
-    if component in there.joint_types:
+    noun = hardware.components.get(component, "")
+    if component in hardware.joint_types:
         noun = "joint"
     owner, _, rest = name.partition("/")
     if noun or (has and owner not in others):
@@ -182,9 +187,11 @@ def _missing(
         return f"{what} {owner!r}; {suggest(owner, configured)}"
     if interface in interfaces.MOTIONS:
         what = f"the robot has no joint {component!r}"
-        return f"{what}; {suggest(component, there.joint_types)}"
+        return f"{what}; {suggest(component, hardware.joint_types)}"
     what = f"the robot has no joint, sensor or gpio {component!r}"
-    return f"{what}; {suggest(component, (*there.joint_types, *there.components))}"
+    return (
+        f"{what}; {suggest(component, (*hardware.joint_types, *hardware.components))}"
+    )
 
 
 def _missing_of(
@@ -221,7 +228,7 @@ class ControllerLoader:
     def __init__(
         self,
         config: ControllerManagerConfig,
-        surroundings: Surroundings,
+        hardware_interfaces: HardwareInterfaces,
         report: LoadReport,
         period: float | None,
         distro: str,
@@ -232,7 +239,7 @@ class ControllerLoader:
         self._types = dict(controller_types or {})
         self._installed = installed_types()
         self._config = config
-        self._surroundings = surroundings
+        self._hardware_interfaces = hardware_interfaces
         self._report = report
         self._period = 1.0 / config.update_rate if period is None else period
 
@@ -323,59 +330,61 @@ class ControllerLoader:
         params = self._params(controller, self._config.update_rate)
         # What it may command, though its tag names no joints.
         joints, names = controller.plugin_joints, params.command_interfaces
-        offered = [name for name in names if name.rpartition("/")[0] in joints]
-        params = dc.replace(params, command_interfaces=frozenset(offered))
+        available = [name for name in names if name.rpartition("/")[0] in joints]
+        params = dc.replace(params, command_interfaces=frozenset(available))
         return make_plugin(controller.plugins, params)
 
     def _params(
         self, controller: ControllerConfig, rate: int
     ) -> ControllerInterfaceParams:
         """Return what a controller of this rate is given besides its parameters."""
-        there = self._surroundings
+        hardware = self._hardware_interfaces
         return ControllerInterfaceParams(
             controller_name=controller.name,
             update_rate=rate,
             period=self._period,
-            joint_types=there.joint_types,
-            command_interfaces=frozenset(there.command_interfaces),
-            state_interfaces=frozenset(there.state_interfaces),
-            measured=there.measured,
-            other_types=there.other_types,
+            joint_types=hardware.joint_types,
+            command_interfaces=frozenset(hardware.command_interfaces),
+            state_interfaces=frozenset(hardware.state_interfaces),
+            measured=hardware.measured,
+            other_types=hardware.other_types,
             distro=self._distro,
-            velocity_limits=there.velocity_limits,
-            effort_limits=there.effort_limits,
-            followed=there.followed,
-            gripper_ranges=there.gripper_ranges,
-            namespace=there.namespace,
-            links=there.links,
-            robot_name=there.robot_name,
-            world_name=there.world_name,
-            make_kinematics=there.make_kinematics,
+            velocity_limits=hardware.velocity_limits,
+            effort_limits=hardware.effort_limits,
+            followed=hardware.followed,
+            gripper_ranges=hardware.gripper_ranges,
+            namespace=hardware.namespace,
+            links=hardware.links,
+            robot_name=hardware.robot_name,
+            world_name=hardware.world_name,
+            make_kinematics=hardware.make_kinematics,
             is_managed=True,
         )
 
     def _take_rate(self, controller: ControllerConfig, own: dict[str, Any]) -> int:
         """Return the rate at which a controller ticks [Hz]."""
         own.pop("use_sim_time", None)
-        asked = own.pop("update_rate", None)
+        parameter = own.pop("update_rate", None)
         manager = self._config.update_rate
-        if asked is None or asked.value in (0, manager):
+        if parameter is None or parameter.value in (0, manager):
             return manager
-        if type(asked.value) is not int or asked.value < 0:
+        if type(parameter.value) is not int or parameter.value < 0:
             raise ParameterError(
-                f"expected an integer from 1 to {manager} Hz, got {asked.value!r}",
-                file=asked.file,
-                line=asked.line,
+                f"expected an integer from 1 to {manager} Hz, got {parameter.value!r}",
+                file=parameter.file,
+                line=parameter.line,
                 where=f"{controller.name}.update_rate",
             )
-        rate, done = effective_rate(asked.value, manager, distro=self._distro), ""
-        if asked.value > manager:
+        rate, done = effective_rate(parameter.value, manager, distro=self._distro), ""
+        if parameter.value > manager:
             done = f"{manager} Hz is used"
-            what = f"update_rate {asked.value} is above the manager's {manager}"
-        elif manager % asked.value:
-            what = f"update_rate {asked.value} does not divide the manager's {manager}"
+            what = f"update_rate {parameter.value} is above the manager's {manager}"
+        elif manager % parameter.value:
+            what = (
+                f"update_rate {parameter.value} does not divide the manager's {manager}"
+            )
             done = f"{rate} Hz is used"
-            if rate == asked.value:
+            if rate == parameter.value:
                 done = "it ticks in the nearest cycles"
         if done:
             self._report.add(
@@ -384,8 +393,8 @@ class ControllerLoader:
                 what,
                 done,
                 where=f"{controller.name}.update_rate",
-                file=asked.file,
-                line=asked.line,
+                file=parameter.file,
+                line=parameter.line,
             )
         return rate
 
@@ -393,14 +402,14 @@ class ControllerLoader:
         self, controller: ControllerConfig, system: ControllerInterface
     ) -> None:
         """Record what a controller reads or commands that the physics doesn't know."""
-        there = self._surroundings
-        if not there.has_physics:
+        hardware = self._hardware_interfaces
+        if not hardware.has_physics:
             return
         lines = []
         read = [
             name
             for name in system.state_interfaces
-            if name in there.stored and name not in there.command_interfaces
+            if name in hardware.stored and name not in hardware.command_interfaces
         ]
         if read:
             what = f"state interfaces aren't simulated: {_listed(read)}"
@@ -408,7 +417,7 @@ class ControllerLoader:
         idle = [
             name
             for name in system.command_interfaces
-            if name.rpartition("/")[0] in there.driven
+            if name.rpartition("/")[0] in hardware.driven
             and name not in system.limit_interfaces
             and is_outdone(name, system.command_interfaces)
         ]
@@ -417,7 +426,7 @@ class ControllerLoader:
             lines.append((what, "the joints follow their velocities"))
         for what, done in lines:
             self._add(controller, "info", "unsupported", what, done)
-        for name in find_undeclared_limits(system, there):
+        for name in find_undeclared_limits(system, hardware):
             what = f"the description has no command interface {name!r}"
             self._add(controller, "info", "missing", what, "its joint's drive has it")
 
@@ -431,7 +440,7 @@ class ControllerLoader:
             name: find_missing(
                 system,
                 loaded,
-                self._surroundings,
+                self._hardware_interfaces,
                 states,
                 configured=list(configs),
                 reads_all=bool(configs[name].plugins),
@@ -452,7 +461,7 @@ class ControllerLoader:
         judges_claims: bool,
     ) -> list[str]:
         """Return the controllers that start, in order; report why others don't."""
-        infos, refuse = controller_infos(controllers), self._surroundings.refuse
+        infos, refuse = controller_infos(controllers), self._hardware_interfaces.refuse
         configs = {c.name: c for c in self._config.controllers}
         started: list[str] = []
         for name in activation_order(infos, names):
@@ -519,7 +528,7 @@ class ControllerLoader:
 
 def load_controllers(
     config: ControllerManagerConfig,
-    surroundings: Surroundings,
+    hardware_interfaces: HardwareInterfaces,
     report: LoadReport,
     *,
     period: float | None = None,
@@ -533,7 +542,7 @@ def load_controllers(
 
     Args:
         config: What the YAML configures.
-        surroundings: What the robot offers.
+        hardware_interfaces: What the robot offers.
         report: Where controllers that don't load or start are recorded.
         period: Period of the manager in Drake's time [s].
         active: Controllers to start before the others.
@@ -550,7 +559,7 @@ def load_controllers(
         if name not in names:
             raise InputError(f"no controller {name!r}; {suggest(name, names)}")
     loader = ControllerLoader(
-        config, surroundings, report, period, distro, controller_types
+        config, hardware_interfaces, report, period, distro, controller_types
     )
     systems = loader.load_all()
     missing = loader.find_missing_of(
@@ -563,7 +572,7 @@ def load_controllers(
             "unconfigured" if systems[c.name] is None else "inactive",
             systems[c.name],
             missing.get(c.name, ()),
-            _driven(systems[c.name], surroundings),
+            _driven(systems[c.name], hardware_interfaces),
         )
         for c in config.controllers
     ]
@@ -580,7 +589,7 @@ def load_controllers_of(
     robot: Robot,
     period: float | None = None,
     options: SimulationOptions | None = None,
-    surroundings: Surroundings | None = None,
+    hardware_interfaces: HardwareInterfaces | None = None,
 ) -> tuple[tuple[LoadedController, ...], LoadReport]:
     """Return the controllers of a robot, and its report with what they lack.
 
@@ -588,14 +597,15 @@ def load_controllers_of(
         robot: The robot; its own report stays as it is.
         period: Period of its controller manager in Drake's time [s].
         options: Which controllers to start or not.
-        surroundings: What the robot offers them, if not what its description says.
+        hardware_interfaces: What the robot offers them, if not what its description
+            says.
     """
     options = SimulationOptions() if options is None else options
     report = LoadReport(robot.report)
     controllers = load_controllers(
         robot.controllers,
-        surroundings
-        or find_surroundings(
+        hardware_interfaces
+        or find_hardware_interfaces(
             robot.description, robot.initial_positions, robot_name=robot.name
         ),
         report,
@@ -641,7 +651,7 @@ def report_motionless(
 
 
 def _driven(
-    system: ControllerInterface | None, surroundings: Surroundings
+    system: ControllerInterface | None, hardware_interfaces: HardwareInterfaces
 ) -> tuple[str, ...]:
     """Return the joints of the drive that a controller moves."""
     if system is None:
@@ -651,4 +661,4 @@ def _driven(
     joints = dict.fromkeys(
         joint for joint, _, name in parts if name in interfaces.MOTIONS
     )
-    return tuple(joint for joint in joints if joint in surroundings.driven)
+    return tuple(joint for joint in joints if joint in hardware_interfaces.driven)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Self
 from arm_drake.arrays import Array
 from arm_drake.control.drive_commands import DriveMode
 from arm_drake.control.joint_limits import Previous
-from arm_drake.controllers.cycles import Cycle, Tick
+from arm_drake.controllers.cycles import Cycle, UpdateResult
 from arm_drake.messages import SwitchController, SwitchControllerResult
 
 
@@ -34,7 +34,7 @@ class CommandLimited:
     joint: str
 
 
-Event = SwitchControllerResult | ControllerFailure | CommandLimited
+ManagerEvent = SwitchControllerResult | ControllerFailure | CommandLimited
 
 
 class ManagerState(NamedTuple):
@@ -62,7 +62,7 @@ class ManagerState(NamedTuple):
     last_ns: Mapping[str, int]
 
     # The last ticks of the controllers.
-    ticks: Mapping[str, Tick[Any]] = MappingProxyType({})
+    ticks: Mapping[str, UpdateResult[Any]] = MappingProxyType({})
 
     # Controllers that have nothing to do until something else lies on the ports than
     # in the last cycle.
@@ -72,7 +72,7 @@ class ManagerState(NamedTuple):
     requests: tuple[SwitchController, ...] = ()
 
     # The latest news, numbered, the newest last.
-    events: tuple[tuple[int, Event], ...] = ()
+    events: tuple[tuple[int, ManagerEvent], ...] = ()
 
     # What is remembered of joints whose commands are limited.
     previous: Previous = MappingProxyType({})

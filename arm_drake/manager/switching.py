@@ -287,15 +287,15 @@ class _Switch:
         self._owners = interface_owners(controllers)
         self.problems: list[str] = []
         # Asked for, and what of it is still to be done.
-        self._asked = (activate, deactivate)
+        self._requested = (activate, deactivate)
         self.activate, self.deactivate = (
             [name for name in dict.fromkeys(names) if name in controllers]
-            for names in self._asked
+            for names in self._requested
         )
         self.has_unknown_list = any(
             names and not known
             for names, known in zip(
-                self._asked, (self.activate, self.deactivate), strict=True
+                self._requested, (self.activate, self.deactivate), strict=True
             )
         )
         for name in dict.fromkeys((*activate, *deactivate)):
@@ -311,15 +311,15 @@ class _Switch:
     @property
     def is_ok(self) -> bool:
         """Whether something of each list is done, or was so already."""
-        activate, deactivate = self._asked
+        activate, deactivate = self._requested
         idle = {
             name
             for name, info in self._controllers.items()
             if name not in self._active and info.is_configured
         }
         return not self.has_unknown_list and all(
-            not asked or any(name in done for name in asked)
-            for asked, done in (
+            not requested or any(name in done for name in requested)
+            for requested, done in (
                 (activate, self.active_after),
                 (deactivate, {*self.deactivate, *idle}),
             )

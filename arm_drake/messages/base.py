@@ -365,9 +365,9 @@ E = TypeVar("E")
 NUM_KEPT = 256
 
 
-def add_news(
-    events: tuple[tuple[int, E], ...], news: Iterable[E]
+def append_events(
+    events: tuple[tuple[int, E], ...], new_events: Iterable[E]
 ) -> tuple[tuple[int, E], ...]:
     """Return the latest events, numbered one after the other, the newest last."""
     first = events[-1][0] + 1 if events else 0
-    return (*events, *enumerate(news, start=first))[-NUM_KEPT:]
+    return (*events, *enumerate(new_events, start=first))[-NUM_KEPT:]

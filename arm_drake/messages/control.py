@@ -228,14 +228,14 @@ class ParallelGripperCommandGoal(Message):
 
     def __post_init__(self) -> None:
         """Take sequences as they come."""
-        given = self.command
-        check_type(given, JointState, "command")
-        name = to_names(given.name, "command.name")
+        command = self.command
+        check_type(command, JointState, "command")
+        name = to_names(command.name, "command.name")
         position, velocity, effort = (
-            to_floats(getattr(given, field), f"command.{field}")
+            to_floats(getattr(command, field), f"command.{field}")
             for field in ("position", "velocity", "effort")
         )
-        checked = JointState(given.header, name, position, velocity, effort)
+        checked = JointState(command.header, name, position, velocity, effort)
         object.__setattr__(self, "command", checked)
 
 

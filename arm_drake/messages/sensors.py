@@ -1,4 +1,4 @@
-"""What sensors measure (`sensor_msgs`), and values of named interfaces.
+"""Sensor messages (`sensor_msgs`), and values of named interfaces.
 
 Numbers that are of single precision in ROS keep the digits that they have here.
 """

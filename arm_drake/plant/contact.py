@@ -66,7 +66,7 @@ def set_friction(
             scene_graph.AssignRole(source, geometry, properties, RoleAssign.kReplace)
 
 
-def let_things_be_held(
+def make_things_compliant(
     plant: MultibodyPlant,
     scene_graph: SceneGraph,
     robots: Collection[ModelInstanceIndex],
@@ -110,12 +110,12 @@ def separate(
 ) -> dict[ModelInstanceIndex, list[str]]:
     """Let bodies pass through each other that overlap in the initial pose.
 
-    Before that, things of the world are made fit to be held, see `let_things_be_held`.
-    Contact would throw them apart: hulls are larger than meshes, and many robots are
-    drawn with a part in the ground. Links that nothing holds keep their contact with
-    the world, which carries them.
+    Before that, things of the world are made fit to be held, see
+    `make_things_compliant`. Contact would throw them apart: hulls are larger than
+    meshes, and many robots are drawn with a part in the ground. Links that nothing
+    holds keep their contact with the world, which carries them.
     """
-    has_things = let_things_be_held(plant, scene_graph, free_links)
+    has_things = make_things_compliant(plant, scene_graph, free_links)
     context = diagram.CreateDefaultContext()
     port = plant.get_geometry_query_input_port()
     query = port.Eval(plant.GetMyContextFromRoot(context))
@@ -129,7 +129,7 @@ def separate(
         ]
         if not any(body.model_instance() in found for body in bodies):
             continue  # Things of the world, or what they stand on.
-        if pair.depth < _SMALLEST_OVERLAP or _is_carried(bodies, free_links):
+        if pair.depth < _SMALLEST_OVERLAP or _is_free_link_on_world(bodies, free_links):
             continue
         declaration = CollisionFilterDeclaration()
         declaration.ExcludeBetween(*(GeometrySet([g]) for g in geometries))
@@ -165,7 +165,7 @@ def _overlapping_pairs(
     ]
 
 
-def _is_carried(
+def _is_free_link_on_world(
     bodies: Sequence[RigidBody],
     free_links: Mapping[ModelInstanceIndex, Collection[str]],
 ) -> bool:

@@ -102,10 +102,10 @@ def read_free_poses(
         columns = [int(np.flatnonzero(order == first + k)[0]) for k in range(7)]
         pose = np.full((len(time), 7), np.nan)
         if len(known):
-            there = known[rows] == wanted
+            is_logged = known[rows] == wanted
             columns = columns[4:] + columns[:4]
             logged = log.data()[columns][:, ::-1].T[at]
-            pose[there] = logged[rows[there]]
+            pose[is_logged] = logged[rows[is_logged]]
             # Drake's state lets the length drift, and takes the direction alone.
             pose[:, 3:] /= np.linalg.norm(pose[:, 3:], axis=1, keepdims=True)
         poses[link] = pose
@@ -255,7 +255,7 @@ def _normal(plane: Array) -> Array:
 
 
 def _highest_plane_below(points: Array, foot: Array) -> Array | None:
-    """Return (a, b, c) of the plane z = a x + b y + c below points, highest at a place."""
+    """Return (a, b, c) of the highest plane z = a x + b y + c below points at `foot`."""
     program = MathematicalProgram()
     plane = program.NewContinuousVariables(3, "plane")
     below = np.column_stack([points[:, :2], np.ones(len(points))])

@@ -178,10 +178,10 @@ def _known(limit: float | None) -> float | None:
 def _narrowest(
     hard: float | None, soft: float | None, *, is_lower: bool
 ) -> float | None:
-    given = [limit for limit in (hard, soft) if limit is not None]
-    if not given:
+    known_limits = [limit for limit in (hard, soft) if limit is not None]
+    if not known_limits:
         return None
-    return max(given) if is_lower else min(given)
+    return max(known_limits) if is_lower else min(known_limits)
 
 
 # Names of joints of grippers.
@@ -215,7 +215,9 @@ def find_gripper_ranges(robot: Robot) -> dict[str, tuple[float, float]]:
     plant.Finalize()
     ranges = {}
     for name, (lower, upper) in limited.items():
-        said = [_stated(name, states, called) for called in (_OPEN, _CLOSED)]
+        declared = [
+            _named_position(name, states, called) for called in (_OPEN, _CLOSED)
+        ]
         assert lower is not None
         assert upper is not None
         gaps = [_gap(plant, model, robot, name, q) for q in (lower, upper)]
@@ -223,8 +225,8 @@ def find_gripper_ranges(robot: Robot) -> dict[str, tuple[float, float]]:
         if lower < 0.0 < upper and abs(wide) < abs(narrow):
             wide = 0.0
         start, end = (
-            limit if given is None else given
-            for given, limit in zip(said, (wide, narrow), strict=True)
+            limit if bound is None else bound
+            for bound, limit in zip(declared, (wide, narrow), strict=True)
         )
         ranges[name] = (start, end)
     return ranges
@@ -246,7 +248,7 @@ def _joints_of_gripper_controllers(robot: Robot) -> list[JointInfo]:
     ]
 
 
-def _stated(
+def _named_position(
     joint: str, states: Iterable[GroupState], called: re.Pattern[str]
 ) -> float | None:
     """Return a joint's position in the first state that is called so."""

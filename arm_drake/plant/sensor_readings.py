@@ -244,9 +244,13 @@ class SensorReadings(PythonSystem):
         if RANGE in names:
             parts[(RANGE,)] = self._measure_range(mount, body)
         for known, measure in parts.items():
-            there = [known.index(name) for name in names if name in known]
-            here = [start + i for i, name in enumerate(names) if name in known]
-            self._parts.append((here, partial(_pick, measure, there)))
+            source_indices = [known.index(name) for name in names if name in known]
+            target_indices = [
+                start + i for i, name in enumerate(names) if name in known
+            ]
+            self._parts.append(
+                (target_indices, partial(_pick, measure, source_indices))
+            )
 
     def _body(self, link: str, model: ModelInstanceIndex) -> RigidBody:
         if link == WORLD:

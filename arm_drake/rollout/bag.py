@@ -509,8 +509,8 @@ def read_fields(path: Path, robot: str | None = None) -> dict[str, Any]:
 
 
 def _is_ours(topic: str) -> bool:
-    ours = (STATIC, GOALS, MESSAGES, ACTIVE, COMMANDS, JOINT_STATES, DESCRIPTION)
-    return topic.endswith((*ours, CONTROLLER_STATE)) or any(
+    own_topics = (STATIC, GOALS, MESSAGES, ACTIVE, COMMANDS, JOINT_STATES, DESCRIPTION)
+    return topic.endswith((*own_topics, CONTROLLER_STATE)) or any(
         part in topic for part in (POSES, CONTACTS)
     )
 

@@ -197,8 +197,8 @@ def _compare_parts(a: Rollout, b: Rollout) -> Iterator[str]:
 
 def _compare_sent(a: Rollout, b: Rollout, tolerance: float) -> Iterator[str]:
     """Yield what differs of goals and messages."""
-    told = ("controller", "status", "error_code", "goal")
-    yield from _compare_records("goal", a.goals, b.goals, told, "sent_at", tolerance)
+    columns = ("controller", "status", "error_code", "goal")
+    yield from _compare_records("goal", a.goals, b.goals, columns, "sent_at", tolerance)
     sent = ("topic", "type", "data")
     yield from _compare_records(
         "message", a.messages, b.messages, sent, "time", tolerance

@@ -93,10 +93,10 @@ def read_transforms(
 
 def root_links(description: str, transforms: Iterable[LinkTransform]) -> list[str]:
     """Return the links that are in no parent, the world left out."""
-    held = {transform.child for transform in transforms}
+    children = {transform.child for transform in transforms}
     root = ET.fromstring(description)  # noqa: S314  what was loaded.
     names = [link.get("name", "") for link in root.iterfind("link")]
-    return [name for name in names if name not in held and name != WORLD]
+    return [name for name in names if name not in children and name != WORLD]
 
 
 def fixed_pose(pose: Sequence[float] | Array) -> tuple[Array, Array]:
@@ -134,10 +134,10 @@ def _read_joint(joint: ET.Element) -> LinkTransform:
     names = ["" if e is None else e.get("link", "") for e in (parent, child)]
     if joint.get("type") == "fixed":
         return LinkTransform(names[0], names[1], position, rotation)
-    given = joint.find("axis")
+    axis_element = joint.find("axis")
     axis = np.array([1.0, 0.0, 0.0])
-    if given is not None and given.get("xyz"):
-        axis = np.array(_numbers(given.get("xyz")))
+    if axis_element is not None and axis_element.get("xyz"):
+        axis = np.array(_numbers(axis_element.get("xyz")))
     return LinkTransform(
         names[0],
         names[1],

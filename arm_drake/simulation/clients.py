@@ -420,8 +420,8 @@ class TopicHandle:
                         return message
         except ValueError:
             pass
-        given = f"a {type(data).__name__}" if dc.is_dataclass(data) else repr(data)
-        raise InputError(f"topic {self.name!r} takes {takes}, got {given}")
+        got = f"a {type(data).__name__}" if dc.is_dataclass(data) else repr(data)
+        raise InputError(f"topic {self.name!r} takes {takes}, got {got}")
 
     def _check_direction(self, needed: str, doing: str) -> None:
         """Raise InputError if bridges of the topic go the other way alone."""
@@ -463,9 +463,9 @@ def _merge(messages: Sequence[TFMessage]) -> TFMessage:
     """Return one message with all frames, of equal ones the latest."""
     if len(messages) == 1:
         return messages[0]
-    told = (transform for message in messages for transform in message.transforms)
+    transforms = (transform for message in messages for transform in message.transforms)
     return TFMessage(
-        tuple({t.child_frame_id: t for t in sorted(told, key=_stamp)}.values())
+        tuple({t.child_frame_id: t for t in sorted(transforms, key=_stamp)}.values())
     )
 
 

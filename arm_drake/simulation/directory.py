@@ -60,9 +60,9 @@ def make_switch(
     if strictness not in (known := get_args(Strictness)):
         hint = suggest(str(strictness), known)
         raise InputError(f"unknown strictness {strictness!r}; {hint}")
-    given: Any = (activate, deactivate, strictness)  # The request checks them.
+    fields: Any = (activate, deactivate, strictness)  # The request checks them.
     try:
-        return SwitchController(*given)
+        return SwitchController(*fields)
     except ValueError as error:
         raise InputError(str(error)) from None
 

@@ -97,7 +97,9 @@ class GoalHandle:
 Rejection: TypeAlias = TopicRejected | ParametersRejected
 Failure: TypeAlias = ControllerFailure | SwitchControllerResult
 
-News: TypeAlias = GoalHandle | Rejection | CancelResponse | Failure | CommandLimited
+SimulationEvent: TypeAlias = (
+    GoalHandle | Rejection | CancelResponse | Failure | CommandLimited
+)
 
 
 # So many messages are remembered before any is forgotten.
@@ -195,9 +197,9 @@ class Mailbox:
     def _forget_places(self) -> None:
         """Forget where messages came from that lie on no port and weren't refused."""
         lying = [m for sent in self._published.values() for _, m in sent]
-        told = [getattr(event, "message", None) for event in self.rejected]
-        told += [getattr(event, "request", None) for event in self.failures]
-        kept = {id(message) for message in (*lying, *told)}
+        reported = [getattr(event, "message", None) for event in self.rejected]
+        reported += [getattr(event, "request", None) for event in self.failures]
+        kept = {id(message) for message in (*lying, *reported)}
         # Those that came last may be refused yet.
         recent = set(list(self._places)[-_MIN_PLACES // 2 :])
         self._places = {
@@ -216,10 +218,10 @@ class Mailbox:
             period: Period of who reads it [s].
         """
         context = self.simulator.get_mutable_context()
-        time, there = context.get_time(), self.diagram.GetInputPort(port)
+        time, input_port = context.get_time(), self.diagram.GetInputPort(port)
         self.sent.append(Sent(time, port, message))
         # What the context doesn't know was sent after it: it is one of before.
-        lying = there.Eval(context) if there.HasValue(context) else ()
+        lying = input_port.Eval(context) if input_port.HasValue(context) else ()
         known = set(map(id, lying)) if isinstance(lying, tuple) else {id(lying)}
         recent = [
             (sent, other)
@@ -229,7 +231,7 @@ class Mailbox:
         self._published[port] = [*recent, (time, message)]
         messages = tuple(message for _, message in self._published[port])
         value = AbstractValue.Make(messages)
-        there.FixValue(context, value)
+        input_port.FixValue(context, value)
 
     def eval_output(self, port: str) -> Any:
         """Return the present value of an output port of the diagram."""
@@ -246,7 +248,7 @@ class Mailbox:
             if goal.ended_at is not None and goal.ended_at < time:
                 goal.forget_feedback()
 
-    def collect(self) -> Iterator[News]:
+    def collect(self) -> Iterator[SimulationEvent]:
         """Yield the news since the last time, one source after the other.
 
         A goal's handle knows no more than what was told so far.
@@ -266,7 +268,7 @@ class Mailbox:
         self,
         event: GoalEvent | Rejection | CancelResponse | Failure | CommandLimited,
         name: str,
-    ) -> list[News]:
+    ) -> list[SimulationEvent]:
         """Take note of an event; return it, or nothing if nobody waits for it."""
         if isinstance(event, GoalEvent):
             handle = self._handles.get(id(event.request))

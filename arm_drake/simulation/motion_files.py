@@ -126,11 +126,11 @@ PARAMETERS, STEPS = "parameters", "steps"
 _REFERENCE = re.compile(r"\$\(\s*([^()]*?)\s*\)")
 
 
-def fill_in(data: Any, given: Mapping[str, Any], file: Path | None) -> Any:
+def fill_in(data: Any, parameters: Mapping[str, Any], file: Path | None) -> Any:
     """Return the list of a motion's steps, with the values of its parameters.
 
     A text that is nothing but `$(name)` becomes the value, whatever it is; inside a
-    text the value's own text stands. `given` takes the place of the defaults.
+    text the value's own text stands. `parameters` takes the place of the defaults.
     """
     declared: Mapping[str, Any] = {}
     steps = data
@@ -150,10 +150,10 @@ def fill_in(data: Any, given: Mapping[str, Any], file: Path | None) -> Any:
         if not isinstance(steps, list):
             problem = f"expected a list of steps, got {type(steps).__name__}"
             raise MotionError(problem, file=file, where=STEPS)
-    for name in given:
+    for name in parameters:
         if name not in declared:
             raise _unknown(name, declared, file)
-    values = {**declared, **given}
+    values = {**declared, **parameters}
     if not isinstance(steps, list):
         return steps
     return [_filled(step, values, f"[{n}]", file) for n, step in enumerate(steps)]
@@ -540,20 +540,20 @@ class _Step:
         """Return the names of whom the step is for; none is the controller manager."""
         fields, item = self._fields, self._item
         allowed = STEP_KINDS[kind].receivers
-        given = [key for key in _RECEIVERS if key in item]
-        for key in given:
+        receivers = [key for key in _RECEIVERS if key in item]
+        for key in receivers:
             if not allowed:
                 problem = f"{kind} is for the controller manager; leave it out"
                 raise fields.error(key, problem)
             if key not in allowed:
                 problem = f"{kind} goes with {' or '.join(allowed)}; leave it out"
                 raise fields.error(key, problem)
-        if len(given) > 1:
-            problem = f"the step is for a {given[0]} already; leave it out"
-            raise fields.error(given[1], problem)
+        if len(receivers) > 1:
+            problem = f"the step is for a {receivers[0]} already; leave it out"
+            raise fields.error(receivers[1], problem)
         if not allowed:
             return ()
-        key = given[0] if given else allowed[0]
+        key = receivers[0] if receivers else allowed[0]
         value = item.get(key)
         if key == "topics":
             return self._topics(value)

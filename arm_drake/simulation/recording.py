@@ -129,8 +129,8 @@ def _log(
     if math.isfinite(since):
         # What was commanded for a row was logged up to two ticks before it.
         period = max(manager.period, manager.log_period)
-        there = times >= since - 3.0 * period
-        rows, times = rows[there], times[there]
+        is_recent = times >= since - 3.0 * period
+        rows, times = rows[is_recent], times[is_recent]
     return rows, times
 
 
@@ -166,9 +166,9 @@ def _latest(
     # What a tick leaves behind is seen from then on, and logged before the next one.
     ticks, last = _ticks_done(logged_at, period), int(_ticks_done(now, period))
     # A row of this instant counts: Drake may already have taken its next sample.
-    there = np.flatnonzero((ticks < last) | (logged_at == now))[::-1]
-    ticks, at = np.unique(ticks[there], return_index=True)
-    rows = rows[there[at]]
+    candidates = np.flatnonzero((ticks < last) | (logged_at == now))[::-1]
+    ticks, at = np.unique(ticks[candidates], return_index=True)
+    rows = rows[candidates[at]]
     if not len(ticks) or ticks[-1] < last:
         rows, ticks = np.vstack([rows, present]), np.append(ticks, last)
     return rows, ticks
@@ -235,8 +235,8 @@ def _read_commands(
         log = _log(diagram, context, manager, name, since)
         values, ticks = _latest(*log, present, context.get_time(), manager.period)
         rows = np.minimum(np.searchsorted(ticks, wanted_at), len(ticks) - 1)
-        is_there = (ticks[rows] == wanted_at)[:, None]
-        return np.where(is_there, values[rows], np.nan)
+        is_found = (ticks[rows] == wanted_at)[:, None]
+        return np.where(is_found, values[rows], np.nan)
 
     references = {}
     for controller in manager.controllers:

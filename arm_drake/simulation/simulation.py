@@ -27,7 +27,13 @@ from arm_drake.simulation.directory import (
     TopicList,
     make_switch,
 )
-from arm_drake.simulation.mailbox import Failure, GoalHandle, Mailbox, News, Rejection
+from arm_drake.simulation.mailbox import (
+    Failure,
+    GoalHandle,
+    Mailbox,
+    Rejection,
+    SimulationEvent,
+)
 from arm_drake.simulation.motion import Motion
 from arm_drake.simulation.playback import Player
 from arm_drake.simulation.recording import History, collect_rollout, read_joint_states
@@ -242,7 +248,7 @@ class Simulation:
         # Of the quickest controller manager [s].
         self.period = min(manager.period for manager in managers)
         self.simulator = Simulator(diagram)
-        self._on_event: list[Callable[[News], None]] = []
+        self._on_event: list[Callable[[SimulationEvent], None]] = []
         self.recorders: list[Recorder] = []
         self.mailbox = Mailbox(diagram, self.simulator, managers)
         self._start()
@@ -377,7 +383,7 @@ class Simulation:
         manager = self.directory.manager(robot)
         return read_joint_states(self.diagram, self.simulator.get_context(), manager)
 
-    def on_event(self, callback: Callable[[News], None]) -> None:
+    def on_event(self, callback: Callable[[SimulationEvent], None]) -> None:
         """Call a function with news from controllers and their managers.
 
         Goals come as their handles; refused messages and parameters, answers to
@@ -400,9 +406,9 @@ class Simulation:
         while self.time < time:
             chunk = self.time + _TICKS_AT_A_TIME * self.period
             advance(self.simulator, min(chunk, time))
-            for news in self.mailbox.collect():
+            for event in self.mailbox.collect():
                 for callback in self._on_event:
-                    callback(news)
+                    callback(event)
             for recorder in self.recorders:
                 recorder.update()
 

@@ -91,21 +91,21 @@ class ControllerTopics:
         raise AssertionError
 
     def make_goal(
-        self, given: Goal | JointTrajectory | GripperCommand
+        self, requested: Goal | JointTrajectory | GripperCommand
     ) -> tuple[str, Goal]:
         """Return the port of the controller's action, and a goal as it takes it.
 
         Args:
-            given: A goal, or its trajectory or command alone.
+            requested: A goal, or its trajectory or command alone.
 
         Raises:
             InputError: If it has no action, or one of another kind.
         """
-        goal: Any = given
-        if isinstance(given, JointTrajectory):
-            goal = FollowJointTrajectoryGoal(trajectory=given)
-        elif isinstance(given, GripperCommand):
-            goal = GripperCommandGoal(given)
+        goal: Any = requested
+        if isinstance(requested, JointTrajectory):
+            goal = FollowJointTrajectoryGoal(trajectory=requested)
+        elif isinstance(requested, GripperCommand):
+            goal = GripperCommandGoal(requested)
         wanted = getattr(self.system, "goal_type", None)
         if wanted is ParallelGripperCommandGoal and isinstance(
             goal, GripperCommandGoal
@@ -218,15 +218,15 @@ class ControllerTopics:
         noun = "value" if len(names) == 1 else "values"
         expected = f"expected {len(names)} {noun} ({', '.join(names)})"
         try:
-            given = list(values)
+            numbers = list(values)
         except TypeError:
             raise self._error(f"{expected}, got {values!r}") from None
-        if len(given) != len(names):
-            raise self._error(f"{expected}, got {len(given)}")
-        for name, value in zip(names, given, strict=True):
+        if len(numbers) != len(names):
+            raise self._error(f"{expected}, got {len(numbers)}")
+        for name, value in zip(names, numbers, strict=True):
             if not _is_finite(value):
                 raise self._error(f"{name}: expected a finite number, got {value!r}")
-        return tuple(map(float, given))
+        return tuple(map(float, numbers))
 
     def _error(self, problem: str) -> InputError:
         return InputError(f"controller {self.name!r}: {problem}")
@@ -477,8 +477,8 @@ class _RobotTopics:
         """Return whether a broadcaster's topics have its name in front."""
         for controller in self._manager.robot.controllers.controllers:
             if controller.name == broadcaster:
-                given = controller.parameters.get("use_local_topics")
-                return given is not None and bool(given.value)
+                parameter = controller.parameters.get("use_local_topics")
+                return parameter is not None and bool(parameter.value)
         return False
 
     def _find(self, own: str) -> Topic | None:

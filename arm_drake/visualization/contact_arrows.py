@@ -56,9 +56,9 @@ class ContactArrows:
             self._meshcat.SetTransform(f"{path}/rod", _stretch(point, rod))
             self._meshcat.SetTransform(f"{path}/point", _stretch(point, None))
         for index in range(max(len(large), self._num_shown)):
-            is_there = index < len(large)
-            if is_there != (index < self._num_shown):
-                self._meshcat.SetProperty(f"{self._path}/{index}", "visible", is_there)
+            is_shown = index < len(large)
+            if is_shown != (index < self._num_shown):
+                self._meshcat.SetProperty(f"{self._path}/{index}", "visible", is_shown)
         self._num_shown = len(large)
 
     def hide(self) -> None:

@@ -1,4 +1,4 @@
-"""Pictures of a simulation as it is now."""
+"""Pictures of the current state of a simulation."""
 
 import math
 from collections.abc import Callable

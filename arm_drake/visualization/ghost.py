@@ -42,7 +42,7 @@ class _DrawnBody(NamedTuple):
     path: str
 
     # Whether it moves with the base.
-    is_carried: bool
+    is_attached: bool
 
 
 class Ghost:
@@ -83,8 +83,8 @@ class Ghost:
         self._robot = DrawnRobot(plant, scene_graph, model, description)
         self._rgba = Rgba(*color, _ALPHA)
         self._context = plant.CreateDefaultContext()
-        given = self._context if base_context is None else base_context
-        self._rest = plant.GetPositions(given)
+        source_context = self._context if base_context is None else base_context
+        self._rest = plant.GetPositions(source_context)
         joints = {joint.name: joint for joint in description.movable_joints}
         self._at = {
             joint: plant.GetJointByName(joint, model).position_start()
@@ -205,9 +205,9 @@ class Ghost:
             X_WM = base_pose
             if self._base is not None:
                 X_WM @= plant.EvalBodyPoseInWorld(context, self._base).inverse()
-        for body, path, is_carried in bodies:
+        for body, path, is_attached in bodies:
             X_WB = plant.EvalBodyPoseInWorld(context, body)
-            if is_carried:
+            if is_attached:
                 X_WB = X_WM @ X_WB
             other = hidden_at.get(body.name())
             is_hidden = other is not None and _are_close(X_WB, other)
@@ -222,9 +222,9 @@ class Ghost:
 
     def _draw(self) -> list[_DrawnBody]:
         robot, inspector = self._robot, self._robot.inspector
-        carried = set(robot.description.links)
+        attached = set(robot.description.links)
         if self._base is not None:
-            carried = links_on(robot.description.joints, self._base.name())
+            attached = links_on(robot.description.joints, self._base.name())
         bodies = []
         for body, link, _ in robot.parts:
             path = path_below(self.path, body.name())
@@ -238,7 +238,7 @@ class Ghost:
                     draw_solid(self._meshcat, own, solid, self._rgba)
                     is_drawn = True
             if is_drawn:
-                bodies.append(_DrawnBody(body, path, link in carried))
+                bodies.append(_DrawnBody(body, path, link in attached))
         return bodies
 
 

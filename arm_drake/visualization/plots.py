@@ -169,9 +169,9 @@ def find_way(rollout: Rollout, link: str) -> tuple[Array, Array | None]:
     is_wanted = np.zeros(len(position), dtype=bool)
     for name, values in _references(rollout):
         column = rollout.joint_names.index(name)
-        there = np.isfinite(values)
-        position[there, column] = values[there]
-        is_wanted |= there
+        is_finite = np.isfinite(values)
+        position[is_finite, column] = values[is_finite]
+        is_wanted |= is_finite
     wanted = dc.replace(rollout, position=position).link_poses(link)[:, :3]
     wanted[~is_wanted] = np.nan
     differs = np.any(np.abs(wanted - way) > 0.0)
@@ -182,8 +182,8 @@ def draw_way(
     picture: Picture, place: SubplotSpec, way: Array, wanted: Array | None, link: str
 ) -> Axes:
     """Draw a way in space, or from above if it is flat; return the panel."""
-    there = way[np.isfinite(way).all(axis=1)]
-    extent = np.ptp(there, axis=0) if len(there) else np.zeros(3)
+    is_finite = way[np.isfinite(way).all(axis=1)]
+    extent = np.ptp(is_finite, axis=0) if len(is_finite) else np.zeros(3)
     is_flat = bool(extent[2] < _FLAT * max(extent[:2].max(), _LEAST))
     num_axes = 2 if is_flat else 3
     title = shorten(f"way of {link}" + (", from above" if is_flat else ""), 4.5)
@@ -193,14 +193,16 @@ def draw_way(
     draw(way[:, :num_axes], **_MEASURED)
     if wanted is not None:
         draw(wanted[:, :num_axes], **_WANTED)
-    if len(there):
+    if len(is_finite):
         point: dict[str, Any] = {"ls": "", "ms": 6, "mfc": "white", "color": LIMIT}
-        draw(there[:1, :num_axes], marker="o", label="start", **point)
-        draw(there[-1:, :num_axes], marker="s", label="end", **point)
+        draw(is_finite[:1, :num_axes], marker="o", label="start", **point)
+        draw(is_finite[-1:, :num_axes], marker="s", label="end", **point)
     panel.tick_params(labelsize="small")
     panel.set_xlabel("x [m]")
     panel.set_ylabel("y [m]")
-    _frame(panel, there[:, :num_axes] if len(there) else np.zeros((1, num_axes)))
+    _frame(
+        panel, is_finite[:, :num_axes] if len(is_finite) else np.zeros((1, num_axes))
+    )
     return panel
 
 

@@ -1,4 +1,4 @@
-"""Films of what a Meshcat scene has recorded."""
+"""Videos of a recorded Meshcat scene."""
 
 import base64
 import contextlib
@@ -207,11 +207,11 @@ def _encoder(path: Path, frame_rate: float) -> Iterator[IO[bytes]]:
         with contextlib.suppress(BrokenPipeError):
             process.stdin.close()
         process.stdin = None  # Or `communicate` uses it.
-        _, told = process.communicate()
+        _, stderr = process.communicate()
         if process.returncode == 0:
             with writing(path):
                 unfinished.replace(path)
         else:
             unfinished.unlink(missing_ok=True)
-            reason = " ".join(told.decode(errors="replace").split())
+            reason = " ".join(stderr.decode(errors="replace").split())
             raise OutputError(f"can't be written: {reason}", file=path)

@@ -440,8 +440,8 @@ class _Shape:
 
     def _limit_friction(self) -> None:
         for ode in self._element.iterfind("surface/friction/ode"):
-            given = [parse_float(text_of(ode, tag)) for tag in ("mu", "mu2")]
-            found = [mu for mu in given if mu is not None and mu >= 0.0]
+            coefficients = [parse_float(text_of(ode, tag)) for tag in ("mu", "mu2")]
+            found = [mu for mu in coefficients if mu is not None and mu >= 0.0]
             for child in list(ode):
                 ode.remove(child)
             least = min([*found, _LARGEST_FRICTION])

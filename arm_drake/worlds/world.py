@@ -216,8 +216,8 @@ def _parse(plant: MultibodyPlant, world: SdfWorld, elements: Sequence[Element]) 
                 parser.AddModelsFromString(text.replace(FOLDER, folder), "sdf")
         except (RuntimeError, ValueError, SystemExit) as error:
             # The reason is often what Drake warned about before.
-            said = map(_without_place, [*messages, " ".join(str(error).split())])
-            raise RuntimeError("; ".join(dict.fromkeys(said))) from None
+            problems = map(_without_place, [*messages, " ".join(str(error).split())])
+            raise RuntimeError("; ".join(dict.fromkeys(problems))) from None
     for message in messages:
         what = _without_place(message)
         file = world.file.path

@@ -243,9 +243,9 @@ def positions_at_start(case: Case) -> dict[str, float]:
 def add_commands(parts: Parts, num_parts: int) -> OutputPort:
     """Add the commands: positions, velocities, and zeros for what else may be told."""
     ticks = TICK * np.arange(math.ceil(parts.case.duration / TICK) + 2)
-    told = parts.case.command(ticks)
+    commands = parts.case.command(ticks)
     zeros = np.zeros(((num_parts - 2) * len(parts.case.start), len(ticks)))
-    held = PiecewisePolynomial.ZeroOrderHold(ticks, np.vstack([told, zeros]))
+    held = PiecewisePolynomial.ZeroOrderHold(ticks, np.vstack([commands, zeros]))
     return parts.builder.AddSystem(TrajectorySource(held)).get_output_port()
 
 
@@ -300,15 +300,15 @@ def add_lean_pd(parts: Parts) -> None:
     """Add the same PD law, of gains."""
     builder, case = parts.builder, parts.case
     K = np.hstack([np.diag(case.kp), np.diag(case.kd)])
-    asked, there = (
+    requested, there = (
         builder.AddSystem(MatrixGain(D)) for D in (K, -K @ pick_joints(parts))
     )
     commands = add_commands(parts, NUM_PARTS_OF_POSITIONS)
     state = parts.plant.get_state_output_port(parts.model)
-    builder.Connect(commands, asked.get_input_port())
+    builder.Connect(commands, requested.get_input_port())
     builder.Connect(state, there.get_input_port())
     add_saturated_sum(
-        parts, asked.get_output_port(), there.get_output_port(), add_weight(parts)
+        parts, requested.get_output_port(), there.get_output_port(), add_weight(parts)
     )
 
 

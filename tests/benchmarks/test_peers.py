@@ -182,9 +182,9 @@ def test_sampled_servo_comes_closer_in_proportion_to_its_step():
 def test_sampled_servo_follows_a_ramp_without_lag(step):
     # Two seconds of a command that tells where the ramp will be a period later.
     speed, ticks = 0.5, np.arange(200)[:, None]
-    told = Commands(speed * PERIOD * (ticks + 1.0), np.full(ticks.shape, speed))
+    commands = Commands(speed * PERIOD * (ticks + 1.0), np.full(ticks.shape, speed))
 
-    q = simulate(sampled(step), told, step, every_step=True)[:, 0]
+    q = simulate(sampled(step), commands, step, every_step=True)[:, 0]
 
     late = (q - speed * step * np.arange(len(q)))[-substeps(step) :].mean()
     # In the mean over a period u is 0, so q is kd/kp behind c. Where the poles are that

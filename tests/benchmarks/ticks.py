@@ -51,7 +51,7 @@ from arm_drake.controllers.cycles import Cycle
 from arm_drake.hardware.drives import make_drive_commands, make_robot_drive
 from arm_drake.hardware.hardware import Hardware
 from arm_drake.hardware.robot_systems import RobotSystems
-from arm_drake.manager.hardware_interfaces import find_surroundings
+from arm_drake.manager.hardware_interfaces import find_hardware_interfaces
 from arm_drake.manager.loading import load_controllers_of
 from arm_drake.messages import (
     Float64MultiArray,
@@ -289,8 +289,8 @@ def make_chain(*, reads_all: bool) -> Subject:
     cycles = builder.AddSystem(Cycles(["leader", "pid"], ["pid"]))
     for system in (leader, follower):
         feed(builder, system)
-        told = system.GetInputPort(interfaces.MANAGER_PORT)
-        builder.Connect(cycles.get_output_port(), told)
+        manager_port = system.GetInputPort(interfaces.MANAGER_PORT)
+        builder.Connect(cycles.get_output_port(), manager_port)
     commands = leader.GetOutputPort(interfaces.COMMAND_PORT)
     builder.Connect(commands, follower.add_predecessor(leader))
     ports = outputs_of(leader) + outputs_of(follower) if reads_all else []
@@ -329,14 +329,18 @@ def make_robot(*types: str) -> Subject:
     """
     robot, options = ad.load_robot(ROBOT), ad.SimulationOptions()
     period = 1.0 / robot.controllers.update_rate
-    there = find_surroundings(robot.description, robot.initial_positions)
+    hardware_interfaces = find_hardware_interfaces(
+        robot.description, robot.initial_positions
+    )
     controllers, report = load_controllers_of(robot, period, options)
     controllers = tuple(c for c in controllers if not types or c.type in types)
     drive = make_robot_drive(robot.description, robot.pose, options, period)
-    commands = make_drive_commands(robot, there, controllers, drive)
+    commands = make_drive_commands(robot, hardware_interfaces, controllers, drive)
     builder = DiagramBuilder()
     states, motions = (
-        builder.AddSystem(ConstantVectorSource(np.zeros(n * len(there.joint_types))))
+        builder.AddSystem(
+            ConstantVectorSource(np.zeros(n * len(hardware_interfaces.joint_types)))
+        )
         for n in (3, 2)
     )
     hardware = Hardware(
@@ -352,7 +356,7 @@ def make_robot(*types: str) -> Subject:
     poses = AbstractValue.Make([RigidTransform() for _ in bodies])
     source = builder.AddSystem(ConstantValueSource(poses))
     systems.add_frames(source.get_output_port(), bodies)
-    systems.add(hardware, there, controllers, report, commands)
+    systems.add(hardware, hardware_interfaces, controllers, report, commands)
     ports = []
     for controller in controllers if not types else ():
         assert controller.system is not None

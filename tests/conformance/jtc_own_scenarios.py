@@ -86,14 +86,14 @@ def make_scenario(
     names = [f"{JOINT}/{interface}" for interface in interfaces]
     cycles = range(len(commands))
     active = [k for k in cycles if k not in inactive]
-    asked = iter(activations)
+    requested = iter(activations)
     lifecycle = [[START_NS, step, "SUCCESS"] for step in ("init", "configure")]
     lifecycle.append([START_NS, "activate", "SUCCESS"])
     lifecycle += [
         [
             ns(e["cycle"]),
             e["type"],
-            next(asked) if e["type"] == "activate" else "SUCCESS",
+            next(requested) if e["type"] == "activate" else "SUCCESS",
         ]
         for e in events
         if e["type"] in ("activate", "deactivate")

@@ -83,8 +83,8 @@ def to_number(value: Any) -> Any:
 
 def load(flat: Dict, distro: str) -> JointTrajectoryControllerParameters:
     file = Path("scenario.yaml")
-    given = {name: Parameter(value, file, 1) for name, value in flat.items()}
-    return load_parameters(SCHEMA, given, NAME, file, LoadReport(), distro=distro)
+    inputs = {name: Parameter(value, file, 1) for name, value in flat.items()}
+    return load_parameters(SCHEMA, inputs, NAME, file, LoadReport(), distro=distro)
 
 
 def make_trajectory(message: Dict) -> JointTrajectory:
@@ -115,7 +115,7 @@ def make_goal(goal: Dict) -> SendGoal:
     return SendGoal(FollowJointTrajectoryGoal(trajectory, path, end, late))
 
 
-def suits_the_system(given: Dict) -> bool:
+def suits_the_system(inputs: Dict) -> bool:
     """Return whether events of one cycle come in the order in which the system reads.
 
     It can't know in which order messages came to different ports, and takes parameters
@@ -123,7 +123,7 @@ def suits_the_system(given: Dict) -> bool:
     """
     ranks = defaultdict(list)
     activated = set()
-    for event in given["events"]:
+    for event in inputs["events"]:
         kind, cycle = event["type"], event["cycle"]
         if kind == "activate":
             activated.add(cycle)
@@ -137,10 +137,10 @@ def suits_the_system(given: Dict) -> bool:
 class Player(ABC):
     """Replays one scenario, cycle by cycle."""
 
-    def __init__(self, distro: str, given: Dict, output: Dict) -> None:
-        self.distro, self.given, self.output = distro, given, output
-        self.flat = dict(flatten(given["params"]))
-        parameters = given["params"]
+    def __init__(self, distro: str, inputs: Dict, output: Dict) -> None:
+        self.distro, self.case_input, self.output = distro, inputs, output
+        self.flat = dict(flatten(inputs["params"]))
+        parameters = inputs["params"]
         commanded = parameters.get("command_joints") or parameters["joints"]
         scaling = parameters.get("speed_scaling", {})
         self.scaling_state = scaling.get("state_interface")
@@ -148,7 +148,7 @@ class Player(ABC):
         self.claimed = interface_names(commanded, parameters["command_interfaces"])
         if self.scaling_command:
             self.claimed += (self.scaling_command,)
-        robot = ElementTree.fromstring(given["urdf"])  # noqa: S314
+        robot = ElementTree.fromstring(inputs["urdf"])  # noqa: S314
         joints = {j.attrib["name"]: j for j in robot.iter("joint")}
         self.joint_types = {name: j.attrib["type"] for name, j in joints.items()}
         limits = {name: joint.find("limit") for name, joint in joints.items()}
@@ -157,14 +157,16 @@ class Player(ABC):
             for name, limit in limits.items()
             if limit is not None
         }
-        initial = given.get("initial_command", {})
-        self.held = np.array([float(initial.get(n, "nan")) for n in self.claimed])
+        initial = inputs.get("initial_command", {})
+        self.command_values = np.array(
+            [float(initial.get(n, "nan")) for n in self.claimed]
+        )
         activations = [row[2] for row in output["lifecycle"] if row[1] == "activate"]
-        asked = sum(event["type"] == "activate" for event in given["events"])
-        self.is_active = len(activations) > asked and activations[0] == "SUCCESS"
+        requested = sum(event["type"] == "activate" for event in inputs["events"])
+        self.is_active = len(activations) > requested and activations[0] == "SUCCESS"
 
         # What becomes of the activations that are asked for.
-        self.activations = iter(activations[-asked:] if asked else ())
+        self.activations = iter(activations[-requested:] if requested else ())
 
         # The latest goal of each name in the scenario, and the names of all of them.
         self.goals: dict[str, SendGoal] = {}
@@ -175,7 +177,7 @@ class Player(ABC):
         self.commands: list[list[float]] = []
         self.returns: list[str] = []
         self.reports: list[JointTrajectoryControllerState] = []
-        self.news: list[tuple[int, Any]] = []
+        self.events: list[tuple[int, Any]] = []
         self.answers: list[QueryTrajectoryState] = []
 
         # Messages on topics that the controller doesn't have.
@@ -192,20 +194,20 @@ class Player(ABC):
     def play(self, num_cycles: int | None = None) -> None:
         times = self.output["t_ns"][:num_cycles]
         for k, time_ns in enumerate(times):
-            events = [e for e in self.given["events"] if e["cycle"] == k]
+            events = [e for e in self.case_input["events"] if e["cycle"] == k]
             self.run(k, time_ns, events)
-            self.commands.append(self.held.tolist())
+            self.commands.append(self.command_values.tolist())
 
     @abstractmethod
     def run(self, k: int, time_ns: int, events: list[Dict]) -> None:
         """Run a cycle."""
 
     def write(self, command: np.ndarray) -> None:
-        self.held = np.where(np.isnan(command), self.held, command)
+        self.command_values = np.where(np.isnan(command), self.command_values, command)
 
     def note(self, time_ns: int, events: tuple[tuple[int, Any], ...]) -> None:
-        num_seen = len(self.news)
-        self.news += [(time_ns, event) for n, event in events if n >= num_seen]
+        num_seen = len(self.events)
+        self.events += [(time_ns, event) for n, event in events if n >= num_seen]
 
     def message_of(self, event: Dict) -> tuple[str, Any] | None:
         """Return the field of TickInputs and the message of an event."""
@@ -249,14 +251,14 @@ class Player(ABC):
 class SystemPlayer(Player):
     """Replays a scenario with the system, a manager's cycle at a time."""
 
-    def __init__(self, distro: str, given: Dict, output: Dict) -> None:
-        super().__init__(distro, given, output)
+    def __init__(self, distro: str, inputs: Dict, output: Dict) -> None:
+        super().__init__(distro, inputs, output)
         basic = interface_names(self.joint_types, STATE_INTERFACES)
         others = [n for n in output["state_interfaces"] if n not in basic]
         params = ControllerInterfaceParams(
             controller_name=NAME,
-            update_rate=given["update_rate"],
-            period=1.0 / given["update_rate"],
+            update_rate=inputs["update_rate"],
+            period=1.0 / inputs["update_rate"],
             joint_types=self.joint_types,
             command_interfaces=frozenset(self.claimed),
             state_interfaces=frozenset(output["state_interfaces"]),
@@ -307,8 +309,8 @@ class SystemPlayer(Player):
         num = self.system.GetInputPort("state_interfaces").size()
         order = self.system.params.measured[:num]
         self.fix("state_interfaces", [state.get(name, 0.0) for name in order])
-        self.values.FixValue(self.context, self.held)
-        self.context.SetTime(k / self.given["update_rate"])
+        self.values.FixValue(self.context, self.command_values)
+        self.context.SetTime(k / self.case_input["update_rate"])
         ticked = self.system.GetOutputPort("command_interfaces").Eval(self.context)
         self.store(ticked)
         self.write(ticked.command)
@@ -334,8 +336,8 @@ class SystemPlayer(Player):
 class FunctionsPlayer(Player):
     """Replays a scenario with the functions of a tick, message by message."""
 
-    def __init__(self, distro: str, given: Dict, output: Dict) -> None:
-        super().__init__(distro, given, output)
+    def __init__(self, distro: str, inputs: Dict, output: Dict) -> None:
+        super().__init__(distro, inputs, output)
         self.rules = self.make_rules()
         self.state = JointTrajectoryState()
         if self.is_active:
@@ -344,14 +346,14 @@ class FunctionsPlayer(Player):
     def make_rules(self) -> Any:
         return make_rules(
             load(self.flat, self.distro),
-            update_rate=self.given["update_rate"],
+            update_rate=self.case_input["update_rate"],
             joint_types=self.joint_types,
             velocity_limits=self.velocity_limits,
             distro=self.distro,
         )
 
     def inputs(self, k: int, **messages: Any) -> TickInputs:
-        measured, parameters = self.measured(k), self.given["params"]
+        measured, parameters = self.measured(k), self.case_input["params"]
 
         def read(interface: str) -> np.ndarray | None:
             if interface not in parameters["state_interfaces"]:
@@ -369,7 +371,7 @@ class FunctionsPlayer(Player):
             position,
             read("velocity"),
             read("acceleration"),
-            lambda: self.held[:num_commands],
+            lambda: self.command_values[:num_commands],
             scaling_state=measured.get(scaling, math.nan) if scaling else None,
             **messages,
         )

@@ -31,7 +31,7 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterfaceParams,
     TickingController,
 )
-from arm_drake.controllers.cycles import Cycle, Tick
+from arm_drake.controllers.cycles import Cycle, UpdateResult
 from arm_drake.description.parameters import Parameter, load_parameters
 from arm_drake.description.report import LoadReport
 from arm_drake.messages import (
@@ -89,9 +89,9 @@ def merge(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
     return merged
 
 
-def flatten(given: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+def flatten(inputs: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Yield nested parameters by their dotted names."""
-    for name, value in given.items():
+    for name, value in inputs.items():
         if isinstance(value, dict):
             yield from flatten(value, f"{prefix}{name}.")
         else:
@@ -108,7 +108,7 @@ class OpenLoop:
 
     def __init__(
         self,
-        given: Mapping[str, Any],
+        inputs: Mapping[str, Any],
         expected: Mapping[str, Any],
         *,
         distro: str = "rolling",
@@ -118,7 +118,7 @@ class OpenLoop:
         """Create the system.
 
         Args:
-            given: What upstream's controller was given: `input` of the case.
+            inputs: What upstream's controller was given: `input` of the case.
             expected: What it did: `output` of the case.
             distro: Distribution whose defaults and behaviour hold.
             messages: By topic, what makes a message of its fields.
@@ -127,16 +127,16 @@ class OpenLoop:
         Raises:
             ParameterError: If the controller can't be loaded.
         """
-        self.given, self.expected = given, expected
-        self.name: str = given["node_name"]
+        self.case_input, self.expected = inputs, expected
+        self.name: str = inputs["node_name"]
 
         # Time of the present cycle [ns].
         self.time_ns = 0
         self._distro, self._messages = distro, messages
         self._handlers = dict(handlers or {})
-        self._parameters = numbers(given["params"])
+        self._parameters = numbers(inputs["params"])
         self.system = self._make_system()
-        self._chain = self._add_predecessor() if given.get("chained") else None
+        self._chain = self._add_predecessor() if inputs.get("chained") else None
         self._values = None
         if isinstance(self.system, TickingController):
             self.system._ends_on_failure = False
@@ -153,7 +153,7 @@ class OpenLoop:
         self._references = np.full(len(self.system.reference_interfaces), np.nan)
 
         # Columns of `command`, and where they stand in the controller's own order.
-        start = numbers(given.get("initial_command", {}))
+        start = numbers(inputs.get("initial_command", {}))
         names, own = expected["command_interfaces"], self.system.command_interfaces
         self._command_at = [own.index(name) for name in names]
 
@@ -163,9 +163,9 @@ class OpenLoop:
         self.update_return = "inactive"
 
     @property
-    def tick(self) -> Tick[Any]:
+    def tick(self) -> UpdateResult[Any]:
         """What the last tick left behind; only of controllers that tick."""
-        tick: Tick[Any] = self.context.get_abstract_state(0).get_value()
+        tick: UpdateResult[Any] = self.context.get_abstract_state(0).get_value()
         return tick
 
     def output(self, port: str) -> Any:
@@ -187,7 +187,7 @@ class OpenLoop:
         if isinstance(periods, int):
             periods = [periods] * len(times)
         events: dict[int, list[Event]] = {}
-        for event in self.given.get("events", ()):
+        for event in self.case_input.get("events", ()):
             events.setdefault(event["cycle"], []).append(event)
         for cycle, (time_ns, period_ns) in enumerate(zip(times, periods, strict=True)):
             self._sent, self.time_ns = {}, time_ns
@@ -229,8 +229,8 @@ class OpenLoop:
         if self._activation is not None:
             active[self.name] = self._activation
         chained = frozenset([self.name] if self._chain is not None else [])
-        told = Cycle(cycle, time_ns, period_ns, active, chained)
-        self._manager.FixValue(self.context, told)
+        reported = Cycle(cycle, time_ns, period_ns, active, chained)
+        self._manager.FixValue(self.context, reported)
         measured = np.full(self._measured.size(), np.nan)
         if "state" in self.expected:
             measured[self._measured_at] = np.array(
@@ -243,7 +243,7 @@ class OpenLoop:
             self.system.GetInputPort(port).FixValue(self.context, messages)
         if self._chain is not None:
             command = self._references.copy()
-            self._chain.FixValue(self.context, Tick(cycle, 0, None, command))
+            self._chain.FixValue(self.context, UpdateResult(cycle, 0, None, command))
 
     def _advance(self, time: float) -> None:
         if not isinstance(self.system, TickingController):
@@ -258,9 +258,9 @@ class OpenLoop:
             self.update_return = "inactive"
 
     def _make_system(self) -> ControllerInterface:
-        make = CONTROLLER_TYPES[self.given["controller"].replace("::", "/")].system
+        make = CONTROLLER_TYPES[self.case_input["controller"].replace("::", "/")].system
         assert make is not None
-        urdf = self.given.get("urdf")
+        urdf = self.case_input.get("urdf")
         read = self.expected.get("state_interfaces", [])
         if urdf:
             joints = {
@@ -273,20 +273,22 @@ class OpenLoop:
             joints = {name.rpartition("/")[0]: "revolute" for name in read}
         else:
             joints = {}
-        there = [*read, *self.given.get("available_states", ())]
+        available = [*read, *self.case_input.get("available_states", ())]
         simulated = interfaces.interface_names(joints, interfaces.STATE_INTERFACES)
-        others = tuple(dict.fromkeys(n for n in there if n not in simulated))
+        others = tuple(dict.fromkeys(n for n in available if n not in simulated))
         return make(
             self._load(),
             ControllerInterfaceParams(
                 controller_name=self.name,
-                update_rate=self.given["update_rate"],
-                period=1.0 / self.given["update_rate"],
+                update_rate=self.case_input["update_rate"],
+                period=1.0 / self.case_input["update_rate"],
                 joint_types=joints,
                 command_interfaces=frozenset(
                     self.expected.get("command_interfaces", ())
                 ),
-                state_interfaces=frozenset(self.given.get("available_states", read)),
+                state_interfaces=frozenset(
+                    self.case_input.get("available_states", read)
+                ),
                 measured=(*simulated, *others),
                 distro=self._distro,
             ),
@@ -296,7 +298,9 @@ class OpenLoop:
         """Return the present parameters."""
         file = Path("case.yaml")
         return load_parameters(
-            CONTROLLER_TYPES[self.given["controller"].replace("::", "/")].parameters,
+            CONTROLLER_TYPES[
+                self.case_input["controller"].replace("::", "/")
+            ].parameters,
             {n: Parameter(v, file, 1) for n, v in flatten(self._parameters)},
             self.name,
             file,

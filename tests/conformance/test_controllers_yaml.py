@@ -57,8 +57,8 @@ def flatten(value: Any, name: str) -> dict[str, Any]:
 
 
 def joints(controller: ControllerConfig) -> list[str]:
-    given = (controller.parameters.get(name) for name in JOINTS)
-    lists = (p.value for p in given if p is not None)
+    inputs = (controller.parameters.get(name) for name in JOINTS)
+    lists = (p.value for p in inputs if p is not None)
     return [j for v in lists for j in ([v] if isinstance(v, str) else v)]
 
 

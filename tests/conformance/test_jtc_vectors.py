@@ -60,7 +60,7 @@ def each(name: str, *values: float) -> dict[str, float]:
 def make(
     command: Sequence[str] = POSITION,
     state: Sequence[str] = BOTH,
-    given: dict[str, Any] | None = None,
+    settings: dict[str, Any] | None = None,
     *,
     velocity: Sequence[float] = (0.0, 0.0, 0.0),
     acceleration: Sequence[float] = (0.0, 0.0, 0.0),
@@ -80,7 +80,7 @@ def make(
         "command_interfaces": list(command),
         "state_interfaces": list(state),
         "allow_nonzero_velocity_at_trajectory_end": True,
-        **(given or {}),
+        **(settings or {}),
     }
     states |= others or {}
     return Mirrored(JTC, parameters, joints=JOINTS, states=states, **options)
@@ -232,7 +232,7 @@ def test_interfaces_that_go_together_become_active(command, state):  # V36
 )
 def test_joints_to_command_must_be_some_of_the_joints(joints):
     with pytest.raises(ParameterError, match="command_joints must be some of"):
-        make(given={"command_joints": joints})
+        make(settings={"command_joints": joints})
 
 
 def test_some_joints_can_be_left_uncommanded():  # V39
@@ -249,7 +249,7 @@ def test_some_joints_can_be_left_uncommanded():  # V39
 
 def test_joints_can_be_commanded_by_other_names():  # V40
     names = [f"following_controller/{joint}" for joint in JOINTS]
-    loop = make(given={"command_joints": names})
+    loop = make(settings={"command_joints": names})
 
     loop.run(0.25, joint_trajectory=t3())
 
@@ -285,8 +285,8 @@ def test_continuous_joints_need_no_limit(tmp_path: Path):  # V42
     ],
 )
 def test_a_timeout_counts_if_it_exceeds_the_goal_time(cmd_timeout, ends):
-    given = {"cmd_timeout": cmd_timeout, "constraints.goal_time": 2.0}
-    loop = make(given=given)
+    parameters = {"cmd_timeout": cmd_timeout, "constraints.goal_time": 2.0}
+    loop = make(settings=parameters)
 
     loop.run(3.0, joint_trajectory=t3(spacing=0.05))
     assert num_points(loop) == 3
@@ -450,11 +450,11 @@ def test_a_controller_starts_from_what_was_commanded_before(
     command, commands, takes_commands
 ):
     name = "set_last_command_interface_value_as_state_on_activation"
-    given = {name: takes_commands, "interpolate_from_desired_state": True}
+    parameters = {name: takes_commands, "interpolate_from_desired_state": True}
     loop = make(
         command,
         ALL,
-        given,
+        parameters,
         velocity=(0.5, 0.6, 0.7),
         acceleration=(0.8, 0.9, 1.0),
         commands={n: x for n, x in commands.items() if n.rpartition("/")[2] in command},
@@ -506,8 +506,8 @@ def test_a_knot_is_commanded_one_tick_before_its_time():  # C5
     ],
 )
 def test_velocities_follow_from_errors(joint_type, last):
-    given = each("gains.{}.p", 10.0)
-    loop = make(VELOCITY, BOTH, given, separate=True, joint_type=joint_type)
+    parameters = each("gains.{}.p", 10.0)
+    loop = make(VELOCITY, BOTH, parameters, separate=True, joint_type=joint_type)
 
     loop.run(0.31, joint_trajectory=knots())
 
@@ -516,8 +516,8 @@ def test_velocities_follow_from_errors(joint_type, last):
 
 
 def test_efforts_are_those_of_errors_and_of_the_trajectory():  # C8
-    given = each("gains.{}.p", 10.0)
-    loop = make(EFFORT, BOTH, given, separate=True)
+    parameters = each("gains.{}.p", 10.0)
+    loop = make(EFFORT, BOTH, parameters, separate=True)
 
     loop.run(0.31, joint_trajectory=with_efforts(knots()))
 
@@ -572,7 +572,7 @@ def test_joints_must_not_be_left_out_unasked():  # V25
         0.25, joint_trajectory=message((0.25, (2.0, 1.0)), joints=("joint2", "joint1"))
     )
 
-    assert [type(event) for event in loop.news] == [TopicRejected]
+    assert [type(event) for event in loop.events] == [TopicRejected]
     assert loop.command() == pytest.approx(START)
 
 
@@ -598,7 +598,7 @@ def test_errors_of_continuous_joints_are_the_shortest_turns(joint_type, turn, er
 
 
 def test_off_its_path_a_motion_is_aborted():  # C14
-    loop = make(given=each("constraints.{}.trajectory", 1e-4), separate=True)
+    loop = make(settings=each("constraints.{}.trajectory", 1e-4), separate=True)
 
     loop.run(0.25, joint_trajectory=t3(spacing=0.1))
 
@@ -608,8 +608,8 @@ def test_off_its_path_a_motion_is_aborted():  # C14
 
 
 def test_late_at_its_goal_a_motion_is_aborted():  # C15
-    given = {**each("constraints.{}.goal", 0.1), "constraints.goal_time": 1e-6}
-    loop = make(given=given, separate=True)
+    parameters = {**each("constraints.{}.goal", 0.1), "constraints.goal_time": 1e-6}
+    loop = make(settings=parameters, separate=True)
 
     loop.run(0.35, joint_trajectory=t3(spacing=0.1))
 
@@ -646,8 +646,8 @@ def test_after_a_timeout_the_last_point_is_held(cmd_timeout, last_points, veloci
 
 def follow_with_an_offset(*, from_desired: bool) -> list[float]:
     """Return commands of joints that are 0.3 behind; the first one was at 3.3."""
-    given = {"interpolate_from_desired_state": from_desired}
-    loop = make(POSITION, POSITION, given, separate=True)
+    parameters = {"interpolate_from_desired_state": from_desired}
+    loop = make(POSITION, POSITION, parameters, separate=True)
 
     def measure(first: float) -> None:
         loop.states |= {f"{joint}/position": first - 0.3 for joint in JOINTS}
@@ -707,10 +707,10 @@ FACTOR = "scaling/factor"
     ("state", "expected"), [(None, 0.123), (1.0, 1.0)], ids=["none", "state"]
 )
 def test_the_first_factor_is_a_parameter_unless_it_is_measured(state, expected):  # C24
-    given = {"speed_scaling.initial_scaling_factor": 0.123}
+    parameters = {"speed_scaling.initial_scaling_factor": 0.123}
     if state is not None:
-        given["speed_scaling.state_interface"] = FACTOR
-    loop = make(given=given, others={} if state is None else {FACTOR: state})
+        parameters["speed_scaling.state_interface"] = FACTOR
+    loop = make(settings=parameters, others={} if state is None else {FACTOR: state})
 
     loop.tick()
 
@@ -718,12 +718,12 @@ def test_the_first_factor_is_a_parameter_unless_it_is_measured(state, expected):
 
 
 def test_a_factor_goes_through_hardware_that_tells_it():  # C24
-    given = {
+    parameters = {
         "speed_scaling.initial_scaling_factor": 0.123,
         "speed_scaling.state_interface": FACTOR,
         "speed_scaling.command_interface": FACTOR,
     }
-    loop = make(given=given, others={FACTOR: 0.123})
+    loop = make(settings=parameters, others={FACTOR: 0.123})
 
     loop.run(0.02)
     assert report(loop).speed_scaling_factor == 0.123
@@ -735,7 +735,7 @@ def test_a_factor_goes_through_hardware_that_tells_it():  # C24
 
 @pytest.mark.parametrize("factor", [0.25, 0.87, 1.0, 2.0])
 def test_time_passes_at_the_factor(factor):  # C25
-    loop = make(given={"speed_scaling.initial_scaling_factor": factor})
+    loop = make(settings={"speed_scaling.initial_scaling_factor": factor})
     sent = goal(message((0.1, (4.0, 5.0, 6.0)), (0.2, (7.0, 8.0, 9.0))))
     # The goal is reached as soon as its end is less than a cycle ahead.
     num_cycles = math.ceil(0.19 / factor * 100 - 1e-6) + 1
@@ -813,15 +813,20 @@ def test_joints_brake_at_their_decelerations(velocity, stops):
 
 
 @pytest.mark.parametrize(
-    ("given", "state"),
+    ("parameters", "state"),
     [
         ({"constraints.decelerate_on_cancel": True}, BOTH),
         (BRAKE, POSITION),
     ],
 )
-def test_without_numbers_to_brake_by_joints_hold(given, state):  # C30, A10
+def test_without_numbers_to_brake_by_joints_hold(parameters, state):  # C30, A10
     loop = make(
-        POSITION, state, given, velocity=(0.2,) * 3, velocity_limit=1.0, separate=True
+        POSITION,
+        state,
+        parameters,
+        velocity=(0.2,) * 3,
+        velocity_limit=1.0,
+        separate=True,
     )
     sent = far()
 
@@ -837,7 +842,7 @@ def test_without_numbers_to_brake_by_joints_hold(given, state):  # C30, A10
 
 
 def test_a_blend_starts_where_the_old_motion_is():  # C31
-    loop = make(given={"speed_scaling.initial_scaling_factor": 0.5})
+    loop = make(settings={"speed_scaling.initial_scaling_factor": 0.5})
     old = message((1.0, (11.1, 12.1, 13.1)), (2.0, (21.1, 22.1, 23.1)))
 
     loop.run(1.0, joint_trajectory=old)
@@ -867,7 +872,7 @@ def test_until_its_stamp_the_old_motion_goes_on():  # C32
 
 
 def test_joints_that_a_blend_leaves_out_go_on():  # C33
-    loop = make(given={"allow_partial_joints_goal": True})
+    loop = make(settings={"allow_partial_joints_goal": True})
     old = message((1.5, (11.1, 12.1, 13.1)), (3.0, (21.1, 22.1, 23.1)))
     new = message((0.4, (2.0, 3.0)), (0.9, (1.0, 2.0)), joints=JOINTS[:2])
 
@@ -884,7 +889,7 @@ def test_joints_that_a_blend_leaves_out_go_on():  # C33
 
 
 def test_the_old_motion_peaks_at_the_stamp_of_a_partial_one():  # C34
-    loop = make(given={"allow_partial_joints_goal": True})
+    loop = make(settings={"allow_partial_joints_goal": True})
     start, rest = loop.time_ns, START[1:]
     old = message((1.0, (5.0, *rest)), (2.0, (50.0, *rest)))
 
@@ -933,7 +938,7 @@ def test_a_motion_of_the_past_is_ignored():  # C37
     late = message((0.1, START), stamp_ns=stamp_in(loop, 0.0, start))
     loop.run(0.3, joint_trajectory=late)
 
-    assert [type(event) for event in loop.news] == [TopicRejected]
+    assert [type(event) for event in loop.events] == [TopicRejected]
     assert loop.command() == pytest.approx(LAST, abs=CLOSE)
 
 
@@ -972,7 +977,7 @@ def test_feedback_counts_the_points_that_are_past():  # A3
     assert loop.news_of(sent)[-1] == (STATUS.SUCCEEDED, 0)
     feedback = [
         event.feedback
-        for event in loop.news
+        for event in loop.events
         if isinstance(event, GoalEvent) and event.feedback is not None
     ]
     seen = [(seconds(f.desired.time_from_start), f.index) for f in feedback]
@@ -984,7 +989,7 @@ def test_feedback_counts_the_points_that_are_past():  # A3
 
 
 def test_a_goal_within_its_tolerance_succeeds():  # A4
-    loop = make(given=each("constraints.{}.goal", 0.1))
+    loop = make(settings=each("constraints.{}.goal", 0.1))
     sent = goal(two_points())
 
     loop.run(0.5, follow_joint_trajectory=sent)
@@ -1000,7 +1005,7 @@ def test_a_goal_within_its_tolerance_succeeds():  # A4
     ],
 )
 def test_a_goal_off_its_path_aborts(trajectory):
-    loop = make(given=each("constraints.{}.trajectory", 1e-4), separate=True)
+    loop = make(settings=each("constraints.{}.trajectory", 1e-4), separate=True)
     sent = goal(trajectory)
 
     loop.run(0.3, follow_joint_trajectory=sent)
@@ -1011,8 +1016,8 @@ def test_a_goal_off_its_path_aborts(trajectory):
 
 
 def test_a_goal_that_is_late_aborts():  # A6
-    given = {**each("constraints.{}.goal", 0.1), "constraints.goal_time": 1e-6}
-    loop = make(given=given, separate=True)
+    parameters = {**each("constraints.{}.goal", 0.1), "constraints.goal_time": 1e-6}
+    loop = make(settings=parameters, separate=True)
     sent = goal(message((0.0, (4.0, 5.0, 6.0))), goal_time_tolerance=1.0)
 
     loop.run(0.95, follow_joint_trajectory=sent)
@@ -1059,7 +1064,7 @@ def test_a_canceled_goal_brakes():  # A9
     [((4.0, 5.0, 6.0), STATUS.REJECTED), ((0.0, 0.0, 0.0), STATUS.EXECUTING)],
 )
 def test_a_goal_must_end_at_rest_unless_it_may_not(velocities, status):  # A11
-    loop = make(given={"allow_nonzero_velocity_at_trajectory_end": False})
+    loop = make(settings={"allow_nonzero_velocity_at_trajectory_end": False})
     sent = goal(message((0.5, FIRST), velocities=[velocities]))
 
     loop.tick(follow_joint_trajectory=sent)

@@ -18,22 +18,22 @@ CASES = oracle_cases("diff_drive_odometry")
 
 @pytest.mark.parametrize("case", CASES)
 def test_odometry_equals_upstream(case: dict[str, Any]) -> None:
-    given = case["input"]
+    inputs = case["input"]
     kinematics = DiffDriveKinematics(
-        given["separation"], given["left_radius"], given["right_radius"]
+        inputs["separation"], inputs["left_radius"], inputs["right_radius"]
     )
     move = {
         "open_loop": from_commands,
         "position": kinematics.from_positions,
         "velocity": kinematics.from_velocities,
-    }[given["mode"]]
-    state = DiffDriveOdometryState(RollingMean(given["window"]))
+    }[inputs["mode"]]
+    state = DiffDriveOdometryState(RollingMean(inputs["window"]))
 
     for step, (ok, *expected) in zip(
-        given["steps"], case["output"]["rows"], strict=True
+        inputs["steps"], case["output"]["rows"], strict=True
     ):
         old, state = state, move(state, *step)
 
         assert_close([*state.pose, *state.velocity], expected)
-        if given["mode"] != "open_loop":
+        if inputs["mode"] != "open_loop":
             assert (state is not old) == ok

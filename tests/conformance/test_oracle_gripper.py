@@ -33,8 +33,8 @@ JAZZY = oracle_cases("controller_gripper_action_jazzy_4.42.1")
 CASES = [*[("rolling", case) for case in PARALLEL], *[("jazzy", c) for c in JAZZY]]
 
 
-def make_goal(given: dict[str, Any]) -> Goal:
-    command = numbers(given["command"])
+def make_goal(inputs: dict[str, Any]) -> Goal:
+    command = numbers(inputs["command"])
     if "max_effort" in command:
         return GripperCommandGoal(GripperCommand(**command))
     return ParallelGripperCommandGoal(JointState(**command))
@@ -91,13 +91,13 @@ def fields_of(result: Result | None) -> dict[str, Any]:
     ("distro", "case"), CASES, ids=lambda v: v if isinstance(v, str) else ""
 )
 def test_commands_and_news_are_upstream_s(distro: str, case: dict[str, Any]) -> None:
-    given, expected, client = case["input"], case["output"], Client()
+    inputs, expected, client = case["input"], case["output"], Client()
     handlers = {"goal": client.send, "cancel": client.cancel}
     if not is_started(expected):
         with pytest.raises(ParameterError):
-            OpenLoop(given, expected, distro=distro, handlers=handlers)
+            OpenLoop(inputs, expected, distro=distro, handlers=handlers)
         return
-    loop = OpenLoop(given, expected, distro=distro, handlers=handlers)
+    loop = OpenLoop(inputs, expected, distro=distro, handlers=handlers)
     news: list[tuple[int, str, str, Any]] = []
 
     for cycle in loop.cycles():

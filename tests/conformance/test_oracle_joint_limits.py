@@ -20,31 +20,31 @@ CASES = oracle_cases("joint_limits")
 KEYS = "pveaj"
 
 
-def numbers(given: dict[str, float | str]) -> dict[str, float]:
+def numbers(inputs: dict[str, float | str]) -> dict[str, float]:
     """Return limits as numbers; those that are NaN upstream are not set."""
-    found = {key: number(value) for key, value in given.items()}
+    found = {key: number(value) for key, value in inputs.items()}
     return {key: value for key, value in found.items() if not np.isnan(value)}
 
 
-def make_soft_limits(given: dict[str, Any]) -> SoftJointLimits | None:
-    if given["limiter"] == "saturation":
+def make_soft_limits(inputs: dict[str, Any]) -> SoftJointLimits | None:
+    if inputs["limiter"] == "saturation":
         return None
-    return SoftJointLimits(**numbers(given.get("soft", {})))
+    return SoftJointLimits(**numbers(inputs.get("soft", {})))
 
 
-def make_data(given: dict[str, float | str]) -> JointControlInterfacesData:
-    assert set(given) <= set(KEYS)
-    values = [number(given[key]) if key in given else None for key in KEYS]
+def make_data(inputs: dict[str, float | str]) -> JointControlInterfacesData:
+    assert set(inputs) <= set(KEYS)
+    values = [number(inputs[key]) if key in inputs else None for key in KEYS]
     return JointControlInterfacesData(*values)
 
 
-def replay(given: dict[str, Any]) -> list[dict[str, Any]]:
+def replay(inputs: dict[str, Any]) -> list[dict[str, Any]]:
     limits, soft_limits = (
-        JointLimits(**numbers(given["limits"])),
-        make_soft_limits(given),
+        JointLimits(**numbers(inputs["limits"])),
+        make_soft_limits(inputs),
     )
     previous, rows = NO_COMMAND, []
-    for step in given["steps"]:
+    for step in inputs["steps"]:
         measured, desired = make_data(step["actual"]), make_data(step["desired"])
         try:
             command, is_limited, previous = limit(

@@ -14,12 +14,12 @@ CASES = oracle_cases("controller_joint_state_broadcaster")
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case["input"]["name"])
 def test_messages_are_upstream_s(case: dict[str, Any]) -> None:
-    given, expected = case["input"], case["output"]
+    inputs, expected = case["input"], case["output"]
     if not is_started(expected):
         with pytest.raises(ParameterError):
-            OpenLoop(given, expected)
+            OpenLoop(inputs, expected)
         return
-    loop = OpenLoop(given, expected)
+    loop = OpenLoop(inputs, expected)
     # An inactive one publishes nothing.
     published = iter(expected["published"]["joint_states"])
 
@@ -34,7 +34,7 @@ def test_messages_are_upstream_s(case: dict[str, Any]) -> None:
         header = row["header"]
         assert message.header.frame_id == header["frame_id"]
         # Drake's time starts from 0.
-        since_start = message.header.stamp.to_nanoseconds() + given["t0_ns"]
+        since_start = message.header.stamp.to_nanoseconds() + inputs["t0_ns"]
         assert Time.from_nanoseconds(since_start) == Time.of(header["stamp"])
     assert list(published) == []
     # Which interfaces are claimed; their order comes from an unordered map.

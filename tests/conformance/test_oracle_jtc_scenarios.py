@@ -97,11 +97,11 @@ def first_refusal(name: str) -> tuple[int, str] | None:
 
     Rows are compared up to there.
     """
-    given, output = INPUTS[name], OUTPUTS["rolling", name]
-    has_effort = "effort" in given["params"]["command_interfaces"]
+    inputs, output = INPUTS[name], OUTPUTS["rolling", name]
+    has_effort = "effort" in inputs["params"]["command_interfaces"]
     is_active = True
     responses = output.get("responses", [])
-    for event, row in zip_longest(given["events"], responses, fillvalue={}):
+    for event, row in zip_longest(inputs["events"], responses, fillvalue={}):
         if event["type"] in ("activate", "deactivate"):
             is_active = event["type"] == "activate"
         message = event.get("msg") or event.get("goal", {}).get("trajectory", {})
@@ -120,9 +120,9 @@ def num_cycles(name: str) -> int | None:
 
 
 def make_player(distro: str, name: str) -> Player:
-    given, output = INPUTS[name], OUTPUTS[distro, name]
-    kind = SystemPlayer if suits_the_system(given) else FunctionsPlayer
-    return kind(distro, given, output)
+    inputs, output = INPUTS[name], OUTPUTS[distro, name]
+    kind = SystemPlayer if suits_the_system(inputs) else FunctionsPlayer
+    return kind(distro, inputs, output)
 
 
 @cache
@@ -234,7 +234,7 @@ def test_news_of_goals_are_upstream_s(distro: str, name: str) -> None:
 
     ours = [
         (time_ns, kind, event)
-        for time_ns, event in seen.news
+        for time_ns, event in seen.events
         for kind in summaries(event)
     ]
     theirs = [event for event in output["events"] if event["t_ns"] < end_ns]
@@ -269,7 +269,7 @@ def test_answers_are_upstream_s(distro: str, name: str) -> None:
 
     seen = replay(distro, name)
 
-    events = [event for _, event in seen.news]
+    events = [event for _, event in seen.events]
     goals = [
         "rejected" if "rejected" in summaries(e) else "accepted"
         for e in events
@@ -300,7 +300,7 @@ def test_what_upstream_does_not_check_is_refused(distro: str, name: str) -> None
 
     reasons = [
         event.reason if isinstance(event, TopicRejected) else event.result.error_string
-        for _, event in player.news
+        for _, event in player.events
         if isinstance(event, TopicRejected) or event.status is GoalStatus.REJECTED
     ]
     assert refusal[1] in reasons[-1]

@@ -99,8 +99,8 @@ def check_state(loop: OpenLoop, expected: dict[str, Any]) -> None:
         [getattr(state, name) for name in WHEELS], [expected[name] for name in WHEELS]
     )
     twist = state.reference_velocity
-    asked = [twist.linear.x, twist.linear.y, twist.angular.z]
-    assert_close(asked, reference_of(expected))
+    requested = [twist.linear.x, twist.linear.y, twist.angular.z]
+    assert_close(requested, reference_of(expected))
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case["input"]["name"])
@@ -168,6 +168,6 @@ def test_the_last_transform_is_upstream_s(case: dict[str, Any]) -> None:
     assert len(stamps) == wanted["count"]
     assert last.header.frame_id == wanted["frame_id"]
     assert last.child_frame_id == wanted["child_frame_id"]
-    for part, given in wanted["last"].items():
-        ours = [getattr(getattr(last.transform, part), axis) for axis in given]
-        assert_close(ours, list(given.values()), part)
+    for part, inputs in wanted["last"].items():
+        ours = [getattr(getattr(last.transform, part), axis) for axis in inputs]
+        assert_close(ours, list(inputs.values()), part)

@@ -23,12 +23,12 @@ FILES = read_files(("mecanum_odometry", "omni_wheel_odometry"))
 
 @pytest.mark.parametrize("case", FILES.get("mecanum_odometry", ()))
 def test_mecanum_odometry_is_upstream_s(case: dict[str, Any]) -> None:
-    given, expected = numbers(case["input"]), numbers(case["output"]["rows"])
-    offset = PlanarPose(*given["base_offset"])
-    kinematics = MecanumKinematics(given["radius"], given["sum_lxy"], offset)
+    inputs, expected = numbers(case["input"]), numbers(case["output"]["rows"])
+    offset = PlanarPose(*inputs["base_offset"])
+    kinematics = MecanumKinematics(inputs["radius"], inputs["sum_lxy"], offset)
     odometry, rows = MecanumOdometry(), []
 
-    for front_left, rear_left, rear_right, front_right, dt in given["steps"]:
+    for front_left, rear_left, rear_right, front_right, dt in inputs["steps"]:
         wheels = MecanumWheels(front_left, front_right, rear_right, rear_left)
         old, odometry = odometry, odometry.update(kinematics, wheels, dt)
         rows.append([odometry is not old, *odometry.pose, *odometry.velocity])
@@ -39,19 +39,19 @@ def test_mecanum_odometry_is_upstream_s(case: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("case", FILES.get("omni_wheel_odometry", ()))
 def test_omni_wheel_odometry_is_upstream_s(case: dict[str, Any]) -> None:
-    given, expected = numbers(case["input"]), numbers(case["output"]["rows"])
-    n = given["wheels"]
+    inputs, expected = numbers(case["input"]), numbers(case["output"]["rows"])
+    n = inputs["wheels"]
     kinematics = OmniWheelKinematics(
-        n, given["wheel_offset"], given["robot_radius"], given["wheel_radius"]
+        n, inputs["wheel_offset"], inputs["robot_radius"], inputs["wheel_radius"]
     )
     odometry, rows = OmniWheelOdometry((0.0,) * n), []
 
-    for *values, dt in given["steps"]:
+    for *values, dt in inputs["steps"]:
         old = odometry
-        if given["mode"] == "open_loop":
+        if inputs["mode"] == "open_loop":
             vx, vy, w = values
             odometry = old.move((vx, vy, w), dt)
-        elif given["mode"] == "position":
+        elif inputs["mode"] == "position":
             odometry = old.from_positions(kinematics, values, dt)
         else:
             odometry = old.from_velocities(kinematics, np.array(values), dt)

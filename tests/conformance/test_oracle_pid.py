@@ -23,19 +23,19 @@ def load_cases() -> list[Any]:
     ]
 
 
-def make_gains(given: dict[str, Any]) -> SimpleNamespace:
+def make_gains(inputs: dict[str, Any]) -> SimpleNamespace:
     return SimpleNamespace(
-        p=number(given["p"]),
-        i=number(given["i"]),
-        d=number(given["d"]),
-        u_clamp_max=number(given["u_max"]),
-        u_clamp_min=number(given["u_min"]),
-        i_clamp_max=number(given["i_max"]),
-        i_clamp_min=number(given["i_min"]),
-        antiwindup_strategy=given["antiwindup"],
+        p=number(inputs["p"]),
+        i=number(inputs["i"]),
+        d=number(inputs["d"]),
+        u_clamp_max=number(inputs["u_max"]),
+        u_clamp_min=number(inputs["u_min"]),
+        i_clamp_max=number(inputs["i_max"]),
+        i_clamp_min=number(inputs["i_min"]),
+        antiwindup_strategy=inputs["antiwindup"],
         antiwindup=False,
-        tracking_time_constant=number(given["tracking_time_constant"]),
-        error_deadband=number(given["error_deadband"]),
+        tracking_time_constant=number(inputs["tracking_time_constant"]),
+        error_deadband=number(inputs["error_deadband"]),
     )
 
 
@@ -54,22 +54,22 @@ def assert_close(actual: Any, expected: Any) -> None:
 
 @pytest.mark.parametrize("case", load_cases())
 def test_commands_are_upstream_s(case: dict[str, Any]) -> None:
-    given, expected = case["input"], case["output"]
-    gains = make_gains(given)
+    inputs, expected = case["input"], case["output"]
+    gains = make_gains(inputs)
     assert (find_fault(gains) is None) == expected["init_ok"]
     if not expected["init_ok"]:
         gains = make_zero_gains()
     pid = Pid.from_gains([gains])
-    rates = given.get("error_dot") or [None] * len(given["error"])
+    rates = inputs.get("error_dot") or [None] * len(inputs["error"])
     resets: dict[int, list[bool]] = {}
-    for k, save_i_term in given.get("reset_at") or []:
+    for k, save_i_term in inputs.get("reset_at") or []:
         resets.setdefault(k, []).append(save_i_term)
 
     state = pid.initial()
     commands: list[float] = []
     i_terms: list[float] = []
     error_rates: list[float] = []
-    steps = zip(given["dt"], given["error"], rates, expected["command"], strict=True)
+    steps = zip(inputs["dt"], inputs["error"], rates, expected["command"], strict=True)
     for k, (dt, error, rate, command) in enumerate(steps):
         for save_i_term in resets.get(k, []):
             state = pid.reset(state, save_i_term)

@@ -18,17 +18,17 @@ def assert_close(actual: list[float], expected: list[Any]) -> None:
 
 @pytest.mark.parametrize("case", CASES)
 def test_limited_values_are_upstream_s(case: dict[str, Any]) -> None:
-    given, expected = case["input"], case["output"]
-    limits = [number(limit) for limit in given["limits"]]
+    inputs, expected = case["input"], case["output"]
+    limits = [number(limit) for limit in inputs["limits"]]
     if "exception" in expected:
         with pytest.raises(ValueError, match="must not exceed"):
             RateLimiter(*limits)
         return
     limiter = RateLimiter(*limits)
 
-    v0, v1 = number(given["v0"]), number(given["v1"])
+    v0, v1 = number(inputs["v0"]), number(inputs["v1"])
     results = []
-    for v, dt in zip(given["input"], given["dt"], strict=True):
+    for v, dt in zip(inputs["input"], inputs["dt"], strict=True):
         results.append(limiter.limit(number(v), v0, v1, number(dt)))
         v0, v1 = results[-1].value, v0
 

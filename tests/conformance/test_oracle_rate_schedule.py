@@ -11,18 +11,18 @@ CASES = oracle_cases("controller_manager_rate_schedule")
 
 
 def case_id(case: dict[str, Any]) -> str:
-    given = case["input"]
-    kind = "even" if len(set(given["periods_ns"])) == 1 else "jittered"
-    return f"{given['controller_update_rate']}-of-{given['cm_update_rate']}-{kind}"
+    inputs = case["input"]
+    kind = "even" if len(set(inputs["periods_ns"])) == 1 else "jittered"
+    return f"{inputs['controller_update_rate']}-of-{inputs['cm_update_rate']}-{kind}"
 
 
 @pytest.mark.parametrize("case", CASES, ids=case_id)
 def test_updates_are_due_when_upstream_runs_them(case: dict[str, Any]) -> None:
-    given = case["input"]
-    rate, manager_rate = given["controller_update_rate"], given["cm_update_rate"]
-    time_ns, last_ns = given["t0_ns"], None
+    inputs = case["input"]
+    rate, manager_rate = inputs["controller_update_rate"], inputs["cm_update_rate"]
+    time_ns, last_ns = inputs["t0_ns"], None
     times, periods = [], []
-    for tick, manager_period_ns in enumerate(given["periods_ns"]):
+    for tick, manager_period_ns in enumerate(inputs["periods_ns"]):
         time_ns += manager_period_ns if tick else 0
         period_ns = due_period(time_ns, last_ns, rate, manager_rate, manager_period_ns)
         if period_ns is not None:

@@ -68,9 +68,9 @@ def test_a_file_has_cases(name: str) -> None:
 
 @pytest.mark.parametrize("case", SAMPLES, ids=case_ids(SAMPLES))
 def test_samples_are_upstream_s(case: dict[str, Any]) -> None:
-    given, expected = case["input"], case["output"]
-    message = make_message(given["trajectory"])
-    if given.get("fill_cubic_spline"):
+    inputs, expected = case["input"], case["output"]
+    message = make_message(inputs["trajectory"])
+    if inputs.get("fill_cubic_spline"):
         velocities = fill(message)
         assert (velocities is not None) == expected["fill_ok"]
         if velocities is not None:
@@ -80,23 +80,23 @@ def test_samples_are_upstream_s(case: dict[str, Any]) -> None:
                 for p, v in zip(message.points, velocities, strict=True)
             ]
             message = JointTrajectory(message.header, message.joint_names, points)
-    wraparound = given.get("wraparound")
+    wraparound = inputs.get("wraparound")
     trajectory = Trajectory.from_message(
         message,
-        make_state(given["t_before_ns"], given["point_before"]),
-        now_ns=given["sample_ns"][0],
-        interpolation=given["interpolation"],
+        make_state(inputs["t_before_ns"], inputs["point_before"]),
+        now_ns=inputs["sample_ns"][0],
+        interpolation=inputs["interpolation"],
         wraparound=None if wraparound is None else np.array(wraparound),
     )
 
     assert trajectory.start_ns == expected["start_time_ns"]
     cursor = 0
-    for i, time_ns in enumerate(given["sample_ns"]):
+    for i, time_ns in enumerate(inputs["sample_ns"]):
         sample = trajectory.sample(time_ns, cursor)
         assert (sample is not None) == expected["ok"][i]
         if sample is None:
             continue
-        if given["monotonic"]:
+        if inputs["monotonic"]:
             cursor = max(cursor, sample.segment_start)
         assert sample.segment_start == expected["segment_start"][i]
         assert sample.segment_end == expected["segment_end"][i]
@@ -106,9 +106,9 @@ def test_samples_are_upstream_s(case: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("case", WRAPAROUND, ids=case_ids(WRAPAROUND))
 def test_wrapped_positions_are_upstream_s(case: dict[str, Any]) -> None:
-    given = case["input"]
-    current, target = (np.array(given[key], float) for key in ("current", "next"))
+    inputs = case["input"]
+    current, target = (np.array(inputs[key], float) for key in ("current", "next"))
 
-    wrapped = wrap_state_before(current, target, np.array(given["wraparound"]))
+    wrapped = wrap_state_before(current, target, np.array(inputs["wraparound"]))
 
     assert_close(wrapped, case["output"]["current_after"])

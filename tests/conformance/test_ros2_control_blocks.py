@@ -50,13 +50,13 @@ def read_joints(root: ET.Element) -> tuple[JointInfo, ...]:
     """Return the joints with their type and `<mimic>`."""
     joints = []
     for joint in root.iterfind("joint"):
-        given = joint.find("mimic")
+        inputs = joint.find("mimic")
         mimic = None
-        if given is not None:
+        if inputs is not None:
             mimic = Mimic(
-                given.attrib["joint"],
-                float(given.get("multiplier", 1)),
-                float(given.get("offset", 0)),
+                inputs.attrib["joint"],
+                float(inputs.get("multiplier", 1)),
+                float(inputs.get("offset", 0)),
             )
         name, joint_type = joint.attrib["name"], joint.attrib["type"]
         joints.append(JointInfo(name, joint_type, "", "", mimic=mimic))
@@ -104,11 +104,11 @@ def test_the_blocks_of_a_real_robot_are_as_the_index_says(name: str) -> None:
 def test_mimic_joints_of_a_real_robot_are_as_the_index_says(name: str) -> None:
     row = read_index()[name]
     root, report = expand(row), LoadReport()
-    given = read_joints(root)
+    inputs = read_joints(root)
     file = Path("robot.urdf")
-    blocks = read_hardware(root, [joint.name for joint in given], report, file)
+    blocks = read_hardware(root, [joint.name for joint in inputs], report, file)
 
-    joints = find_mimics(given, blocks, report, file)
+    joints = find_mimics(inputs, blocks, report, file)
 
     mimics = {joint.name: joint.mimic for joint in joints if joint.mimic is not None}
     expected = row["expected"]["mimic"]

@@ -19,7 +19,7 @@ EYE = np.eye(3)
 ROUNDING = 1e-12
 
 
-def make_rule(**given: Any) -> AdmittanceRule:
+def make_rule(**inputs: Any) -> AdmittanceRule:
     """Return a rule without filter and further damping."""
     fields: dict[str, Any] = {
         "selected_axes": [True] * 6,
@@ -32,7 +32,7 @@ def make_rule(**given: Any) -> AdmittanceRule:
         "weight": 0.0,
         "center_of_gravity": np.zeros(3),
     }
-    return AdmittanceRule(**{**fields, **given})
+    return AdmittanceRule(**{**fields, **inputs})
 
 
 def make_frames(

@@ -33,7 +33,7 @@ def values_of(**values: float) -> np.ndarray:
 
 def parts(drive: np.ndarray) -> list[list[float]]:
     """Return the parts that the servo is told, each a list of a number per joint."""
-    return make_drive().told(drive).reshape(-1, len(JOINTS)).tolist()
+    return make_drive().servo_input(drive).reshape(-1, len(JOINTS)).tolist()
 
 
 def moving(drive: np.ndarray, *rates: float) -> np.ndarray:
@@ -57,10 +57,10 @@ def test_plain_numbers_and_numpy_give_the_same_bits():
         values, last = choose(numbers, len(ORDER)), choose(numbers, 3 * len(JOINTS))
         with np.errstate(all="ignore"):
             expected = drive.write(in_numpy, values, last)
-        told = drive.write(mode, values, last)
-        np.testing.assert_array_equal(told, expected)
+        servo_input = drive.write(mode, values, last)
+        np.testing.assert_array_equal(servo_input, expected)
         is_number = ~np.isnan(expected)
-        signs = np.signbit(told), np.signbit(expected)
+        signs = np.signbit(servo_input), np.signbit(expected)
         assert (signs[0] == signs[1])[is_number].all()
 
 
@@ -70,12 +70,14 @@ def test_without_modes_there_are_positions_and_velocities_alone():
 
     start = drive.initial([0.0, 0.0])
     values = values_of(a_position=0.1, b_position=-0.2)
-    told = drive.write(mode, values, moving(start, 10.0, -20.0))
+    servo_input = drive.write(mode, values, moving(start, 10.0, -20.0))
 
     assert start.shape == (3 * len(JOINTS),)
-    start, told = (drive.told(vector).reshape(-1, 2) for vector in (start, told))
+    start, servo_input = (
+        drive.servo_input(vector).reshape(-1, 2) for vector in (start, servo_input)
+    )
     assert start.tolist() == [[0.0, 0.0]] * 2
-    np.testing.assert_allclose(told, [[0.1, -0.2], [10.0, -20.0]], rtol=1e-12)
+    np.testing.assert_allclose(servo_input, [[0.1, -0.2], [10.0, -20.0]], rtol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -127,9 +129,9 @@ def test_each_joint_is_told_what_it_follows():
     values = values_of(a_velocity=0.7, a_position=9.0, b_effort=-3.0, b_velocity=9.0)
     mode = mode_of("a/velocity", "b/effort")
 
-    told = drive.write(mode, values, drive.initial([0.1, 0.2]))
+    servo_input = drive.write(mode, values, drive.initial([0.1, 0.2]))
 
-    assert parts(told) == [
+    assert parts(servo_input) == [
         [0.1, 0.2],
         [0.7, 0.0],
         [0.0, 0.0],
@@ -144,11 +146,13 @@ def test_an_acceleration_is_told_as_one():
     drive = make_drive()
     values = values_of(a_acceleration=2.5, b_effort=9.0)
 
-    told = drive.write(mode_of("a/acceleration"), values, drive.initial([0.1, 0.2]))
+    servo_input = drive.write(
+        mode_of("a/acceleration"), values, drive.initial([0.1, 0.2])
+    )
 
     nothing = [0.0, 0.0]
     expected = [[0.1, 0.2], nothing, [2.5, 0.0], nothing, nothing, [1.0, 0.0], nothing]
-    assert parts(told) == expected
+    assert parts(servo_input) == expected
 
 
 def test_what_is_claimed_beside_a_position_is_told_too():
@@ -156,11 +160,11 @@ def test_what_is_claimed_beside_a_position_is_told_too():
     values = values_of(a_position=0.1, a_acceleration=2.5, b_position=0.2, b_effort=3.0)
     mode = mode_of("a/position", "a/acceleration", "b/position", "b/effort")
 
-    told = parts(drive.write(mode, values, drive.initial([0.1, 0.2])))
+    servo_input = parts(drive.write(mode, values, drive.initial([0.1, 0.2])))
 
-    assert told[2:4] == [[2.5, 0.0], [0.0, 3.0]]
+    assert servo_input[2:4] == [[2.5, 0.0], [0.0, 3.0]]
     # Both follow their positions.
-    assert told[4:] == [[0.0, 0.0]] * 3
+    assert servo_input[4:] == [[0.0, 0.0]] * 3
 
 
 @pytest.mark.parametrize("kind", ["acceleration", "effort"])
@@ -174,19 +178,19 @@ def test_a_joint_that_nobody_commands_may_be_left_to_swing():
     drive = make_drive(holds=False)
     values = values_of(a_position=0.1, b_effort=9.0)
 
-    told = parts(
+    servo_input = parts(
         drive.write(mode_of("a/position", drive=drive), values, drive.initial([0, 0.2]))
     )
 
     # It follows an effort of none.
-    assert told[3] == [0.0, 0.0]
-    assert told[6] == [0.0, 1.0]
+    assert servo_input[3] == [0.0, 0.0]
+    assert servo_input[6] == [0.0, 1.0]
 
 
 def test_a_joint_that_swung_holds_where_it_comes_to_rest():
     drive = make_drive(holds=False)
 
-    values, told = drive.seed(
+    values, servo_input = drive.seed(
         mode_of(drive=drive),
         mode_of("a/position", drive=drive),
         np.full(len(ORDER), 99.0),
@@ -195,7 +199,7 @@ def test_a_joint_that_swung_holds_where_it_comes_to_rest():
     )
 
     assert values[ORDER.index("a/position")] == pytest.approx(REST[0], rel=1e-15)
-    assert told[:2].tolist() == [pytest.approx(REST[0], rel=1e-15), 0.2]
+    assert servo_input[:2].tolist() == [pytest.approx(REST[0], rel=1e-15), 0.2]
 
 
 def test_a_joint_that_nobody_commands_holds():
@@ -203,11 +207,13 @@ def test_a_joint_that_nobody_commands_holds():
     values = values_of(a_position=0.5, b_position=9.0, b_velocity=9.0, b_effort=9.0)
     last = drive.write(mode_of(), values, drive.initial([0.1, 0.2]))
 
-    told = drive.write(mode_of("a/position"), values, moving(last, 40.0, 0.0))
+    servo_input = drive.write(mode_of("a/position"), values, moving(last, 40.0, 0.0))
 
     assert parts(last) == [[0.1, 0.2]] + [[0.0, 0.0]] * 6
-    np.testing.assert_allclose(parts(told)[:2], [[0.5, 0.2], [40.0, 0.0]], rtol=1e-12)
-    assert parts(told)[2:] == [[0.0, 0.0]] * 5
+    np.testing.assert_allclose(
+        parts(servo_input)[:2], [[0.5, 0.2], [40.0, 0.0]], rtol=1e-12
+    )
+    assert parts(servo_input)[2:] == [[0.0, 0.0]] * 5
 
 
 def test_a_velocity_that_is_commanded_counts_instead_of_the_rate_of_positions():
@@ -216,12 +222,12 @@ def test_a_velocity_that_is_commanded_counts_instead_of_the_rate_of_positions():
     mode = mode_of("a/position", "a/velocity", "b/position")
 
     last = moving(drive.initial([0.0, 0.0]), 0.0, 20.0)
-    told = parts(drive.write(mode, values, last))
+    servo_input = parts(drive.write(mode, values, last))
 
-    assert told[0] == [0.5, 0.2]
-    np.testing.assert_allclose(told[1], [0.25, 20.0], rtol=1e-12)
+    assert servo_input[0] == [0.5, 0.2]
+    np.testing.assert_allclose(servo_input[1], [0.25, 20.0], rtol=1e-12)
     # It follows the position: no part says otherwise.
-    assert told[2:] == [[0.0, 0.0]] * 5
+    assert servo_input[2:] == [[0.0, 0.0]] * 5
 
 
 @pytest.mark.parametrize("extra", [(), ("b/velocity",)])
@@ -231,29 +237,29 @@ def test_the_rate_of_positions_is_that_of_the_controller(extra):
         {"a/position": 25.0, "b/position": 50.0} | dict.fromkeys(extra, 50.0)
     )
 
-    told = drive.write(
+    servo_input = drive.write(
         mode,
         values_of(a_position=0.01, b_position=0.02),
         moving(drive.initial([0.0, 0.01]), 0.25, 0.5),
     )
 
-    assert parts(told)[1][0] == pytest.approx(0.25, rel=1e-12)
+    assert parts(servo_input)[1][0] == pytest.approx(0.25, rel=1e-12)
     if not extra:
-        assert parts(told)[1][1] == pytest.approx(0.5, rel=1e-12)
+        assert parts(servo_input)[1][1] == pytest.approx(0.5, rel=1e-12)
 
 
 def test_the_first_position_of_a_controller_has_no_speed():
     drive = make_drive()
     mode = mode_of("a/position", "b/position")
 
-    told = drive.write(
+    servo_input = drive.write(
         mode,
         values_of(a_position=0.5, b_position=0.5),
         moving(drive.initial([0.0, 0.0]), 50.0, 50.0),
         fresh=np.array([True, False]),
     )
 
-    assert parts(told)[:2] == [[0.5, 0.5], [0.0, 50.0]]
+    assert parts(servo_input)[:2] == [[0.5, 0.5], [0.0, 50.0]]
 
 
 def test_a_step_has_no_speed():
@@ -289,10 +295,10 @@ def test_what_speeds_up_like_a_step_is_not_believed():
     drive, mode = make_drive(), mode_of("a/position", "b/position")
     last = moving(drive.initial([0.0, 0.0]), 0.1, -0.1)
 
-    told = drive.write(mode, values_of(a_position=0.5, b_position=0.5), last)
+    servo_input = drive.write(mode, values_of(a_position=0.5, b_position=0.5), last)
 
     # Three times as fast as before at most, and never the other way at once.
-    np.testing.assert_allclose(parts(told)[1], [0.3, 0.0], rtol=1e-12)
+    np.testing.assert_allclose(parts(servo_input)[1], [0.3, 0.0], rtol=1e-12)
 
 
 def test_between_ticks_of_its_controller_a_joint_keeps_its_speed():
@@ -301,14 +307,14 @@ def test_between_ticks_of_its_controller_a_joint_keeps_its_speed():
     last = drive.initial([0.5, 0.5])
     last[2:4] = 0.3
 
-    told = drive.write(
+    servo_input = drive.write(
         mode,
         values_of(a_position=0.5, b_position=0.5),
         last,
         skipped=np.array([True, False]),
     )
 
-    assert parts(told)[:2] == [[0.5, 0.5], [0.3, 0.0]]
+    assert parts(servo_input)[:2] == [[0.5, 0.5], [0.3, 0.0]]
 
 
 def test_writing_leaves_its_arguments_alone():
@@ -343,22 +349,22 @@ def seed(
 ) -> tuple[dict[str, float], list[list[float]]]:
     """Return the values by name and the drive vector after a switch."""
     drive = make_drive()
-    found, told = drive.seed(
+    found, servo_input = drive.seed(
         old,
         new,
         np.full(len(ORDER), 99.0) if values is None else values,
         drive.initial([0.1, 0.2]),
         MEASURED,
     )
-    return dict(zip(ORDER, found.tolist(), strict=True)), parts(told)
+    return dict(zip(ORDER, found.tolist(), strict=True)), parts(servo_input)
 
 
 @pytest.mark.parametrize("old", ["velocity", "acceleration", "effort"])
 @pytest.mark.parametrize("new", KINDS)
 def test_a_new_kind_of_command_starts_with_what_the_joint_does(old, new):
-    values, told = seed(mode_of(f"a/{old}"), mode_of(f"a/{new}"))
+    values, servo_input = seed(mode_of(f"a/{old}"), mode_of(f"a/{new}"))
 
-    assert told[0] == [REST[0] if new == "position" else 0.1, 0.2]
+    assert servo_input[0] == [REST[0] if new == "position" else 0.1, 0.2]
     # Those that aren't followed stay as they are, and so does what goes on.
     expected = dict.fromkeys(ORDER, 99.0)
     if new != old:
@@ -369,33 +375,33 @@ def test_a_new_kind_of_command_starts_with_what_the_joint_does(old, new):
 @pytest.mark.parametrize("new", ["velocity", "acceleration", "effort"])
 @pytest.mark.parametrize("old", [(), ("a/position",)])
 def test_a_joint_that_is_held_starts_with_what_it_does(old, new):
-    values, told = seed(mode_of(*old), mode_of(f"a/{new}"))
+    values, servo_input = seed(mode_of(*old), mode_of(f"a/{new}"))
 
     assert values == dict.fromkeys(ORDER, 99.0) | {f"a/{new}": SEEDS[new]}
-    assert told[0] == [0.1, 0.2]
+    assert servo_input[0] == [0.1, 0.2]
 
 
 @pytest.mark.parametrize("old", ["velocity", "acceleration", "effort"])
 def test_a_joint_that_is_let_go_comes_to_rest(old):
-    values, told = seed(mode_of(f"a/{old}"), mode_of())
+    values, servo_input = seed(mode_of(f"a/{old}"), mode_of())
 
-    assert told == [[REST[0], 0.2]] + [[0.0, 0.0]] * (NUM_PARTS - 1)
+    assert servo_input == [[REST[0], 0.2]] + [[0.0, 0.0]] * (NUM_PARTS - 1)
     assert values == dict.fromkeys(ORDER, 99.0)
 
 
 def test_a_position_that_is_taken_over_goes_on():
-    values, told = seed(mode_of("a/position"), mode_of("a/position"))
+    values, servo_input = seed(mode_of("a/position"), mode_of("a/position"))
 
     assert values == dict.fromkeys(ORDER, 99.0)
-    assert told[0] == [0.1, 0.2]
+    assert servo_input[0] == [0.1, 0.2]
 
 
 def test_a_joint_that_was_let_go_is_commanded_where_it_is_held():
     # It was driven away from where it was commanded last, and stopped then.
-    values, told = seed(mode_of(), mode_of("a/position"))
+    values, servo_input = seed(mode_of(), mode_of("a/position"))
 
     assert values == dict.fromkeys(ORDER, 99.0) | {"a/position": 0.1}
-    assert told[0] == [0.1, 0.2]
+    assert servo_input[0] == [0.1, 0.2]
 
 
 @pytest.mark.parametrize("old", [(), ("a/velocity",), ("a/effort",), ("a/position",)])
@@ -422,10 +428,10 @@ def test_a_velocity_that_came_with_a_position_becomes_the_measured_one():
 def test_joints_that_go_on_are_left_alone():
     old = mode_of("a/velocity", "b/effort")
 
-    values, told = seed(old, mode_of("a/position", "b/effort"))
+    values, servo_input = seed(old, mode_of("a/position", "b/effort"))
 
     assert values["b/effort"] == 99.0
-    assert told[0] == [pytest.approx(REST[0]), 0.2]
+    assert servo_input[0] == [pytest.approx(REST[0]), 0.2]
 
 
 def test_each_joint_starts_with_its_own():

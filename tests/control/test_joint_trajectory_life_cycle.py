@@ -51,8 +51,8 @@ DEACTIVATED = FollowJointTrajectoryResult(
 
 def inputs_at(k: int, **fields: Any) -> TickInputs:
     """Return the inputs of tick k with joints that stay at their start."""
-    given = {"position": np.array(START), "velocity": np.zeros(3), **fields}
-    return TickInputs(k * PERIOD_NS, PERIOD_NS, **given)
+    inputs = {"position": np.array(START), "velocity": np.zeros(3), **fields}
+    return TickInputs(k * PERIOD_NS, PERIOD_NS, **inputs)
 
 
 def ticks(
@@ -235,9 +235,11 @@ def test_the_monitor_keeps_its_own_time() -> None:
 
     states = run(rules, 0.15, plant=stick, requests={0.0: goal})
 
-    told = [k for k in range(1, 16) if states[k].events[-1] != states[k - 1].events[-1]]
+    servo_input = [
+        k for k in range(1, 16) if states[k].events[-1] != states[k - 1].events[-1]
+    ]
     # Due at 25, 50, 75, 100, 125, 150 ms.
-    assert told == [3, 5, 8, 10, 13, 15]
+    assert servo_input == [3, 5, 8, 10, 13, 15]
 
 
 @pytest.mark.parametrize(

@@ -98,13 +98,13 @@ def test_the_state_interface_has_the_last_word() -> None:  # C24
     )
     state = JointTrajectoryState()
     seen = []
-    for k, told in enumerate([1.0, 0.123, nan, 0.5]):
+    for k, servo_input in enumerate([1.0, 0.123, nan, 0.5]):
         inputs = TickInputs(
             k * PERIOD_NS,
             PERIOD_NS,
             np.array(START),
             scaling_factors=(SpeedScalingFactor(0.8),) if k == 2 else (),
-            scaling_state=told,
+            scaling_state=servo_input,
         )
         state = tick(rules, state, inputs)
         seen.append((state.scaling_factor, state.speed_scaling_command))

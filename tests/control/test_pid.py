@@ -320,13 +320,13 @@ def test_humble_wants_nothing_but_limits_in_order() -> None:
 def test_gains_are_what_was_given() -> None:
     first = make_gains(p=1, i=2, d=3, u=4, i_clamp=5, **CONDITIONAL)
     first.tracking_time_constant, first.error_deadband = 6.0, 7.0
-    given = [first, PidGains(p=8.0, antiwindup=True)]
+    inputs = [first, PidGains(p=8.0, antiwindup=True)]
 
-    pid = Pid.from_gains(given)
+    pid = Pid.from_gains(inputs)
 
     for name in vars(first):
         values = getattr(pid, name)
-        assert list(values) == [getattr(gains, name) for gains in given]
+        assert list(values) == [getattr(gains, name) for gains in inputs]
 
 
 def test_a_copy_has_the_gains_and_no_history() -> None:

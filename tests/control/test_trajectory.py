@@ -367,7 +367,7 @@ def test_what_a_segment_does_not_use_may_be_anything(field, value):
 
 
 @pytest.mark.parametrize(
-    ("given", "time", "effort"),
+    ("inputs", "time", "effort"),
     [
         ((-4, 2, 6), 0.5, -1),
         ((None, 2, 6), 0.5, 1),
@@ -378,8 +378,8 @@ def test_what_a_segment_does_not_use_may_be_anything(field, value):
         ((-4, 2, None), 2, 0),
     ],
 )
-def test_effort_runs_linearly_and_is_0_where_missing(given, time, effort):
-    before, *later = ({} if u is None else {"effort": u} for u in given)
+def test_effort_runs_linearly_and_is_0_where_missing(inputs, time, effort):
+    before, *later = ({} if u is None else {"effort": u} for u in inputs)
     points = [(t, ZERO | fields) for t, fields in zip((1, 2), later, strict=True)]
     trajectory = make_trajectory(*points, **ZERO, **before)
 

@@ -50,8 +50,8 @@ def make_message(
     )
 
 
-def without(*fields: str, **given: Any) -> dict[str, Any]:
-    return {**dict.fromkeys(fields, ()), **given}
+def without(*fields: str, **inputs: Any) -> dict[str, Any]:
+    return {**dict.fromkeys(fields, ()), **inputs}
 
 
 EFFORT = {"effort": (1.0, 2.0, 3.0)}

@@ -53,7 +53,7 @@ def test_between_updates_nothing_is_due():
 
 
 @pytest.mark.parametrize(
-    ("asked", "manager_rate", "distro", "rate"),
+    ("requested", "manager_rate", "distro", "rate"),
     [
         (50, 100, "rolling", 50),
         (30, 100, "humble", 30),
@@ -69,8 +69,10 @@ def test_between_updates_nothing_is_due():
         (200, 100, "rolling", 100),
     ],
 )
-def test_a_rate_becomes_what_the_distro_makes_of_it(asked, manager_rate, distro, rate):
-    assert effective_rate(asked, manager_rate, distro=distro) == rate
+def test_a_rate_becomes_what_the_distro_makes_of_it(
+    requested, manager_rate, distro, rate
+):
+    assert effective_rate(requested, manager_rate, distro=distro) == rate
 
 
 def test_without_a_distro_jazzy_s_rule_holds():

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from arm_drake.control.servo import compute_carried_inertia
+from arm_drake.control.servo import compute_load_inertia
 
 BANDWIDTH = 40.0
 
@@ -35,7 +35,7 @@ def errors(ratio: float, time_step: float, gain: float) -> list[float]:
 def test_a_wheel_in_the_air_reaches_its_speed_without_ringing(
     time_step: float, gain: float
 ) -> None:
-    (added,) = compute_carried_inertia(
+    (added,) = compute_load_inertia(
         np.array([0.01]),
         np.array([1e3]),
         bandwidth=BANDWIDTH,
@@ -52,9 +52,9 @@ def test_a_wheel_in_the_air_reaches_its_speed_without_ringing(
 
 
 def test_a_base_on_the_ground_overshoots_less() -> None:
-    wheels, carried = np.array([1e-4]), np.array([14e-4])
-    (added,) = compute_carried_inertia(
-        wheels, carried, bandwidth=BANDWIDTH, time_step=1e-3, observer_gain=0.2
+    wheels, load_inertia = np.array([1e-4]), np.array([14e-4])
+    (added,) = compute_load_inertia(
+        wheels, load_inertia, bandwidth=BANDWIDTH, time_step=1e-3, observer_gain=0.2
     )
 
     before = -min(errors(15.0, 1e-3, 0.2))
@@ -67,7 +67,7 @@ def test_a_base_on_the_ground_overshoots_less() -> None:
 
 
 def test_no_more_is_added_than_there_is_to_carry() -> None:
-    added = compute_carried_inertia(
+    added = compute_load_inertia(
         np.array([1.0, 1.0, 1.0]),
         np.array([0.0, 0.5, 1e3]),
         bandwidth=BANDWIDTH,

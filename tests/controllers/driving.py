@@ -12,7 +12,7 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterfaceParams,
     TickingController,
 )
-from arm_drake.controllers.cycles import Cycle, Tick
+from arm_drake.controllers.cycles import Cycle, UpdateResult
 
 NAME = "controller"
 
@@ -38,9 +38,10 @@ class Driven:
     """A controller, and what its command interfaces hold."""
 
     def __init__(
-        self, system: TickingController[Any], held: tuple[float, ...] = ()
+        self, system: TickingController[Any], command_values: tuple[float, ...] = ()
     ) -> None:
-        """Take a system; ``held`` is what its command interfaces hold, else NaN."""
+        """Take a system; ``command_values`` is what its command interfaces hold, else
+        NaN."""
         self.system = system
         self.predecessor = system.add_predecessor(
             ControllerInterface(
@@ -52,7 +53,7 @@ class Driven:
         )
         claims = system.command_interfaces
         self._values = system.add_command_values(claims)
-        self.held = np.array(held or [np.nan] * len(claims))
+        self.command_values = np.array(command_values or [np.nan] * len(claims))
         self.simulator = Simulator(system)
         self.context = self.simulator.get_mutable_context()
         self.cycle = -1
@@ -71,7 +72,7 @@ class Driven:
         *,
         activation: int | None = 1,
         references: Any = None,
-    ) -> Tick[Any]:
+    ) -> UpdateResult[Any]:
         """Run one cycle and return what it leaves behind.
 
         Args:
@@ -85,7 +86,7 @@ class Driven:
         active = {} if activation is None else {NAME: activation}
         if references is not None:
             active["other"] = 0
-            tick = Tick(self.cycle, 0, None, np.array(references, dtype=float))
+            tick = UpdateResult(self.cycle, 0, None, np.array(references, dtype=float))
             self.predecessor.FixValue(self.context, tick)
         period_ns = round(1e9 * self.system.params.period)
         self.system.GetInputPort(interfaces.MANAGER_PORT).FixValue(
@@ -98,10 +99,12 @@ class Driven:
                 frozenset([NAME] if references is not None else []),
             ),
         )
-        self._values.FixValue(self.context, self.held)
+        self._values.FixValue(self.context, self.command_values)
         self.simulator.AdvanceTo((self.cycle + 0.5) * self.system.params.period)
         tick = self.context.get_abstract_state(0).get_value()
-        self.held = np.where(np.isnan(tick.command), self.held, tick.command)
+        self.command_values = np.where(
+            np.isnan(tick.command), self.command_values, tick.command
+        )
         return tick
 
     def output(self, name: str) -> Any:

@@ -28,7 +28,7 @@ def send(driven: Driven, topic: str, *values: float, **how: Any) -> dict[str, fl
 def commands(driven: Driven) -> dict[str, float]:
     """Return what the command interfaces hold."""
     names = driven.system.command_interfaces
-    return dict(zip(names, driven.held.tolist(), strict=True))
+    return dict(zip(names, driven.command_values.tolist(), strict=True))
 
 
 def push(

@@ -17,7 +17,7 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterfaceParams,
     TickingController,
 )
-from arm_drake.controllers.cycles import Cycle, Tick
+from arm_drake.controllers.cycles import Cycle, UpdateResult
 from arm_drake.messages import NANOSECONDS, GoalStatus, Message, SendGoal
 from tests.controllers.parameters import load
 
@@ -33,7 +33,7 @@ class Mirrored:
     def __init__(
         self,
         type_: str,
-        given: Mapping[str, Any],
+        parameters: Mapping[str, Any],
         *,
         joints: Sequence[str],
         joint_type: str | Mapping[str, str] = "revolute",
@@ -48,7 +48,7 @@ class Mirrored:
 
         Args:
             type_: Its ros2_control type.
-            given: Its parameters by dotted names, besides those of every example.
+            parameters: Its parameters by dotted names, besides those of every example.
             joints: Joints of the robot.
             joint_type: Their type in the URDF, or that of each.
             velocity_limit: Velocity limit of every joint in the URDF, if there is one.
@@ -58,7 +58,7 @@ class Mirrored:
             commands: What command interfaces hold at first, else NaN.
             separate: Whether states stay as they are.
         """
-        self.parameters = dict(given)
+        self.parameters = dict(parameters)
         self._type, self._distro = type_, distro
         if isinstance(joint_type, str):
             joint_type = dict.fromkeys(joints, joint_type)
@@ -80,7 +80,7 @@ class Mirrored:
         )
         make = CONTROLLER_TYPES[type_].system
         assert make is not None
-        system = make(load(type_, given, distro=distro), params)
+        system = make(load(type_, parameters, distro=distro), params)
         assert isinstance(system, TickingController)
         self.system: TickingController[Any] = system
         claims = system.command_interfaces
@@ -102,7 +102,7 @@ class Mirrored:
 
         # Commands of every cycle, shape (k,), and the news.
         self.rows: list[list[float]] = []
-        self.news: list[Any] = []
+        self.events: list[Any] = []
 
     def tick(
         self,
@@ -110,7 +110,7 @@ class Mirrored:
         active: bool = True,
         period_ns: int | None = None,
         **messages: Message | tuple[Message, ...],
-    ) -> Tick[Any]:
+    ) -> UpdateResult[Any]:
         """Run a cycle and return what it leaves behind.
 
         Args:
@@ -140,7 +140,7 @@ class Mirrored:
             self._fix(port, message)
         self._sent = set(messages) - {interfaces.PARAMETERS_PORT}
         self._simulator.AdvanceTo((self._cycle + 0.5) * self.system.params.period)
-        tick: Tick[Any] = self.context.get_abstract_state(0).get_value()
+        tick: UpdateResult[Any] = self.context.get_abstract_state(0).get_value()
         for name, value in zip(self.commands, tick.command, strict=True):
             if not np.isnan(value):
                 self.commands[name] = value
@@ -150,7 +150,7 @@ class Mirrored:
         self.rows.append(list(self.commands.values()))
         if self.system.HasOutputPort("events"):
             events = self.output("events")
-            self.news += [event for n, event in events if n >= self._num_seen]
+            self.events += [event for n, event in events if n >= self._num_seen]
             self._num_seen = events[-1][0] + 1 if events else self._num_seen
         self.time_ns += self._period_ns
         return tick
@@ -161,7 +161,7 @@ class Mirrored:
             self.tick(**messages)
             messages = {}
 
-    def set_parameters(self, changes: Mapping[str, Any]) -> Tick[Any]:
+    def set_parameters(self, changes: Mapping[str, Any]) -> UpdateResult[Any]:
         """Run a cycle with other parameters from now on."""
         self.parameters |= changes
         changed = load(self._type, self.parameters, distro=self._distro)
@@ -183,7 +183,7 @@ class Mirrored:
         """Return states and error codes of a goal, feedback left out."""
         return [
             (event.status, None if event.result is None else event.result.error_code)
-            for event in self.news
+            for event in self.events
             if getattr(event, "request", None) is goal and event.feedback is None
         ]
 

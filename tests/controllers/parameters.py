@@ -148,14 +148,14 @@ MINIMAL = {**MINIMAL, SCALED_JTC: MINIMAL[JTC], OLD_JSB: MINIMAL[JSB]}
 
 def load(
     type_: str,
-    given: Mapping[str, Any] | None = None,
+    settings: Mapping[str, Any] | None = None,
     *,
     distro: str = "jazzy",
     report: LoadReport | None = None,
     without: tuple[str, ...] = (),
 ) -> Any:
     """Return parameters of a type: the least there is to give, and what is given."""
-    values = {**MINIMAL[type_], **(given or {})}
+    values = {**MINIMAL[type_], **(settings or {})}
     file = Path("c.yaml")
     parameters = {
         name: Parameter(value, file, line)
@@ -168,11 +168,11 @@ def load(
 
 
 def report_of(
-    type_: str, given: Mapping[str, Any], *, distro: str = "jazzy"
+    type_: str, parameters: Mapping[str, Any], *, distro: str = "jazzy"
 ) -> list[str]:
     """Return the lines of the report, without severity, file and name of the node."""
     report = LoadReport()
-    load(type_, given, distro=distro, report=report)
+    load(type_, parameters, distro=distro, report=report)
     return [
         f"{entry.severity}: {entry.where.removeprefix('c.')}: {entry.what}; "
         f"{entry.done}"

@@ -18,7 +18,7 @@ from arm_drake.controllers.admittance_controller import (
 )
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.errors import ParameterError
-from arm_drake.manager.hardware_interfaces import find_surroundings
+from arm_drake.manager.hardware_interfaces import find_hardware_interfaces
 from arm_drake.messages import (
     Header,
     JointTrajectory,
@@ -108,7 +108,9 @@ def arm(wrench: tuple[float, ...]) -> str:
 BENT = dict(zip(SIX, (0.3, -0.4, 1.0, 0.5, 0.9, -0.2), strict=True))
 
 
-def parameters_of(joints: tuple[str, ...], tip: str, **given: Any) -> dict[str, Any]:
+def parameters_of(
+    joints: tuple[str, ...], tip: str, **parameters: Any
+) -> dict[str, Any]:
     """Return parameters by dotted names; without filter and damping of joints."""
     return {
         "joints": list(joints),
@@ -123,41 +125,43 @@ def parameters_of(joints: tuple[str, ...], tip: str, **given: Any) -> dict[str, 
         "admittance.stiffness": [STIFFNESS] * 6,
         "admittance.damping_ratio": [1.0] * 6,
         "admittance.joint_damping": 0.0,
-        **{name.replace("__", "."): value for name, value in given.items()},
+        **{name.replace("__", "."): value for name, value in parameters.items()},
     }
 
 
 def make_parameters(
-    joints: tuple[str, ...] = ("slide",), tip: str = "tool", **given: Any
+    joints: tuple[str, ...] = ("slide",), tip: str = "tool", **parameters: Any
 ) -> AdmittanceControllerParameters:
-    loaded = load(ADMITTANCE, parameters_of(joints, tip, **given))
+    loaded = load(ADMITTANCE, parameters_of(joints, tip, **parameters))
     assert isinstance(loaded, AdmittanceControllerParameters)
     return loaded
 
 
 def make_params(robot: ad.Robot, distro: str = "jazzy") -> ControllerInterfaceParams:
-    there = find_surroundings(robot.description, robot.initial_positions)
+    hardware_interfaces = find_hardware_interfaces(
+        robot.description, robot.initial_positions
+    )
     return ControllerInterfaceParams(
         controller_name=NAME,
         update_rate=100,
         period=0.01,
-        joint_types=there.joint_types,
-        command_interfaces=frozenset(there.command_interfaces),
-        state_interfaces=frozenset(there.state_interfaces),
-        measured=there.measured,
+        joint_types=hardware_interfaces.joint_types,
+        command_interfaces=frozenset(hardware_interfaces.command_interfaces),
+        state_interfaces=frozenset(hardware_interfaces.state_interfaces),
+        measured=hardware_interfaces.measured,
         distro=distro,
-        links=there.links,
-        followed=there.followed,
-        make_kinematics=there.make_kinematics,
+        links=hardware_interfaces.links,
+        followed=hardware_interfaces.followed,
+        make_kinematics=hardware_interfaces.make_kinematics,
     )
 
 
 class Pushed(Driven):
     """The slide's controller, and what is measured of it."""
 
-    def __init__(self, folder: Path, distro: str = "jazzy", **given: Any) -> None:
+    def __init__(self, folder: Path, distro: str = "jazzy", **parameters: Any) -> None:
         params = make_params(models.load(folder, slide()), distro)
-        super().__init__(AdmittanceController(make_parameters(**given), params))
+        super().__init__(AdmittanceController(make_parameters(**parameters), params))
         self.order = params.measured
 
     def feel(
@@ -240,7 +244,7 @@ def test_the_manager_ends_a_controller_that_fails_and_says_why(tmp_path) -> None
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("parameters", "message"),
     [
         pytest.param(
             {"command_joints": ["a", "b"]},
@@ -283,9 +287,9 @@ def test_the_manager_ends_a_controller_that_fails_and_says_why(tmp_path) -> None
         ),
     ],
 )
-def test_parameters_that_upstream_refuses_are_refused(given, message) -> None:
+def test_parameters_that_upstream_refuses_are_refused(parameters, message) -> None:
     with pytest.raises(ParameterError) as caught:
-        make_parameters(**given)
+        make_parameters(**parameters)
 
     assert str(caught.value).endswith(message)
 
@@ -302,7 +306,7 @@ KNOWN = "known: base, tool"
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("parameters", "message"),
     [
         (
             {"kinematics__base": "bas"},
@@ -345,11 +349,13 @@ KNOWN = "known: base, tool"
         ),
     ],
 )
-def test_what_the_robot_does_not_have_is_an_error(tmp_path, given, message) -> None:
+def test_what_the_robot_does_not_have_is_an_error(
+    tmp_path, parameters, message
+) -> None:
     params = make_params(models.load(tmp_path, slide()))
 
     with pytest.raises(ParameterError) as caught:
-        AdmittanceController(make_parameters(**given), params)
+        AdmittanceController(make_parameters(**parameters), params)
 
     assert str(caught.value) == message
 
@@ -394,7 +400,7 @@ def test_a_wrench_of_another_frame_is_rejected(pushed) -> None:  # AD10
     assert pushed.reasons() == [
         "header.frame_id must be 'tool', the sensor's, got 'base'"
     ]
-    assert pushed.held.tolist() == [0.0]
+    assert pushed.command_values.tolist() == [0.0]
 
 
 @pytest.mark.parametrize("frame", ["tool", ""])
@@ -415,7 +421,7 @@ def test_a_wrench_of_nothing_is_rejected(pushed) -> None:
     pushed.run({"wrench_reference": push(np.nan)})
 
     assert pushed.reasons() == ["wrench must be finite"]
-    assert pushed.held.tolist() == [0.0]
+    assert pushed.command_values.tolist() == [0.0]
 
 
 def test_a_sensor_that_can_not_be_read_feels_nothing(pushed) -> None:
@@ -423,7 +429,7 @@ def test_a_sensor_that_can_not_be_read_feels_nothing(pushed) -> None:
 
     pushed.run()
 
-    assert pushed.held.tolist() == [0.0]
+    assert pushed.command_values.tolist() == [0.0]
 
 
 def test_the_first_tick_of_a_push_is_that_of_the_law(tmp_path) -> None:
@@ -436,8 +442,10 @@ def test_the_first_tick_of_a_push_is_that_of_the_law(tmp_path) -> None:
     a, h = -FORCE / MASS, 0.01
     status = pushed.output("status")
     joint, twist = status.joint_state, status.admittance_velocity.twist
-    assert pushed.held == pytest.approx([a * h, a, a * h * h], rel=1e-12)
-    assert (*joint.velocity, *joint.effort, *joint.position) == tuple(pushed.held)
+    assert pushed.command_values == pytest.approx([a * h, a, a * h * h], rel=1e-12)
+    assert (*joint.velocity, *joint.effort, *joint.position) == tuple(
+        pushed.command_values
+    )
     assert twist.linear.z == pytest.approx(a * h, rel=1e-12)
     assert status.admittance_acceleration.twist.linear.z == pytest.approx(a)
 
@@ -540,7 +548,7 @@ def test_references_of_another_size_are_rejected(pushed, message, reason) -> Non
     pushed.run({"joint_references": message})
 
     assert pushed.reasons() == [reason]
-    assert pushed.held.tolist() == [0.0]
+    assert pushed.command_values.tolist() == [0.0]
 
 
 def test_in_a_chain_the_topic_is_rejected(pushed) -> None:
@@ -548,7 +556,7 @@ def test_in_a_chain_the_topic_is_rejected(pushed) -> None:
 
     pushed.run({"joint_references": point(0.9)}, references=[0.25, 0.1])
 
-    assert pushed.held == pytest.approx([0.25])
+    assert pushed.command_values == pytest.approx([0.25])
     assert pushed.reasons() == ["another controller commands the references"]
 
 
@@ -560,7 +568,7 @@ def test_what_nobody_commands_of_a_chain_stays(tmp_path) -> None:
 
     pushed.run(references=[0.25, np.nan])
 
-    assert pushed.held.tolist() == [0.25, 0.1]
+    assert pushed.command_values.tolist() == [0.25, 0.1]
 
 
 def test_references_are_those_that_are_listed(tmp_path) -> None:
@@ -584,7 +592,7 @@ def test_a_deactivation_ends_all_that_was(pushed) -> None:
     pushed.run(activation=2)
 
     assert np.isnan(ended.command).all()
-    assert pushed.held.tolist() == [0.1]
+    assert pushed.command_values.tolist() == [0.1]
     assert pushed.offset() == 0.0
     assert pushed.reasons() == ["the controller is not active"]
 
@@ -618,7 +626,7 @@ def test_parameters_may_have_to_wait_for_an_activation(tmp_path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("offered", "reason"),
+    ("received", "reason"),
     [
         ("heavy", "expected AdmittanceControllerParameters, got 'heavy'"),
         (
@@ -635,8 +643,8 @@ def test_parameters_may_have_to_wait_for_an_activation(tmp_path) -> None:
         ),
     ],
 )
-def test_parameters_that_can_not_change_are_refused(pushed, offered, reason) -> None:
-    pushed.run({"parameters": offered})
+def test_parameters_that_can_not_change_are_refused(pushed, received, reason) -> None:
+    pushed.run({"parameters": received})
 
     assert pushed.reasons() == [reason]
     assert pushed.output("status").mass.data == (MASS,) * 6
@@ -680,7 +688,7 @@ def simulate(
     **options: Any,
 ) -> ad.Simulation:
     """Return a simulation of an AdmittanceController "admittance" and others."""
-    controllers = {name: dict(given) for name, given in controllers.items()}
+    controllers = {name: dict(parameters) for name, parameters in controllers.items()}
     types = {n: {"type": c.pop("type", ADMITTANCE)} for n, c in controllers.items()}
     own = parameters_of(joints, tip, **controllers["admittance"])
     controllers["admittance"] = nested({**MINIMAL[ADMITTANCE], **own})
@@ -771,8 +779,8 @@ def test_an_arm_that_is_pushed_moves_as_mass_damper_and_spring(tmp_path) -> None
 
 
 def test_the_weight_of_the_tool_itself_can_be_taken_away(tmp_path) -> None:
-    given = {"gravity_compensation__CoG__force": FORCE}
-    simulation = simulate(tmp_path, slide(), {"admittance": given})
+    parameters = {"gravity_compensation__CoG__force": FORCE}
+    simulation = simulate(tmp_path, slide(), {"admittance": parameters})
 
     simulation.advance_to(1.0)
 
@@ -782,14 +790,14 @@ def test_the_weight_of_the_tool_itself_can_be_taken_away(tmp_path) -> None:
 def test_an_arm_rests_where_its_springs_bear_the_wrench(tmp_path) -> None:
     wrench = (10.0, -5.0, 3.0, 0.5, 1.0, -0.8)
     stiffness = [200.0, 400.0, 300.0, 20.0, 30.0, 40.0]
-    given = {
+    parameters = {
         "admittance__mass": [5.0] * 3 + [0.5] * 3,
         "admittance__stiffness": stiffness,
     }
     simulation = simulate(
         tmp_path,
         arm(wrench),
-        {"admittance": given},
+        {"admittance": parameters},
         joints=SIX,
         tip="flange",
         preset="kinematic",
@@ -810,7 +818,7 @@ def test_an_arm_rests_where_its_springs_bear_the_wrench(tmp_path) -> None:
 
 
 def test_an_arm_in_the_physics_gives_way_to_a_push(tmp_path) -> None:
-    given = {
+    parameters = {
         "admittance__mass": [20.0] * 3 + [2.0] * 3,
         "admittance__stiffness": [STIFFNESS] * 3 + [50.0] * 3,
         "admittance__joint_damping": 5.0,
@@ -820,7 +828,7 @@ def test_an_arm_in_the_physics_gives_way_to_a_push(tmp_path) -> None:
     simulation = simulate(
         tmp_path,
         arm((0.0,) * 6),
-        {"admittance": given},
+        {"admittance": parameters},
         joints=SIX,
         tip="flange",
         initial_positions=BENT,

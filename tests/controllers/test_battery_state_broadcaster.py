@@ -59,9 +59,9 @@ TWO: Mapping[str, Any] = {
 }
 
 
-def drive(given: Mapping[str, Any], measured: Mapping[str, float]) -> Driven:
+def drive(values: Mapping[str, Any], measured: Mapping[str, float]) -> Driven:
     """Return a broadcaster of hardware that measures these values."""
-    parameters = load(BATTERY, given)
+    parameters = load(BATTERY, values)
     names = ("other", *measured)
     params = dc.replace(
         make_params(()), measured=names, state_interfaces=frozenset(names)
@@ -72,21 +72,21 @@ def drive(given: Mapping[str, Any], measured: Mapping[str, float]) -> Driven:
 
 
 def publish(
-    given: Mapping[str, Any], measured: Mapping[str, float]
+    parameters: Mapping[str, Any], measured: Mapping[str, float]
 ) -> tuple[BatteryState, tuple[BatteryState, ...]]:
     """Return what the first tick publishes: all in one, and one by one."""
-    driven = drive(given, measured)
+    driven = drive(parameters, measured)
     driven.run()
     raw: BatteryStateArray = driven.output("raw_battery_states")
     return driven.output("battery_state"), raw.battery_states
 
 
-def one(measured: Mapping[str, float], **given: Any) -> tuple[BatteryState, ...]:
+def one(measured: Mapping[str, float], **parameters: Any) -> tuple[BatteryState, ...]:
     """Return what a battery "a" publishes of its quantities: in one, and alone."""
     switches = {
         f"interfaces.a.battery_{name}": True for name in measured if name != "voltage"
     }
-    known = {f"a.{name}": value for name, value in given.items()}
+    known = {f"a.{name}": value for name, value in parameters.items()}
     combined, (raw,) = publish(
         {"batteries": ["a"], **switches, **known},
         {f"a/battery_{name}": value for name, value in measured.items()},
@@ -191,9 +191,9 @@ def test_a_voltage_that_is_nan_makes_its_means_nan() -> None:
 
 
 def test_the_percentage_is_the_mean_of_those_that_have_one() -> None:  # B23a
-    given = {key: value for key, value in TWO.items() if "_voltage" not in key}
+    parameters = {key: value for key, value in TWO.items() if "_voltage" not in key}
 
-    combined, (first, _) = publish(given, MEASURED)
+    combined, (first, _) = publish(parameters, MEASURED)
 
     assert math.isnan(first.percentage)
     assert combined.percentage == 66.0
@@ -257,12 +257,12 @@ def test_technologies_that_differ_are_unknown(second: int, technology: int) -> N
 
 
 def test_the_older_sensor_is_one_battery() -> None:  # B23b
-    given = {
+    parameters = {
         "sensor_name": "battery_state",
         "design_capacity": 100.0,
         "power_supply_technology": 2,
     }
-    driven = drive(given, {"battery_state/voltage": 12.5})
+    driven = drive(parameters, {"battery_state/voltage": 12.5})
 
     assert driven.run().is_ok
 
@@ -329,7 +329,7 @@ controller_manager:
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("parameters", "message"),
     [
         (
             {"batteries": ["a"], "sensor_name": "s"},
@@ -349,10 +349,10 @@ controller_manager:
     ],
 )
 def test_parameters_that_contradict_each_other_are_refused(
-    given: dict[str, Any], message: str
+    parameters: dict[str, Any], message: str
 ) -> None:
     with pytest.raises(ParameterError) as error:
-        load(BATTERY, given)
+        load(BATTERY, parameters)
 
     assert str(error.value) == f"c.yaml: c: {message}"
 

@@ -17,7 +17,7 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterfaceParams,
     TickingController,
 )
-from arm_drake.controllers.cycles import Now
+from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import ParameterError
 from arm_drake.messages import Float64MultiArray
@@ -145,7 +145,7 @@ def test_a_filter_that_can_not_be_made_is_told() -> None:
     )
 
 
-def given(chain: str) -> dict[str, Any]:
+def filter_parameters(chain: str) -> dict[str, Any]:
     return {f"{chain}.{name}": value for name, value in mean(2).items()}
 
 
@@ -157,11 +157,11 @@ OWN = f"{INPUTS[1]}.filter_chain"
 @pytest.mark.parametrize(
     ("parameters", "taken", "lines"),
     [
-        ({**TWO, **given("filter_chain")}, "filter_chain", []),
-        ({**TWO, **given(OWN)}, OWN, []),
-        ({**ONE, **given("filter_chain")}, "filter_chain", []),
+        ({**TWO, **filter_parameters("filter_chain")}, "filter_chain", []),
+        ({**TWO, **filter_parameters(OWN)}, OWN, []),
+        ({**ONE, **filter_parameters("filter_chain")}, "filter_chain", []),
         (
-            {**TWO, **given("filter_chain"), **given(OWN)},
+            {**TWO, **filter_parameters("filter_chain"), **filter_parameters(OWN)},
             "filter_chain",
             [
                 f"{OWN}.filter1.name: filter_chain holds for all inputs; {OWN} has no "
@@ -169,7 +169,7 @@ OWN = f"{INPUTS[1]}.filter_chain"
             ],
         ),
         (
-            {**TWO, "filter_chain.filter1.type": "x", **given(OWN)},
+            {**TWO, "filter_chain.filter1.type": "x", **filter_parameters(OWN)},
             OWN,
             [
                 "filter_chain.filter1.type: without filter1.name it holds for no "
@@ -177,7 +177,7 @@ OWN = f"{INPUTS[1]}.filter_chain"
             ],
         ),
         (
-            {**ONE, **given(OWN)},
+            {**ONE, **filter_parameters(OWN)},
             "filter_chain",
             [
                 f"{OWN}.filter1.name: a single input has no filters but filter_chain; "
@@ -193,8 +193,8 @@ def test_filters_without_effect_are_reported(
 
     loaded = load(FILTER, parameters, report=report)
 
-    told = [f"{e.where.removeprefix('c.')}: {e.what}; {e.done}" for e in report]
-    assert told == lines
+    published = [f"{e.where.removeprefix('c.')}: {e.what}; {e.done}" for e in report]
+    assert published == lines
     chain, where = loaded.chain_of(INPUTS[1])
     assert where == taken
     if f"{taken}.filter1.name" in parameters:
@@ -205,7 +205,7 @@ def test_what_belongs_to_no_filter_is_reported() -> None:
     report = LoadReport()
     own = {f"{OWN}.filter1.params.number": 4, f"{INPUTS[0]}.filter_chain.filter0": 1}
 
-    load(FILTER, {**TWO, **given(OWN), **own}, report=report)
+    load(FILTER, {**TWO, **filter_parameters(OWN), **own}, report=report)
 
     assert [(e.where, e.what.partition(";")[0], e.done) for e in report] == [
         (
@@ -236,7 +236,9 @@ class Watcher(TickingController[tuple[float, ...]]):
         super().__init__(params, (), state_interfaces=("filter/swing/mean",))
         self._declare_topic("values", lambda values: values)
 
-    def _update(self, now: Now, state: tuple[float, ...]) -> tuple[float, ...]:
+    def _update(
+        self, now: UpdateContext, state: tuple[float, ...]
+    ) -> tuple[float, ...]:
         return (*state, *self._read(now.context).tolist())
 
 

@@ -343,11 +343,11 @@ def test_every_type_has_its_defaults_here() -> None:
 
 @pytest.mark.parametrize("type_", DEFAULTS)
 def test_what_isnt_given_is_as_upstream(type_: str) -> None:
-    given = {
+    parameters = {
         name: tuple(value) if isinstance(value, list) else value
         for name, value in MINIMAL[type_].items()
     }
-    expected = {**DEFAULTS[type_], **given}
+    expected = {**DEFAULTS[type_], **parameters}
 
     loaded = dict(flat(load(type_)))
 
@@ -365,7 +365,7 @@ def test_a_default_has_the_type_that_a_yaml_gives(type_: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("type_", "given"),
+    ("type_", "parameters"),
     [
         (GPIO, {"command_interfaces.a.interfaces": ["out_1", "out_2"]}),
         (FILTER, {"a/position.filter_chain": {"filter1.type": "x"}}),
@@ -379,13 +379,13 @@ def test_a_default_has_the_type_that_a_yaml_gives(type_: str) -> None:
         (WRENCH, {"multiplier.torque.z": -1.0}),
     ],
 )
-def test_a_nested_parameter_is_taken(type_: str, given: dict[str, Any]) -> None:
+def test_a_nested_parameter_is_taken(type_: str, parameters: dict[str, Any]) -> None:
     written: dict[str, Any] = {"batteries": ["a"]} if type_ == BATTERY else {}
-    for name, value in given.items():
+    for name, value in parameters.items():
         below = value if isinstance(value, dict) else {}
         written |= nested(name, below) if below else {name: value}
 
     loaded = dict(flat(load(type_, written)))
 
-    for name, value in given.items():
+    for name, value in parameters.items():
         assert loaded[name] == (tuple(value) if isinstance(value, list) else value)

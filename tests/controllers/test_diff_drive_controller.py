@@ -32,11 +32,11 @@ TOLERANCE = {"rel": 0.0, "abs": 1e-8}
 
 
 def drive(
-    *, distro: str = "rolling", namespace: str = "", rate: int = 100, **given: Any
+    *, distro: str = "rolling", namespace: str = "", rate: int = 100, **parameters: Any
 ) -> Driven:
     params = make_params(WHEELS, distro=distro, rate=rate)
     params = dc.replace(params, namespace=namespace)
-    return Driven(DiffDriveController(dc.replace(GIVEN, **given), params))
+    return Driven(DiffDriveController(dc.replace(GIVEN, **parameters), params))
 
 
 def twist(v: float, w: float = 0.0, *, stamp: float = 0.0) -> TwistStamped:
@@ -99,12 +99,12 @@ def test_accelerations_take_their_time(start: int, goal: int, ticks: int) -> Non
     linear = DiffDriveLinear(limits)
     driven = drive(rate=1000, wheel_radius=0.1, linear=linear, cmd_vel_timeout=0.0)
     driven.run({"cmd_vel": twist(start)})
-    while abs(driven.held[0] - start / 0.1) > 1e-9:
+    while abs(driven.command_values[0] - start / 0.1) > 1e-9:
         driven.run()
 
     driven.run({"cmd_vel": twist(goal)})
     taken = 1
-    while abs(driven.held[0] - goal / 0.1) > 1e-9:
+    while abs(driven.command_values[0] - goal / 0.1) > 1e-9:
         driven.run()
         taken += 1
 
@@ -119,7 +119,7 @@ def test_wheels_of_a_velocity(v: float, w: float, wheels: tuple[float, float]) -
 
     driven.run({"cmd_vel": twist(v, w)})
 
-    np.testing.assert_allclose(driven.held, wheels, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(driven.command_values, wheels, rtol=0, atol=1e-12)
 
 
 def test_no_new_command_brakes() -> None:
@@ -127,11 +127,11 @@ def test_no_new_command_brakes() -> None:
     driven.run({"cmd_vel": twist(1.0)})
     for _ in range(10):
         driven.run()
-    np.testing.assert_array_equal(driven.held, (1.0, 1.0))
+    np.testing.assert_array_equal(driven.command_values, (1.0, 1.0))
 
     driven.run()
 
-    np.testing.assert_array_equal(driven.held, (0.0, 0.0))
+    np.testing.assert_array_equal(driven.command_values, (0.0, 0.0))
 
 
 def test_without_timeout_a_command_lasts() -> None:
@@ -141,7 +141,7 @@ def test_without_timeout_a_command_lasts() -> None:
     for _ in range(1000):
         driven.run()
 
-    np.testing.assert_array_equal(driven.held, (1.0, 1.0))
+    np.testing.assert_array_equal(driven.command_values, (1.0, 1.0))
 
 
 def test_old_command_is_told_and_not_taken() -> None:
@@ -151,7 +151,7 @@ def test_old_command_is_told_and_not_taken() -> None:
 
     driven.run({"cmd_vel": twist(1.0, stamp=0.05)})
 
-    np.testing.assert_array_equal(driven.held, (0.0, 0.0))
+    np.testing.assert_array_equal(driven.command_values, (0.0, 0.0))
     assert driven.reasons() == ["it is 0.25 s old; cmd_vel_timeout is less"]
 
 
@@ -162,7 +162,7 @@ def test_command_that_is_not_finite_leaves_the_last(v: float, w: float) -> None:
 
     driven.run({"cmd_vel": twist(v, w)})
 
-    np.testing.assert_array_equal(driven.held, (1.0, 1.0))
+    np.testing.assert_array_equal(driven.command_values, (1.0, 1.0))
     assert "must be finite" in driven.reasons()[0]
 
 
@@ -172,11 +172,11 @@ def test_deactivation_stops_the_wheels() -> None:
 
     driven.run(activation=None)
 
-    np.testing.assert_array_equal(driven.held, (0.0, 0.0))
+    np.testing.assert_array_equal(driven.command_values, (0.0, 0.0))
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("parameters", "message"),
     [
         ({"right_wheel_names": ("a", "b")}, "as many as left_wheel_names"),
         ({"left_wheel_names": ()}, "left_wheel_names"),
@@ -184,18 +184,20 @@ def test_deactivation_stops_the_wheels() -> None:
         ({"wheel_radius": 0.0}, "wheel_radius"),
     ],
 )
-def test_wheels_that_make_no_base(given: dict[str, Any], message: str) -> None:
+def test_wheels_that_make_no_base(parameters: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        dc.replace(GIVEN, **given)
+        dc.replace(GIVEN, **parameters)
 
 
 def test_open_loop_reads_nothing() -> None:
     assert drive(open_loop=True).system.state_interfaces == ()
 
 
-@pytest.mark.parametrize(("given", "what"), [(True, "position"), (False, "velocity")])
-def test_feedback(given: bool, what: str) -> None:
-    driven = drive(position_feedback=given)
+@pytest.mark.parametrize(
+    ("parameters", "what"), [(True, "position"), (False, "velocity")]
+)
+def test_feedback(parameters: bool, what: str) -> None:
+    driven = drive(position_feedback=parameters)
 
     assert driven.system.state_interfaces == (f"left/{what}", f"right/{what}")
 
@@ -224,7 +226,7 @@ def test_open_loop_integrates_the_limited_velocity() -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "namespace", "odom"),
+    ("parameters", "namespace", "odom"),
     [
         ({"tf_frame_prefix": "test_prefix"}, "", "test_prefix/odom"),
         ({"tf_frame_prefix": "~"}, "/test_namespace", "test_namespace/odom"),
@@ -232,8 +234,8 @@ def test_open_loop_integrates_the_limited_velocity() -> None:
         ({}, "", "odom"),
     ],
 )
-def test_frames(given: dict[str, Any], namespace: str, odom: str) -> None:
-    driven = drive(namespace=namespace, **given)
+def test_frames(parameters: dict[str, Any], namespace: str, odom: str) -> None:
+    driven = drive(namespace=namespace, **parameters)
 
     driven.run({"cmd_vel": twist(1.0)})
 
@@ -249,7 +251,7 @@ def test_references_of_another_controller() -> None:
 
     driven.run({"cmd_vel": twist(1.0)}, references=(3.0, 0.0))
 
-    np.testing.assert_array_equal(driven.held, (3.0, 3.0))
+    np.testing.assert_array_equal(driven.command_values, (3.0, 3.0))
     assert driven.reasons() == ["another controller commands the references"]
 
 
@@ -258,7 +260,7 @@ def test_twist_without_stamp() -> None:
 
     driven.run({"cmd_vel_unstamped": Twist(linear={"x": 1.0})})
 
-    np.testing.assert_array_equal(driven.held, (1.0, 1.0))
+    np.testing.assert_array_equal(driven.command_values, (1.0, 1.0))
 
 
 @pytest.mark.parametrize(("distro", "start"), [("humble", 0.0), ("jazzy", math.nan)])
@@ -267,7 +269,7 @@ def test_start_without_command(distro: str, start: float) -> None:
 
     driven.run()
 
-    np.testing.assert_array_equal(driven.held, (start, start))
+    np.testing.assert_array_equal(driven.command_values, (start, start))
 
 
 def test_feedback_that_is_not_a_number_is_an_error() -> None:
@@ -288,5 +290,5 @@ def test_parameters_while_it_runs() -> None:
     driven.run({"parameters": changed})
     driven.run({"parameters": dc.replace(GIVEN, open_loop=True)})
 
-    np.testing.assert_array_equal(driven.held, (2.0, 1.0))
+    np.testing.assert_array_equal(driven.command_values, (2.0, 1.0))
     assert driven.reasons() == ["open_loop can't change while the controller runs"]

@@ -72,13 +72,13 @@ def row(name: str) -> Callable[[Check], Check]:
     return register
 
 
-def value(type_: str, name: str, given: dict[str, Any], distro: str) -> Any:
-    return dict(flat(load(type_, given, distro=distro)))[name]
+def value(type_: str, name: str, parameters: dict[str, Any], distro: str) -> Any:
+    return dict(flat(load(type_, parameters, distro=distro)))[name]
 
 
-def limits(given: dict[str, Any], distro: str) -> dict[str, float]:
+def limits(parameters: dict[str, Any], distro: str) -> dict[str, float]:
     """Return those of the diff drive's limits forwards that are on."""
-    named = {f"linear.x.{name}": number for name, number in given.items()}
+    named = {f"linear.x.{name}": number for name, number in parameters.items()}
     loaded = flat(load(DIFF_DRIVE, named, distro=distro))
     return {
         name.removeprefix("linear.x."): number
@@ -107,9 +107,9 @@ def check_open_loop_control(distro: str) -> None:
 # Only humble's open loop switches the PID of velocity commands off.
 @row("F2")
 def check_open_loop_without_pid(distro: str) -> None:
-    given = {"open_loop_control": True}
+    parameters = {"open_loop_control": True}
 
-    is_open_loop = value(JTC, "open_loop_control", given, distro)
+    is_open_loop = value(JTC, "open_loop_control", parameters, distro)
 
     assert is_open_loop is (distro == "humble")
 
@@ -126,12 +126,12 @@ def check_velocity_at_the_end(distro: str) -> None:
 # Accepted, and ignored after humble.
 @row("F4")
 def check_state_publish_rate(distro: str) -> None:
-    given = {"state_publish_rate": 100.0}
+    parameters = {"state_publish_rate": 100.0}
 
-    rate = value(JTC, "state_publish_rate", given, distro)
+    rate = value(JTC, "state_publish_rate", parameters, distro)
 
     assert rate == (100.0 if distro == "humble" else 50.0)
-    assert report_of(JTC, given, distro=distro) == (
+    assert report_of(JTC, parameters, distro=distro) == (
         []
         if distro == "humble"
         else [
@@ -194,9 +194,9 @@ def check_antiwindup(distro: str) -> None:
     assert len(report_of(PID, {stored: True}, distro=distro)) == is_new
 
     # Humble doesn't know strategies, and later ones don't know this one.
-    given = {strategy: "conditional_integration"}
+    parameters = {strategy: "conditional_integration"}
     taken = "legacy" if distro == "humble" else "conditional_integration"
-    assert value(PID, strategy, given, distro) == taken
+    assert value(PID, strategy, parameters, distro) == taken
     assert value(PID, strategy, {strategy: "legacy"}, distro) == "legacy"
     assert len(report_of(PID, {strategy: "legacy"}, distro=distro)) == is_new
 
@@ -205,11 +205,11 @@ def check_antiwindup(distro: str) -> None:
 @row("F9")
 def check_output_limits(distro: str) -> None:
     name = "gains.a.u_clamp_max"
-    given = {name: 2.0}
+    parameters = {name: 2.0}
 
-    limit = value(PID, name, given, distro)
+    limit = value(PID, name, parameters, distro)
     assert limit == (math.inf if distro == "humble" else 2.0)
-    unlimited = {**given, "gains.a.saturation": False}
+    unlimited = {**parameters, "gains.a.saturation": False}
     assert value(PID, name, unlimited, distro) == math.inf
     assert len(report_of(PID, unlimited, distro=distro)) == 1
 
@@ -217,14 +217,14 @@ def check_output_limits(distro: str) -> None:
 # Humble commands efforts alone only.
 @row("F12")
 def check_position_and_effort(distro: str) -> None:
-    given = {"command_interfaces": ["position", "effort"]}
+    parameters = {"command_interfaces": ["position", "effort"]}
 
     if distro != "humble":
-        loaded = load(JTC, given, distro=distro)
+        loaded = load(JTC, parameters, distro=distro)
         assert loaded.command_interfaces == ("position", "effort")
         return
     with pytest.raises(ParameterError) as caught:
-        load(JTC, given, distro=distro)
+        load(JTC, parameters, distro=distro)
     assert str(caught.value) == (
         "c.yaml:2: c.command_interfaces: humble takes 'effort' alone only, "
         "got ['position', 'effort']"
@@ -274,17 +274,17 @@ def check_positions_upsampling(distro: str) -> None:
 # Not in humble.
 @row("F16")
 def check_decelerate_on_cancel(distro: str) -> None:
-    given = {
+    parameters = {
         "constraints.decelerate_on_cancel": True,
         "constraints.a.max_deceleration_on_cancel": 2.0,
     }
 
-    loaded = dict(flat(load(JTC, given, distro=distro)))
+    loaded = dict(flat(load(JTC, parameters, distro=distro)))
 
     is_known = distro != "humble"
     assert loaded["constraints.decelerate_on_cancel"] is is_known
     assert loaded["constraints.a.max_deceleration_on_cancel"] == 2.0 * is_known
-    assert len(report_of(JTC, given, distro=distro)) == (0 if is_known else 2)
+    assert len(report_of(JTC, parameters, distro=distro)) == (0 if is_known else 2)
 
 
 # Humble only warns, but such a controller moves nothing: it doesn't run here either.
@@ -299,14 +299,14 @@ def check_no_joints(distro: str) -> None:
 # Humble asks for as many as joints.
 @row("F18")
 def check_command_joints(distro: str) -> None:
-    given = {"command_joints": ["b"]}
+    parameters = {"command_joints": ["b"]}
 
     assert load(JTC, {"command_joints": ["x", "y"]}, distro=distro)
     if distro != "humble":
-        assert load(JTC, given, distro=distro).command_joints == ("b",)
+        assert load(JTC, parameters, distro=distro).command_joints == ("b",)
         return
     with pytest.raises(ParameterError) as caught:
-        load(JTC, given, distro=distro)
+        load(JTC, parameters, distro=distro)
     assert str(caught.value) == (
         "c.yaml:4: c.command_joints: humble takes as many as joints only, got ['b']"
     )
@@ -336,10 +336,10 @@ def check_stamped_diff_drive(distro: str) -> None:
 # has_*_limits switch limits on in humble, must fit in jazzy, and are ignored later.
 @row("F20")
 def check_has_limits(distro: str) -> None:
-    given = {"max_velocity": 1.0, "max_jerk": 3.0, "min_jerk": -3.0}
+    parameters = {"max_velocity": 1.0, "max_jerk": 3.0, "min_jerk": -3.0}
 
     for kind in ("velocity", "jerk"):
-        on = {name: number for name, number in given.items() if kind in name}
+        on = {name: number for name, number in parameters.items() if kind in name}
         assert limits(on, distro) == ({} if distro == "humble" else on)
         # Up to kilted the older switch is known.
         switched = limits({**on, f"has_{kind}_limits": False}, distro)
@@ -382,22 +382,22 @@ def check_deceleration(distro: str) -> None:
 # Gone in rolling.
 @row("F22")
 def check_publish_rate(distro: str) -> None:
-    given = {"publish_rate": 20.0}
+    parameters = {"publish_rate": 20.0}
     is_known = distro != "rolling"
 
-    rate = value(DIFF_DRIVE, "publish_rate", given, distro)
+    rate = value(DIFF_DRIVE, "publish_rate", parameters, distro)
     assert rate == (20.0 if is_known else 50.0)
-    assert len(report_of(DIFF_DRIVE, given, distro=distro)) == (not is_known)
+    assert len(report_of(DIFF_DRIVE, parameters, distro=distro)) == (not is_known)
 
 
 # Of humble alone.
 @row("F23")
 def check_wheels_per_side(distro: str) -> None:
-    given = {"wheels_per_side": 2}
+    parameters = {"wheels_per_side": 2}
     is_known = distro == "humble"
 
-    assert value(DIFF_DRIVE, "wheels_per_side", given, distro) == 2 * is_known
-    assert len(report_of(DIFF_DRIVE, given, distro=distro)) == (not is_known)
+    assert value(DIFF_DRIVE, "wheels_per_side", parameters, distro) == 2 * is_known
+    assert len(report_of(DIFF_DRIVE, parameters, distro=distro)) == (not is_known)
 
 
 OF_FRONT_AND_REAR: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, Any]]] = {
@@ -451,14 +451,14 @@ def check_steering_names(distro: str) -> None:
                 [f"{use}{k}" for k in range(count)]
                 for use, count in zip(("driven", "steered"), counts, strict=True)
             ]
-            given = {
+            parameters = {
                 **measures,
                 **{f"{e}_wheels_names": n for e, n in zip(ends, names, strict=True)},
                 f"{ends[0]}_wheels_state_names": names[0],
                 "front_steering": steers_front,
             }
 
-            loaded = dict(flat(load(type_, given, distro=distro, without=NEWER)))
+            loaded = dict(flat(load(type_, parameters, distro=distro, without=NEWER)))
 
             assert loaded["traction_joints_names"] == tuple(names[0])
             assert loaded["traction_joints_state_names"] == tuple(names[0])
@@ -466,8 +466,8 @@ def check_steering_names(distro: str) -> None:
             assert expected.items() <= loaded.items()
             # The front steers where nothing is said.
             if steers_front:
-                del given["front_steering"]
-                same = load(type_, given, distro=distro, without=NEWER)
+                del parameters["front_steering"]
+                same = load(type_, parameters, distro=distro, without=NEWER)
                 assert dict(flat(same)) == loaded
     check_stamped(ACKERMANN, distro)
 
@@ -547,20 +547,20 @@ def check_frame_id(distro: str) -> None:
 # Humble has a sensor or interfaces only.
 @row("F41")
 def check_wrench(distro: str) -> None:
-    given = {
+    parameters = {
         "offset.force.x": 1.5,
         "multiplier.torque.z": 2.0,
         "sensor_filter_chain.filter1.name": "low_pass",
     }
 
-    loaded = dict(flat(load(WRENCH, given, distro=distro)))
+    loaded = dict(flat(load(WRENCH, parameters, distro=distro)))
 
     is_known = distro != "humble"
     assert loaded["offset.force.x"] == 1.5 * is_known
     assert loaded["multiplier.torque.z"] == (2.0 if is_known else 1.0)
     chain = {"filter1.name": "low_pass"} if is_known else {}
     assert loaded["sensor_filter_chain"] == chain
-    assert len(report_of(WRENCH, given, distro=distro)) == (0 if is_known else 3)
+    assert len(report_of(WRENCH, parameters, distro=distro)) == (0 if is_known else 3)
 
 
 @row("F42")

@@ -62,10 +62,10 @@ def follow(distro: str, **fields: Any) -> Mirrored:
         if name in fields
     }
     joints = how.pop("joints", ("a",))
-    given = {name.replace("__", "."): value for name, value in fields.items()}
-    rate = given.pop("rate", 100)
-    given = {"joints": list(joints), **given}
-    return Mirrored(JTC, given, joints=joints, distro=distro, rate=rate, **how)
+    parameters = {name.replace("__", "."): value for name, value in fields.items()}
+    rate = parameters.pop("rate", 100)
+    parameters = {"joints": list(joints), **parameters}
+    return Mirrored(JTC, parameters, joints=joints, distro=distro, rate=rate, **how)
 
 
 def trajectory(
@@ -90,8 +90,8 @@ def outputs_of_pid(
     distro: str, errors: list[float], *, rate: int = 1, **gains: Any
 ) -> list[float]:
     """Return what a PidController makes of errors, one after the other."""
-    given = {"dof_names": ["a"], **{f"gains.a.{n}": v for n, v in gains.items()}}
-    loop = Mirrored(PID, given, joints=["a"], distro=distro, rate=rate)
+    parameters = {"dof_names": ["a"], **{f"gains.a.{n}": v for n, v in gains.items()}}
+    loop = Mirrored(PID, parameters, joints=["a"], distro=distro, rate=rate)
     for error in errors:
         loop.tick(reference=MultiDOFCommand(values=[error]))
     return [value for (value,) in loop.rows]
@@ -269,7 +269,7 @@ def check_a_preempted_goal(distro: str, folder: Path) -> None:
     loop.run(0.1, follow_joint_trajectory=old)
     loop.tick(follow_joint_trajectory=new)
 
-    of_old = [e for e in loop.news if isinstance(e, GoalEvent) and e.request is old]
+    of_old = [e for e in loop.events if isinstance(e, GoalEvent) and e.request is old]
     assert (of_old[-1].status, of_old[-1].result.error_string) == (
         (
             GoalStatus.CANCELED,
@@ -321,10 +321,10 @@ def check_efforts(distro: str, folder: Path) -> None:
     )
 
     alone.run(0.11, joint_trajectory=trajectory((1.0, 1.0)))
-    carried = 0.0 if distro == "humble" else 4.0 * (1.0 - 0.11)
-    assert alone.rows[-1] == pytest.approx([0.7 + carried], abs=1e-9)
+    load_inertia = 0.0 if distro == "humble" else 4.0 * (1.0 - 0.11)
+    assert alone.rows[-1] == pytest.approx([0.7 + load_inertia], abs=1e-9)
     alone.tick(joint_trajectory=trajectory((1.0, 1.0), effort=0.3))
-    assert len(alone.news) == (distro == "humble")
+    assert len(alone.events) == (distro == "humble")
 
     if distro == "humble":
         with pytest.raises(ad.ArmDrakeError, match="humble takes 'effort' alone only"):
@@ -351,14 +351,14 @@ def check_speed_scaling(distro: str, folder: Path) -> None:
 @row("F14")
 def check_trajectory_replacement(distro: str, folder: Path) -> None:
     both, name = ("a", "b"), "allow_trajectory_replacement"
-    for given in ({}, {name: True}, {name: False}):
-        loop = follow(distro, joints=both, allow_partial_joints_goal=True, **given)
+    for parameters in ({}, {name: True}, {name: False}):
+        loop = follow(distro, joints=both, allow_partial_joints_goal=True, **parameters)
 
         loop.run(0.5, joint_trajectory=trajectory((1.0, 1.0), (2.0, 2.0), joints=both))
         loop.run(0.51, joint_trajectory=trajectory((1.0, 5.0)))
 
         # The blend starts a period back, from the last tick's reference of 0.49.
-        blends = distro == "rolling" and given != {name: False}
+        blends = distro == "rolling" and parameters != {name: False}
         assert loop.rows[-1][1] == pytest.approx(1.0 if blends else 0.5, abs=1e-9)
 
 
@@ -375,7 +375,7 @@ def check_positions_upsampling(distro: str, folder: Path) -> None:
 
     loop.run(0.05, joint_trajectory=trajectory(*points))
 
-    rejected = [event for event in loop.news if isinstance(event, TopicRejected)]
+    rejected = [event for event in loop.events if isinstance(event, TopicRejected)]
     if distro != "rolling":
         assert len(rejected) == 1
         return
@@ -407,11 +407,11 @@ def check_decelerate_on_cancel(distro: str, folder: Path) -> None:
 # Q5 and Q6.
 @row("F26")
 def check_feedforward(distro: str, folder: Path) -> None:
-    for given in ({}, {"enable_feedforward": True}, {"enable_feedforward": False}):
+    for parameters in ({}, {"enable_feedforward": True}, {"enable_feedforward": False}):
         gains = {"gains.a.p": 0.5, "gains.a.feedforward_gain": 1.0}
         loop = Mirrored(
             PID,
-            {"dof_names": ["a"], **gains, **given},
+            {"dof_names": ["a"], **gains, **parameters},
             joints=["a"],
             distro=distro,
             states={"a/position": 1.1},
@@ -419,7 +419,7 @@ def check_feedforward(distro: str, folder: Path) -> None:
 
         loop.tick(reference=MultiDOFCommand(values=[5.0]))
 
-        is_on = given.get("enable_feedforward", False) or distro in NEW
+        is_on = parameters.get("enable_feedforward", False) or distro in NEW
         assert loop.rows[-1] == pytest.approx([6.95 if is_on else 1.95])
 
 
@@ -490,9 +490,13 @@ arm:
 # From 0 at 10 rad/s at most, to 3 rad at most: by 0.1 rad in a cycle.
 @row("F31")
 def check_enforced_limits(distro: str, folder: Path) -> None:
-    for asked in (None, True, False):
-        given = "" if asked is None else f"enforce_command_limits: {str(asked).lower()}"
-        simulation = simulate(folder, distro, group(given), active=("group",))
+    for requested in (None, True, False):
+        parameters = (
+            ""
+            if requested is None
+            else f"enforce_command_limits: {str(requested).lower()}"
+        )
+        simulation = simulate(folder, distro, group(parameters), active=("group",))
         simulation.advance_to(0.005)
 
         simulation.controller("group").command([5.0])
@@ -502,7 +506,9 @@ def check_enforced_limits(distro: str, folder: Path) -> None:
         last = simulation.eval_output("joint_states")[0]
 
         default = distro in NEW
-        is_limited = (default if asked is None else asked) and distro != "humble"
+        is_limited = (
+            default if requested is None else requested
+        ) and distro != "humble"
         assert (first, last) == pytest.approx((0.1, 3.0) if is_limited else (5.0, 5.0))
 
 

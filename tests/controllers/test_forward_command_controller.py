@@ -97,7 +97,7 @@ def test_a_message_goes_to_the_joints_in_their_order(interface: str) -> None:  #
 
     assert send(driven, [10, 20, 30])
 
-    assert driven.held.tolist() == [10.0, 20.0, 30.0]
+    assert driven.command_values.tolist() == [10.0, 20.0, 30.0]
     assert driven.system.command_interfaces == tuple(
         f"{joint}/{interface}" for joint in JOINTS
     )
@@ -106,11 +106,11 @@ def test_a_message_goes_to_the_joints_in_their_order(interface: str) -> None:  #
 def test_the_order_of_the_parameter_counts() -> None:  # G12
     driven = drive_forward(("joint2", "joint1"))
 
-    driven.held = driven.held[:2]
+    driven.command_values = driven.command_values[:2]
     send(driven, [10, 20])
 
     claims = driven.system.command_interfaces
-    assert dict(zip(claims, driven.held, strict=True)) == {
+    assert dict(zip(claims, driven.command_values, strict=True)) == {
         "joint2/position": 10.0,
         "joint1/position": 20.0,
     }
@@ -131,7 +131,7 @@ def test_a_message_of_another_size_fails_and_writes_nothing() -> None:  # G6
     is_ok = send(driven, [10, 20])
 
     assert not is_ok
-    assert driven.held.tolist() == list(HELD)
+    assert driven.command_values.tolist() == list(HELD)
     assert driven.reasons() == [
         "data must have 3 values (joint1/position, joint2/position, joint3/position), "
         "got 2; the update fails"
@@ -148,7 +148,7 @@ def test_a_value_that_is_not_finite_drops_the_message(  # G7
 
     assert send(driven, [10, bad, 30])
 
-    assert driven.held.tolist() == [1.0, 2.0, 3.0]
+    assert driven.command_values.tolist() == [1.0, 2.0, 3.0]
     assert driven.reasons() == [f"data[1] must be finite, got {bad}; it is dropped"]
 
 
@@ -158,7 +158,7 @@ def test_humble_takes_what_is_finite(bad: float) -> None:
 
     assert send(driven, [10, bad, 30])
 
-    assert driven.held.tolist() == [10.0, 2.1, 30.0]
+    assert driven.command_values.tolist() == [10.0, 2.1, 30.0]
     assert driven.reasons() == []
 
 
@@ -180,7 +180,7 @@ def test_an_activation_forgets_the_message_on_the_port() -> None:  # G8
 
     assert tick.is_ok
     assert np.isnan(tick.command).all()
-    assert driven.held.tolist() == [10.0, 20.0, 30.0]
+    assert driven.command_values.tolist() == [10.0, 20.0, 30.0]
 
 
 def test_after_an_activation_new_messages_count() -> None:  # G9
@@ -191,7 +191,7 @@ def test_after_an_activation_new_messages_count() -> None:  # G9
 
     send(driven, [5.5, 6.6, 7.7], activation=2)
 
-    assert driven.held.tolist() == [5.5, 6.6, 7.7]
+    assert driven.command_values.tolist() == [5.5, 6.6, 7.7]
 
 
 @pytest.mark.parametrize(
@@ -210,7 +210,7 @@ def test_groups_of_velocities_and_efforts_stop_when_deactivated(  # G10, G11
 
     driven.run(activation=None)
 
-    assert driven.held.tolist() == expected
+    assert driven.command_values.tolist() == expected
 
 
 def test_a_group_that_fails_stops_in_the_same_tick() -> None:
@@ -219,7 +219,7 @@ def test_a_group_that_fails_stops_in_the_same_tick() -> None:
 
     assert not send(driven, [1])
 
-    assert driven.held.tolist() == [0.0, 0.0, 0.0]
+    assert driven.command_values.tolist() == [0.0, 0.0, 0.0]
 
 
 def test_a_message_for_an_inactive_controller_is_rejected() -> None:
@@ -229,7 +229,7 @@ def test_a_message_for_an_inactive_controller_is_rejected() -> None:
     send(driven, [10, 20, 30], activation=None)
     driven.run(activation=1)
 
-    assert driven.held.tolist() == list(HELD)
+    assert driven.command_values.tolist() == list(HELD)
     assert driven.reasons() == ["the controller is not active"]
 
 
@@ -239,7 +239,7 @@ def test_several_interfaces_of_a_joint_are_written() -> None:  # G13
     assert send(driven, [10, 20, 30])
 
     claims = driven.system.command_interfaces
-    assert dict(zip(claims, driven.held, strict=True)) == {
+    assert dict(zip(claims, driven.command_values, strict=True)) == {
         "joint1/position": 10.0,
         "joint1/velocity": 20.0,
         "joint1/effort": 30.0,
@@ -251,7 +251,7 @@ def test_there_are_as_many_values_as_interfaces() -> None:  # G14
 
     assert not send(driven, [10, 20, 30])
 
-    assert driven.held.tolist() == [1.1, 2.1]
+    assert driven.command_values.tolist() == [1.1, 2.1]
 
 
 def test_of_several_messages_the_last_good_one_counts() -> None:
@@ -259,7 +259,7 @@ def test_of_several_messages_the_last_good_one_counts() -> None:
 
     assert send(driven, [1], [1, 2, 3], [4, 5, np.nan])
 
-    assert driven.held.tolist() == [1.0, 2.0, 3.0]
+    assert driven.command_values.tolist() == [1.0, 2.0, 3.0]
     assert [number for number, _ in driven.output("events")] == [0, 1]
 
 

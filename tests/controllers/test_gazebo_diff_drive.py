@@ -46,7 +46,7 @@ def move(driven: Driven, v: float, w: float = 0.0) -> list[float]:
 
 def base_speed(driven: Driven) -> tuple[float, float]:
     """Return the velocity that the wheels of the two sides make."""
-    left, right = (value * RADIUS for value in driven.held)
+    left, right = (value * RADIUS for value in driven.command_values)
     return (left + right) / 2.0, (right - left) / SEPARATION
 
 

@@ -23,9 +23,9 @@ def make_system(
     **more: object,
 ) -> GazeboRosJointPoseTrajectory:
     tag = gazebo_plugins.GazeboRosJointPoseTrajectory(update_rate)
-    surroundings = {"links": ("base", "hand"), **more}
+    hardware_interfaces = {"links": ("base", "hand"), **more}
     return GazeboRosJointPoseTrajectory(
-        tag, make_surroundings(*joints, rate=rate, **surroundings)
+        tag, make_surroundings(*joints, rate=rate, **hardware_interfaces)
     )
 
 
@@ -245,8 +245,8 @@ def test_frames_of_links_and_of_the_world_are_taken(frame: str) -> None:
 def test_a_message_that_cannot_be_set_is_dropped(
     message: JointTrajectory, reason: str
 ) -> None:
-    there = frozenset(["a/position", "b/position", "c/effort"])
-    driven = drive(joints=("a", "b", "c"), command_interfaces=there)
+    available = frozenset(["a/position", "b/position", "c/effort"])
+    driven = drive(joints=("a", "b", "c"), command_interfaces=available)
     driven.run({TOPIC: make_message((0.0, 1.0))})
 
     driven.run({TOPIC: message})

@@ -245,9 +245,9 @@ def test_a_message_that_cannot_be_followed_is_dropped(
     driven.run({TOPIC: message})
 
     assert commands(driven) == {"a/effort": 1.0}
-    (told,) = driven.reasons()
-    assert told.startswith(reason)
-    assert told.endswith(DROPPED)
+    (published,) = driven.reasons()
+    assert published.startswith(reason)
+    assert published.endswith(DROPPED)
 
 
 def test_a_master_carries_the_forces_of_its_followers() -> None:

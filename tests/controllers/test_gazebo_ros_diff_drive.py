@@ -50,7 +50,7 @@ def move(driven: Driven, v: float, w: float = 0.0, ticks: int = 1) -> None:
 
 
 def rims(driven: Driven) -> list[float]:
-    return [float(value) * RADIUS for value in driven.held]
+    return [float(value) * RADIUS for value in driven.command_values]
 
 
 def stand(driven: Driven, *poses: RigidTransform) -> None:
@@ -118,7 +118,7 @@ def test_each_wheel_accelerates_at_its_limit() -> None:
 
     for _ in range(40):
         # The wheels are as fast as they were told.
-        driven.measure([0.0, 0.0, *driven.held])
+        driven.measure([0.0, 0.0, *driven.command_values])
         move(driven, 0.25, -1.0)
         seen.append(rims(driven))
 

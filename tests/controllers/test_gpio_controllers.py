@@ -87,7 +87,7 @@ def test_a_message_is_written_and_holds() -> None:  # GP1
     assert send(driven, EVERY)
 
     assert driven.system.command_interfaces == MEASURED[:3]
-    assert driven.held.tolist() == [0.0, 1.0, 30.0]
+    assert driven.command_values.tolist() == [0.0, 1.0, 30.0]
     assert driven.run().command.tolist() == [0.0, 1.0, 30.0]
     assert driven.reasons() == []
 
@@ -97,7 +97,7 @@ def test_the_order_in_a_message_does_not_count() -> None:  # GP2
 
     assert send(driven, {"gpio2": {"ana.1": 30.0}, "gpio1": {"dig.2": 1, "dig.1": 0}})
 
-    assert driven.held.tolist() == [0.0, 1.0, 30.0]
+    assert driven.command_values.tolist() == [0.0, 1.0, 30.0]
 
 
 def test_what_a_message_does_not_name_stays() -> None:  # GP3
@@ -106,7 +106,7 @@ def test_what_a_message_does_not_name_stays() -> None:  # GP3
     assert send(driven, {"gpio1": {"dig.1": 0.0, "dig.2": 1.0}})
     assert send(driven, {"gpio1": {"dig.1": 5.0, "dig.2": math.nan}})
 
-    assert driven.held.tolist() == [5.0, 1.0, 3.1]
+    assert driven.command_values.tolist() == [5.0, 1.0, 3.1]
 
 
 @pytest.mark.parametrize(
@@ -150,20 +150,20 @@ def test_sizes_that_do_not_match_fail_and_write_nothing(  # GP4
 
     assert not tick.is_ok
     assert tick.fault == reason.removesuffix("; the update fails")
-    assert driven.held.tolist() == list(HELD)
+    assert driven.command_values.tolist() == list(HELD)
     assert driven.output("events") == ((0, TopicRejected(sent, reason)),)
 
 
 def test_a_failure_lasts_where_the_manager_goes_on() -> None:
     driven = drive(distro="humble")
     send(driven, EVERY)
-    driven.held = np.array(HELD)
+    driven.command_values = np.array(HELD)
 
     driven.run({"commands": DynamicInterfaceGroupValues(interface_groups=["gpio1"])})
     tick = driven.run()
 
     assert not tick.is_ok
-    assert driven.held.tolist() == list(HELD)
+    assert driven.command_values.tolist() == list(HELD)
     assert send(driven, EVERY)
 
 
@@ -184,7 +184,7 @@ def test_names_that_are_not_claimed_are_skipped() -> None:  # GP5
 
     assert send(driven, {"gpio9": {"dig.1": 4.0}, "gpio1": {"dig.2": 1.0, "dig.7": 2}})
 
-    assert driven.held.tolist() == [1.0, 1.0, 3.1]
+    assert driven.command_values.tolist() == [1.0, 1.0, 3.1]
     assert driven.reasons() == [
         "no command interface 'gpio9/dig.1', 'gpio1/dig.7' here, skipped; did you "
         "mean 'gpio1/dig.1'? known: gpio1/dig.1, gpio1/dig.2, gpio2/ana.1"
@@ -258,7 +258,7 @@ def test_a_deactivation_forgets_the_message() -> None:
 
     assert np.isnan(ended.command).all()
     assert np.isnan(tick.command).all()
-    assert driven.held.tolist() == [0.0, 1.0, 30.0]
+    assert driven.command_values.tolist() == [0.0, 1.0, 30.0]
 
 
 def test_a_message_for_an_inactive_controller_is_rejected() -> None:
@@ -268,7 +268,7 @@ def test_a_message_for_an_inactive_controller_is_rejected() -> None:
     send(driven, EVERY, activation=None)
     driven.run(activation=1)
 
-    assert driven.held.tolist() == list(HELD)
+    assert driven.command_values.tolist() == list(HELD)
     assert driven.reasons() == ["the controller is not active"]
 
 
@@ -277,7 +277,7 @@ def test_of_several_messages_the_last_one_counts() -> None:
 
     driven.run({"commands": (message(EVERY), message({"gpio2": {"ana.1": 4.0}}))})
 
-    assert driven.held.tolist() == [1.0, 0.0, 4.0]
+    assert driven.command_values.tolist() == [1.0, 0.0, 4.0]
 
 
 def test_something_else_on_the_port_is_an_error() -> None:

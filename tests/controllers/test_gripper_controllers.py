@@ -41,16 +41,16 @@ RANGE = (0.0, 0.8)
 class Gripper:
     """A gripper controller on joint1, and the goals that it was sent."""
 
-    def __init__(self, type_: str, *, ranges: Any = None, **given: Any) -> None:
+    def __init__(self, type_: str, *, ranges: Any = None, **values: Any) -> None:
         params = dc.replace(
             make_params(("joint1",), rate=RATE), gripper_ranges=ranges or {}
         )
-        parameters = load(type_, {"joint": "joint1", **given})
+        parameters = load(type_, {"joint": "joint1", **values})
         make = CONTROLLER_TYPES[type_].system
         assert make is not None
         self.type = type_
         self.driven = Driven(make(parameters, params))
-        self.news: dict[SendGoal, list[GoalEvent]] = {}
+        self.events: dict[SendGoal, list[GoalEvent]] = {}
         self.num_seen = 0
 
     def measure(self, position: float, velocity: float = 0.0) -> None:
@@ -65,7 +65,7 @@ class Gripper:
                 if number >= self.num_seen:
                     self.num_seen = number + 1
                     if isinstance(event, GoalEvent):
-                        self.news.setdefault(event.request, []).append(event)
+                        self.events.setdefault(event.request, []).append(event)
 
     def goal(self, position: float, max_effort: float = 0.0) -> SendGoal:
         if self.type == PARALLEL_GRIPPER:
@@ -74,11 +74,11 @@ class Gripper:
         return SendGoal(GripperCommandGoal(GripperCommand(position, max_effort)))
 
     def last(self, goal: SendGoal) -> GoalEvent:
-        return self.news[goal][-1]
+        return self.events[goal][-1]
 
     @property
     def command(self) -> list[float]:
-        return [float(value) for value in self.driven.held]
+        return [float(value) for value in self.driven.command_values]
 
 
 # K1.

@@ -28,7 +28,7 @@ ALL = ("joint1", "joint2", "joint3")
 
 
 def make_broadcaster(
-    there: tuple[str, ...] = MEASURED,
+    available: tuple[str, ...] = MEASURED,
     *,
     distro: str = "jazzy",
     joint_type: str = "revolute",
@@ -41,8 +41,8 @@ def make_broadcaster(
         period=0.01,
         joint_types=dict.fromkeys(ROBOT, joint_type),
         command_interfaces=frozenset(),
-        state_interfaces=frozenset(there),
-        measured=(*MEASURED, *(name for name in there if name not in MEASURED)),
+        state_interfaces=frozenset(available),
+        measured=(*MEASURED, *(name for name in available if name not in MEASURED)),
         distro=distro,
     )
     return JointStateBroadcaster(JointStateBroadcasterParameters(**parameters), params)
@@ -163,9 +163,9 @@ def test_joints_and_interfaces_together_are_exactly_what_is_published(
 
 
 def test_interfaces_that_a_joint_lacks_are_nan() -> None:
-    there = ("joint2/position", "joint1/position", "joint1/effort")
+    available = ("joint2/position", "joint1/position", "joint1/effort")
 
-    message = publish(make_broadcaster(there))
+    message = publish(make_broadcaster(available))
 
     assert message.name == ("joint1", "joint2")
     assert_fields(message, [1.1, 2.1], NAN2, [21.1, np.nan])
@@ -181,10 +181,10 @@ def test_interfaces_that_a_joint_lacks_are_nan() -> None:
 def test_an_interface_that_is_asked_for_must_be_there(
     joints: tuple[str, ...], missing: str
 ) -> None:
-    there = ("joint2/position", "joint1/position")
+    available = ("joint2/position", "joint1/position")
 
     with pytest.raises(ParameterError) as error:
-        make_broadcaster(there, joints=joints, interfaces=("position",))
+        make_broadcaster(available, joints=joints, interfaces=("position",))
 
     assert str(error.value) == (
         f"no state interface {missing}; it has ['joint1/position', 'joint2/position']"
@@ -335,10 +335,10 @@ def test_a_mapping_is_ignored_where_the_interface_itself_is_asked_for(
 
 
 def test_an_interface_and_what_is_mapped_to_it_are_not_both_published() -> None:
-    there = ("joint1/measured_position", "joint1/position")
+    available = ("joint1/measured_position", "joint1/position")
 
     message, dynamic = (
-        publish_(make_broadcaster(there, map_interface_to_joint_state=MAPPED))
+        publish_(make_broadcaster(available, map_interface_to_joint_state=MAPPED))
         for publish_ in (publish, publish_dynamic)
     )
 

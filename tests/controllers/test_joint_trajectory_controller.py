@@ -57,10 +57,10 @@ def load(
     distro: str = "jazzy", report: LoadReport | None = None, **changes: Any
 ) -> JointTrajectoryControllerParameters:
     """Return parameters; `__` in a name stands for a dot, None leaves one out."""
-    given = {name.replace("__", "."): v for name, v in {**MINIMAL, **changes}.items()}
+    values = {name.replace("__", "."): v for name, v in {**MINIMAL, **changes}.items()}
     parameters = {
         name: Parameter(value, Path("arm.yaml"), line)
-        for line, (name, value) in enumerate(given.items(), start=1)
+        for line, (name, value) in enumerate(values.items(), start=1)
         if value is not None
     }
     return load_parameters(
@@ -94,8 +94,8 @@ def make_controller(**changes: Any) -> JointTrajectoryController:
     return JointTrajectoryController(load(**changes), make_params(ROBOT))
 
 
-def drive(held: tuple[float, ...] = (), **changes: Any) -> Driven:
-    driven = Driven(make_controller(**changes), held)
+def drive(command_values: tuple[float, ...] = (), **changes: Any) -> Driven:
+    driven = Driven(make_controller(**changes), command_values)
     driven.measure(START)
     return driven
 
@@ -323,7 +323,7 @@ def test_a_deactivation_aborts_the_goal_and_stops() -> None:
     text = "Current goal cancelled during deactivate transition."
     assert news(driven)[-1].status is GoalStatus.ABORTED
     assert news(driven)[-1].result == FollowJointTrajectoryResult(-1, text)
-    np.testing.assert_allclose(driven.held, [1.05, 2.05, 0.0, 0.0], rtol=1e-9)
+    np.testing.assert_allclose(driven.command_values, [1.05, 2.05, 0.0, 0.0], rtol=1e-9)
 
 
 def test_a_second_activation_holds_what_was_commanded() -> None:

@@ -44,8 +44,8 @@ MEASURES = MecanumKinematicsParameters(
 
 
 def make_parameters(**changes: Any) -> MecanumDriveControllerParameters:
-    given = {"reference_timeout": 0.1, "kinematics": MEASURES, **changes}
-    return MecanumDriveControllerParameters(*JOINTS, **given)
+    parameters = {"reference_timeout": 0.1, "kinematics": MEASURES, **changes}
+    return MecanumDriveControllerParameters(*JOINTS, **parameters)
 
 
 def drive(*, namespace: str = "", **changes: Any) -> Driven:
@@ -70,7 +70,7 @@ def pose_of(odometry: Odometry) -> list[float]:
 
 
 @pytest.mark.parametrize(
-    ("asked", "wheels"),
+    ("requested", "wheels"),
     [
         ((10.0, 5.0, 3.0), [4.0, 36.0, 16.0, 24.0]),  # ME1
         ((1.5, 0.0, 0.0), [3.0] * 4),  # ME2
@@ -79,14 +79,14 @@ def pose_of(odometry: Odometry) -> list[float]:
 )
 @pytest.mark.parametrize("is_chained", [False, True])
 def test_wheels_turn_as_the_base_is_to_move(
-    asked: tuple[float, float, float], wheels: list[float], *, is_chained: bool
+    requested: tuple[float, float, float], wheels: list[float], *, is_chained: bool
 ) -> None:
     driven = drive()
 
     if is_chained:
-        tick = driven.run(references=asked)
+        tick = driven.run(references=requested)
     else:
-        tick = driven.run({"reference": twist(*asked)})
+        tick = driven.run({"reference": twist(*requested)})
 
     # Quotients by 0.5 are exact.
     assert tick.command.tolist() == wheels
@@ -124,13 +124,13 @@ def test_a_reference_that_gets_too_old_stops_all_wheels() -> None:  # ME4
 def test_in_the_tick_of_the_timeout_rest_is_asked_for_and_then_nothing() -> None:
     driven = drive(reference_timeout=0.01)
     driven.run({"reference": twist(3.0)})
-    asked = []
+    requested = []
 
     for _ in range(3):
         driven.run()
-        asked.append(driven.output("controller_state").reference_velocity.linear.x)
+        requested.append(driven.output("controller_state").reference_velocity.linear.x)
 
-    np.testing.assert_array_equal(asked, [3.0, 0.0, math.nan])
+    np.testing.assert_array_equal(requested, [3.0, 0.0, math.nan])
 
 
 def test_a_message_that_comes_too_late_stops_the_base_and_is_told() -> None:
@@ -214,14 +214,14 @@ def test_a_wheel_without_a_name_is_refused(wheel: str) -> None:  # ME7
 
 def make_parameters_from_file(changes: dict[str, Any]) -> Any:
     wheels = ("front_left", "front_right", "rear_right", "rear_left")
-    given: dict[str, Any] = {
+    parameters: dict[str, Any] = {
         f"{wheel}_wheel_command_joint_name": wheel for wheel in wheels
     }
-    given |= {"kinematics.wheels_radius": 0.1, **changes}
+    parameters |= {"kinematics.wheels_radius": 0.1, **changes}
     file = Path("base.yaml")
     return load_parameters(
         MecanumDriveControllerParameters,
-        {name: Parameter(value, file, 1) for name, value in given.items()},
+        {name: Parameter(value, file, 1) for name, value in parameters.items()},
         "base",
         file,
         LoadReport(),
@@ -247,12 +247,12 @@ def test_a_pose_takes_the_place_of_one_step_of_the_odometry() -> None:  # ME8
     driven.run()
 
     driven.run({"set_odometry": SetOdometry(5.0, -2.0, math.pi / 2.0)})
-    there = pose_of(driven.output("odometry"))
+    pose = pose_of(driven.output("odometry"))
     driven.run()
     after = pose_of(driven.output("odometry"))
 
     # A few roundings of numbers of size 5.
-    np.testing.assert_allclose(there, [5.0, -2.0, math.pi / 2.0], atol=1e-14)
+    np.testing.assert_allclose(pose, [5.0, -2.0, math.pi / 2.0], atol=1e-14)
     np.testing.assert_allclose(after, [5.0, -1.995, math.pi / 2.0], atol=1e-14)
 
 

@@ -33,7 +33,7 @@ START = OmniWheelOdometry((0.0,) * 4)
 
 
 def make_parameters(**changes: Any) -> OmniWheelDriveControllerParameters:
-    given = {
+    parameters = {
         "wheel_names": JOINTS,
         "wheel_offset": 0.0,
         "robot_radius": 1.0,
@@ -41,7 +41,7 @@ def make_parameters(**changes: Any) -> OmniWheelDriveControllerParameters:
         "cmd_vel_timeout": 0.1,
         **changes,
     }
-    return OmniWheelDriveControllerParameters(**given)
+    return OmniWheelDriveControllerParameters(**parameters)
 
 
 def drive(*, namespace: str = "", **changes: Any) -> Driven:
@@ -286,14 +286,14 @@ def test_a_pose_takes_the_place_of_one_update_of_the_odometry() -> None:
 
     driven.measure(turned)
     driven.run({"set_odometry": SetOdometry(5.0, -2.0, math.pi / 2.0)})
-    there = pose_of(driven.output("odom"))
+    pose = pose_of(driven.output("odom"))
     driven.measure(2.0 * turned)
     driven.run()
     after = pose_of(driven.output("odom"))
 
     # A few roundings of numbers of size 5. What the wheels turned in the tick of the
     # pose, 0.01 m, is in the next one.
-    np.testing.assert_allclose(there, [5.0, -2.0, math.pi / 2.0], atol=1e-14)
+    np.testing.assert_allclose(pose, [5.0, -2.0, math.pi / 2.0], atol=1e-14)
     np.testing.assert_allclose(after, [5.0, -1.98, math.pi / 2.0], atol=1e-14)
 
 

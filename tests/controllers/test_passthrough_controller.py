@@ -34,8 +34,8 @@ def drive() -> Driven:
 def send(driven: Driven, *data: float, activation: int | None = 1) -> list[float]:
     """Run a cycle with a message; return what the command interfaces hold."""
     driven.run({"commands": Float64MultiArray(data)}, activation=activation)
-    held: list[float] = driven.held.tolist()
-    return held
+    command_values: list[float] = driven.command_values.tolist()
+    return command_values
 
 
 def test_references_have_the_name_of_the_controller_in_front() -> None:
@@ -52,18 +52,18 @@ def test_without_a_reference_commands_stay_as_they_are() -> None:
     tick = driven.run()
 
     assert np.isnan(tick.command).all()
-    assert driven.held.tolist() == [1.1, 2.1]
+    assert driven.command_values.tolist() == [1.1, 2.1]
 
 
 def test_a_message_holds_until_the_next() -> None:
     driven = drive()
 
     first = send(driven, 0.1, 0.2)
-    driven.held = np.zeros(2)
+    driven.command_values = np.zeros(2)
     driven.run()
 
     assert first == [0.1, 0.2]
-    assert driven.held.tolist() == [0.1, 0.2]
+    assert driven.command_values.tolist() == [0.1, 0.2]
 
 
 @pytest.mark.parametrize(
@@ -81,9 +81,9 @@ def test_a_message_that_can_not_be_passed_on_has_no_effect(
     driven = drive()
     send(driven, 0.1, 0.2)
 
-    held = send(driven, *data)
+    command_values = send(driven, *data)
 
-    assert held == [0.1, 0.2]
+    assert command_values == [0.1, 0.2]
     assert driven.reasons() == [reason]
 
 
@@ -91,13 +91,13 @@ def test_the_references_of_another_controller_are_passed_on() -> None:
     driven = drive()
 
     driven.run(references=[0.3, math.nan])
-    first = driven.held.tolist()
-    driven.held = np.zeros(2)
+    first = driven.command_values.tolist()
+    driven.command_values = np.zeros(2)
     driven.run(references=[math.nan, 0.5])
 
     # A reference holds; what there never was one for stays as it is.
     assert first == [0.3, 2.1]
-    assert driven.held.tolist() == [0.3, 0.5]
+    assert driven.command_values.tolist() == [0.3, 0.5]
 
 
 def test_the_topic_is_ignored_in_a_chain() -> None:
@@ -106,7 +106,7 @@ def test_the_topic_is_ignored_in_a_chain() -> None:
     message = {"commands": Float64MultiArray((7.0, 7.0))}
     driven.run(message, references=[0.3, 0.4])
 
-    assert driven.held.tolist() == [0.3, 0.4]
+    assert driven.command_values.tolist() == [0.3, 0.4]
     assert driven.reasons() == ["another controller commands the references"]
 
 

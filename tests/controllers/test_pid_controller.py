@@ -55,7 +55,7 @@ def command(*values: float, **fields: Any) -> MultiDOFCommand:
 def refer(driven: Driven, *values: float, **how: Any) -> list[float]:
     """Return the commands of a cycle with references from the topic."""
     driven.run({"reference": command(*values)}, **how)
-    return list(driven.held)
+    return list(driven.command_values)
 
 
 def references(driven: Driven) -> list[float]:
@@ -71,7 +71,7 @@ def test_a_reference_from_another_controller_is_controlled() -> None:  # Q2
 
     driven.run(references=[5.0])
 
-    assert driven.held == pytest.approx([1173.9])
+    assert driven.command_values == pytest.approx([1173.9])
 
 
 @pytest.mark.parametrize(
@@ -109,7 +109,7 @@ def test_feedforward_of_two_interfaces_adds_the_rate() -> None:
 
     driven.run({"reference": command(5.0, values_dot=[0.25])})
 
-    assert driven.held == pytest.approx([0.5 * (5.0 - 1.1) + 0.25])
+    assert driven.command_values == pytest.approx([0.5 * (5.0 - 1.1) + 0.25])
 
 
 def test_gains_can_change_at_run_time() -> None:  # Q7
@@ -119,7 +119,7 @@ def test_gains_can_change_at_run_time() -> None:  # Q7
     changed = make_parameters(gains={**P_ALONE, "feedforward_gain": 1.0})
     driven.run({"parameters": changed})
 
-    assert (before, list(driven.held)) == (
+    assert (before, list(driven.command_values)) == (
         pytest.approx([1.95]),
         pytest.approx([6.95]),
     )
@@ -152,7 +152,7 @@ def test_a_change_of_gains_keeps_the_integral() -> None:
 
     driven.run()
 
-    assert driven.held == pytest.approx([2.0 * 1.0 * 0.01])
+    assert driven.command_values == pytest.approx([2.0 * 1.0 * 0.01])
 
 
 @pytest.mark.parametrize(
@@ -171,7 +171,7 @@ def test_parameters_that_can_not_change_are_refused(changed: Any, reason: str) -
     driven.run({"parameters": changed, "reference": command(5.0)})
 
     assert driven.reasons() == [reason]
-    assert driven.held == pytest.approx([1.95])
+    assert driven.command_values == pytest.approx([1.95])
 
 
 @pytest.mark.parametrize(
@@ -188,7 +188,7 @@ def test_the_integral_stays_over_a_deactivation_if_it_is_saved(
 
     driven.run(activation=2)
 
-    assert driven.held == pytest.approx([expected], abs=1e-9)
+    assert driven.command_values == pytest.approx([expected], abs=1e-9)
 
 
 def test_the_first_reference_is_what_is_measured() -> None:  # Q10
@@ -197,12 +197,12 @@ def test_the_first_reference_is_what_is_measured() -> None:  # Q10
     driven.run()
 
     assert references(driven) == [1.1]
-    assert driven.held.tolist() == [0.0]
+    assert driven.command_values.tolist() == [0.0]
 
 
 def test_else_there_is_no_reference_and_no_command() -> None:  # Q11
     driven = drive(set_current_state_as_first_setpoint=False)
-    driven.held = np.array([0.75])
+    driven.command_values = np.array([0.75])
 
     tick = driven.run()
 
@@ -227,7 +227,7 @@ def test_in_a_chain_the_topic_is_rejected() -> None:  # Q13
 
     refer(driven, 9.0, references=[5.0])
 
-    assert driven.held == pytest.approx([1173.9])
+    assert driven.command_values == pytest.approx([1173.9])
     assert driven.reasons() == ["another controller commands the references"]
 
 
@@ -293,7 +293,7 @@ def test_an_infinite_reference_stops_the_commands_of_its_joint() -> None:
 
     refer(driven, np.inf, 1.0)
 
-    assert driven.held == pytest.approx([-0.55, 0.5])
+    assert driven.command_values == pytest.approx([-0.55, 0.5])
 
 
 def test_a_given_rate_takes_the_place_of_the_difference() -> None:
@@ -308,7 +308,7 @@ def test_a_given_rate_takes_the_place_of_the_difference() -> None:
     # Only the first joint has a rate of its reference.
     driven.run({"reference": command(0.5, 0.5, values_dot=[0.25, np.nan])})
 
-    assert driven.held == pytest.approx([2.0 * 0.25, 2.0 * 0.5 / 0.01])
+    assert driven.command_values == pytest.approx([2.0 * 0.25, 2.0 * 0.5 / 0.01])
 
 
 def test_measurements_can_come_from_a_topic() -> None:
@@ -318,7 +318,7 @@ def test_measurements_can_come_from_a_topic() -> None:
     driven.run({"measured_state": command(1.1)})
 
     assert np.isnan(without.command).all()
-    assert driven.held == pytest.approx([1.95])
+    assert driven.command_values == pytest.approx([1.95])
     assert driven.system.state_interfaces == ()
 
 

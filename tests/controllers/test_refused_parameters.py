@@ -128,8 +128,8 @@ CASES: list[tuple[str, dict[str, Any], str]] = [
         "positions_upsampling: policy_frequency must be at least 0, got -1.0",
     ),
     *(
-        (JTC, {"command_interfaces": ["velocity"], **given}, message)
-        for given, message in (
+        (JTC, {"command_interfaces": ["velocity"], **parameters}, message)
+        for parameters, message in (
             (
                 {"gains.a.u_clamp_max": -1.0, "gains.a.u_clamp_min": 1.0},
                 "u_clamp_min must be below u_clamp_max, got 1.0 and -1.0",
@@ -164,9 +164,9 @@ CASES: list[tuple[str, dict[str, Any], str]] = [
     *((group, {"joints": []}, f"joints {ONE}") for group in GROUPS),
     *((group, {"joints": ["a", "a"]}, TWICE) for group in GROUPS),
     *(
-        (gripper, given, message)
+        (gripper, parameters, message)
         for gripper in (GRIPPER, EFFORT_GRIPPER, PARALLEL_GRIPPER)
-        for given, message in (
+        for parameters, message in (
             ({"joint": ""}, "joint must not be empty, got ''"),
             (
                 {"action_monitor_rate": 0.05},
@@ -260,9 +260,9 @@ CASES: list[tuple[str, dict[str, Any], str]] = [
         )
     ),
     *(
-        (type_, given, message)
+        (type_, parameters, message)
         for type_ in (BICYCLE, TRICYCLE_STEERING, ACKERMANN)
-        for given, message in (
+        for parameters, message in (
             ({"traction_joints_names": []}, f"traction_joints_names {ONE}"),
             ({"steering_joints_names": []}, f"steering_joints_names {ONE}"),
             ({"wheelbase": 0.0}, "wheelbase must be above 0, got 0.0"),
@@ -522,20 +522,22 @@ CASES: list[tuple[str, dict[str, Any], str]] = [
 
 
 @pytest.mark.parametrize(
-    ("type_", "given", "message"),
+    ("type_", "parameters", "message"),
     CASES,
     ids=[
         f"{t.partition('/')[0]}-{'-'.join(g)}-{i}" for i, (t, g, _) in enumerate(CASES)
     ],
 )
 def test_what_upstream_refuses_is_refused(
-    type_: str, given: dict[str, Any], message: str
+    type_: str, parameters: dict[str, Any], message: str
 ) -> None:
     # A parameter of later distros alone would be ignored in jazzy.
-    distro = "rolling" if "positions_upsampling.policy_frequency" in given else "jazzy"
+    distro = (
+        "rolling" if "positions_upsampling.policy_frequency" in parameters else "jazzy"
+    )
 
     with pytest.raises(ParameterError) as caught:
-        load(type_, given, distro=distro)
+        load(type_, parameters, distro=distro)
 
     place = message if ": " in message.partition(" must ")[0] else f": {message}"
     assert str(caught.value) == f"c.yaml: c{'' if place[0] == ':' else '.'}{place}"
@@ -577,7 +579,7 @@ def test_what_has_no_default_is_required(type_: str, name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("type_", "given", "message"),
+    ("type_", "parameters", "message"),
     [
         (
             JTC,
@@ -611,10 +613,10 @@ def test_what_has_no_default_is_required(type_: str, name: str) -> None:
     ],
 )
 def test_a_value_of_another_kind_is_refused(
-    type_: str, given: dict[str, Any], message: str
+    type_: str, parameters: dict[str, Any], message: str
 ) -> None:
     with pytest.raises(ParameterError) as caught:
-        load(type_, given)
+        load(type_, parameters)
 
     assert str(caught.value) == message
 
@@ -636,15 +638,15 @@ def test_a_value_of_another_kind_is_refused(
 def test_what_upstream_takes_together_is_taken(
     commands: list[str], states: list[str]
 ) -> None:
-    given = {"command_interfaces": commands, "state_interfaces": states}
+    parameters = {"command_interfaces": commands, "state_interfaces": states}
 
-    loaded = load(JTC, given)
+    loaded = load(JTC, parameters)
 
     assert loaded.command_interfaces == tuple(commands)
     assert loaded.state_interfaces == tuple(states)
 
 
 def test_gains_that_no_pid_has_are_of_no_harm_where_there_is_none() -> None:
-    given = {"gains.a.u_clamp_max": -1.0, "gains.a.u_clamp_min": 1.0}
+    parameters = {"gains.a.u_clamp_max": -1.0, "gains.a.u_clamp_min": 1.0}
 
-    assert load(JTC, given).gains.joint["a"].u_clamp_max == -1.0
+    assert load(JTC, parameters).gains.joint["a"].u_clamp_max == -1.0

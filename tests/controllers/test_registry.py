@@ -17,7 +17,7 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterfaceParams,
     TickingController,
 )
-from arm_drake.controllers.cycles import Now
+from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.controllers.other_types import describe_unknown
 from arm_drake.errors import InputError
 from arm_drake.messages import NANOSECONDS
@@ -105,7 +105,7 @@ class Wave(TickingController[float]):
         claims = tuple(f"{joint}/position" for joint in parameters.joints)
         super().__init__(params, 0.0, state_interfaces=(), command_interfaces=claims)
 
-    def _update(self, now: Now, state: float) -> float:
+    def _update(self, now: UpdateContext, state: float) -> float:
         return now.time_ns / NANOSECONDS
 
     def _command(self, state: float) -> Any:
@@ -121,16 +121,16 @@ class Counter(TickingController[dict[str, int]]):
         super().__init__(params, {})
         self._declare_topic("calls", lambda calls: calls)
 
-    def _update(self, now: Now, state: dict[str, int]) -> dict[str, int]:
+    def _update(self, now: UpdateContext, state: dict[str, int]) -> dict[str, int]:
         return count(state, "update")
 
-    def _activate(self, now: Now, state: dict[str, int]) -> dict[str, int]:
+    def _activate(self, now: UpdateContext, state: dict[str, int]) -> dict[str, int]:
         return count(state, "activate")
 
-    def _deactivate(self, now: Now, state: dict[str, int]) -> dict[str, int]:
+    def _deactivate(self, now: UpdateContext, state: dict[str, int]) -> dict[str, int]:
         return count(state, "deactivate")
 
-    def _idle(self, now: Now, state: dict[str, int]) -> dict[str, int]:
+    def _idle(self, now: UpdateContext, state: dict[str, int]) -> dict[str, int]:
         return count(state, "idle")
 
 

@@ -17,7 +17,7 @@ from arm_drake.description.controllers import load_controllers as read_controlle
 from arm_drake.description.parameters import Parameter, load_parameters
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import ParameterError
-from arm_drake.manager.hardware_interfaces import Surroundings
+from arm_drake.manager.hardware_interfaces import HardwareInterfaces
 from arm_drake.manager.loading import load_controllers
 from tests.controllers.parameters import (
     ACKERMANN,
@@ -62,14 +62,14 @@ def test_the_only_value_that_acts_is_named():
 
 
 def test_gains_without_a_pid_are_reported_once():
-    given = {"gains.a.p": 1.0, "gains.b.p": 1.0}
+    parameters = {"gains.a.p": 1.0, "gains.b.p": 1.0}
     velocity = {"command_interfaces": ["velocity"]}
 
-    assert report_of(JTC, given) == [
+    assert report_of(JTC, parameters) == [
         "info: gains.a.p: gains act on 'velocity' or 'effort' alone, not on "
         "['position']; none of them has an effect"
     ]
-    assert report_of(JTC, {**velocity, **given}) == []
+    assert report_of(JTC, {**velocity, **parameters}) == []
 
 
 def test_the_name_of_the_scaled_controllers_factor_is_taken():
@@ -86,18 +86,20 @@ def test_the_name_of_the_scaled_controllers_factor_is_taken():
 
 def test_saturation_of_a_trajectory_controller_is_unknown_after_jazzy():
     velocity = {"command_interfaces": ["velocity"]}
-    given = {**velocity, "gains.a.saturation": False, "gains.a.u_clamp_max": 2.0}
+    parameters = {**velocity, "gains.a.saturation": False, "gains.a.u_clamp_max": 2.0}
 
     for distro, limit in (("jazzy", float("inf")), ("kilted", 2.0)):
-        assert load(JTC, given, distro=distro).gains.joint["a"].u_clamp_max == limit
-    assert report_of(JTC, given) == [
+        assert (
+            load(JTC, parameters, distro=distro).gains.joint["a"].u_clamp_max == limit
+        )
+    assert report_of(JTC, parameters) == [
         "warning: gains.a.u_clamp_max: saturation is false; it has no effect"
     ]
     assert report_of(PID, {"gains.a.saturation": True}) == []
 
 
 @pytest.mark.parametrize(
-    ("distro", "given", "lines"),
+    ("distro", "parameters", "lines"),
     [
         (
             "rolling",
@@ -128,23 +130,23 @@ def test_saturation_of_a_trajectory_controller_is_unknown_after_jazzy():
         ),
     ],
 )
-def test_a_switch_of_limits_is_reported(distro, given, lines):
-    assert report_of(DIFF_DRIVE, given, distro=distro) == lines
+def test_a_switch_of_limits_is_reported(distro, parameters, lines):
+    assert report_of(DIFF_DRIVE, parameters, distro=distro) == lines
 
 
 def test_a_limit_that_humble_does_not_switch_on_is_reported():
-    given = {"linear.x.max_velocity": 1.0, "angular.z.max_jerk": float("nan")}
+    parameters = {"linear.x.max_velocity": 1.0, "angular.z.max_jerk": float("nan")}
 
-    assert report_of(DIFF_DRIVE, given, distro="humble") == [
+    assert report_of(DIFF_DRIVE, parameters, distro="humble") == [
         "warning: linear.x.max_velocity: has_velocity_limits is not true; the limit is "
         "off"
     ]
 
 
 def test_steered_wheels_need_no_radius():
-    given = {"front_wheels_radius": 0.2}
+    parameters = {"front_wheels_radius": 0.2}
 
-    assert report_of(ACKERMANN, given) == [
+    assert report_of(ACKERMANN, parameters) == [
         "info: front_wheels_radius: the steered wheels' radius has no use; it has no "
         "effect"
     ]
@@ -154,10 +156,10 @@ FILE = Path("c.yaml")
 
 
 def loaded_by_manager(
-    type_: str, types: Mapping[str, ControllerType] | None = None, **given: Any
+    type_: str, types: Mapping[str, ControllerType] | None = None, **values: Any
 ) -> tuple[list[str], list[str], bool]:
     """Return state and report of a controller, and whether it has a system."""
-    written = {**MINIMAL.get(type_, {}), **given}
+    written = {**MINIMAL.get(type_, {}), **values}
     parameters = {name: Parameter(v, FILE, 7) for name, v in written.items()}
     distro = parameters.pop("distro", Parameter("jazzy", FILE, 1)).value
     config = ControllerManagerConfig(
@@ -168,7 +170,7 @@ def loaded_by_manager(
         for interface in ("position", "velocity", "effort")
         for joint in "ab"
     ]
-    there = Surroundings(
+    hardware_interfaces = HardwareInterfaces(
         {"a": "revolute", "b": "revolute"},
         tuple(names[:2]),
         tuple(names),
@@ -176,7 +178,7 @@ def loaded_by_manager(
     )
     report = LoadReport()
     (controller,) = load_controllers(
-        config, there, report, distro=distro, controller_types=types
+        config, hardware_interfaces, report, distro=distro, controller_types=types
     )
     return [controller.state], str(report).splitlines(), controller.system is not None
 
@@ -184,12 +186,16 @@ def loaded_by_manager(
 def test_a_type_that_is_not_simulated_has_its_parameters_checked():
     type_ = "own_controllers/Unfinished"
     types = {type_: ControllerType(ForwardCommandControllerParameters)}
-    given = {"joints": ["a"], "interface_name": "position"}
+    parameters = {"joints": ["a"], "interface_name": "position"}
     done = "the controller does not run"
     what = f"error: c.yaml:3: c: controller type {type_!r} is not simulated yet; {done}"
 
-    assert loaded_by_manager(type_, types, **given) == (["unconfigured"], [what], False)
-    assert loaded_by_manager(type_, types, **{**given, "joints": []}) == (
+    assert loaded_by_manager(type_, types, **parameters) == (
+        ["unconfigured"],
+        [what],
+        False,
+    )
+    assert loaded_by_manager(type_, types, **{**parameters, "joints": []}) == (
         ["unconfigured"],
         [
             what,
@@ -219,10 +225,10 @@ def test_an_equivalent_type_runs_as_ours(type_, other):
 
 
 def test_the_manager_loads_the_distros_parameters():
-    given = {"state_publish_rate": 10.0}
+    parameters = {"state_publish_rate": 10.0}
 
-    assert loaded_by_manager(JTC, **given, distro="humble")[1] == []
-    assert loaded_by_manager(JTC, **given)[1] == [
+    assert loaded_by_manager(JTC, **parameters, distro="humble")[1] == []
+    assert loaded_by_manager(JTC, **parameters)[1] == [
         "info: c.yaml:7: c.state_publish_rate: a parameter up to humble only, not of "
         "jazzy; it has no effect"
     ]

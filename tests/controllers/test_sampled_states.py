@@ -185,8 +185,8 @@ def step(simulator: Simulator, cycle: Cycle, *measured: float) -> Context:
     """Let a manager's cycle pass at 100 Hz."""
     context = simulator.get_mutable_context()
     system = simulator.get_system()
-    told = system.GetInputPort("controller_manager")
-    told.FixValue(context, AbstractValue.Make(cycle))
+    manager_port = system.GetInputPort("controller_manager")
+    manager_port.FixValue(context, AbstractValue.Make(cycle))
     system.GetInputPort("state_interfaces").FixValue(context, measured)
     simulator.AdvanceTo(cycle.number * 0.01 + 0.005)
     return context

@@ -101,20 +101,20 @@ DIAGONAL = (1.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 3.0)
 
 def drive(
     type_: str,
-    given: Mapping[str, Any] | None = None,
+    values: Mapping[str, Any] | None = None,
     *,
-    there: tuple[str, ...] | None = None,
+    available: tuple[str, ...] | None = None,
     distro: str = "kilted",
-    **surroundings: Any,
+    **hardware_interfaces: Any,
 ) -> Driven:
     """Return a broadcaster of hardware that reports what it reads, and "other"."""
-    parameters = load(type_, given, distro=distro)
-    measured = ("other", *(READ[type_] if there is None else there))
+    parameters = load(type_, values, distro=distro)
+    measured = ("other", *(READ[type_] if available is None else available))
     params = dc.replace(
         make_params((), distro=distro),
         measured=measured,
         state_interfaces=frozenset(measured),
-        **surroundings,
+        **hardware_interfaces,
     )
     return Driven(SYSTEMS[type_](parameters, params))
 
@@ -134,12 +134,12 @@ def wrench_of(message: WrenchStamped) -> tuple[float, ...]:
     return (*numbers(message.wrench.force), *numbers(message.wrench.torque))
 
 
-def turned(given: Mapping[str, Any], values: Any) -> Imu:
-    given = {f"rotation_offset.{key}": value for key, value in given.items()}
-    given["static_covariance_orientation"] = list(DIAGONAL)
-    given["static_covariance_angular_velocity"] = list(DIAGONAL)
-    given["static_covariance_linear_acceleration"] = list(DIAGONAL)
-    message: Imu = publish(drive(IMU, given), values, "imu")
+def turned(parameters: Mapping[str, Any], values: Any) -> Imu:
+    parameters = {f"rotation_offset.{key}": value for key, value in parameters.items()}
+    parameters["static_covariance_orientation"] = list(DIAGONAL)
+    parameters["static_covariance_angular_velocity"] = list(DIAGONAL)
+    parameters["static_covariance_linear_acceleration"] = list(DIAGONAL)
+    message: Imu = publish(drive(IMU, parameters), values, "imu")
     return message
 
 
@@ -227,7 +227,7 @@ def test_imu_values_come_in_the_order_of_the_interfaces() -> None:  # B1
 
 
 def test_imu_covariances_are_the_parameters() -> None:
-    given = {
+    parameters = {
         f"static_covariance_{name}": [float(first + i) for i in range(9)]
         for first, name in (
             (0, "orientation"),
@@ -236,7 +236,7 @@ def test_imu_covariances_are_the_parameters() -> None:
         )
     }
 
-    message = publish(drive(IMU, given), [0.0] * 10, "imu")
+    message = publish(drive(IMU, parameters), [0.0] * 10, "imu")
 
     assert message.orientation_covariance == tuple(range(9))
     assert message.angular_velocity_covariance == tuple(range(10, 19))
@@ -377,25 +377,25 @@ def test_a_wrench_is_force_and_torque() -> None:  # B8
 def test_a_wrench_is_offset_and_then_multiplied() -> None:  # B9
     offset = (10.0, 30.0, -2.0, 0.5, -0.25, 7.0)
     multiplier = (2.0, -1.0, 0.0, 4.0, 0.5, 3.0)
-    given = {
+    parameters = {
         f"{group}.{name.removeprefix('s/')}": value
         for group, values in (("offset", offset), ("multiplier", multiplier))
         for name, value in zip(FORCES, values, strict=True)
     }
 
-    message = publish(drive(WRENCH, given), (1, 2, 3, 4, 5, 6), "wrench")
+    message = publish(drive(WRENCH, parameters), (1, 2, 3, 4, 5, 6), "wrench")
 
     # Binary fractions, so without rounding.
     assert wrench_of(message) == (22.0, -32.0, 0.0, 18.0, 2.375, 39.0)
 
 
 def test_axes_without_an_interface_are_nan() -> None:  # B10
-    given = {
+    parameters = {
         "sensor_name": "",
         "interface_names.force.x": "s/force.x",
         "interface_names.torque.z": "t/z",
     }
-    driven = drive(WRENCH, given, there=("t/z", "s/force.x"))
+    driven = drive(WRENCH, parameters, available=("t/z", "s/force.x"))
 
     message = publish(driven, (6.6, 1.1), "wrench")
 
@@ -409,7 +409,7 @@ def test_axes_without_an_interface_are_nan() -> None:  # B10
 
 
 @pytest.mark.parametrize(
-    ("given", "got"),
+    ("parameters", "got"),
     [
         ({"interface_names.force.x": "s/force.x"}, "both"),  # B11
         ({"sensor_name": ""}, "neither"),
@@ -423,10 +423,10 @@ def test_axes_without_an_interface_are_nan() -> None:  # B10
     ],
 )
 def test_a_wrench_has_either_a_sensor_or_interfaces(
-    given: dict[str, Any], got: str
+    parameters: dict[str, Any], got: str
 ) -> None:
     with pytest.raises(ParameterError) as error:
-        load(WRENCH, given)
+        load(WRENCH, parameters)
 
     assert str(error.value) == (
         f"c.yaml: c: expected either sensor_name or interface_names, got {got}"
@@ -435,7 +435,7 @@ def test_a_wrench_has_either_a_sensor_or_interfaces(
 
 def chain(number: int, name: str, **parameters: Any) -> dict[str, Any]:
     start = f"sensor_filter_chain.filter{number}"
-    given = {
+    values = {
         "sampling_frequency": 200.0,
         "damping_frequency": 50,
         "damping_intensity": 1.0,
@@ -444,17 +444,17 @@ def chain(number: int, name: str, **parameters: Any) -> dict[str, Any]:
     return {
         f"{start}.name": name,
         f"{start}.type": "control_filters/LowPassFilterWrench",
-        **{f"{start}.params.{key}": value for key, value in given.items()},
+        **{f"{start}.params.{key}": value for key, value in values.items()},
     }
 
 
 def test_a_filtered_wrench_is_that_of_its_filters_in_a_row() -> None:
-    given = {
+    parameters = {
         **chain(1, "first"),
         **chain(2, "second", damping_frequency=5.0),
         "offset.force.x": 1.0,
     }
-    driven = drive(WRENCH, given)
+    driven = drive(WRENCH, parameters)
     samples = [(0.0, *SIX[1:]), (7.0, *SIX[1:]), (7.0, *SIX[1:])]
 
     messages = [publish(driven, sample, "wrench_filtered") for sample in samples]
@@ -489,7 +489,7 @@ KEY = "sensor_filter_chain.filter1"
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("parameters", "message"),
     [
         (
             {f"{KEY}.type": "control_filters/GravityCompensationWrench"},
@@ -508,10 +508,10 @@ KEY = "sensor_filter_chain.filter1"
     ],
 )
 def test_a_filter_that_cannot_be_made_is_an_error(
-    given: dict[str, Any], message: str
+    parameters: dict[str, Any], message: str
 ) -> None:
     with pytest.raises(ParameterError) as error:
-        drive(WRENCH, {**chain(1, "first"), **given})
+        drive(WRENCH, {**chain(1, "first"), **parameters})
 
     assert str(error.value) == f"{KEY}.{message}"
 
@@ -532,12 +532,12 @@ def test_a_filter_that_cannot_be_made_is_an_error(
     ],
 )
 def test_what_belongs_to_no_filter_is_reported(more: str, problem: str) -> None:
-    given = {"sensor_name": "s", **chain(1, "first")}
+    parameters = {"sensor_name": "s", **chain(1, "first")}
 
-    lines = report_of(WRENCH, {**given, more: "x"})
+    lines = report_of(WRENCH, {**parameters, more: "x"})
 
     assert lines == [f"warning: {more}: {problem}; it has no effect"]
-    assert report_of(WRENCH, given) == []
+    assert report_of(WRENCH, parameters) == []
 
 
 def test_filters_are_whole_and_have_names_of_their_own() -> None:
@@ -571,9 +571,9 @@ def test_a_range_has_the_parameters_of_its_sensor() -> None:  # B13
 
 @pytest.mark.parametrize("value", [0.10, 4.0, 0.0, 6.0, math.inf])
 def test_a_range_is_not_clipped(value: float) -> None:  # B14a
-    given = {"min_range": 0.1, "max_range": 4.0}
+    parameters = {"min_range": 0.1, "max_range": 4.0}
 
-    assert publish(drive(RANGE, given), [value], "range").range == value
+    assert publish(drive(RANGE, parameters), [value], "range").range == value
 
 
 PLACE = (1.1, 2.2, 3.3, 0.5, 0.5, 0.5, 0.5)
@@ -657,16 +657,16 @@ FIX = (1.0, 1.0, 1.1, 2.2, 3.3)
 
 
 @pytest.mark.parametrize(
-    ("given", "covariance"),
+    ("parameters", "covariance"),
     [
         ({}, (0.0,) * 9),  # B19a
         ({"static_position_covariance": list(IDENTITY)}, IDENTITY),  # B19b
     ],
 )
 def test_a_fix_has_the_covariance_of_the_parameters(
-    given: dict[str, Any], covariance: tuple[float, ...]
+    parameters: dict[str, Any], covariance: tuple[float, ...]
 ) -> None:
-    message = publish(drive(GPS, given), FIX, "gps/fix")
+    message = publish(drive(GPS, parameters), FIX, "gps/fix")
 
     header = Header(Time(), "f")
     status = NavSatStatus(1, 1)
@@ -675,11 +675,11 @@ def test_a_fix_has_the_covariance_of_the_parameters(
 
 def test_a_fix_can_tell_its_covariance() -> None:  # B19, B19c
     names = tuple(f"{name}_covariance" for name in READ[GPS][2:])
-    given = {
+    parameters = {
         "read_covariance_from_interface": True,
         "static_position_covariance": list(IDENTITY),
     }
-    driven = drive(GPS, given, there=(*READ[GPS], *names))
+    driven = drive(GPS, parameters, available=(*READ[GPS], *names))
 
     message = publish(driven, (*FIX, 0.5, 0.7, 0.9), "gps/fix")
 
@@ -697,18 +697,18 @@ def test_a_fix_without_a_status_is_of_unknown_status() -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "covariance"),
+    ("parameters", "covariance"),
     [
         ({}, (0.0,) * 9),  # B20
         ({"static_covariance": list(IDENTITY)}, IDENTITY),  # B20a
     ],
 )
 def test_a_magnetic_field_is_copied(
-    given: dict[str, Any], covariance: tuple[float, ...]
+    parameters: dict[str, Any], covariance: tuple[float, ...]
 ) -> None:
     values = (20e-6, 30e-6, 40e-6)
 
-    message = publish(drive(MAGNETOMETER, given), values, "magnetic_field")
+    message = publish(drive(MAGNETOMETER, parameters), values, "magnetic_field")
 
     assert message == MagneticField(Header(Time(), "f"), Vector3(*values), covariance)
 
@@ -717,7 +717,7 @@ ANY = ("b/y", "joint1/position", "a/x")
 
 
 def test_names_and_values_are_in_the_order_of_the_parameter() -> None:  # B21
-    driven = drive(STATES, {"interfaces": ["a/x", "b/y"]}, there=ANY)
+    driven = drive(STATES, {"interfaces": ["a/x", "b/y"]}, available=ANY)
     before = driven.output("names")
 
     message = publish(driven, (2.0, 7.0, 1.0), "values")
@@ -735,7 +735,7 @@ def test_there_must_be_an_interface_to_publish() -> None:  # B22
 
 
 def test_values_are_nan_before_the_first_tick() -> None:  # B22a
-    driven = drive(STATES, {"interfaces": ["a/x", "b/y"]}, there=ANY)
+    driven = drive(STATES, {"interfaces": ["a/x", "b/y"]}, available=ANY)
 
     np.testing.assert_array_equal(driven.output("values").values, [math.nan] * 2)
 
@@ -746,10 +746,10 @@ def test_values_of_joints_are_in_the_order_of_the_list(  # B22b, B22c
 ) -> None:
     names = [f"joint{number}/{kind}" for number in (1, 2, 3) for kind in kinds]
     values = {name: 1.1 + index for index, name in enumerate(names)}
-    there = tuple(sorted(names, reverse=True))
-    driven = drive(STATES, {"interfaces": names}, there=there)
+    available = tuple(sorted(names, reverse=True))
+    driven = drive(STATES, {"interfaces": names}, available=available)
 
-    message = publish(driven, [values[name] for name in there], "values")
+    message = publish(driven, [values[name] for name in available], "values")
 
     assert message.values == tuple(values.values())
 
@@ -759,7 +759,7 @@ def test_what_is_not_a_double_cannot_be_published() -> None:
         drive(
             STATES,
             {"interfaces": ["a/x", "b/y"]},
-            there=ANY,
+            available=ANY,
             other_types=frozenset(["b/y"]),
         )
 

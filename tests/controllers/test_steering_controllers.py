@@ -45,8 +45,8 @@ WIDE = SteeringGeometry(2.0, 1.0, 2, 2, 1.0, 1.0)
 SLOW = SteeringGeometry(2.0, 1.0)
 
 
-def drive(type_: str = BICYCLE, *, distro: str = "jazzy", **given: Any) -> Driven:
-    parameters = load(type_, {**UPSTREAM[type_], **given}, distro=distro)
+def drive(type_: str = BICYCLE, *, distro: str = "jazzy", **values: Any) -> Driven:
+    parameters = load(type_, {**UPSTREAM[type_], **values}, distro=distro)
     joints = (*parameters.traction_joints_names, *parameters.steering_joints_names)
     return Driven(SteeringController(parameters, make_params(joints, distro=distro)))
 
@@ -67,8 +67,8 @@ def test_wheels_are_told_the_velocity_of_the_base(type_: str) -> None:
     driven.run(refer(0.1, 0.2))
 
     n = NUM_DRIVEN[type_]
-    np.testing.assert_allclose(driven.held[:n], 0.22222222, atol=1e-6)
-    np.testing.assert_allclose(driven.held[n:], 1.41798220, atol=1e-6)
+    np.testing.assert_allclose(driven.command_values[:n], 0.22222222, atol=1e-6)
+    np.testing.assert_allclose(driven.command_values[n:], 1.41798220, atol=1e-6)
 
 
 # ST4, ST5: numbers of eight digits.
@@ -179,16 +179,16 @@ def test_odometry_of_commands_goes_along_a_circle() -> None:
 def test_an_old_reference_stops_the_wheels_and_leaves_the_steering(type_: str) -> None:
     driven, n = drive(type_, reference_timeout=0.05), NUM_DRIVEN[type_]
     driven.run(refer(0.1, 0.2))
-    steering = driven.held[n:].copy()
+    steering = driven.command_values[n:].copy()
 
     for _ in range(5):
         driven.run()
     # As old as it may be.
-    assert (driven.held[:n] > 0.0).all()
+    assert (driven.command_values[:n] > 0.0).all()
     driven.run()
 
-    assert (driven.held[:n] == 0.0).all()
-    np.testing.assert_array_equal(driven.held[n:], steering)
+    assert (driven.command_values[:n] == 0.0).all()
+    np.testing.assert_array_equal(driven.command_values[n:], steering)
 
 
 # ST16.
@@ -196,10 +196,10 @@ def test_without_a_timeout_a_message_drives_one_tick() -> None:
     driven = drive(reference_timeout=0.0)
 
     driven.run(refer(0.1, 0.2))
-    assert driven.held[0] == pytest.approx(0.1 / RADIUS)
+    assert driven.command_values[0] == pytest.approx(0.1 / RADIUS)
     driven.run()
 
-    assert driven.held[0] == 0.0
+    assert driven.command_values[0] == 0.0
 
 
 # ST17.
@@ -209,11 +209,11 @@ def test_references_of_another_controller_last_one_tick() -> None:
     assert names == (f"{NAME}/linear/velocity", f"{NAME}/angular/velocity")
 
     driven.run(references=(0.1, 0.2))
-    assert driven.held[0] == pytest.approx(0.1 / RADIUS)
-    assert driven.held[1] == pytest.approx(math.atan(0.2 * WHEELBASE / 0.1))
+    assert driven.command_values[0] == pytest.approx(0.1 / RADIUS)
+    assert driven.command_values[1] == pytest.approx(math.atan(0.2 * WHEELBASE / 0.1))
     driven.run(refer(0.1, 0.2), references=(math.nan, math.nan))
 
-    assert driven.held[0] == 0.0
+    assert driven.command_values[0] == 0.0
     assert driven.reasons() == ["another controller commands the references"]
 
 
@@ -249,11 +249,11 @@ def test_what_cannot_be_taken_is_told() -> None:
     driven.run(refer(0.1, 0.2))
 
     driven.run(refer(0.3, 0.2, stamp=0.1))
-    assert driven.held[0] == pytest.approx(0.1 / RADIUS)
+    assert driven.command_values[0] == pytest.approx(0.1 / RADIUS)
     driven.run(refer(math.nan, 0.2))
-    assert driven.held[0] == 0.0
+    assert driven.command_values[0] == 0.0
     driven.run(refer(0.1, math.inf))
-    assert driven.held[0] == 0.0
+    assert driven.command_values[0] == 0.0
     driven.run({**refer(0.1, 0.2), "set_odometry": SetOdometry(y=math.nan)})
     driven.run(refer(0.1, 0.2), activation=None)
 
@@ -303,7 +303,7 @@ def test_humble_takes_messages_without_a_stamp() -> None:
 
     driven.run({"reference_unstamped": twist(0.1, 0.0)})
 
-    assert driven.held[0] == pytest.approx(0.1 / RADIUS)
+    assert driven.command_values[0] == pytest.approx(0.1 / RADIUS)
     assert driven.system.message_types["reference_unstamped"] is Twist
 
 
@@ -326,7 +326,7 @@ def test_states_and_frames_are_of_the_last_tick() -> None:
     assert status.traction_wheels_position == (0.1, 0.2)
     assert status.traction_wheels_velocity == ()
     assert status.steer_positions == (0.3,)
-    assert status.traction_command == pytest.approx(driven.held[:2])
+    assert status.traction_command == pytest.approx(driven.command_values[:2])
     assert status.steering_angle_command == (0.0,)
     (transform,) = driven.output("tf_odometry").transforms
     names = (transform.header.frame_id, transform.child_frame_id)
@@ -345,7 +345,7 @@ def test_a_message_may_be_as_old_as_the_timeout() -> None:
     # At 0.20 s.
     driven.run(refer(0.3, 0.0, stamp=0.15))
 
-    assert driven.held[0] == pytest.approx(0.3 / RADIUS)
+    assert driven.command_values[0] == pytest.approx(0.3 / RADIUS)
     assert driven.reasons() == []
 
 
@@ -353,11 +353,11 @@ def test_a_pose_that_is_set_makes_the_means_anew() -> None:
     start = SteeringOdometry(RollingMean(10))
     moved = start.measure_velocities(SLOW, (1.0,), (0.0,), 0.1)
 
-    there = moved.set_pose(PlanarPose(1.0, 2.0, 0.0))
-    again = there.measure_velocities(SLOW, (3.0,), (0.0,), 0.1)
+    posed = moved.set_pose(PlanarPose(1.0, 2.0, 0.0))
+    again = posed.measure_velocities(SLOW, (3.0,), (0.0,), 0.1)
 
     # The last velocity is told until there is a new one.
-    assert there.velocity == (1.0, 0.0)
+    assert posed.velocity == (1.0, 0.0)
     assert again.velocity == (3.0, 0.0)
 
 
@@ -373,15 +373,15 @@ def test_velocities_are_differences_of_positions() -> None:
     assert second.pose.x == pytest.approx(0.5, rel=1e-15)
 
 
-@pytest.mark.parametrize(("given", "width"), [(0.0, 0.8), (0.6, 0.6)])
+@pytest.mark.parametrize(("track_width", "width"), [(0.0, 0.8), (0.6, 0.6)])
 def test_steered_wheels_have_a_track_width_of_their_own(
-    given: float, width: float
+    track_width: float, width: float
 ) -> None:
     driven = drive(
         ACKERMANN,
         wheelbase=1.2,
         traction_track_width=0.8,
-        steering_track_width=given,
+        steering_track_width=track_width,
         open_loop=True,
     )
 
@@ -389,4 +389,4 @@ def test_steered_wheels_have_a_track_width_of_their_own(
 
     # About a center 2 m to the left of the driven axle.
     angles = [math.atan(1.2 / (2.0 + side * width / 2.0)) for side in (1.0, -1.0)]
-    np.testing.assert_allclose(driven.held[2:], angles, rtol=1e-14)
+    np.testing.assert_allclose(driven.command_values[2:], angles, rtol=1e-14)

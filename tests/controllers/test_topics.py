@@ -18,7 +18,7 @@ class Reader(LeafSystem):
 
 
 @pytest.mark.parametrize(
-    ("seen", "there", "new"),
+    ("seen", "available", "new"),
     [
         ((), None, ()),
         ((), A, (A,)),
@@ -32,11 +32,11 @@ class Reader(LeafSystem):
         ((A,), (), ()),
     ],
 )
-def test_other_objects_than_at_the_last_tick_are_new(seen, there, new) -> None:
+def test_other_objects_than_at_the_last_tick_are_new(seen, available, new) -> None:
     system = Reader()
     context = system.CreateDefaultContext()
-    if there is not None:
-        system.topic.FixValue(context, there)
+    if available is not None:
+        system.topic.FixValue(context, available)
 
     found, now_seen = new_messages(system.topic, context, Float64MultiArray, seen)
 
@@ -52,8 +52,8 @@ def test_a_message_that_was_away_is_new_again() -> None:
     context = system.CreateDefaultContext()
     seen = (A,)
 
-    for there, new in ((A, ()), ((), ()), (A, (A,))):
-        system.topic.FixValue(context, there)
+    for available, new in ((A, ()), ((), ()), (A, (A,))):
+        system.topic.FixValue(context, available)
         found, seen = new_messages(system.topic, context, Float64MultiArray, seen)
         assert found == new
 

@@ -33,8 +33,8 @@ RATES = ALL._replace(jerk=None)
 JERK_ONLY = TractionLimiter(jerk=JERK)
 
 
-def drive(*, distro: str = "jazzy", **given: Any) -> Driven:
-    values = {"wheelbase": 1.0, "wheel_radius": 1.0, **given}
+def drive(*, distro: str = "jazzy", **settings: Any) -> Driven:
+    values = {"wheelbase": 1.0, "wheel_radius": 1.0, **settings}
     parameters = load(TRICYCLE, values, distro=distro)
     params = make_params(("t", "s"), distro=distro)
     return Driven(TricycleController(parameters, params))
@@ -120,7 +120,7 @@ def test_a_base_goes_straight_on() -> None:
 
     driven.run(command(1.0, 0.0))
 
-    assert driven.held.tolist() == [1.0, 0.0]
+    assert driven.command_values.tolist() == [1.0, 0.0]
 
 
 @pytest.mark.parametrize(
@@ -136,9 +136,9 @@ def test_a_base_goes_straight_on() -> None:
 def test_the_front_wheel_rolls_about_the_center_of_the_turn(
     v: float, w: float, rate: float, angle: float
 ) -> None:
-    told = to_wheel_command(v, w, wheelbase=2.0, radius=0.5)
+    published = to_wheel_command(v, w, wheelbase=2.0, radius=0.5)
 
-    np.testing.assert_allclose(told, [rate, angle], rtol=1e-15)
+    np.testing.assert_allclose(published, [rate, angle], rtol=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -153,19 +153,21 @@ def test_a_deactivation_and_a_timeout_stop_the_base() -> None:
     driven = drive()
     measure(driven, 0.0, math.pi / 4.0)
     driven.run(command(1.0, 1.0))
-    assert driven.held.tolist() == pytest.approx([math.sqrt(2.0), math.pi / 4.0])
+    assert driven.command_values.tolist() == pytest.approx(
+        [math.sqrt(2.0), math.pi / 4.0]
+    )
 
     for _ in range(50):
         driven.run()
     # As old as it may be: 500 ms.
-    assert driven.held[0] > 0.0
+    assert driven.command_values[0] > 0.0
     driven.run()
-    assert driven.held.tolist() == [0.0, 0.0]
+    assert driven.command_values.tolist() == [0.0, 0.0]
 
     driven.run(command(1.0, 1.0))
-    assert driven.held[0] > 0.0
+    assert driven.command_values[0] > 0.0
     driven.run(activation=None)
-    assert driven.held.tolist() == [0.0, 0.0]
+    assert driven.command_values.tolist() == [0.0, 0.0]
 
 
 # TR12.
@@ -176,16 +178,18 @@ def test_both_joints_are_named(name: str) -> None:
 
 
 def test_the_command_is_limited_by_the_last_two() -> None:
-    given: dict[str, Any] = {"traction.max_acceleration": 1.0}
-    driven = drive(publish_ackermann_command=True, **given)
+    parameters: dict[str, Any] = {"traction.max_acceleration": 1.0}
+    driven = drive(publish_ackermann_command=True, **parameters)
 
     for _ in range(3):
         driven.run(command(1.0, 0.0))
 
     # 0.01 each; the last ones are kept in single precision, relative 2^-24.
-    assert driven.held[0] == pytest.approx(0.03, rel=2.0**-23)
-    told = driven.output("cmd_ackermann")
-    assert told == AckermannDrive(speed=float(np.float32(driven.held[0])))
+    assert driven.command_values[0] == pytest.approx(0.03, rel=2.0**-23)
+    published = driven.output("cmd_ackermann")
+    assert published == AckermannDrive(
+        speed=float(np.float32(driven.command_values[0]))
+    )
 
 
 @pytest.mark.parametrize("is_open_loop", [False, True])
@@ -250,7 +254,7 @@ def test_a_tick_that_cannot_read_the_joints_fails() -> None:
 
     assert not tick.is_ok
     assert tick.fault == "not all of t/velocity, s/position could be read"
-    assert driven.held.tolist() == [0.0, 0.0]
+    assert driven.command_values.tolist() == [0.0, 0.0]
 
 
 def test_commands_that_are_not_finite_or_come_too_early_are_told() -> None:
@@ -258,7 +262,7 @@ def test_commands_that_are_not_finite_or_come_too_early_are_told() -> None:
     driven.run(command(1.0, 0.0))
 
     driven.run(command(math.nan, 0.0))
-    assert driven.held[0] == 0.0
+    assert driven.command_values[0] == 0.0
     driven.run(command(1.0, 0.0), activation=None)
 
     assert driven.reasons() == [
@@ -272,7 +276,7 @@ def test_humble_takes_messages_without_a_stamp() -> None:
 
     driven.run({"cmd_vel_unstamped": Twist(Vector3(1.0))})
 
-    assert driven.held.tolist() == [1.0, 0.0]
+    assert driven.command_values.tolist() == [1.0, 0.0]
 
 
 def test_topics_are_there_if_they_are_switched_on() -> None:

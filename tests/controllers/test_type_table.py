@@ -5,7 +5,7 @@ from typing import Annotated
 
 from arm_drake.controllers import CONTROLLER_TYPES, ControllerType
 from arm_drake.controllers.type_table import render_others, render_types
-from arm_drake.description.parameters import Given, Rule, per_element_of
+from arm_drake.description.parameters import ParameterGroup, Rule, per_element_of
 
 ALL = "humble, jazzy, kilted, rolling"
 
@@ -18,10 +18,10 @@ class Limits:
     soft: Annotated[float, Rule(since="jazzy", until="kilted")] = 0.0
 
     @staticmethod
-    def adapt(given: Given) -> None:
-        given.rename("max", "limit")
-        if given.is_before("jazzy"):
-            given.get("has_limit", bool)
+    def adapt(params: ParameterGroup) -> None:
+        params.rename("max", "limit")
+        if params.is_before("jazzy"):
+            params.get("has_limit", bool)
 
 
 @dc.dataclass(frozen=True)

@@ -130,19 +130,19 @@ def without_numbers(text: str) -> str:
 
 def features_of(case: Case) -> set[str]:
     """Return the features of a case."""
-    given, output = case["input"], case["output"]
-    found = set(features(given, "input"))
+    inputs, output = case["input"], case["output"]
+    found = set(features(inputs, "input"))
     for key, value in output.items():
         if key in SERIES:
             words = set(re.findall(r'"(-?[a-z]+)"', json.dumps(value)))
             found.update(f"output.{key}={word}" for word in words)
         else:
             found.update(features({key: value}, "output"))
-    params = given.get("params", {})
+    params = inputs.get("params", {})
     if "command_interfaces" in params:
         found.add(f"{params['command_interfaces']} {params.get('state_interfaces')}")
-    if "name" in given:
-        found.add(f"group={given['name'].split('_')[0]}")
+    if "name" in inputs:
+        found.add(f"group={inputs['name'].split('_')[0]}")
     return found
 
 

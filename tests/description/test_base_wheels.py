@@ -6,8 +6,8 @@ import pytest
 
 from arm_drake.description.base_wheels import (
     MobileBase,
-    carried_inertia,
     find_bases,
+    find_load_inertia,
     moved_joints,
     wheel_links,
 )
@@ -141,8 +141,8 @@ def test_wheels_share_what_they_carry(tmp_path: Path) -> None:
     robot = models.load(tmp_path, cart(CONTROL), text)
     found = find_bases(robot.description, robot.controllers)
 
-    carried = carried_inertia(robot.description, found)
+    load_inertia = find_load_inertia(robot.description, found)
 
     # The mass at the rim: m r^2, by two.
     share = total_mass(robot.description) * RADIUS**2 / 2.0
-    assert carried == pytest.approx({"left": share, "right": share})
+    assert load_inertia == pytest.approx({"left": share, "right": share})

@@ -234,18 +234,18 @@ def test_a_bridge_that_is_no_yaml_is_a_line(tmp_path):
 
 @pytest.mark.parametrize("with_controllers", [False, True])
 def test_a_bridge_that_is_named_is_taken_instead(tmp_path, with_controllers):
-    package, given = tmp_path / "package", tmp_path / "given.yaml"
+    package, inputs = tmp_path / "package", tmp_path / "given.yaml"
     package.mkdir()
     source = make_package(
         package,
         controllers=CONTROLLERS,
         bridge=f"- {{topic_name: found, {FLOAT}}}",
     )
-    given.write_text(f"- {{topic_name: given, {FLOAT}}}", encoding="utf-8")
+    inputs.write_text(f"- {{topic_name: given, {FLOAT}}}", encoding="utf-8")
     own = tmp_path / "own.yaml"
     own.write_text(CONTROLLERS.replace("arm:", "own:"), encoding="utf-8")
 
-    controllers = [own, given] if with_controllers else given
+    controllers = [own, inputs] if with_controllers else inputs
     robot = ad.load_robot(source, controllers=controllers)
 
     assert names(robot.topic_aliases) == [("/given", "/given", "BIDIRECTIONAL")]
@@ -274,13 +274,13 @@ def test_naming_no_file_and_nothing_are_two_things():
 
 def test_a_list_that_is_no_bridge_is_no_bridge(tmp_path):
     source = make_package(tmp_path)
-    given = tmp_path / "given.yaml"
-    given.write_text("- 1\n- 2\n", encoding="utf-8")
+    inputs = tmp_path / "given.yaml"
+    inputs.write_text("- 1\n- 2\n", encoding="utf-8")
 
     with pytest.raises(InputError) as error:
-        ad.load_robot(source, controllers=given)
+        ad.load_robot(source, controllers=inputs)
 
-    assert str(error.value).startswith(f"{given}:1: expected a mapping")
+    assert str(error.value).startswith(f"{inputs}:1: expected a mapping")
 
 
 def test_the_bridge_of_a_real_robot_connects_all_of_its_joints():

@@ -20,8 +20,8 @@ MECANUM = "mecanum_drive_controller/MecanumDriveController"
 
 
 def controller(type: str, **parameters: object) -> ControllerConfig:
-    given = {name: Parameter(value, FILE, 1) for name, value in parameters.items()}
-    return ControllerConfig("c", type, given, FILE, 1)
+    inputs = {name: Parameter(value, FILE, 1) for name, value in parameters.items()}
+    return ControllerConfig("c", type, inputs, FILE, 1)
 
 
 def joint(name: str, mimic: str | None = None, type: str = "revolute") -> JointInfo:

@@ -103,7 +103,7 @@ def test_a_start_at_rest_needs_no_line():
 # Where a robot starts
 
 
-def start_robot(limits: str, mimic: str, hardware: str = "", **given: float):
+def start_robot(limits: str, mimic: str, hardware: str = "", **inputs: float):
     """Return the positions of m and of s, which follows it, and the report."""
     text = (
         '<robot name="r"><link name="a"/><link name="b"/><link name="c"/>'
@@ -114,7 +114,7 @@ def start_robot(limits: str, mimic: str, hardware: str = "", **given: float):
     )
     report, file = LoadReport(), Path("arm.urdf")
     description = parse_urdf(text, file, PackageFinder(file), LoadReport())
-    positions = find_initial_positions(description, given, report)
+    positions = find_initial_positions(description, inputs, report)
     return positions, [f"{entry.what}; {entry.done}" for entry in report]
 
 

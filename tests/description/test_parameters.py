@@ -8,8 +8,8 @@ import pytest
 
 from arm_drake.description.parameters import (
     DISTROS,
-    Given,
     Parameter,
+    ParameterGroup,
     Rule,
     load_parameters,
     per_element_of,
@@ -49,10 +49,10 @@ class Schema:
 
 def load(report: LoadReport | None = None, /, **values: Any) -> Schema:
     report = LoadReport() if report is None else report
-    given = {"joints": ["a", "b"]} | values
+    inputs = {"joints": ["a", "b"]} | values
     parameters = {
         name.replace("__", "."): Parameter(value, FILE, line)
-        for line, (name, value) in enumerate(given.items(), start=1)
+        for line, (name, value) in enumerate(inputs.items(), start=1)
         if value is not ...
     }
     return load_parameters(Schema, parameters, "arm", FILE, report)
@@ -178,10 +178,10 @@ class Versions:
     of_joint: dict[str, Gains] = per_element_of("joint")
 
     @staticmethod
-    def adapt(given: Given) -> None:
-        span = given.get("span", float)
-        if span is not None and given.is_before("rolling"):
-            given.replace("span", {"low": -span, "high": span})
+    def adapt(params: ParameterGroup) -> None:
+        span = params.get("span", float)
+        if span is not None and params.is_before("rolling"):
+            params.replace("span", {"low": -span, "high": span})
 
 
 def load_versions(

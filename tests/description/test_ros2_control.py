@@ -115,15 +115,15 @@ def test_two_blocks_of_one_name_are_kept_and_reported():
 
 
 @pytest.mark.parametrize(
-    ("given", "taken"),
+    ("inputs", "taken"),
     [("System", "system"), ("SENSOR", "sensor"), ("robot", "system"), ("", "system")],
 )
-def test_a_type_in_other_letters_is_taken_and_reported(given, taken):
-    (block,), lines = read(f'<ros2_control name="h" type="{given}"/>')
+def test_a_type_in_other_letters_is_taken_and_reported(inputs, taken):
+    (block,), lines = read(f'<ros2_control name="h" type="{inputs}"/>')
 
     assert block.type == taken
     assert lines == [
-        f"warning: arm.urdf: ros2_control 'h': type {given!r}; "
+        f"warning: arm.urdf: ros2_control 'h': type {inputs!r}; "
         f"expected one of system, actuator, sensor; taken as {taken!r}"
     ]
 

@@ -109,8 +109,8 @@ def test_a_joint_without_a_limit_has_none():
 def test_a_mimic_joint_has_its_master_multiplier_and_offset():
     master = joint(name="m", parent="b", child="c")
 
-    given = '<mimic joint="m" multiplier="-2" offset="0.5"/>'
-    full = parse(LINKS + master + joint(given)).joint("j").mimic
+    inputs = '<mimic joint="m" multiplier="-2" offset="0.5"/>'
+    full = parse(LINKS + master + joint(inputs)).joint("j").mimic
     short = parse(LINKS + master + joint('<mimic joint="m"/>')).joint("j").mimic
 
     assert full == Mimic("m", multiplier=-2.0, offset=0.5)

@@ -61,14 +61,14 @@ def test_the_files_that_are_read_are_told(tmp_path):
     bodies = ["<link/>", include.format("part")]
     bodies.append(bodies[1] + include.format("none"))
 
-    told: list[set[Path]] = []
+    reported: list[set[Path]] = []
     for body in bodies:
         entry.write_text(robot(body) if "xacro" in body else body, encoding="utf-8")
-        told.append(set())
+        reported.append(set())
         with contextlib.suppress(DescriptionError):
-            expand_xacro(entry, {}, PackageFinder(entry), files=told[-1])
+            expand_xacro(entry, {}, PackageFinder(entry), files=reported[-1])
 
-    assert told == [{entry}, {entry, part}, {entry, part, missing}]
+    assert reported == [{entry}, {entry, part}, {entry, part, missing}]
 
 
 def test_a_plain_urdf_may_be_latin_1_or_start_with_a_mark(tmp_path):

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from arm_drake.control.drive_commands import DriveCommands
-from arm_drake.controllers.cycles import Cycle, Tick
+from arm_drake.controllers.cycles import Cycle, UpdateResult
 from arm_drake.manager.controller_manager import Readings, StoredStates, initial_values
-from arm_drake.manager.hardware_interfaces import Surroundings
-from arm_drake.manager.lifecycle import Claimants, Lifecycle, News, Refusal
+from arm_drake.manager.hardware_interfaces import HardwareInterfaces
+from arm_drake.manager.lifecycle import Claimants, Lifecycle, ManagerInputs, Refusal
 from arm_drake.manager.state import ControllerFailure, ManagerState
 from arm_drake.manager.switching import ControllerInfo
 from arm_drake.messages import SwitchController, SwitchControllerResult
-from arm_drake.messages.base import NUM_KEPT, add_news
+from arm_drake.messages.base import NUM_KEPT, append_events
 
 JOINTS = ("a", "b")
 ORDER = ("a/position", "a/velocity", "b/position", "b/velocity", "low/a/position")
@@ -81,30 +81,30 @@ def test_at_first_those_that_start_are_active_in_their_order():
 
 def test_a_switch_numbers_activations_anew():
     lifecycle = make_lifecycle()
-    held = after_a_cycle(start(lifecycle, ["arm", "hand"]))
+    state = after_a_cycle(start(lifecycle, ["arm", "hand"]))
     request = SwitchController(("hand",), ("arm", "hand"))
 
-    done = lifecycle.switch(held, [request])
+    done = lifecycle.switch(state, [request])
 
     assert list(done.active) == ["hand"]
-    assert done.active["hand"] not in held.active.values()
+    assert done.active["hand"] not in state.active.values()
     assert done.next_activation > done.active["hand"]
     assert done.events == (SwitchControllerResult(request, True, ""),)
     assert done.mode.is_position.tolist() == [False, True]
     # What was held is as before.
-    assert list(held.active) == ["arm", "hand"]
+    assert list(state.active) == ["arm", "hand"]
 
 
 def test_requests_are_met_one_after_the_other():
     lifecycle = make_lifecycle()
-    held = after_a_cycle(start(lifecycle, ["arm"]))
+    state = after_a_cycle(start(lifecycle, ["arm"]))
     requests = [
         SwitchController((), ("arm",), "strict"),
         SwitchController(("speed",), (), "strict"),
         SwitchController(("arm",), (), "strict"),
     ]
 
-    done = lifecycle.switch(held, requests)
+    done = lifecycle.switch(state, requests)
 
     assert list(done.active) == ["speed"]
     assert [event.ok for event in done.events] == [True, True, False]
@@ -114,27 +114,27 @@ def test_requests_are_met_one_after_the_other():
 
 def test_without_requests_what_is_active_stays():
     lifecycle = make_lifecycle()
-    held = after_a_cycle(start(lifecycle, ["arm", "hand"]))
+    state = after_a_cycle(start(lifecycle, ["arm", "hand"]))
 
-    done = lifecycle.switch(held, [])
+    done = lifecycle.switch(state, [])
 
-    assert done.active == held.active
-    assert done.next_activation == held.next_activation
+    assert done.active == state.active
+    assert done.next_activation == state.next_activation
     assert done.events == ()
 
 
 def test_a_follower_restarts_when_its_predecessor_comes_and_goes():
     lifecycle = make_lifecycle()
-    held = after_a_cycle(start(lifecycle, ["low"]))
+    state = after_a_cycle(start(lifecycle, ["low"]))
 
-    chained = lifecycle.switch(held, [SwitchController(("top",))])
+    chained = lifecycle.switch(state, [SwitchController(("top",))])
     alone = lifecycle.switch(
-        held._replace(active=chained.active, next_activation=chained.next_activation),
+        state._replace(active=chained.active, next_activation=chained.next_activation),
         [SwitchController((), ("top",))],
     )
 
     assert (chained.chained, alone.chained) == ({"low"}, frozenset())
-    numbers = [a["low"] for a in (held.active, chained.active, alone.active)]
+    numbers = [a["low"] for a in (state.active, chained.active, alone.active)]
     assert numbers == sorted(set(numbers))
 
 
@@ -160,17 +160,17 @@ def test_a_request_that_does_not_say_how_strict_it_is_follows_the_manager(
 
 
 def test_what_hardware_refuses_is_not_done():
-    asked = []
+    requested = []
 
     def refuse(start: Collection[str], stop: Collection[str]) -> str:
-        asked.append((set(start), set(stop)))
+        requested.append((set(start), set(stop)))
         return "the hardware is busy"
 
     lifecycle = make_lifecycle(refuse=refuse)
 
     plan = lifecycle.judge(["arm"], SwitchController(("speed",), ("arm",)))
 
-    assert asked == [({"a/velocity"}, {"a/position"})]
+    assert requested == [({"a/velocity"}, {"a/position"})]
     assert (plan.activate, plan.deactivate, plan.ok) == ((), (), False)
     assert plan.problems == ("the hardware is busy",)
 
@@ -188,23 +188,25 @@ def test_hardware_is_not_asked_where_nothing_changes():
 
 def test_only_those_with_a_rate_of_their_own_have_periods():
     lifecycle = make_lifecycle()
-    held = after_a_cycle(start(lifecycle, ["arm", "hand"]))._replace(
+    state = after_a_cycle(start(lifecycle, ["arm", "hand"]))._replace(
         last_ns={"hand": 100_000_000}
     )
 
-    at = {ms: lifecycle.periods(held, held.active, ms * 1_000_000) for ms in (110, 120)}
+    at = {
+        ms: lifecycle.periods(state, state.active, ms * 1_000_000) for ms in (110, 120)
+    }
 
     assert at == {110: {"hand": 0}, 120: {"hand": 20_000_000}}
-    assert lifecycle.periods(held, {"arm": 0}, 120_000_000) == {}
+    assert lifecycle.periods(state, {"arm": 0}, 120_000_000) == {}
 
 
 def test_a_new_activation_ticks_at_once():
     lifecycle = make_lifecycle()
-    held = after_a_cycle(start(lifecycle, ["hand"]))._replace(
+    state = after_a_cycle(start(lifecycle, ["hand"]))._replace(
         last_ns={"hand": 100_000_000}
     )
 
-    periods = lifecycle.periods(held, {"hand": 7}, 110_000_000)
+    periods = lifecycle.periods(state, {"hand": 7}, 110_000_000)
 
     assert periods == {"hand": 20_000_000}
 
@@ -322,26 +324,26 @@ def test_the_latest_events_are_kept_with_their_numbers():
 
     one_by_one = ()
     for event in news:
-        one_by_one = add_news(one_by_one, [event])
-    at_once = add_news((), news)
+        one_by_one = append_events(one_by_one, [event])
+    at_once = append_events((), news)
 
     assert one_by_one == at_once == tuple(enumerate(news))[-NUM_KEPT:]
-    assert add_news(at_once, ()) == at_once
+    assert append_events(at_once, ()) == at_once
 
 
 def readings(state: ManagerState, requests: tuple[SwitchController, ...]) -> Readings:
     def measure() -> np.ndarray:
         raise AssertionError("not needed")
 
-    return Readings(state, News(requests, ()), measure)
+    return Readings(state, ManagerInputs(requests, ()), measure)
 
 
 def test_a_request_counts_once_and_an_equal_one_again():
     old, equal = (SwitchController(("hand",)) for _ in range(2))
-    held = after_a_cycle(start(make_lifecycle(), ["arm"]))._replace(requests=(old,))
+    state = after_a_cycle(start(make_lifecycle(), ["arm"]))._replace(requests=(old,))
 
-    again = readings(held, (old,))
-    another = readings(held, (old, equal))
+    again = readings(state, (old,))
+    another = readings(state, (old, equal))
 
     assert (again.new_requests, again.is_switching) == ((), False)
     assert another.is_switching
@@ -378,7 +380,7 @@ class Claims:
         """Return values that were all 9, and who failed, after a cycle."""
         # What isn't there isn't to be read.
         there = {
-            name: Tick(1, 0, None, np.array(command), name not in failed)
+            name: UpdateResult(1, 0, None, np.array(command), name not in failed)
             for name, command in ticks.items()
         }
         values = np.full(len(ORDER), 9.0)
@@ -504,8 +506,8 @@ def test_what_controllers_wrote_can_be_undone():
 
 def test_stored_states_follow_commands_of_their_name():
     stored = {"tool/out": math.nan, "imu/x": 0.5, "tool/level": 2.0}
-    surroundings = Surroundings({}, (), (), {}, stored)
-    states = StoredStates(surroundings, ("a/position", "tool/level", "tool/out"))
+    hardware_interfaces = HardwareInterfaces({}, (), (), {}, stored)
+    states = StoredStates(hardware_interfaces, ("a/position", "tool/level", "tool/out"))
 
     before = np.array([*stored.values()])
     first = states.update(before, np.array([7.0, math.nan, 1.5]))

@@ -98,8 +98,8 @@ def values(sim: ad.Simulation) -> dict[str, float]:
     """Return what the command interfaces hold."""
     manager = sim.diagram.GetSubsystemByName("controller_manager")
     context = manager.GetMyContextFromRoot(sim.simulator.get_context())
-    held = manager.GetOutputPort("command_values").Eval(context)
-    return dict(zip(manager.commands, held.tolist(), strict=True))
+    state = manager.GetOutputPort("command_values").Eval(context)
+    return dict(zip(manager.commands, state.tolist(), strict=True))
 
 
 def events(sim: ad.Simulation) -> list[object]:
@@ -277,14 +277,14 @@ def test_a_chain_of_three_has_no_tick_of_delay(tmp_path):
     q = np.array(sim.joint_states().position)
     sim.simulator.AdvanceTo(PERIOD + 1e-4)
 
-    held = values(sim)
+    state = values(sim)
     reference = np.array([0.8, -0.4])
     for joint, wanted, measured in zip(("j1", "j2"), reference, q, strict=True):
         middle = 0.5 * (wanted - measured)
-        assert held[f"middle/{joint}/position"] == wanted
-        assert held[f"low/{joint}/position"] == pytest.approx(middle, rel=1e-12)
+        assert state[f"middle/{joint}/position"] == wanted
+        assert state[f"low/{joint}/position"] == pytest.approx(middle, rel=1e-12)
         effort = 4.0 * (middle - measured)
-        assert held[f"{joint}/effort"] == pytest.approx(effort, rel=1e-12)
+        assert state[f"{joint}/effort"] == pytest.approx(effort, rel=1e-12)
 
 
 def test_a_chain_runs_in_the_same_cycle_whatever_the_order_in_the_file(tmp_path):

@@ -121,9 +121,9 @@ def test_a_tick_without_a_context_leaves_the_same_behind(tmp_path, monkeypatch):
         push(sim)
         sim.run(0.2)
         assert goal.status.name == "ABORTED"
-        told = sim.controller("arm").state()
+        reported = sim.controller("arm").state()
         rollout = sim.rollout()
-        return [rollout.position.tolist(), rollout.effort.tolist(), repr(told)]
+        return [rollout.position.tolist(), rollout.effort.tolist(), repr(reported)]
 
     directly = simulate_and_stop(tmp_path)
     monkeypatch.setattr(JointTrajectoryController, "reads_by_now", False)

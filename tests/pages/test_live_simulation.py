@@ -516,12 +516,12 @@ def test_a_browser_sees_it_go_and_stops_it(page: Page, robot: ad.Robot) -> None:
 
 def test_progress_is_told_up_to_the_end(page: Page, robot: ad.Robot) -> None:
     live = make(page, robot)
-    told: list[float] = []
+    reported: list[float] = []
 
-    live.run(0.5, told.append)
+    live.run(0.5, reported.append)
 
-    assert told == sorted(told)
-    assert told[-1] == pytest.approx(0.5)
+    assert reported == sorted(reported)
+    assert reported[-1] == pytest.approx(0.5)
 
 
 def test_the_present_rate_is_one_of_the_choices(page: Page, robot: ad.Robot) -> None:

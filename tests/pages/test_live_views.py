@@ -334,7 +334,7 @@ def test_other_widgets_are_not_its_own(page: Page, arm: ad.Simulation) -> None:
 
 
 @pytest.mark.parametrize(
-    ("method", "given", "message"),
+    ("method", "argument", "message"),
     [
         (
             "set_fixed_frame",
@@ -356,12 +356,12 @@ def test_other_widgets_are_not_its_own(page: Page, arm: ad.Simulation) -> None:
     ],
 )
 def test_what_cannot_be_is_said(
-    page: Page, arm: ad.Simulation, method: str, given: str, message: str
+    page: Page, arm: ad.Simulation, method: str, argument: str, message: str
 ) -> None:
     views = LiveViews(page, arm)
 
     with pytest.raises(InputError) as caught:
-        getattr(views, method)(given)
+        getattr(views, method)(argument)
 
     assert str(caught.value) == message
     views.draw()

@@ -24,7 +24,7 @@ def calls(viewer: RobotViewer, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     found: list[Any] = []
 
     def spy(name: str) -> Any:
-        return lambda *given: found.append((name, *given))
+        return lambda *inputs: found.append((name, *inputs))
 
     for name in (
         *("set_positions", "show", "set_fixed_frame", "take_named_pose"),

@@ -82,8 +82,8 @@ class OtherModel:
     def efforts(self, state: State, a: np.ndarray) -> np.ndarray:
         """Return what accelerations ask for besides the state's effort, shape (m,)."""
         q, v = self._positions(state.q), self._sort(state.v)
-        asked = pinocchio.rnea(self._model, self._data, q, v, self._sort(a))
-        return asked[self._at] + self._D * state.v - state.effort
+        requested = pinocchio.rnea(self._model, self._data, q, v, self._sort(a))
+        return requested[self._at] + self._D * state.v - state.effort
 
     def _sort(self, values: np.ndarray) -> np.ndarray:
         vector = np.zeros(self._model.nv)

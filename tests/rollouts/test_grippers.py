@@ -257,7 +257,7 @@ def test_a_master_carries_what_pulls_at_its_follower(
     off = rollout.position[-1, at] - before.position[-1, at]
     assert abs(off) <= CARRIED
     # By virtual work, of which dry friction may take or leave its part.
-    carried = rollout.effort[-1, at] - before.effort[-1, at]
+    load_inertia = rollout.effort[-1, at] - before.effort[-1, at]
     expected = -follower.multiplier * load
     friction = gripper.friction(follower.master)
-    assert carried == pytest.approx(expected, rel=0.02, abs=2.0 * friction)
+    assert load_inertia == pytest.approx(expected, rel=0.02, abs=2.0 * friction)

@@ -162,18 +162,18 @@ def framed(*urdfs: str, models: list[str] | None = None) -> Recorder:
 
 @pytest.mark.parametrize("size", [0.017, 0.3, 1.0])
 def test_a_robot_of_any_size_is_seen_with_meshcats_own_camera(size: float) -> None:
-    told = framed(two_links(size))
+    reported = framed(two_links(size))
 
     corners = size * np.array(
         list(itertools.product((-0.5, 2.5), (-0.5, 0.5), (-0.5, 0.5)))
     )
-    places = project(told.camera, View(np.deg2rad(75.0), 1.0), corners)
+    places = project(reported.camera, View(np.deg2rad(75.0), 1.0), corners)
     # 0.15 of the page stays free on each side.
     assert np.abs(places).max() == pytest.approx(0.7, abs=1e-6)
     # Nothing of it is nearer than what the page draws.
-    eye, target = np.array(told.camera.eye), np.array(told.camera.target)
+    eye, target = np.array(reported.camera.eye), np.array(reported.camera.target)
     forward = (target - eye) / np.linalg.norm(target - eye)
-    near = told.properties["/Cameras/default/rotated/<object>.near"]
+    near = reported.properties["/Cameras/default/rotated/<object>.near"]
     assert ((corners - eye) @ forward).min() > 5.0 * near
     assert near <= 0.01
 
@@ -195,6 +195,6 @@ def test_a_house_around_a_robot_does_not_count() -> None:
 def test_a_robot_without_shapes_is_framed_by_its_links() -> None:
     bare = re.sub("<visual>.*?</visual>", "", two_links(1.0))
 
-    told = framed(bare)
+    reported = framed(bare)
 
-    np.testing.assert_allclose(told.camera.target, (1.0, 0.0, 0.0), atol=1e-12)
+    np.testing.assert_allclose(reported.camera.target, (1.0, 0.0, 0.0), atol=1e-12)

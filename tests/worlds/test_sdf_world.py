@@ -126,14 +126,14 @@ def test_a_model_that_stands_may_have_joints(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "expected"),
+    ("inputs", "expected"),
     [(None, (0.0, 0.0, -1.62)), (True, (0.0, 0.0, -9.81)), (False, (0.0, 0.0, 0.0))],
 )
 def test_gravity_of_the_file_counts_unless_the_options_say_otherwise(
-    tmp_path: Path, given: bool | None, expected: tuple[float, ...]
+    tmp_path: Path, inputs: bool | None, expected: tuple[float, ...]
 ) -> None:
     world = write(tmp_path, "<gravity>0 0 -1.62</gravity>")
-    simulation = simulate(tmp_path, world, gravity=given)
+    simulation = simulate(tmp_path, world, gravity=inputs)
 
     simulation.advance_to(0.5)
 

@@ -17,7 +17,7 @@ from arm_drake.control.odometry import PlanarPose
 from arm_drake.control.rate_limiter import RateLimiter
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.topics import INACTIVE, TopicController, TopicState
-from arm_drake.description.parameters import Given, Rule
+from arm_drake.description.parameters import ParameterGroup, Rule
 from arm_drake.messages import (
     Header,
     Message,
@@ -154,24 +154,24 @@ class SpeedLimits:
     min_jerk: float = math.nan
 
     @staticmethod
-    def adapt(given: Given) -> None:
+    def adapt(params: ParameterGroup) -> None:
         """Take the older min_acceleration, and the deceleration's older sign."""
         names = ["min_acceleration"]
-        if not given.is_before("jazzy"):
+        if not params.is_before("jazzy"):
             names.append("max_deceleration")
         for name in names:
-            value = given.get(name, float)
+            value = params.get(name, float)
             if value is not None and value > 0.0:
                 what = f"must be at most 0, got {value}"
-                given.add(name, "warning", "repair", what, f"taken as {-value}")
-                given.set(name, -value)
+                params.add(name, "warning", "repair", what, f"taken as {-value}")
+                params.set(name, -value)
         for name in ("max_velocity", "max_acceleration", "max_jerk"):
-            if given.get(name, float) == 0.0:
+            if params.get(name, float) == 0.0:
                 what = "0 lets nothing move; .nan is no limit"
-                given.add(name, "warning", "invalid", what, "it is taken as it is")
-        value = given.get("min_acceleration", float)
+                params.add(name, "warning", "invalid", what, "it is taken as it is")
+        value = params.get("min_acceleration", float)
         if value is not None:
-            given.replace(
+            params.replace(
                 "min_acceleration",
                 {"max_deceleration": value, "max_acceleration_reverse": value},
             )

@@ -30,7 +30,7 @@ from arm_drake.controllers.bases.base import (
     make_limiter,
 )
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
-from arm_drake.controllers.cycles import Now
+from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.controllers.topics import (
     CHAINED,
     Inbox,
@@ -38,7 +38,7 @@ from arm_drake.controllers.topics import (
     new_parameters,
 )
 from arm_drake.description.parameters import (
-    Given,
+    ParameterGroup,
     Rule,
     check_above,
     check_at_least,
@@ -73,29 +73,29 @@ class DiffDriveSpeedLimits(SpeedLimits):
     """Limits of a velocity, which humble's has_*_limits switch on."""
 
     @staticmethod
-    def adapt(given: Given) -> None:
+    def adapt(params: ParameterGroup) -> None:
         """Take has_*_limits: a limit is off by it, and in humble without it.
 
         Source: ros2_controllers, pull request 1315, which only makes them deprecated.
         """
         for kind, names in _LIMITS.items():
             gate = f"has_{kind}_limits"
-            is_on = given.get(gate, bool)
-            limits = [n for n in names if _is_number(given.get(n, float))]
-            if is_on and given.is_before("kilted") and names[0] not in limits:
-                given.reject(gate, f"needs {names[0]}, which is not given")
-            is_humble = given.distro == "humble"
+            is_on = params.get(gate, bool)
+            limits = [n for n in names if _is_number(params.get(n, float))]
+            if is_on and params.is_before("kilted") and names[0] not in limits:
+                params.reject(gate, f"needs {names[0]}, which is not given")
+            is_humble = params.distro == "humble"
             if kind == "acceleration" and not is_humble:
-                later = (n for n in _DECELERATIONS if _is_number(given.get(n, float)))
+                later = (n for n in _DECELERATIONS if _is_number(params.get(n, float)))
                 limits += later
             is_off = not is_on if is_humble else is_on is False
-            if is_off and given.is_before("rolling"):
+            if is_off and params.is_before("rolling"):
                 for name in limits:
                     what = f"{gate} is not true"
-                    given.add(name, "warning", "ignored", what, "the limit is off")
-                    given.drop(name)
+                    params.add(name, "warning", "ignored", what, "the limit is off")
+                    params.drop(name)
             elif not is_humble and is_on is not None:
-                given.add(
+                params.add(
                     gate,
                     "warning" if limits and not is_on else "info",
                     "ignored",
@@ -103,8 +103,8 @@ class DiffDriveSpeedLimits(SpeedLimits):
                     f"a limit that is given acts: {', '.join(limits) or 'none'}",
                 )
             if is_on is not None:
-                given.drop(gate)
-        SpeedLimits.adapt(given)
+                params.drop(gate)
+        SpeedLimits.adapt(params)
 
 
 def _is_number(value: float | None) -> bool:
@@ -230,30 +230,32 @@ class DiffDriveSettings(NamedTuple):
 
 def make_settings(parameters: DiffDriveControllerParameters) -> DiffDriveSettings:
     """Return what parameters set; measures are corrected."""
-    given, linear, angular = parameters, parameters.linear.x, parameters.angular.z
+    config, linear, angular = parameters, parameters.linear.x, parameters.angular.z
     return DiffDriveSettings(
-        given,
+        config,
         (make_limiter(linear), make_limiter(angular)),
         DiffDriveKinematics(
-            given.wheel_separation * given.wheel_separation_multiplier,
-            given.wheel_radius * given.left_wheel_radius_multiplier,
-            given.wheel_radius * given.right_wheel_radius_multiplier,
+            config.wheel_separation * config.wheel_separation_multiplier,
+            config.wheel_radius * config.left_wheel_radius_multiplier,
+            config.wheel_radius * config.right_wheel_radius_multiplier,
         ),
     )
 
 
 def _accept(
-    offered: object, present: DiffDriveControllerParameters
+    received_parameters: object, present: DiffDriveControllerParameters
 ) -> DiffDriveControllerParameters:
     """Return parameters that are to be taken; raise ValueError for bad ones."""
-    if offered == ():  # Nothing is on the port any more.
+    if received_parameters == ():  # Nothing is on the port any more.
         return present
-    if not isinstance(offered, DiffDriveControllerParameters):
-        raise ValueError(f"expected DiffDriveControllerParameters, got {offered!r}")
+    if not isinstance(received_parameters, DiffDriveControllerParameters):
+        raise ValueError(
+            f"expected DiffDriveControllerParameters, got {received_parameters!r}"
+        )
     for name in _READ_ONLY:
-        if getattr(offered, name) != getattr(present, name):
+        if getattr(received_parameters, name) != getattr(present, name):
             raise ValueError(f"{name} can't change while the controller runs")
-    return offered
+    return received_parameters
 
 
 _UNKNOWN = (math.nan, math.nan)
@@ -284,7 +286,7 @@ class DiffDriveState(NamedTuple):
     inbox: Inbox = Inbox()
 
     # What was on the port of parameters at the last tick.
-    offered: object = ()
+    received_parameters: object = ()
 
     # Why the last tick failed; empty if it didn't.
     fault: str = ""
@@ -323,7 +325,7 @@ class DiffDriveController(BaseController[DiffDriveState]):
     set_odometry        --    --     SetOdometry: where the base is
     parameters          --    --     DiffDriveControllerParameters
     cmd_vel_unstamped   --    --     Twist, if use_stamped_vel is false
-    command_interfaces  --    rad/s  Tick; its command is (k,), left wheels first
+    command_interfaces  --    rad/s  UpdateResult; command (k,), left wheels first
     odom                --    --     Odometry: where the wheels say that the base is
     tf                  --    --     TFMessage with the same, if enable_odom_tf
     cmd_vel_out         --    --     TwistStamped, if publish_limited_velocity
@@ -339,19 +341,19 @@ class DiffDriveController(BaseController[DiffDriveState]):
         params: ControllerInterfaceParams,
     ) -> None:
         """Create the system."""
-        given, is_humble = parameters, params.distro == "humble"
-        self._num_left = len(given.left_wheel_names)
-        wheels = (*given.left_wheel_names, *given.right_wheel_names)
-        feedback = "position" if given.position_feedback else "velocity"
-        self._timeout_ns = round(given.cmd_vel_timeout * NANOSECONDS)
+        config, is_humble = parameters, params.distro == "humble"
+        self._num_left = len(config.left_wheel_names)
+        wheels = (*config.left_wheel_names, *config.right_wheel_names)
+        feedback = "position" if config.position_feedback else "velocity"
+        self._timeout_ns = round(config.cmd_vel_timeout * NANOSECONDS)
         self._first = _REST if is_humble else _UNKNOWN
-        settings = make_settings(given)
+        settings = make_settings(config)
         # Those of the odometry stay as they are.
         self._kinematics = settings.kinematics
-        mean = RollingMean(given.velocity_rolling_window_size)
+        mean = RollingMean(config.velocity_rolling_window_size)
         outputs = {"cmd_vel_out": lambda state: state.cmd_vel_out}
         super().__init__(
-            given,
+            config,
             params,
             DiffDriveState(
                 settings,
@@ -360,24 +362,24 @@ class DiffDriveController(BaseController[DiffDriveState]):
                 np.full(len(wheels), np.nan),
             ),
             covariances=(
-                given.pose_covariance_diagonal,
-                given.twist_covariance_diagonal,
+                config.pose_covariance_diagonal,
+                config.twist_covariance_diagonal,
             ),
             has_references=not is_humble,
             is_lyrical=params.distro == "rolling",
-            outputs=outputs if given.publish_limited_velocity else {},
+            outputs=outputs if config.publish_limited_velocity else {},
             state_interfaces=interfaces.interface_names(
-                () if given.open_loop else wheels, (feedback,)
+                () if config.open_loop else wheels, (feedback,)
             ),
             command_interfaces=interfaces.interface_names(wheels, ("velocity",)),
         )
         self._offered = self.DeclareAbstractInputPort(
             interfaces.PARAMETERS_PORT, AbstractValue.Make(())
         )
-        if not given.use_stamped_vel:
+        if not config.use_stamped_vel:
             self._subscribe("cmd_vel_unstamped", Twist, self._take_velocity)
 
-    def _update(self, now: Now, state: DiffDriveState) -> DiffDriveState:
+    def _update(self, now: UpdateContext, state: DiffDriveState) -> DiffDriveState:
         chained = self._read_references(now)
         state = self._receive(now, state, "" if chained is None else CHAINED)
         if chained is None:
@@ -392,7 +394,7 @@ class DiffDriveController(BaseController[DiffDriveState]):
             return state
         return self._move(now, state)
 
-    def _follow(self, now: Now, state: DiffDriveState) -> Velocity:
+    def _follow(self, now: UpdateContext, state: DiffDriveState) -> Velocity:
         """Return the reference that the last command makes."""
         assert state.received is not None
         velocity, stamp_ns = state.received
@@ -401,21 +403,28 @@ class DiffDriveController(BaseController[DiffDriveState]):
         return velocity if all(map(math.isfinite, velocity)) else state.reference
 
     def _receive(
-        self, now: Now, state: DiffDriveState, obstacle: str = ""
+        self, now: UpdateContext, state: DiffDriveState, obstacle: str = ""
     ) -> DiffDriveState:
         if now.is_quiet:
             return state
         if state.received is None:
             state = state._replace(received=BaseCommand(self._first, now.time_ns))
-        offered = new_parameters(self._offered, now.context, state.offered)
-        if offered is not state.offered:
-            state = self._set_parameters(state._replace(offered=offered), offered)
+        received_parameters = new_parameters(
+            self._offered, now.context, state.received_parameters
+        )
+        if received_parameters is not state.received_parameters:
+            state = self._set_parameters(
+                state._replace(received_parameters=received_parameters),
+                received_parameters,
+            )
         return super()._receive(now, state, obstacle)
 
-    def _set_parameters(self, state: DiffDriveState, offered: object) -> DiffDriveState:
+    def _set_parameters(
+        self, state: DiffDriveState, received_parameters: object
+    ) -> DiffDriveState:
         """Return the state with parameters, if they can be taken."""
         try:
-            parameters = _accept(offered, state.settings.parameters)
+            parameters = _accept(received_parameters, state.settings.parameters)
         except ValueError as error:
             inbox = state.inbox
             events = add_events(inbox.events, [ParametersRejected(str(error))])
@@ -438,7 +447,7 @@ class DiffDriveController(BaseController[DiffDriveState]):
         del pose, obstacle
         return ""
 
-    def _move(self, now: Now, state: DiffDriveState) -> DiffDriveState:
+    def _move(self, now: UpdateContext, state: DiffDriveState) -> DiffDriveState:
         """Return the state after a tick with a reference."""
         dt = now.period_ns / NANOSECONDS
         limited, old = state.limited, state.odometry
@@ -478,7 +487,7 @@ class DiffDriveController(BaseController[DiffDriveState]):
             state = state._replace(cmd_vel_out=TwistStamped(header, twist))
         return state
 
-    def _deactivate(self, now: Now, state: DiffDriveState) -> DiffDriveState:
+    def _deactivate(self, now: UpdateContext, state: DiffDriveState) -> DiffDriveState:
         return state._replace(
             received=BaseCommand(self._first, now.time_ns),
             reference=self._first,

@@ -23,7 +23,7 @@ from arm_drake.controllers.bases.base import (
     make_limiter,
 )
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
-from arm_drake.controllers.cycles import Now
+from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.controllers.topics import CHAINED, Inbox
 from arm_drake.description.parameters import (
     Rule,
@@ -225,16 +225,16 @@ class MecanumDriveControllerParameters:
 
 def make_kinematics(parameters: MecanumDriveControllerParameters) -> MecanumKinematics:
     """Return the kinematics of a base."""
-    given = parameters.kinematics
-    reach = given.sum_of_robot_center_projection_on_X_Y_axis
+    kinematics = parameters.kinematics
+    reach = kinematics.sum_of_robot_center_projection_on_X_Y_axis
     if not reach:
         raise ParameterError(
             "kinematics.sum_of_robot_center_projection_on_X_Y_axis must not be 0; it "
             "is half the wheelbase plus half the distance of left and right wheels [m]"
         )
-    offset = given.base_frame_offset
+    offset = kinematics.base_frame_offset
     return MecanumKinematics(
-        given.wheels_radius, reach, PlanarPose(offset.x, offset.y, offset.theta)
+        kinematics.wheels_radius, reach, PlanarPose(offset.x, offset.y, offset.theta)
     )
 
 
@@ -265,7 +265,7 @@ class MecanumDriveState(NamedTuple):
     # Of the last tick: its time [ns], None before the first one, what was asked for
     # and how the wheels turned.
     time_ns: int | None = None
-    asked: Velocity = UNKNOWN
+    requested: Velocity = UNKNOWN
     wheels: MecanumWheels = MecanumWheels(0.0, 0.0, 0.0, 0.0)
 
 
@@ -295,7 +295,7 @@ class MecanumDriveController(BaseController[MecanumDriveState]):
     reference           --    TwistStamped: velocity of the base frame, until it is
                               older than ``reference_timeout``
     set_odometry        --    SetOdometry: where the base is
-    command_interfaces  --    Tick; its command is (4,): front left, front right, rear
+    command_interfaces  --    UpdateResult; command (4,): front left, front right, rear
                               right and rear left wheel [rad/s]
     odometry            --    Odometry: where the wheels say that the base is
     tf_odometry         --    TFMessage with the same, if ``enable_odom_tf``
@@ -347,13 +347,15 @@ class MecanumDriveController(BaseController[MecanumDriveState]):
             command_interfaces=interfaces.interface_names(commanded, velocity),
         )
 
-    def _update(self, now: Now, state: MecanumDriveState) -> MecanumDriveState:
+    def _update(
+        self, now: UpdateContext, state: MecanumDriveState
+    ) -> MecanumDriveState:
         chained = self._read_references(now)
         state = self._receive(now, state, "" if chained is None else CHAINED)
         if chained is None:
-            received, asked = self._follow(now, state.received)
+            received, requested = self._follow(now, state.received)
         else:
-            received, asked = state.received, tuple(chained.tolist())
+            received, requested = state.received, tuple(chained.tolist())
         dt = now.period_ns / NANOSECONDS
         wheels = MecanumWheels(*self._read(now.context).tolist())
         odometry = state.odometry
@@ -362,8 +364,8 @@ class MecanumDriveController(BaseController[MecanumDriveState]):
         elif not any(map(math.isnan, wheels)):
             odometry = odometry.update(self._kinematics, wheels, dt)
         limited, command = (REST, REST), np.zeros(len(_WHEELS))
-        if all(map(math.isfinite, asked)):
-            velocity = limit_velocity(self._limiters, asked, state.limited, dt)
+        if all(map(math.isfinite, requested)):
+            velocity = limit_velocity(self._limiters, requested, state.limited, dt)
             limited = (velocity, state.limited[0])
             command = np.array(self._kinematics.to_wheels(velocity))
         return MecanumDriveState(
@@ -373,11 +375,13 @@ class MecanumDriveController(BaseController[MecanumDriveState]):
             limited=limited,
             command=command,
             time_ns=now.time_ns,
-            asked=asked,
+            requested=requested,
             wheels=wheels,
         )
 
-    def _follow(self, now: Now, received: BaseCommand) -> tuple[BaseCommand, Velocity]:
+    def _follow(
+        self, now: UpdateContext, received: BaseCommand
+    ) -> tuple[BaseCommand, Velocity]:
         """Return what is left of a command, and what it asks for in a tick.
 
         What is too old asks for rest, once; without a timeout it holds for one tick.
@@ -408,7 +412,9 @@ class MecanumDriveController(BaseController[MecanumDriveState]):
             return command, ""
         return BaseCommand(UNKNOWN), fault
 
-    def _deactivate(self, now: Now, state: MecanumDriveState) -> MecanumDriveState:
+    def _deactivate(
+        self, now: UpdateContext, state: MecanumDriveState
+    ) -> MecanumDriveState:
         del now
         return state._replace(
             received=BaseCommand(UNKNOWN), command=_NOTHING, limited=(REST, REST)
@@ -418,7 +424,7 @@ class MecanumDriveController(BaseController[MecanumDriveState]):
         """Return the topic controller_state."""
         if state.time_ns is None:
             return MecanumDriveControllerState()
-        x, y, z = state.asked
+        x, y, z = state.requested
         return MecanumDriveControllerState(
             Header.from_nanoseconds(state.time_ns, self._frames.odom),
             *state.wheels,

@@ -21,7 +21,7 @@ from arm_drake.controllers.bases.base import (
     Velocity,
 )
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
-from arm_drake.controllers.cycles import Now
+from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.controllers.topics import CHAINED, Inbox
 from arm_drake.description.parameters import check_above, check_duration, check_length
 from arm_drake.messages import NANOSECONDS
@@ -255,7 +255,7 @@ class OmniWheelDriveController(BaseController[OmniWheelDriveState]):
     cmd_vel             --    TwistStamped: velocity of the base until it is older than
                               ``cmd_vel_timeout``
     set_odometry        --    SetOdometry: where the base is
-    command_interfaces  --    Tick; its command is (n,)
+    command_interfaces  --    UpdateResult; command (n,)
     odom                --    Odometry: where the wheels, or with ``open_loop`` the
                               commands, say that the base is
     tf                  --    TFMessage with the same, if ``enable_odom_tf``
@@ -279,35 +279,37 @@ class OmniWheelDriveController(BaseController[OmniWheelDriveState]):
         params: ControllerInterfaceParams,
     ) -> None:
         """Create the system."""
-        given, wheels = parameters, parameters.wheel_names
-        self._parameters = given
+        config, wheels = parameters, parameters.wheel_names
+        self._parameters = config
         self._kinematics = OmniWheelKinematics(
-            len(wheels), given.wheel_offset, given.robot_radius, given.wheel_radius
+            len(wheels), config.wheel_offset, config.robot_radius, config.wheel_radius
         )
-        self._timeout_ns = int(given.cmd_vel_timeout * NANOSECONDS)
+        self._timeout_ns = int(config.cmd_vel_timeout * NANOSECONDS)
         self._nothing = np.full(len(wheels), np.nan)
-        read = interfaces.POSITION if given.position_feedback else interfaces.VELOCITY
-        covariance = given.diagonal_covariance
+        read = interfaces.POSITION if config.position_feedback else interfaces.VELOCITY
+        covariance = config.diagonal_covariance
         super().__init__(
-            given,
+            config,
             params,
             OmniWheelDriveState(OmniWheelOdometry((0.0,) * len(wheels)), self._nothing),
             covariances=(covariance.pose, covariance.twist),
             state_interfaces=interfaces.interface_names(
-                () if given.open_loop else wheels, (read,)
+                () if config.open_loop else wheels, (read,)
             ),
             command_interfaces=interfaces.interface_names(
                 wheels, (interfaces.VELOCITY,)
             ),
         )
 
-    def _update(self, now: Now, state: OmniWheelDriveState) -> OmniWheelDriveState:
+    def _update(
+        self, now: UpdateContext, state: OmniWheelDriveState
+    ) -> OmniWheelDriveState:
         chained = self._read_references(now)
         state = self._receive(now, state, "" if chained is None else CHAINED)
-        asked = self._follow(now, state) if chained is None else chained.tolist()
+        requested = self._follow(now, state) if chained is None else chained.tolist()
         reference = tuple(
             old if math.isnan(new) else new
-            for new, old in zip(asked, state.reference, strict=True)
+            for new, old in zip(requested, state.reference, strict=True)
         )
         state = state._replace(reference=reference, command=self._nothing, fault="")
         if not all(map(math.isfinite, reference)):
@@ -329,7 +331,7 @@ class OmniWheelDriveController(BaseController[OmniWheelDriveState]):
             time_ns=state.time_ns if odometry is state.odometry else now.time_ns,
         )
 
-    def _follow(self, now: Now, state: OmniWheelDriveState) -> Velocity:
+    def _follow(self, now: UpdateContext, state: OmniWheelDriveState) -> Velocity:
         """Return what the last command asks for; NaN leaves the references."""
         assert state.received is not None
         velocity, stamp_ns = state.received
@@ -348,7 +350,7 @@ class OmniWheelDriveController(BaseController[OmniWheelDriveState]):
         return old.from_velocities(self._kinematics, measured, dt)
 
     def _receive(
-        self, now: Now, state: OmniWheelDriveState, obstacle: str = ""
+        self, now: UpdateContext, state: OmniWheelDriveState, obstacle: str = ""
     ) -> OmniWheelDriveState:
         if state.received is None:
             state = state._replace(received=BaseCommand(UNKNOWN, now.time_ns))
@@ -369,7 +371,9 @@ class OmniWheelDriveController(BaseController[OmniWheelDriveState]):
             f"{', '.join(map(str, command.velocity))}; the last reference goes on"
         )
 
-    def _deactivate(self, now: Now, state: OmniWheelDriveState) -> OmniWheelDriveState:
+    def _deactivate(
+        self, now: UpdateContext, state: OmniWheelDriveState
+    ) -> OmniWheelDriveState:
         return state._replace(
             received=BaseCommand(UNKNOWN, now.time_ns),
             command=np.zeros(len(self._nothing)),

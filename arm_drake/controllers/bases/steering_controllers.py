@@ -28,10 +28,10 @@ from arm_drake.controllers.bases.base import (
     take_finite,
 )
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
-from arm_drake.controllers.cycles import Now
+from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.controllers.topics import CHAINED, Inbox
 from arm_drake.description.parameters import (
-    Given,
+    ParameterGroup,
     Rule,
     check_above,
     check_at_least,
@@ -112,35 +112,35 @@ class SteeringControllerParameters:
         """Return the dimensions of the base."""
 
     @classmethod
-    def adapt(cls, given: Given) -> None:
+    def adapt(cls, params: ParameterGroup) -> None:
         """Take humble's names, by front and rear."""
-        is_front = given.get("front_steering", bool)
+        is_front = params.get("front_steering", bool)
         steers_front = is_front is None or is_front
         driven, steered = ("rear", "front") if steers_front else ("front", "rear")
         for end, use in ((driven, "traction"), (steered, "steering")):
-            given.rename(f"{end}_wheels_names", f"{use}_joints_names")
-            given.rename(f"{end}_wheels_state_names", f"{use}_joints_state_names")
+            params.rename(f"{end}_wheels_names", f"{use}_joints_names")
+            params.rename(f"{end}_wheels_state_names", f"{use}_joints_state_names")
         for (front, rear), (traction, steering) in cls.front_and_rear.items():
             of_driven, of_steered = (rear, front) if steers_front else (front, rear)
-            given.rename(of_driven, traction)
+            params.rename(of_driven, traction)
             if steering:
-                given.rename(of_steered, steering)
-            elif of_steered in given:
+                params.rename(of_steered, steering)
+            elif of_steered in params:
                 what = "the steered wheels' radius has no use"
-                given.add(of_steered, "info", "ignored", what, "it has no effect")
-                given.drop(of_steered)
+                params.add(of_steered, "info", "ignored", what, "it has no effect")
+                params.drop(of_steered)
         if is_front is not None:
-            if given.distro != "humble":
+            if params.distro != "humble":
                 what = "a parameter of humble"
                 done = f"{driven} wheels are the traction joints"
-                given.add("front_steering", "info", "repair", what, done)
-            given.drop("front_steering")
+                params.add("front_steering", "info", "repair", what, done)
+            params.drop("front_steering")
         for name in _WHEELS:
-            joints: tuple[str, ...] = given.get(name, tuple[str, ...]) or ()
+            joints: tuple[str, ...] = params.get(name, tuple[str, ...]) or ()
             if len(joints) == 2 and "left" in joints[0] and "right" in joints[1]:
                 what = f"the right joint comes first, got {list(joints)}"
                 done = "taken as written: left and right are swapped"
-                given.add(name, "warning", "invalid", what, done)
+                params.add(name, "warning", "invalid", what, done)
 
     def __post_init__(self) -> None:
         """Reject what the types alone can't express."""
@@ -305,7 +305,7 @@ class SteeringController(BaseController[SteeringControllerState]):
                               humble's ``use_stamped_vel: false`` the port is
                               ``reference_unstamped`` and takes a Twist
     set_odometry        --    SetOdometry: where the base is
-    command_interfaces  --    Tick; its command is (n + k,): velocities [rad/s], then
+    command_interfaces  --    UpdateResult; command (n + k,): velocities [rad/s], then
                               angles [rad]
     odometry            --    Odometry
     tf_odometry         --    TFMessage; there only with ``enable_odom_tf``
@@ -366,7 +366,7 @@ class SteeringController(BaseController[SteeringControllerState]):
         self._topics.reverse()
 
     def _update(
-        self, now: Now, state: SteeringControllerState
+        self, now: UpdateContext, state: SteeringControllerState
     ) -> SteeringControllerState:
         chained = self._read_references(now)
         state = self._receive(now, state, "" if chained is None else CHAINED)
@@ -410,14 +410,14 @@ class SteeringController(BaseController[SteeringControllerState]):
     def _locate(
         self,
         odometry: SteeringOdometry,
-        asked: tuple[float, float],
+        requested: tuple[float, float],
         measured: tuple[float, ...],
-        now: Now,
+        now: UpdateContext,
     ) -> SteeringOdometry:
         """Return the odometry after a tick."""
         dt = now.period_ns / NANOSECONDS
         if self._is_open_loop:
-            v, w = (value if math.isfinite(value) else 0.0 for value in asked)
+            v, w = (value if math.isfinite(value) else 0.0 for value in requested)
             return odometry.follow(v, w, dt)
         wheels, angles = measured[: self._num_driven], measured[self._num_driven :]
         if self._reads_positions:
@@ -441,13 +441,13 @@ class SteeringController(BaseController[SteeringControllerState]):
         return f"x, y and yaw must be finite, got {list(pose)}"
 
     def _activate(
-        self, now: Now, state: SteeringControllerState
+        self, now: UpdateContext, state: SteeringControllerState
     ) -> SteeringControllerState:
         del now
         return state._replace(command=self._nothing, received=BaseCommand(_UNKNOWN))
 
     def _deactivate(
-        self, now: Now, state: SteeringControllerState
+        self, now: UpdateContext, state: SteeringControllerState
     ) -> SteeringControllerState:
         return self._activate(now, state)
 

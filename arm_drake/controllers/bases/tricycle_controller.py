@@ -20,7 +20,7 @@ from arm_drake.controllers.bases.base import (
     take_finite,
 )
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
-from arm_drake.controllers.cycles import Now
+from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.controllers.topics import Inbox
 from arm_drake.description.parameters import (
     Rule,
@@ -383,7 +383,7 @@ class TricycleController(BaseController[TricycleControllerState]):
                               humble's ``use_stamped_vel: false`` the port is
                               ``cmd_vel_unstamped`` and takes a Twist
     reset_odometry      --    ResetOdometry: the base is at the origin now
-    command_interfaces  --    Tick; its command is (2,): velocity [rad/s], angle [rad]
+    command_interfaces  --    UpdateResult; command (2,): velocity [rad/s], angle [rad]
     odom                --    Odometry
     tf                  --    TFMessage; there only with ``enable_odom_tf``
     cmd_ackermann       --    AckermannDrive, the limited command; there only with
@@ -434,7 +434,7 @@ class TricycleController(BaseController[TricycleControllerState]):
         )
 
     def _update(
-        self, now: Now, state: TricycleControllerState
+        self, now: UpdateContext, state: TricycleControllerState
     ) -> TricycleControllerState:
         state = self._receive(now, state)
         v, w = state.received.velocity
@@ -452,12 +452,14 @@ class TricycleController(BaseController[TricycleControllerState]):
             odometry = state.odometry.measure(speed, angle, self._wheelbase, dt)
         if state.pose is not None:
             odometry = odometry.reset()
-        asked = to_wheel_command(v, w, wheelbase=self._wheelbase, radius=self._radius)
-        slowed = asked.rate * speed_scale(abs(asked.angle - angle))
+        requested = to_wheel_command(
+            v, w, wheelbase=self._wheelbase, radius=self._radius
+        )
+        slowed = requested.rate * speed_scale(abs(requested.angle - angle))
         second, last = state.previous
         command = TricycleCommand(
             self._traction.limit(slowed, last.rate, second.rate, dt),
-            self._steering.limit(asked.angle, last.angle, second.angle, dt),
+            self._steering.limit(requested.angle, last.angle, second.angle, dt),
         )
         return state._replace(
             odometry=odometry,
@@ -486,7 +488,7 @@ class TricycleController(BaseController[TricycleControllerState]):
         return state._replace(pose=PlanarPose()), ""
 
     def _deactivate(
-        self, now: Now, state: TricycleControllerState
+        self, now: UpdateContext, state: TricycleControllerState
     ) -> TricycleControllerState:
         del now
         return state._replace(command=np.zeros(2))

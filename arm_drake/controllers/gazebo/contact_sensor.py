@@ -1,4 +1,4 @@
-"""Gazebo's contact sensors ("bumpers"): what touches parts of a robot."""
+"""Gazebo's contact sensors ("bumpers")."""
 
 import dataclasses as dc
 

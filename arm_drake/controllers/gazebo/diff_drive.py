@@ -25,7 +25,7 @@ from arm_drake.controllers.bases.base import (
     make_transform,
 )
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
-from arm_drake.controllers.cycles import Now
+from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.controllers.gazebo.plugin import (
     drive_topics,
     find_twist_fault,
@@ -67,7 +67,7 @@ class SpeedLimits(NamedTuple):
     min_jerk: float = -math.inf
     max_jerk: float = math.inf
 
-    def limit(self, asked: float, last: float, before: float, dt: float) -> float:
+    def limit(self, requested: float, last: float, before: float, dt: float) -> float:
         """Return a speed within the limits: of its jerk, its rate, then its own.
 
         Unlike ros2_control's, the limits hold in both directions and at all times; of
@@ -76,14 +76,16 @@ class SpeedLimits(NamedTuple):
         `dt` [s].
         """
         rate = (last - before) / dt
-        jerk = ((asked - last) / dt - rate) / dt
+        jerk = ((requested - last) / dt - rate) / dt
         if not self.min_jerk <= jerk <= self.max_jerk:
-            asked = last + (rate + _clamp(jerk, self.min_jerk, self.max_jerk) * dt) * dt
-        rate = (asked - last) / dt
+            requested = (
+                last + (rate + _clamp(jerk, self.min_jerk, self.max_jerk) * dt) * dt
+            )
+        rate = (requested - last) / dt
         if not self.min_acceleration <= rate <= self.max_acceleration:
             rate = _clamp(rate, self.min_acceleration, self.max_acceleration)
-            asked = last + rate * dt
-        return _clamp(asked, self.min_velocity, self.max_velocity)
+            requested = last + rate * dt
+        return _clamp(requested, self.min_velocity, self.max_velocity)
 
 
 class EncoderOdometry(NamedTuple):
@@ -112,7 +114,7 @@ class EncoderOdometry(NamedTuple):
 
 
 def accelerate(
-    desired: Array, measured: Array, told: Array, step: float
+    desired: Array, measured: Array, commanded: Array, step: float
 ) -> tuple[Array, Array]:
     """Return what wheels of Gazebo Classic are told, and what is kept of it.
 
@@ -120,12 +122,12 @@ def accelerate(
     pair have nearly reached it. Else what was kept moves by the way that is left,
     or by a step.
 
-    `desired` [m/s], shape (n, 2); `measured`, `told` shape (n, 2); `step` [m/s].
+    `desired` [m/s], shape (n, 2); `measured`, `commanded` shape (n, 2); `step` [m/s].
     """
     left = desired - measured
-    is_there = (np.abs(left) < _REACHED).all(axis=1, keepdims=True)
-    kept = np.where(is_there, told, told + np.clip(left, -step, step))
-    return np.where(is_there, desired, kept), kept
+    is_reached = (np.abs(left) < _REACHED).all(axis=1, keepdims=True)
+    kept = np.where(is_reached, commanded, commanded + np.clip(left, -step, step))
+    return np.where(is_reached, desired, kept), kept
 
 
 def _clamp(value: float, low: float, high: float) -> float:
@@ -192,7 +194,7 @@ class DiffDrive(TopicController[GazeboDriveState]):
     state_interfaces       2J    rad, ..  positions and velocities of all joints
     /<topic>               --    --       Twist: velocity forwards and of turning
     /model/<model>/enable  --    --       Bool: whether commands are taken
-    command_interfaces     --    rad/s    Tick; its command is (k,), left wheels first
+    command_interfaces     --    rad/s    UpdateResult; command (k,), left wheels first
     /<odom_topic>          --    --       Odometry: where the base is by its wheels
     /<tf_topic>            --    --       TFMessage with the same
     events                 --    --       tuple of the latest (number, TopicRejected),
@@ -251,13 +253,13 @@ class DiffDrive(TopicController[GazeboDriveState]):
         self._declare_topic(topics.tf, lambda state: make_transform(state.published))
         self._declare_events()
 
-    def _update(self, now: Now, state: GazeboDriveState) -> GazeboDriveState:
+    def _update(self, now: UpdateContext, state: GazeboDriveState) -> GazeboDriveState:
         state = self._receive(now, state)
         dt = now.period_ns / NANOSECONDS
         last, before = state.limited
         v, w = (
-            limits.limit(asked, v0, v1, dt)
-            for limits, asked, v0, v1 in zip(
+            limits.limit(requested, v0, v1, dt)
+            for limits, requested, v0, v1 in zip(
                 self._limits, state.target, last, before, strict=True
             )
         )
@@ -300,7 +302,9 @@ class DiffDrive(TopicController[GazeboDriveState]):
             return state, fault
         return state._replace(target=(message.linear.x, message.angular.z)), ""
 
-    def _deactivate(self, now: Now, state: GazeboDriveState) -> GazeboDriveState:
+    def _deactivate(
+        self, now: UpdateContext, state: GazeboDriveState
+    ) -> GazeboDriveState:
         del now
         return state._replace(
             command=np.zeros(len(state.command)), target=_REST, limited=(_REST, _REST)
@@ -383,7 +387,7 @@ class ClassicDriveState(NamedTuple):
     command: Array
 
     # What the wheels' rims were told last while they sped up [m/s], shape (n, 2).
-    told: Array
+    commanded: Array
 
     # Forwards [m/s], turning [rad/s].
     target: tuple[float, float] = (0.0, 0.0)
@@ -430,7 +434,7 @@ class GazeboRosDiffDrive(TopicController[ClassicDriveState]):
     link_frames         --    --       list of RigidTransform: pose of each link in the
                                        world; only where they are needed
     /cmd_vel            --    --       Twist: velocity forwards and of turning
-    command_interfaces  --    rad/s    Tick; its command is (k,), pair by pair, the left
+    command_interfaces  --    rad/s    UpdateResult; (k,), pair by pair, the left
                                        wheel first
     /odom               --    --       Odometry, if ``publish_odom``
     /tf                 --    --       TFMessage with the same, if ``publish_odom_tf``,
@@ -503,7 +507,9 @@ class GazeboRosDiffDrive(TopicController[ClassicDriveState]):
             )
         )
 
-    def _update(self, now: Now, state: ClassicDriveState) -> ClassicDriveState:
+    def _update(
+        self, now: UpdateContext, state: ClassicDriveState
+    ) -> ClassicDriveState:
         state = self._receive(now, state)
         rims = self._read(now.context).reshape(-1, 2) * self._radii
         if now.time_ns:
@@ -521,16 +527,16 @@ class GazeboRosDiffDrive(TopicController[ClassicDriveState]):
         state = self._publish(now, state, elapsed_ns / NANOSECONDS)
         v, w = state.target
         half = w * self._separations / 2.0
-        speeds, told = np.column_stack([v - half, v + half]), state.told
+        speeds, commanded = np.column_stack([v - half, v + half]), state.commanded
         limit = self._tag.max_wheel_acceleration
         if limit:
             step = limit * elapsed_ns / NANOSECONDS
-            speeds, told = accelerate(speeds, rims, told, step)
+            speeds, commanded = accelerate(speeds, rims, commanded, step)
         command = (speeds / self._radii).ravel()[self._at]
-        return state._replace(command=command, told=told, last_ns=now.time_ns)
+        return state._replace(command=command, commanded=commanded, last_ns=now.time_ns)
 
     def _publish(
-        self, now: Now, state: ClassicDriveState, dt: float
+        self, now: UpdateContext, state: ClassicDriveState, dt: float
     ) -> ClassicDriveState:
         """Return the state with what an update publishes.
 
@@ -552,7 +558,7 @@ class GazeboRosDiffDrive(TopicController[ClassicDriveState]):
         message = make_odometry(time_ns, frames, pose, velocity, both)
         return state._replace(published=message)
 
-    def _see(self, now: Now, links: Sequence[str]) -> list[RigidTransform]:
+    def _see(self, now: UpdateContext, links: Sequence[str]) -> list[RigidTransform]:
         """Return where links are in the world; nothing if nobody tells it."""
         if self._links is None or not self._links.HasValue(now.context):
             return []
@@ -575,10 +581,12 @@ class GazeboRosDiffDrive(TopicController[ClassicDriveState]):
             return state, fault
         return state._replace(target=(message.linear.x, message.angular.z)), ""
 
-    def _deactivate(self, now: Now, state: ClassicDriveState) -> ClassicDriveState:
+    def _deactivate(
+        self, now: UpdateContext, state: ClassicDriveState
+    ) -> ClassicDriveState:
         del now
         return state._replace(
             command=np.zeros(len(state.command)),
-            told=np.zeros(state.told.shape),
+            commanded=np.zeros(state.commanded.shape),
             target=(0.0, 0.0),
         )

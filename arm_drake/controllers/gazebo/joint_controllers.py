@@ -15,7 +15,7 @@ import numpy as np
 from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
-from arm_drake.controllers.cycles import Now
+from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.controllers.gazebo.plugin import (
     GazeboPid,
     GazeboPidState,
@@ -113,7 +113,9 @@ class GazeboCommandBase(TopicController[JointCommandState]):
         `measured`, `targets` shape (n,); `dt` [s].
         """
 
-    def _update(self, now: Now, state: JointCommandState) -> JointCommandState:
+    def _update(
+        self, now: UpdateContext, state: JointCommandState
+    ) -> JointCommandState:
         state = self._receive(now, state)
         measured = self._read(now.context)
         dt = now.period_ns / NANOSECONDS
@@ -153,11 +155,15 @@ class GazeboCommandBase(TopicController[JointCommandState]):
         targets[self._grips] = self._open + message.data * self._way
         return state._replace(targets=targets), ""
 
-    def _activate(self, now: Now, state: JointCommandState) -> JointCommandState:
+    def _activate(
+        self, now: UpdateContext, state: JointCommandState
+    ) -> JointCommandState:
         del now
         return state._replace(targets=self._start, pid=self._pid.initial())
 
-    def _deactivate(self, now: Now, state: JointCommandState) -> JointCommandState:
+    def _deactivate(
+        self, now: UpdateContext, state: JointCommandState
+    ) -> JointCommandState:
         del now
         return state._replace(command=self._at_rest)
 
@@ -213,7 +219,7 @@ class JointController(GazeboCommandBase):
     state_interfaces    2J    rad, ..  positions and velocities of all joints, or more
     /<topic>            --    --       one for each topic of the tags: Float64, the
                                        velocity [rad/s] or [m/s] from now on
-    command_interfaces  --    --       Tick; its command is (k,), in N·m, rad/s, ..
+    command_interfaces  --    --       UpdateResult; command (k,), in N·m, rad/s, ..
     events              --    --       tuple of the latest (number, TopicRejected), the
                                        newest last
     ==================  ====  =======  =================================================
@@ -288,7 +294,7 @@ class JointPositionController(GazeboCommandBase):
     gripper_command     --    --       Float32: from 0 (open) to 1 (closed); there only
                                        if a tag moves a gripper of which it is known
                                        what that is
-    command_interfaces  --    --       Tick; its command is (k,), in N·m, rad/s, ..
+    command_interfaces  --    --       UpdateResult; command (k,), in N·m, rad/s, ..
     events              --    --       tuple of the latest (number, TopicRejected), the
                                        newest last
     ==================  ====  =======  =================================================

@@ -16,7 +16,7 @@ import numpy as np
 from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
-from arm_drake.controllers.cycles import Now
+from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.controllers.gazebo.plugin import (
     GazeboPid,
     GazeboPidState,
@@ -95,8 +95,8 @@ def take_targets(
 ) -> Targets:
     """Return the targets of a point; what it lacks stays as it was."""
     new = Targets(*(part.copy() for part in targets))
-    given = (point.positions, point.velocities, point.effort)
-    for values, goal in zip(given, new, strict=True):
+    commanded = (point.positions, point.velocities, point.effort)
+    for values, goal in zip(commanded, new, strict=True):
         for name, value in zip(names, values, strict=False):
             if name in joints:
                 goal[joints[name]] = value
@@ -156,7 +156,7 @@ class JointTrajectoryController(TopicController[GazeboTrajectoryState]):
     controller_manager  --    --       Cycle: when to tick
     state_interfaces    2J    rad, ..  positions and velocities of all joints, or more
     /<topic>            --    --       JointTrajectory: what to do from now on
-    command_interfaces  --    --       Tick; its command is (k,), in N·m or N
+    command_interfaces  --    --       UpdateResult; command (k,), in N·m or N
     /<topic>_progress   --    --       Float32: part of the points so far, that of the
                                        present target included
     events              --    --       tuple of the latest (number, TopicRejected), the
@@ -227,7 +227,9 @@ class JointTrajectoryController(TopicController[GazeboTrajectoryState]):
         )
         self._declare_events()
 
-    def _update(self, now: Now, state: GazeboTrajectoryState) -> GazeboTrajectoryState:
+    def _update(
+        self, now: UpdateContext, state: GazeboTrajectoryState
+    ) -> GazeboTrajectoryState:
         state = self._advance(now, self._receive(now, state))
         targets = state.targets
         wanted = np.concatenate([targets.position, targets.velocity])
@@ -237,7 +239,9 @@ class JointTrajectoryController(TopicController[GazeboTrajectoryState]):
         command = self._forces.to_efforts(parts[:n] + parts[n:] + targets.effort)
         return state._replace(pid=pid, command=command)
 
-    def _advance(self, now: Now, state: GazeboTrajectoryState) -> GazeboTrajectoryState:
+    def _advance(
+        self, now: UpdateContext, state: GazeboTrajectoryState
+    ) -> GazeboTrajectoryState:
         """Return the state with the targets of this tick."""
         if state.following is None:
             return state
@@ -288,7 +292,7 @@ class JointTrajectoryController(TopicController[GazeboTrajectoryState]):
         return ""
 
     def _activate(
-        self, now: Now, state: GazeboTrajectoryState
+        self, now: UpdateContext, state: GazeboTrajectoryState
     ) -> GazeboTrajectoryState:
         del now
         return state._replace(
@@ -296,7 +300,7 @@ class JointTrajectoryController(TopicController[GazeboTrajectoryState]):
         )
 
     def _deactivate(
-        self, now: Now, state: GazeboTrajectoryState
+        self, now: UpdateContext, state: GazeboTrajectoryState
     ) -> GazeboTrajectoryState:
         del now
         return state._replace(command=self._at_rest)
@@ -361,7 +365,7 @@ class GazeboRosJointPoseTrajectory(TopicController[PoseTrajectoryState]):
     state_interfaces       2J    rad, ..  not read
     /set_joint_trajectory  --    --       JointTrajectory: what to do from now on; by
                                           the name that namespace and remappings make
-    command_interfaces     --    --       Tick; its command is (k,), in rad or m
+    command_interfaces     --    --       UpdateResult; command (k,), in rad or m
     events                 --    --       tuple of the latest (number, TopicRejected),
                                           the newest last
     =====================  ====  =======  ==============================================
@@ -406,7 +410,9 @@ class GazeboRosJointPoseTrajectory(TopicController[PoseTrajectoryState]):
         self._subscribe(topic, JointTrajectory, self._take)
         self._declare_events()
 
-    def _update(self, now: Now, state: PoseTrajectoryState) -> PoseTrajectoryState:
+    def _update(
+        self, now: UpdateContext, state: PoseTrajectoryState
+    ) -> PoseTrajectoryState:
         state = self._receive(now, state)
         replay, time_ns = state.replay, now.time_ns
         if (
@@ -470,11 +476,15 @@ class GazeboRosJointPoseTrajectory(TopicController[PoseTrajectoryState]):
                 return f"joint {joint!r} has no position command"
         return ""
 
-    def _activate(self, now: Now, state: PoseTrajectoryState) -> PoseTrajectoryState:
+    def _activate(
+        self, now: UpdateContext, state: PoseTrajectoryState
+    ) -> PoseTrajectoryState:
         del now
         return state._replace(replay=None)
 
-    def _deactivate(self, now: Now, state: PoseTrajectoryState) -> PoseTrajectoryState:
+    def _deactivate(
+        self, now: UpdateContext, state: PoseTrajectoryState
+    ) -> PoseTrajectoryState:
         del now
         return state._replace(command=self._nothing)
 

@@ -307,11 +307,11 @@ class DriveTopics(NamedTuple):
 
 def drive_topics(tag: DiffDrive, model: str) -> DriveTopics:
     """Return the topics of a DiffDrive."""
-    given = (tag.topic, "", tag.odom_topic, tag.tf_topic)
+    tag_topics = (tag.topic, "", tag.odom_topic, tag.tf_topic)
     ends = ("cmd_vel", "enable", "odometry", "tf")
     names = (
         _as_topic(name or f"model/{model}/{end}")
-        for name, end in zip(given, ends, strict=True)
+        for name, end in zip(tag_topics, ends, strict=True)
     )
     return DriveTopics(*names)
 

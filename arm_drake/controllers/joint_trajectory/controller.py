@@ -34,7 +34,7 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterfaceParams,
     TickingController,
 )
-from arm_drake.controllers.cycles import Now
+from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.controllers.joint_trajectory.goals import (
     commanded_before,
     conclude,
@@ -492,7 +492,7 @@ class Inbox(NamedTuple):
     rules: JointTrajectoryRules
 
     # What was on the ports at the last tick.
-    offered: object = ()
+    received_parameters: object = ()
     topics: tuple[JointTrajectory, ...] = ()
     requests: tuple[ActionRequest, ...] = ()
     factors: tuple[SpeedScalingFactor, ...] = ()
@@ -539,7 +539,7 @@ class JointTrajectoryController(
                                            positions alone are commanded
     parameters               --    --      JointTrajectoryControllerParameters to go
                                            on with
-    command_interfaces       --    --      Tick; its command has m values of each of
+    command_interfaces       --    --      UpdateResult; m values of each of
                                            ``command_interfaces``, one after the
                                            other, and the speed scaling factor if
                                            there is an interface for it
@@ -626,14 +626,14 @@ class JointTrajectoryController(
         return self.DeclareAbstractInputPort(name, AbstractValue.Make(()))
 
     def _update(
-        self, now: Now, state: JointTrajectoryControllerSystemState
+        self, now: UpdateContext, state: JointTrajectoryControllerSystemState
     ) -> JointTrajectoryControllerSystemState:
         inbox, inputs, last = self._receive(now, state)
         new = tick(inbox.rules, last, inputs)
         return JointTrajectoryControllerSystemState(inbox, new)
 
     def _idle(
-        self, now: Now, state: JointTrajectoryControllerSystemState
+        self, now: UpdateContext, state: JointTrajectoryControllerSystemState
     ) -> JointTrajectoryControllerSystemState:
         inbox, inputs, last = self._receive(now, state)
         new = idle(inbox.rules, last, inputs)
@@ -644,20 +644,20 @@ class JointTrajectoryController(
         return state.control.goal is None  # Else its result is due.
 
     def _activate(
-        self, now: Now, state: JointTrajectoryControllerSystemState
+        self, now: UpdateContext, state: JointTrajectoryControllerSystemState
     ) -> JointTrajectoryControllerSystemState:
         inbox, last = self._take_parameters(now, state.inbox, state.control)
         new = activate(inbox.rules, last, self._sense(now))
         return JointTrajectoryControllerSystemState(inbox, new)
 
     def _deactivate(
-        self, now: Now, state: JointTrajectoryControllerSystemState
+        self, now: UpdateContext, state: JointTrajectoryControllerSystemState
     ) -> JointTrajectoryControllerSystemState:
         new = deactivate(state.inbox.rules, state.control, self._sense(now))
         return state._replace(control=new)
 
     def _receive(
-        self, now: Now, state: JointTrajectoryControllerSystemState
+        self, now: UpdateContext, state: JointTrajectoryControllerSystemState
     ) -> tuple[Inbox, TickInputs, JointTrajectoryState]:
         """Return what has come in, the inputs of the tick, and the state before it."""
         if now.is_quiet:
@@ -687,22 +687,26 @@ class JointTrajectoryController(
         return inbox, inputs, last
 
     def _take_parameters(
-        self, now: Now, inbox: Inbox, last: JointTrajectoryState
+        self, now: UpdateContext, inbox: Inbox, last: JointTrajectoryState
     ) -> tuple[Inbox, JointTrajectoryState]:
         """Return the inbox with what is offered, and the state that tells a fault."""
-        offered = new_parameters(self._parameters, now.context, inbox.offered)
-        if offered is inbox.offered:
+        received_parameters = new_parameters(
+            self._parameters, now.context, inbox.received_parameters
+        )
+        if received_parameters is inbox.received_parameters:
             return inbox, last
         parameters, rules = inbox.parameters, inbox.rules
-        if offered != ():
+        if received_parameters != ():
             try:
-                parameters = check_change(parameters, offered)
+                parameters = check_change(parameters, received_parameters)
                 rules = self._make_rules(parameters)
             except ValueError as error:
                 last = add_events(last, ParametersRejected(str(error)))
-        return inbox._replace(parameters=parameters, rules=rules, offered=offered), last
+        return inbox._replace(
+            parameters=parameters, rules=rules, received_parameters=received_parameters
+        ), last
 
-    def _sense(self, now: Now) -> TickInputs:
+    def _sense(self, now: UpdateContext) -> TickInputs:
         """Return what the tick reads besides messages."""
         measured = self._measured_now(now)
         velocity_at, acceleration_at = self._velocity_at, self._acceleration_at

@@ -328,17 +328,17 @@ def _take_scaling_factor(
 def _take_topic(
     rules: JointTrajectoryRules,
     state: JointTrajectoryState,
-    given: JointTrajectory,
+    trajectory: JointTrajectory,
     now_ns: int,
 ) -> JointTrajectoryState:
-    message, frequency = given, rules.upsampling_frequency
+    message, frequency = trajectory, rules.upsampling_frequency
     if frequency is not None and rules.interpolation == "splines":
-        message = upsample(given, frequency)
+        message = upsample(trajectory, frequency)
     fault = _INACTIVE
     if state.plan.is_active:
         fault = find_fault(message, rules.allowed, now_ns) or ""
     if fault:
-        return add_events(state, TopicRejected(given, fault))
+        return add_events(state, TopicRejected(trajectory, fault))
     return _follow(state, message)
 
 
@@ -380,18 +380,18 @@ def _accept(
 ) -> JointTrajectoryState:
     resolution = resolve_tolerances(goal, rules.joints, rules.tolerances)
     accepted = GoalEvent(request, GoalStatus.EXECUTING, note=resolution.problem)
-    news, old = [accepted], state.goal
+    new_events, old = [accepted], state.goal
     if old is not None and old.is_executing:
         code = FollowJointTrajectoryErrorCode.INVALID_GOAL
         result = FollowJointTrajectoryResult(int(code), rules.preempted_text)
-        news.append(GoalEvent(old.request, rules.preempted_status, result))
+        new_events.append(GoalEvent(old.request, rules.preempted_status, result))
     elif old is not None:
         result = FollowJointTrajectoryResult()
-        news.append(GoalEvent(old.request, GoalStatus.CANCELED, result))
+        new_events.append(GoalEvent(old.request, GoalStatus.CANCELED, result))
     state = _follow(state, goal.trajectory)
     plan = state.plan._replace(tolerances=resolution.tolerances)
     active = ActiveGoal(request, now_ns, now_ns + rules.monitor_period_ns)
-    return add_events(state._replace(plan=plan, goal=active), *news)
+    return add_events(state._replace(plan=plan, goal=active), *new_events)
 
 
 def _cancel(

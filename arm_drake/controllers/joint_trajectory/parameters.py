@@ -22,7 +22,7 @@ from arm_drake.controllers.joint_trajectory.state import (
     needed_fields,
 )
 from arm_drake.description.parameters import (
-    Given,
+    ParameterGroup,
     Rule,
     check_at_least,
     check_not_empty,
@@ -119,11 +119,11 @@ class JointGains(PidGains):
     ] = False
 
     @staticmethod
-    def adapt(given: Given) -> None:
+    def adapt(params: ParameterGroup) -> None:
         """Take what older versions have."""
-        PidGains.adapt(given)
-        if given.is_before("kilted"):
-            adapt_saturation(given)
+        PidGains.adapt(params)
+        if params.is_before("kilted"):
+            adapt_saturation(params)
 
 
 @dc.dataclass(frozen=True)
@@ -231,34 +231,34 @@ class JointTrajectoryControllerParameters:
     gains: Gains = Gains()
 
     @staticmethod
-    def adapt(given: Given) -> None:
+    def adapt(params: ParameterGroup) -> None:
         """Take the older open_loop_control, and refuse what humble doesn't have."""
-        is_open_loop = given.get("open_loop_control", bool)
+        is_open_loop = params.get("open_loop_control", bool)
         if is_open_loop is not None:
             new = {"interpolate_from_desired_state": is_open_loop}
-            if given.distro == "humble":
+            if params.distro == "humble":
                 new["open_loop_control"] = is_open_loop
-            given.replace("open_loop_control", new)
-        commands = given.get("command_interfaces", tuple[CommandInterface, ...])
+            params.replace("open_loop_control", new)
+        commands = params.get("command_interfaces", tuple[CommandInterface, ...])
         for group, (what, choices) in _GROUPS.items():
-            name = given.first_of(group)
+            name = params.first_of(group)
             if name and commands and set(commands) not in choices:
                 what = f"{what} alone, not on {list(commands)}"
-                given.add(name, "info", "ignored", what, "none of them has an effect")
-        timeout = given.get("cmd_timeout", float) or 0.0
-        goal_time = given.get("constraints.goal_time", float) or 0.0
+                params.add(name, "info", "ignored", what, "none of them has an effect")
+        timeout = params.get("cmd_timeout", float) or 0.0
+        goal_time = params.get("constraints.goal_time", float) or 0.0
         if 0.0 < timeout <= goal_time:
             what = f"it must exceed constraints.goal_time, {goal_time}"
-            given.add("cmd_timeout", "warning", "ignored", what, "there is no timeout")
-        if given.distro == "humble":
+            params.add("cmd_timeout", "warning", "ignored", what, "there is no timeout")
+        if params.distro == "humble":
             if set(commands or ()) == {"position", "effort"}:
                 what = f"humble takes 'effort' alone only, got {list(commands)}"
-                given.reject("command_interfaces", what)
-            joints = given.get("joints", tuple[str, ...])
-            own = given.get("command_joints", tuple[str, ...])
+                params.reject("command_interfaces", what)
+            joints = params.get("joints", tuple[str, ...])
+            own = params.get("command_joints", tuple[str, ...])
             if joints and own and len(own) != len(joints):
                 what = f"humble takes as many as joints only, got {list(own)}"
-                given.reject("command_joints", what)
+                params.reject("command_joints", what)
 
     def __post_init__(self) -> None:
         """Reject what the types alone can't express."""
@@ -297,10 +297,10 @@ class JointTrajectoryControllerParameters:
                 gains.check()
 
     def _check_choice(self, name: str, choices: tuple[set[str], ...]) -> None:
-        given = getattr(self, name)
-        if set(given) not in choices:
+        values = getattr(self, name)
+        if set(values) not in choices:
             listed = ", ".join(str(sorted(choice)) for choice in choices)
-            raise ValueError(f"{name} must be one of {listed}, got {list(given)}")
+            raise ValueError(f"{name} must be one of {listed}, got {list(values)}")
 
 
 @dc.dataclass(frozen=True)
@@ -308,10 +308,10 @@ class ScaledJointTrajectoryControllerParameters(JointTrajectoryControllerParamet
     """Parameters of ur_controllers' ScaledJointTrajectoryController."""
 
     @staticmethod
-    def adapt(given: Given) -> None:
+    def adapt(params: ParameterGroup) -> None:
         """Take its own name of the interface that tells the factor."""
-        JointTrajectoryControllerParameters.adapt(given)
-        given.rename("speed_scaling_interface_name", "speed_scaling.state_interface")
+        JointTrajectoryControllerParameters.adapt(params)
+        params.rename("speed_scaling_interface_name", "speed_scaling.state_interface")
 
 
 # Parameters that can't change while the controller runs.

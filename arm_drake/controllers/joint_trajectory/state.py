@@ -44,7 +44,7 @@ from arm_drake.messages import (
     Time,
     TopicRejected,
 )
-from arm_drake.messages.base import add_news, make_lazy
+from arm_drake.messages.base import append_events, make_lazy
 
 # A velocity below this counts as zero: epsilon of a 32-bit float.
 _EPSILON = 1.1920929e-7
@@ -327,7 +327,7 @@ class JointTrajectoryRules(Message):
         return by_joint
 
 
-# News of a controller.
+# Events of a controller.
 Event = GoalEvent | CancelResponse | TopicRejected | ParametersRejected
 
 
@@ -473,9 +473,9 @@ def present_commands(rules: JointTrajectoryRules, inputs: TickInputs) -> Array:
     return np.full(len(joints) * len(rules.command_interfaces), math.nan)
 
 
-def add_events(state: JointTrajectoryState, *news: Event) -> JointTrajectoryState:
+def add_events(state: JointTrajectoryState, *new_events: Event) -> JointTrajectoryState:
     """Return the state with news."""
-    events = add_news(state.plan.events, news)
+    events = append_events(state.plan.events, new_events)
     return state._replace(plan=state.plan._replace(events=events))
 
 

@@ -65,10 +65,10 @@ def cache_directory() -> Path:
 def clear_cache(cache_dir: Path | None = None) -> int:
     """Remove converted meshes, nothing else, and return how many files that were."""
     folder = cache_directory() if cache_dir is None else cache_dir
-    ours = [path for path in folder.glob("*") if _OURS.fullmatch(path.name)]
-    for path in ours:
+    cached = [path for path in folder.glob("*") if _OURS.fullmatch(path.name)]
+    for path in cached:
         path.unlink(missing_ok=True)  # Another process may be clearing it too.
-    return len(ours)
+    return len(cached)
 
 
 def find(folder: Path, key: str, suffix: str) -> ConvertedMesh | None:

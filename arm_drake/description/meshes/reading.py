@@ -380,28 +380,32 @@ def _honest_stl(content: bytes, notes: list[ReportEntry]) -> bytes:
     is_text = b"\0" not in content[:_STL_HEADER] and _STL_TEXT.search(content[:4096])
     if is_text or len(content) < _STL_HEADER:
         return content
-    told = int.from_bytes(content[_STL_HEADER - 4 : _STL_HEADER], "little")
-    there = (len(content) - _STL_HEADER) // _STL_TRIANGLE
-    lie = f"its header tells of {told} triangles, it has bytes for {there}"
-    if told > there:
+    declared = int.from_bytes(content[_STL_HEADER - 4 : _STL_HEADER], "little")
+    actual = (len(content) - _STL_HEADER) // _STL_TRIANGLE
+    lie = f"its header tells of {declared} triangles, it has bytes for {actual}"
+    if declared > actual:
         raise ValueError(lie)
-    if told < there:
+    if declared < actual:
         notes.append(ReportEntry("warning", "invalid", lie, "the rest is left out"))
     # Some exporters write bytes after the last triangle.
-    return content[: _STL_HEADER + _STL_TRIANGLE * told]
+    return content[: _STL_HEADER + _STL_TRIANGLE * declared]
 
 
 def _check_ply(content: bytes, meshes: list[Any], notes: list[ReportEntry]) -> None:
     """Compare a header with what was read: lines of text end where they end."""
     header = content.partition(b"end_header")[0]
-    told = {kind: int(count) for kind, count in _PLY_ELEMENT.findall(header)}
+    declared = {kind: int(count) for kind, count in _PLY_ELEMENT.findall(header)}
     vertices = sum(len(mesh.vertices) for mesh in meshes)
-    if told.get(b"vertex", 0) > vertices:
-        lie = f"its header tells of {told[b'vertex']} vertices, {vertices} are there"
+    if declared.get(b"vertex", 0) > vertices:
+        lie = (
+            f"its header tells of {declared[b'vertex']} vertices, {vertices} are there"
+        )
         raise ValueError(lie)
     faces = sum(len(getattr(mesh, "faces", ())) for mesh in meshes)
-    if told.get(b"face", 0) > faces:  # Less is not a lie: polygons become triangles.
-        what = f"its header tells of {told[b'face']} faces, {faces} are there"
+    if (
+        declared.get(b"face", 0) > faces
+    ):  # Less is not a lie: polygons become triangles.
+        what = f"its header tells of {declared[b'face']} faces, {faces} are there"
         notes.append(ReportEntry("warning", "invalid", what, "the rest is missing"))
 
 

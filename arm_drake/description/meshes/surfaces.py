@@ -1,4 +1,4 @@
-"""Triangles with one look, as the readers of mesh files hand them to the writers.
+"""Triangle surfaces of one material, between mesh readers and writers.
 
 Fewer triangles for what is drawn, its colours as they were.
 
@@ -235,13 +235,13 @@ def decimate(
     if count <= max_faces:
         return surfaces
     plain = [s for s in surfaces if s.texture is None]
-    there = _count(plain)
-    spare = max(max_faces - (count - there) - _FEWEST * len(plain), 0)
+    plain_count = _count(plain)
+    spare = max(max_faces - (count - plain_count) - _FEWEST * len(plain), 0)
     for _ in range(_ROUNDS):
         result = [
             s
             if s.texture is not None
-            else _decimate(s, _FEWEST + len(s.faces) * spare // there)
+            else _decimate(s, _FEWEST + len(s.faces) * spare // plain_count)
             for s in surfaces
         ]
         drawn = _count(result)

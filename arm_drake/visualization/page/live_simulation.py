@@ -9,7 +9,7 @@ from typing import Any
 
 from arm_drake.errors import ArmDrakeError, InputError, SimulationError
 from arm_drake.messages import CancelResponse, GoalStatus, SwitchControllerResult
-from arm_drake.simulation.mailbox import GoalHandle, News
+from arm_drake.simulation.mailbox import GoalHandle, SimulationEvent
 from arm_drake.simulation.motion import Motion
 from arm_drake.simulation.playback import Player
 from arm_drake.simulation.recording import History
@@ -40,7 +40,7 @@ _LONGEST_STEP = 0.05
 _FACTOR_WINDOW = 1.0
 
 
-class Pace:
+class RealtimePacer:
     """Sets how far to simulate, by the wall clock; it stands until `start`."""
 
     def __init__(self, rate: float) -> None:
@@ -84,7 +84,7 @@ class Pace:
         self._played = self.wall_time
         self._is_started = False
 
-    def go_on_from(self, other: "Pace") -> None:
+    def continue_from(self, other: "RealtimePacer") -> None:
         """Count the wall time of another pace, which this one replaces."""
         self._played = other.wall_time
 
@@ -185,7 +185,7 @@ class LiveSimulation:
         self.remotes: list[Remote] = find_remotes(simulation)
         self.page = page
         self._motion = motion
-        self._pace = Pace(realtime_rate)
+        self._pacer = RealtimePacer(realtime_rate)
         self._is_playing = not is_paused
         self._is_stopped = False
         self._duration = math.inf
@@ -194,7 +194,7 @@ class LiveSimulation:
         if frame_rate is not None:
             start_recording(page.meshcat, frame_rate)
         self._log = LogLines()
-        simulation.on_event(lambda news: self._log.add(simulation, news))
+        simulation.on_event(lambda event: self._log.add(simulation, event))
         self._start()
         page.set_panel(", ".join(simulation.robots), make_sections(self))
 
@@ -206,17 +206,17 @@ class LiveSimulation:
     @property
     def realtime_rate(self) -> float:
         """Simulated seconds per second that are wanted; 0 is as fast as it goes."""
-        return self._pace.rate
+        return self._pacer.rate
 
     @property
     def realtime_factor(self) -> float:
         """Simulated seconds per second in the last second."""
-        return self._pace.factor
+        return self._pacer.factor
 
     @property
     def wall_time(self) -> float:
         """How long it has been playing since the start or the last reset [s]."""
-        return self._pace.wall_time
+        return self._pacer.wall_time
 
     @property
     def log(self) -> str:
@@ -227,13 +227,13 @@ class LiveSimulation:
         """Let time pass."""
         if not self._is_playing:
             self._is_playing = True
-            self._pace.start(self.simulation.time)
+            self._pacer.start(self.simulation.time)
 
     def pause(self) -> None:
         """Let time stand."""
         if self._is_playing:
             self._is_playing = False
-            self._pace.stop()
+            self._pacer.stop()
 
     def step(self, cycles: int = 1) -> None:
         """Pause, and simulate up to the next cycle of the controller manager.
@@ -270,11 +270,11 @@ class LiveSimulation:
         Raises:
             InputError: If it is negative, or no number.
         """
-        pace = Pace(rate)
-        pace.go_on_from(self._pace)
-        self._pace = pace
+        pacer = RealtimePacer(rate)
+        pacer.continue_from(self._pacer)
+        self._pacer = pacer
         if self._is_playing:
-            pace.start(self.simulation.time)
+            pacer.start(self.simulation.time)
 
     def run(
         self, duration: float | None = None, progress: Progress | None = None
@@ -289,7 +289,7 @@ class LiveSimulation:
         self._duration = math.inf if duration is None else duration
         self._end = self.simulation.time + self._duration
         if self._is_playing:
-            self._pace.start(self.simulation.time)
+            self._pacer.start(self.simulation.time)
         next_picture = next_panel = time.perf_counter()
         drawn_at = math.nan
         while not self._is_stopped and self.simulation.time < self._end:
@@ -312,7 +312,7 @@ class LiveSimulation:
                 self._tell(progress)
                 next_panel = now + _PANEL_PERIOD
         if self._is_playing:
-            self._pace.stop()
+            self._pacer.stop()
         self._is_stopped = False
         self.views.draw()
         self._tell(progress)
@@ -360,18 +360,18 @@ class LiveSimulation:
         tolerance = TICK_TOLERANCE * self.simulation.period
         self._player = Player(self.simulation, self._motion, tolerance)
         self._repeat_at = self._picture_at = self.simulation.time
-        self._pace = Pace(self._pace.rate)
+        self._pacer = RealtimePacer(self._pacer.rate)
         if self._is_playing:
-            self._pace.start(self.simulation.time)
+            self._pacer.start(self.simulation.time)
 
     def _advance(self) -> None:
         """Simulate as far as real time has come."""
         start, before = time.perf_counter(), self.simulation.time
-        target = min(self._pace.target(before), self._end)
+        target = min(self._pacer.target(before), self._end)
         if target > before:
             self._advance_to(target)
         took = time.perf_counter() - start
-        self._pace.note(self.simulation.time, target - before, took)
+        self._pacer.note(self.simulation.time, target - before, took)
 
     def _advance_to(self, target: float) -> None:
         """Simulate up to a time, and do what is due on the way."""
@@ -403,19 +403,19 @@ class LogLines:
         """Create it without lines."""
         self._lines: collections.deque[str] = collections.deque(maxlen=_NUM_LINES)
 
-    def add(self, simulation: Simulation, news: News) -> None:
+    def add(self, simulation: Simulation, event: SimulationEvent) -> None:
         """Take news, if they are worth a line."""
         text = ""
-        if isinstance(news, GoalHandle):
+        if isinstance(event, GoalHandle):
             # Feedback comes with the same status.
-            if news.status is not GoalStatus.EXECUTING or not news.feedback:
-                text = f"{news.controller}: goal {news.describe()}"
-        elif isinstance(news, SwitchControllerResult):
-            text = _describe_switch(news)
-        elif isinstance(news, CancelResponse):
-            text = "" if news.accepted else f"cancel refused: {news.reason}"
+            if event.status is not GoalStatus.EXECUTING or not event.feedback:
+                text = f"{event.controller}: goal {event.describe()}"
+        elif isinstance(event, SwitchControllerResult):
+            text = _describe_switch(event)
+        elif isinstance(event, CancelResponse):
+            text = "" if event.accepted else f"cancel refused: {event.reason}"
         else:
-            text = str(simulation.mailbox.describe(news))
+            text = str(simulation.mailbox.describe(event))
         if text:
             self._lines.append(f"{simulation.time:.2f} s  {text}")
 
@@ -550,14 +550,14 @@ def _rate_text(rate: float) -> str:
     return f"{rate:g}{_TIMES}" if rate else AS_FAST_AS_POSSIBLE
 
 
-def _describe_switch(news: SwitchControllerResult) -> str:
+def _describe_switch(result: SwitchControllerResult) -> str:
     parts = [
         f"{verb} {', '.join(names)}"
         for verb, names in (
-            ("activated", news.request.activate_controllers),
-            ("deactivated", news.request.deactivate_controllers),
+            ("activated", result.request.activate_controllers),
+            ("deactivated", result.request.deactivate_controllers),
         )
         if names
     ]
     text = "; ".join(parts)
-    return f"{text}: {news.message}" if news.message else text
+    return f"{text}: {result.message}" if result.message else text

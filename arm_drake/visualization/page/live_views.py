@@ -268,5 +268,5 @@ def commanded_positions(simulation: Simulation, robot: str) -> dict[str, float]:
             points = getattr(getattr(message, "reference", None), "positions", ())
             if len(names) == len(points):
                 wanted |= dict(zip(names, points, strict=True))
-    there = {n: q for n, q in wanted.items() if n in positions and np.isfinite(q)}
-    return positions | there
+    commanded = {n: q for n, q in wanted.items() if n in positions and np.isfinite(q)}
+    return positions | commanded

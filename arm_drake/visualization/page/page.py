@@ -506,15 +506,15 @@ class Page(Scene):
         Args:
             changes: New values of fields, by the widget's name.
         """
-        news: dict[str, dict[str, Any]] = {}
+        patches: dict[str, dict[str, Any]] = {}
         for name, fields in changes.items():
             known = self._fields.setdefault(name, {})
             for field, value in fields.items():
                 if field not in known or known[field] != value:
                     known[field] = value
-                    news.setdefault(name, {})[field] = value
-        if news:
-            self._server.send({"type": "patch", "changes": news})
+                    patches.setdefault(name, {})[field] = value
+        if patches:
+            self._server.send({"type": "patch", "changes": patches})
 
     def say(self, text: str, severity: str = "info") -> None:
         """Show a message above everything; an empty one removes it.

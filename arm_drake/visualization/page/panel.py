@@ -230,7 +230,7 @@ def find_pose(poses: Sequence[GroupState], name: str) -> GroupState:
     raise InputError(f"no pose {name!r}; {hint}")
 
 
-def list_news(before: LoadReport, after: LoadReport) -> list[str]:
+def list_changes(before: LoadReport, after: LoadReport) -> list[str]:
     """Return the lines of a report that were not in the one before."""
     known = {str(entry) for entry in before.grouped()}
     lines = [str(entry) for entry in after.grouped()]

@@ -26,7 +26,7 @@ from arm_drake.visualization.page import Event, Scene
 from arm_drake.visualization.page.panel import (
     LinkViews,
     find_pose,
-    list_news,
+    list_changes,
     make_fixed_frame,
     make_pose_changes,
     make_viewer_sections,
@@ -122,8 +122,8 @@ class RobotViewer:
             InputError: If one is for no joint or one that follows, or is no number.
         """
         description = self.robot.description
-        given = {**self._independent(self._positions), **positions}
-        self._positions = complete(description, given)
+        requested = {**self._independent(self._positions), **positions}
+        self._positions = complete(description, requested)
         self._scene.set_positions(self._positions)
         self._draw()
 
@@ -193,8 +193,8 @@ class RobotViewer:
         Raises:
             InputError: As `set_positions`.
         """
-        given = {**self._independent(self._positions), **(positions or {})}
-        self._ghost_positions = complete(self.robot.description, given)
+        requested = {**self._independent(self._positions), **(positions or {})}
+        self._ghost_positions = complete(self.robot.description, requested)
         self._ghost.show(self._ghost_positions)
         self.page.patch({"hide_ghost": {"is_enabled": True}})
 
@@ -220,10 +220,10 @@ class RobotViewer:
             if self._watcher is not None:
                 self._watcher.watch({*self._files, *self._find_files(error)}, start)
             return False
-        news = list_news(known, self.robot.report)
+        report_changes = list_changes(known, self.robot.report)
         self._trouble = ""
-        self.page.say("\n\n".join(news), "warning")
-        self._tell("\n".join(["loaded again", *news]))
+        self.page.say("\n\n".join(report_changes), "warning")
+        self._tell("\n".join(["loaded again", *report_changes]))
         return True
 
     def handle(self, events: Iterable[Event]) -> None:
@@ -258,8 +258,8 @@ class RobotViewer:
         names = {r.name for r in ranges if r.follows is None}
         kept = {n: q for n, q in self._positions.items() if n in names}
         self._scene, self._ranges, self._named_poses = scene, ranges, named_poses
-        given = {**self._independent(robot.initial_positions), **kept}
-        self._positions, self._files = complete(robot.description, given), files
+        requested = {**self._independent(robot.initial_positions), **kept}
+        self._positions, self._files = complete(robot.description, requested), files
         scene.set_positions(self._positions)
         if self._watcher is not None:
             self._watcher.watch(files)
@@ -321,13 +321,13 @@ def handle_events(viewer: RobotViewer, events: Iterable[Event]) -> Iterator[str]
 
 def _move(viewer: RobotViewer, moved: Mapping[str, Any]) -> None:
     own = {r.name for r in viewer.ranges if r.follows is None}
-    there = {
+    changed = {
         name: value
         for name, value in moved.items()
         if name in own and _is_finite(value)
     }
-    if there:
-        viewer.set_positions(there)
+    if changed:
+        viewer.set_positions(changed)
 
 
 def _is_finite(value: Any) -> bool:

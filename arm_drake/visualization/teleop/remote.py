@@ -47,7 +47,7 @@ class Remote(ABC):
         # Made once by the classes below.
         self._layout: tuple[Widget, ...] = ()
         # Fields of the widgets as they were told last.
-        self._told: dict[str, dict[str, Any]] = {}
+        self._published: dict[str, dict[str, Any]] = {}
 
     @abstractmethod
     def _values(self) -> Mapping[str, float]:
@@ -70,21 +70,23 @@ class Remote(ABC):
     def widgets(self) -> tuple[Widget, ...]:
         """Return the widgets as they are now; ids start with `remote:<controller>:`."""
         self._renew()
-        self._told = self._fields()
-        return tuple(_with_fields(widget, self._told) for widget in self._layout)
+        self._published = self._fields()
+        return tuple(_with_fields(widget, self._published) for widget in self._layout)
 
     def changes(self) -> dict[str, dict[str, Any]]:
         """Return new values of fields of the widgets since the last time, by id."""
         self._renew()
         fields = self._fields()
-        news = {
-            name: {key: v for key, v in new.items() if self._told[name].get(key) != v}
-            if name in self._told
+        changed = {
+            name: {
+                key: v for key, v in new.items() if self._published[name].get(key) != v
+            }
+            if name in self._published
             else new
             for name, new in fields.items()
         }
-        self._told = fields
-        return {name: new for name, new in news.items() if new}
+        self._published = fields
+        return {name: new for name, new in changed.items() if new}
 
     def handle(self, event_id: str, value: Any = None) -> None:
         """Do what somebody did in the browser.
@@ -98,7 +100,7 @@ class Remote(ABC):
                 value.
         """
         # The browser shows another value than it was told.
-        self._told.get(event_id, {}).pop("value", None)
+        self._published.get(event_id, {}).pop("value", None)
         known = {widget.id: widget for widget in self._leaves()}
         if event_id not in known:
             raise self._error(f"no widget {event_id!r}; {suggest(event_id, known)}")

@@ -155,10 +155,10 @@ class BaseRemote(Remote):
                 return _finite(common if math.isnan(own) else own)
         for controller in self._manager.robot.controllers.controllers:
             if controller.name == self._name:
-                given = {n: p.value for n, p in controller.parameters.items()}
-                if given.get(f"{place}.has_velocity_limits") is False:
+                values = {n: p.value for n, p in controller.parameters.items()}
+                if values.get(f"{place}.has_velocity_limits") is False:
                     return None
-                return _finite(given.get(f"{place}.{end}_velocity"))
+                return _finite(values.get(f"{place}.{end}_velocity"))
         return None
 
 

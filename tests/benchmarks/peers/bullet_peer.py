@@ -75,7 +75,7 @@ def make_usual(task: Task, step: float, num_arms: int) -> Runner:
         for mimic in task.mimics:
             _add_gear(arm, index[mimic.master], index[mimic.follower], mimic, client)
     commands, number = commands_of(task), substeps(step)
-    told = list(zip(commands.q.tolist(), commands.v.tolist(), strict=True))
+    commanded = list(zip(commands.q.tolist(), commands.v.tolist(), strict=True))
 
     def prepare() -> None:
         for arm in arms:
@@ -85,7 +85,7 @@ def make_usual(task: Task, step: float, num_arms: int) -> Runner:
     def run() -> Recording:
         shape = task.num_ticks, len(moved)
         q, v = np.empty(shape), np.empty(shape)
-        for tick, (positions, velocities) in enumerate(told):
+        for tick, (positions, velocities) in enumerate(commanded):
             states = pybullet.getJointStates(arms[-1], moved, client)
             q[tick] = [state[0] for state in states]
             v[tick] = [state[1] for state in states]

@@ -74,7 +74,7 @@ def make_sprung(task: Task, step: float, num_arms: int) -> Runner:
             damping = joint.getDampingCoefficient(0) + float(task.kd[i])
             joint.setDampingCoefficient(0, damping)
     joints = [[arm.getJoint(name) for name in task.joints] for arm in arms]
-    told = commands_of(task).folded(task.kd / task.kp).tolist()
+    commands = commands_of(task).folded(task.kd / task.kp).tolist()
     at = [arms[-1].getDof(name).getIndexInSkeleton() for name in task.joints]
     number = substeps(step)
 
@@ -87,7 +87,7 @@ def make_sprung(task: Task, step: float, num_arms: int) -> Runner:
         last = arms[-1]
         shape = task.num_ticks, last.getNumDofs()
         q, v = np.empty(shape), np.empty(shape)
-        for tick, row in enumerate(told):
+        for tick, row in enumerate(commands):
             q[tick], v[tick] = last.getPositions(), last.getVelocities()
             for arm in joints:
                 for joint, position in zip(arm, row, strict=True):
@@ -105,7 +105,7 @@ def make_gazebo(task: Task, step: float) -> Runner:
     joints = [arm.getJoint(name) for name in task.joints]
     for joint in joints:
         joint.setActuatorType(dart.dynamics.ActuatorType.VELOCITY)
-    told = commands_of(task).q
+    commands = commands_of(task).q
     at = [arm.getDof(name).getIndexInSkeleton() for name in task.joints]
     number, gain = substeps(step), _GAZEBO_GAIN / PERIOD
 
@@ -117,7 +117,7 @@ def make_gazebo(task: Task, step: float) -> Runner:
     def run() -> Recording:
         shape = task.num_ticks, arm.getNumDofs()
         q, v = np.empty(shape), np.empty(shape)
-        for tick, row in enumerate(told):
+        for tick, row in enumerate(commands):
             q[tick], v[tick] = arm.getPositions(), arm.getVelocities()
             speeds = gain * (row - q[tick, at])
             for joint, speed in zip(joints, speeds.tolist(), strict=True):

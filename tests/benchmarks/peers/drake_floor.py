@@ -91,9 +91,9 @@ def _connect(
     builder = DiagramBuilder()
     builder.AddNamedSystem("plant", plant)
     state = plant.get_state_output_port()
-    times, told = _table(task, step)
-    wanted = np.empty_like(told)
-    wanted[:, order] = told
+    times, commands = _table(task, step)
+    wanted = np.empty_like(commands)
+    wanted[:, order] = commands
     held = PiecewisePolynomial.ZeroOrderHold(times, wanted.T)
     source = builder.AddNamedSystem("commands", TrajectorySource(held))
     K = np.hstack([servo.kp * np.eye(n), servo.kd * np.eye(n)])

@@ -99,7 +99,7 @@ def make_positioned(task: Task, step: float, num_arms: int) -> Runner:
     # The last arm is recorded.
     at = [model.joint(f"arm{num_arms - 1}/{name}").qposadr[0] for name in task.joints]
     rows = commands_of(task).folded(task.kd / task.kp)
-    told = np.tile(rows, num_arms)
+    commands = np.tile(rows, num_arms)
     number = substeps(step)
 
     def run() -> Recording:
@@ -107,7 +107,7 @@ def make_positioned(task: Task, step: float, num_arms: int) -> Runner:
             np.empty((task.num_ticks, model.nq)),
             np.empty((task.num_ticks, model.nv)),
         )
-        for tick, row in enumerate(told):
+        for tick, row in enumerate(commands):
             q[tick], v[tick] = data.qpos, data.qvel
             data.ctrl[:] = row
             mujoco.mj_step(model, data, number)

@@ -90,8 +90,10 @@ def make_cpp_only(task: Task, step: float) -> Runner:
     robot = robots.load(task.urdf, name="arm0")
     names = [joint.name for joint in commanded_joints(robot.description)]
     order = [task.joints.index(name) for name in names]
-    told = np.hstack([part[:, order] for part in commands_of(task)])
-    diagram, drive = build_cpp_only(robot, ad.SimulationOptions(time_step=step), told)
+    commands = np.hstack([part[:, order] for part in commands_of(task)])
+    diagram, drive = build_cpp_only(
+        robot, ad.SimulationOptions(time_step=step), commands
+    )
     simulator = Simulator(diagram)
     log = diagram.GetSubsystemByName(STATE_LOG)
     joints = [j.name for j in robot.description.movable_joints]

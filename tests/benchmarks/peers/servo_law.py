@@ -32,16 +32,16 @@ class SampledServo(NamedTuple):
     # What c adds of the commanded velocity [s].
     lead: float
 
-    def commands(self, told: Commands) -> tuple[Array, Array]:
+    def commands(self, commands: Commands) -> tuple[Array, Array]:
         """Return what counts in the first step of each period, and in the others.
 
         Args:
-            told: What holds from each tick on.
+            commands: What holds from each tick on.
 
         Returns:
             kp (b0 c + b1 c_before), each of shape (N, n).
         """
-        c = told.folded(self.lead)
+        c = commands.folded(self.lead)
         before = np.vstack([np.zeros_like(c[:1]), c[:-1]])
         return (
             self.kp * (self.b0 * c + self.b1 * before),

@@ -52,9 +52,9 @@ def test_a_widget_is_told_with_its_kind_and_fields(widget: Widget) -> None:
     said = json.loads(json.dumps(Section("title", (widget,), is_open=False).to_json()))
 
     assert (said["title"], said["is_open"]) == ("title", False)
-    (told,) = said["widgets"]
-    assert told.pop("kind") == type(widget).__name__.lower()
-    assert told == json.loads(json.dumps(dc.asdict(widget)))
+    (reported,) = said["widgets"]
+    assert reported.pop("kind") == type(widget).__name__.lower()
+    assert reported == json.loads(json.dumps(dc.asdict(widget)))
 
 
 def test_the_script_makes_every_kind() -> None:

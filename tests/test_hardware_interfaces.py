@@ -7,7 +7,10 @@ import pytest
 
 from arm_drake import interfaces
 from arm_drake.control.generic_system import GenericSystem
-from arm_drake.manager.hardware_interfaces import Surroundings, find_surroundings
+from arm_drake.manager.hardware_interfaces import (
+    HardwareInterfaces,
+    find_hardware_interfaces,
+)
 from tests import models
 
 HARDWARE = """
@@ -43,9 +46,9 @@ def arm(*blocks: str, second: str = "") -> str:
     </robot>"""
 
 
-def find(folder: Path, urdf: str) -> Surroundings:
+def find(folder: Path, urdf: str) -> HardwareInterfaces:
     robot = models.load(folder, urdf)
-    return find_surroundings(robot.description, robot.initial_positions)
+    return find_hardware_interfaces(robot.description, robot.initial_positions)
 
 
 POSITION = ("command:position", "state:position", "state:velocity")
@@ -177,7 +180,7 @@ def test_initial_positions_are_kept(tmp_path):
         initial_positions={"turn": 0.4},
     )
 
-    found = find_surroundings(robot.description, robot.initial_positions)
+    found = find_hardware_interfaces(robot.description, robot.initial_positions)
 
     assert dict(found.initial_positions) == {"turn": 0.4, "slide": 0.0}
 
@@ -193,7 +196,7 @@ def test_of_a_mirror_there_is_what_it_mirrors(tmp_path):
     (block,) = description.hardware
     mirror = GenericSystem.from_component(block, description.movable_joints)
 
-    found = find_surroundings(description, robot.initial_positions, [mirror])
+    found = find_hardware_interfaces(description, robot.initial_positions, [mirror])
 
     assert found.command_interfaces == ("turn/position", "slide/speed", "tool/out")
     assert found.state_interfaces == ("turn/position", "slide/speed", "tool/out")
@@ -206,7 +209,7 @@ def test_of_a_mirror_there_is_what_it_mirrors(tmp_path):
 def test_a_mirror_of_nothing_offers_nothing(tmp_path):
     robot = models.load(tmp_path, arm(component("joint", "turn", *POSITION)))
 
-    found = find_surroundings(robot.description, robot.initial_positions, [])
+    found = find_hardware_interfaces(robot.description, robot.initial_positions, [])
 
     assert (found.command_interfaces, found.state_interfaces) == ((), ())
     assert (found.driven, found.stored) == (frozenset(), {})
