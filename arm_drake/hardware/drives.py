@@ -135,20 +135,17 @@ def make_robot_drive(
 ) -> RobotDrive:
     """Return what drives a robot's commanded joints.
 
-    `declared_gains` is what the description says of drives, by joint; `effort_only`
-    joints follow nothing but efforts, and get no rotor; `lets_go` tells that joints may
-    move freely besides; `grippers` press against things and let them go again;
-    `load_inertia` is the inertia of what wheels move on the ground [kg·m^2]; commands
-    have a period [s].
+    `declared_gains`: the description's, by joint; `effort_only` joints follow nothing
+    but efforts, and get no rotor; `lets_go`: joints may move freely besides; `grippers`
+    press against things and let go; `load_inertia` is of what wheels move on the ground
+    [kg·m^2]; `period` is that of commands [s].
     """
     joints = commanded_joints(description)
     plant = make_servo_plant(description, pose, options, time_step)
     N, n = velocity_map(plant, description, joints), len(joints)
     samples = sample_dynamics(plant, N, find_followers(plant, description))
     limits = drive_limits(joints)
-    is_driven = np.array(
-        [joint.name not in effort_only for joint in joints], dtype=bool
-    )
+    is_driven = np.array([j.name not in effort_only for j in joints], dtype=bool)
     strength = _strength(description, limits, samples)
     lacking = compute_rotor_inertia(samples, limits, strength, time_step) * is_driven
     rotors = lacking if _gets_rotors(options, time_step) else np.zeros(n)
@@ -171,7 +168,7 @@ def make_robot_drive(
         friction=sum_friction(plant, description, joints) * options.friction,
         rates=[row.position_rate for row in rows],
     )
-    rated = [j.name for j, row in zip(joints, rows, strict=True) if row.position_rate]
+    rated = (j.name for j, row in zip(joints, rows, strict=True) if row.position_rate)
     return RobotDrive(
         joints=joints,
         plant=plant,

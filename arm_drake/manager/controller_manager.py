@@ -154,12 +154,10 @@ class Loop:
             previous, limited = self._limit(
                 readings, cycle, active, values, failed, is_fresh=fresh is not None
             )
-            limit_events = [
-                CommandLimited(j) for j in limited if j not in state.limited
-            ]
-            if limit_events:
-                events = append_events(events, limit_events)
-                all_limited |= {event.joint for event in limit_events}
+            added = [CommandLimited(j) for j in limited if j not in state.limited]
+            if added:
+                events = append_events(events, added)
+                all_limited |= {event.joint for event in added}
         last_ns, skipped = state.last_ns, None
         if cycle.periods:
             skipped = self._claimants.skipped(cycle)
@@ -169,10 +167,8 @@ class Loop:
         failing = frozenset(failed)
         if failed and (failing != state.failing or self._lifecycle.ends_failed):
             active, number, failures = self._lifecycle.replace(failed, active, number)
-            events, chain = (
-                append_events(events, failures),
-                self._lifecycle.chained(active),
-            )
+            events = append_events(events, failures)
+            chain = self._lifecycle.chained(active)
         return ManagerState(
             cycle,
             active,
@@ -369,11 +365,7 @@ class ControllerManager(PythonSystem):
         nothing, J = AbstractValue.Make(()), len(hardware_interfaces.joint_types)
         self._switch = self.DeclareAbstractInputPort(SWITCH_PORT, nothing)
         self._measured = self.DeclareVectorInputPort(interfaces.STATE_PORT, 3 * J)
-        self._keeper = TickKeeper(
-            systems,
-            self.DeclareVectorInputPort(interfaces.MOTIONS_PORT, 2 * J),
-            lambda name: self.DeclareAbstractInputPort(name, nothing),
-        )
+        self._keeper = self._make_keeper(systems, J)
         claimants = Claimants(systems, self.commands, drive.joints)
         self._loop = Loop(
             self._lifecycle, claimants, drive, limits, hardware_interfaces
@@ -397,6 +389,17 @@ class ControllerManager(PythonSystem):
         # Computed anew only when something is put on a port.
         self._inputs = self._declare_read("news", self._calc_inputs)
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
+
+    def _make_keeper(
+        self, systems: Mapping[str, ControllerInterface], J: int
+    ) -> TickKeeper:
+        """Declare the ports of what controllers and the motions of J joints say."""
+        nothing = AbstractValue.Make(())
+        return TickKeeper(
+            systems,
+            self.DeclareVectorInputPort(interfaces.MOTIONS_PORT, 2 * J),
+            lambda name: self.DeclareAbstractInputPort(name, nothing),
+        )
 
     def _make_lifecycle(
         self,

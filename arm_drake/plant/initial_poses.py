@@ -255,7 +255,7 @@ def _normal(plane: Array) -> Array:
 
 
 def _highest_plane_below(points: Array, foot: Array) -> Array | None:
-    """Return (a, b, c) of the highest plane z = a x + b y + c below points at `foot`."""
+    """Return a, b, c of the highest plane z = a x + b y + c below points at `foot`."""
     program = MathematicalProgram()
     plane = program.NewContinuousVariables(3, "plane")
     below = np.column_stack([points[:, :2], np.ones(len(points))])
