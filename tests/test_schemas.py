@@ -12,8 +12,8 @@ import arm_drake
 from arm_drake.bundled import bundled_robots
 from arm_drake.cli import main
 from tests.models import load, pendulum
-from tests.test_comparison import changed
-from tests.test_rollout import make_rollout
+from tests.rollout.test_comparison import changed
+from tests.rollout.test_rollout import make_rollout
 
 SCHEMAS = Path(arm_drake.__file__).parent / "schemas"
 

@@ -623,12 +623,12 @@ def test_aliases_that_multiply_end_in_an_error_at_once(problem):
     levels = "".join(
         f"  l{i}: &l{i} [{', '.join([f'*l{i - 1}'] * 10)}]\n" for i in range(1, 9)
     )
-    start = time.perf_counter()
+    start = time.process_time()
 
     message = problem(f"a:\n  l0: &l0 [1]\n{levels}  ros__parameters: {{x: *l8}}\n")
 
     assert message.startswith("0.yaml: malformed YAML: aliases multiply to ")
-    assert time.perf_counter() - start < 2.0
+    assert time.process_time() - start < 2.0
 
 
 @pytest.mark.parametrize(

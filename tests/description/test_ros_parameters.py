@@ -535,12 +535,12 @@ def test_a_file_that_never_ends_is_refused():
 
 @pytest.mark.parametrize("opening", ["[", "{", "- ", "? ", "{a: ", "a: {"])
 def test_what_is_nested_without_end_is_an_error(problem, opening):
-    start = time.perf_counter()
+    start = time.process_time()
 
     message = problem(opening * 20_000)
 
     assert message == "a.yaml: malformed YAML: nested too deeply"
-    assert time.perf_counter() - start < 5.0
+    assert time.process_time() - start < 5.0
 
 
 @pytest.mark.parametrize(

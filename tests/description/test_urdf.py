@@ -290,7 +290,7 @@ def test_an_external_entity_is_not_read(tmp_path):
 def test_entities_that_multiply_end_in_an_error_at_once():
     entities = "".join(f'<!ENTITY e{i} "{f"&e{i - 1};" * 10}">' for i in range(1, 12))
     text = f'<!DOCTYPE r [<!ENTITY e0 "lol">{entities}]><robot>&e11;</robot>'
-    start = time.perf_counter()
+    start = time.process_time()
 
     with pytest.raises(DescriptionError) as caught:
         parse_urdf(text, FILE, PackageFinder(FILE), LoadReport())
@@ -299,7 +299,7 @@ def test_entities_that_multiply_end_in_an_error_at_once():
         "arm.urdf:1: malformed XML: limit on input amplification factor "
         "(from DTD and entities) breached"
     )
-    assert time.perf_counter() - start < 2.0
+    assert time.process_time() - start < 2.0
 
 
 def test_links_attached_to_nothing_are_fixed_to_the_world_and_reported():

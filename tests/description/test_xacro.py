@@ -372,7 +372,7 @@ def test_an_external_entity_is_not_read(expand, tmp_path, doctype):
 
 def test_entities_that_multiply_end_in_an_error_at_once(expand, tmp_path):
     entities = "".join(f'<!ENTITY e{i} "{f"&e{i - 1};" * 10}">' for i in range(1, 12))
-    start = time.perf_counter()
+    start = time.process_time()
 
     with pytest.raises(DescriptionError) as caught:
         expand(f'<!DOCTYPE r [<!ENTITY e0 "lol">{entities}]>' + robot("&e11;"))
@@ -381,7 +381,7 @@ def test_entities_that_multiply_end_in_an_error_at_once(expand, tmp_path):
         f"{tmp_path / 'robot.xacro'}:2: malformed XML: limit on input amplification "
         "factor (from DTD and entities) breached"
     )
-    assert time.perf_counter() - start < 2.0
+    assert time.process_time() - start < 2.0
 
 
 def test_what_xacro_warns_about_is_in_the_report(tmp_path, capsys):

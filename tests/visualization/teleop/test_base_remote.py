@@ -14,7 +14,7 @@ from arm_drake.visualization.teleop.remotes import BaseRemote, find_remotes
 from tests import carts
 from tests.rollouts.test_sideways_bases import BASES as SIDEWAYS
 from tests.rollouts.test_sideways_bases import Base
-from tests.teleop import panel
+from tests.visualization.teleop import panel
 
 # Controllers of bases of the index, and the link to look at.
 BASES = {

@@ -16,9 +16,9 @@ from arm_drake.visualization.page import Event, Page
 from arm_drake.visualization.page import live_simulation as mut
 from arm_drake.visualization.page.live_simulation import LiveSimulation, latest
 from tests.models import TWO_LINKS, load
-from tests.teleop.panel import same_bits
 from tests.visualization.page.clients import Panel, WebSocket
 from tests.visualization.scene import unpack
+from tests.visualization.teleop.panel import same_bits
 from tests.waiting import PATIENCE, wait_until
 
 JOINTS = ("shoulder", "elbow")

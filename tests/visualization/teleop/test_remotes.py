@@ -19,7 +19,7 @@ from arm_drake.visualization.teleop.remotes import (
 )
 from tests import models
 from tests.robots import robot_names
-from tests.teleop import panel
+from tests.visualization.teleop import panel
 
 ARM = "joint_trajectory_controller"
 

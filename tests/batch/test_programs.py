@@ -18,7 +18,7 @@ LONGEST_END = 15.0
 
 SLEEPING = """
 import arm_drake as ad
-from tests.many.functions import note_and_sleep
+from tests.batch.functions import note_and_sleep
 try:
     ad.run_many([{folder!r}] * 4, note_and_sleep, workers=2, backend={backend!r})
 except ad.RunsInterrupted as interrupt:
@@ -28,7 +28,7 @@ except ad.RunsInterrupted as interrupt:
 HALF = """
 import time
 import arm_drake as ad
-from tests.many.functions import square
+from tests.batch.functions import square
 from pathlib import Path
 def work(x):
     if x > 1:

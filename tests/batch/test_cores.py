@@ -7,7 +7,7 @@ import pytest
 import arm_drake as ad
 from arm_drake.batch import api
 from arm_drake.batch import api as cores
-from tests.many.functions import square
+from tests.batch.functions import square
 
 
 @pytest.mark.parametrize(

@@ -298,7 +298,7 @@ def test_what_a_bag_cannot_tell_as_a_message_it_tells_as_text(tmp_path: Path) ->
 def test_without_rosbags_it_is_said_what_is_missing(tmp_path: Path) -> None:
     code = (
         "import sys; sys.modules['rosbags.typesys'] = None\n"
-        "from tests.test_rollout import make_rollout\n"
+        "from tests.rollout.test_rollout import make_rollout\n"
         "try: make_rollout().save(sys.argv[1])\n"
         "except ImportError as error: print(error)"
     )

@@ -18,7 +18,7 @@ from arm_drake.visualization.teleop.remotes import (
 )
 from tests import models
 from tests.carts import plugin
-from tests.teleop import panel
+from tests.visualization.teleop import panel
 
 # How near a joint is to its goal at rest [rad], as in tests/rollouts.
 FINAL = 2e-3
@@ -123,7 +123,7 @@ def test_a_velocity_holds_until_zero_is_clicked(tmp_path: Path) -> None:
     panel.use(remote, "zero")
     panel.run(sim, 0.5, remote)
 
-    # Tolerances of the velocity servo against gravity, tests/test_servo_modes.py.
+    # Tolerances of the velocity servo against gravity, see test_servo_modes.py.
     assert speed == pytest.approx(0.5, abs=5e-3)
     assert abs(sim.joint_states().velocity[0]) <= 5e-3
     assert slider(remote, "value:swing/velocity").value == 0.0

@@ -12,8 +12,8 @@ from arm_drake.batch.processes import close_server
 from arm_drake.batch.runs import Runner
 from arm_drake.errors import DescriptionError, InputError, MotionError
 from arm_drake.simulation.motion_files import find_motion
-from tests.many import functions
-from tests.many.functions import final_position, simulate_an_arm
+from tests.batch import functions
+from tests.batch.functions import final_position, simulate_an_arm
 
 BACKENDS = ("serial", "threads", "processes", "auto")
 

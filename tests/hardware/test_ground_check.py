@@ -11,7 +11,7 @@ from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 import arm_drake as ad
 from tests import models
 from tests.carts import cart, diff_drive
-from tests.test_wheel_slip import CONTROL, YAML
+from tests.hardware.test_wheel_slip import CONTROL, YAML
 
 LEFT_SHAPE = """
     <collision><origin rpy="1.5707963267948966 0 0"/>

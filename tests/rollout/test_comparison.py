@@ -12,7 +12,7 @@ import arm_drake as ad
 from arm_drake.cli import main
 from arm_drake.rollout.comparison import Comparison, compare
 from arm_drake.rollout.rollout import GoalRecord, SentMessage
-from tests.test_rollout import make_rollout
+from tests.rollout.test_rollout import make_rollout
 
 INFO = {"versions": {"drake": "1"}, "robot": {"files": [{"file": "a", "sha256": "x"}]}}
 GOAL = GoalRecord("arm", "G", 0.0, 0.2, "SUCCEEDED", 0)

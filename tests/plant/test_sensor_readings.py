@@ -417,7 +417,7 @@ def test_a_hand_that_holds_a_box_feels_its_weight(tmp_path: Path) -> None:
 
 
 def test_the_program_of_the_docs_runs() -> None:
-    docs = Path(__file__).parents[1] / "docs/sensors.md"
+    docs = Path(__file__).parents[2] / "docs/sensors.md"
     text = docs.read_text(encoding="utf-8")
     (program,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     names: dict[str, Any] = {}

@@ -126,7 +126,7 @@ def test_what_is_neither_a_name_nor_a_function_is_refused(tmp_path: Path) -> Non
 
 
 def test_the_world_of_the_docs_can_be_built():
-    docs = Path(__file__).parents[1] / "docs/loading.md"
+    docs = Path(__file__).parents[2] / "docs/loading.md"
     programs = re.findall(r"```python\n(.*?)```", docs.read_text("utf-8"), re.DOTALL)
     (program,) = (text for text in programs if "def table" in text)
     names = {}

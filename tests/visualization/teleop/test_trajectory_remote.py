@@ -14,7 +14,7 @@ from arm_drake.visualization.page.widgets import Slider
 from arm_drake.visualization.teleop.remotes import TrajectoryRemote
 from tests import models
 from tests.carts import plugin
-from tests.teleop import panel
+from tests.visualization.teleop import panel
 
 ARM = "joint_trajectory_controller"
 

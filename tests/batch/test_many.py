@@ -21,7 +21,7 @@ from arm_drake.batch import api
 from arm_drake.batch.processes import Pool, close_server
 from arm_drake.controllers import CONTROLLER_TYPES
 from arm_drake.errors import InputError
-from tests.many import functions
+from tests.batch import functions
 from tests.waiting import wait_until
 
 BACKENDS = ("serial", "threads", "processes", "auto")

@@ -13,7 +13,7 @@ import pytest
 import arm_drake as ad
 from arm_drake.errors import InputError
 from arm_drake.rollout.rollout import GoalRecord, Reference, SentMessage
-from tests.test_rollout import make_rollout
+from tests.rollout.test_rollout import make_rollout
 
 # All that a rollout can have, with names as descriptions have them.
 FULL = make_rollout(
@@ -200,7 +200,7 @@ def test_pandas_gets_every_column() -> None:
 def test_without_pandas_it_is_said_what_is_missing() -> None:
     code = (
         "import sys; sys.modules['pandas'] = None\n"
-        "from tests.test_rollout import make_rollout\n"
+        "from tests.rollout.test_rollout import make_rollout\n"
         "try: make_rollout().to_pandas()\n"
         "except ImportError as error: print(error)"
     )

@@ -11,7 +11,7 @@ from arm_drake.plant.joint_ranges import find_gripper_ranges
 from arm_drake.visualization.page.widgets import Slider
 from arm_drake.visualization.teleop.remotes import GripperRemote
 from tests import models
-from tests.teleop import panel
+from tests.visualization.teleop import panel
 
 # How near a joint is to its goal at rest [rad] or [m], as in tests/rollouts.
 FINAL = 2e-3

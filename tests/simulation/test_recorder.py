@@ -21,8 +21,8 @@ from arm_drake.rollout.mcap import McapFile
 from arm_drake.simulation.simulation import PERIOD
 from tests import models
 from tests.models import load, pendulum
+from tests.rollout.test_rollout_files import assert_same, assert_same_rows
 from tests.snippets import read_blocks
-from tests.test_rollout_files import assert_same, assert_same_rows
 
 # So many ticks are simulated between two looks.
 CHUNK = 50
@@ -226,7 +226,7 @@ def test_a_killed_run_leaves_a_readable_file(tmp_path: Path, suffix: str) -> Non
         [sys.executable, "-c", PROGRAM, file],
         stdout=subprocess.PIPE,
         text=True,
-        cwd=Path(__file__).parents[1],
+        cwd=Path(__file__).parents[2],
     ) as process:
         for line in process.stdout:
             if float(line) >= 3.5:
@@ -281,7 +281,7 @@ def test_a_bag_that_grows_can_be_read_at_any_time_and_costs_little(
 def test_the_program_of_the_docs_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    blocks = read_blocks(Path(__file__).parents[1] / "docs/logs.md")
+    blocks = read_blocks(Path(__file__).parents[2] / "docs/logs.md")
     (code,) = (block.text for block in blocks if block.language == "python")
     monkeypatch.chdir(tmp_path)
 
@@ -299,7 +299,7 @@ def test_the_topics_of_the_docs_are_those_of_a_bag(tmp_path: Path) -> None:
             ad.JointTrajectory()
         )
         sim.run(0.1)
-    docs = (Path(__file__).parents[1] / "docs/logs.md").read_text(encoding="utf-8")
+    docs = (Path(__file__).parents[2] / "docs/logs.md").read_text(encoding="utf-8")
 
     topics = {
         message.channel.topic for message in read_ros2_messages(tmp_path / "a.mcap")

@@ -304,7 +304,7 @@ def test_a_motion_repeats_after_a_further_period_or_its_last_trajectory(load):
 
 
 def test_the_motions_of_the_docs_can_be_read():
-    docs = Path(__file__).parents[1] / "docs/motions.md"
+    docs = Path(__file__).parents[2] / "docs/motions.md"
     blocks = re.findall(
         r"^(?:```|~~~)yaml\n(.*?)^(?:```|~~~)$",
         docs.read_text(encoding="utf-8"),

@@ -13,7 +13,7 @@ from arm_drake.errors import InputError
 from tests.carts import cart, diff_drive
 from tests.carts import load as load_cart
 from tests.models import load, pendulum, ros2_control
-from tests.test_recording import BOTH, command, simulate
+from tests.simulation.test_recording import BOTH, command, simulate
 
 
 def test_commands_are_what_held_until_the_tick(tmp_path: Path) -> None:
