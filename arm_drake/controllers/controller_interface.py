@@ -533,7 +533,7 @@ class TickingController(TickReader[S]):
         The same as what the port says, without a way through Drake.
 
         Args:
-            cycle: A cycle with the `news` of the last tick.
+            cycle: A cycle with the `inputs` of the last tick.
             hardware: What there is to read.
         """
         return self._run(

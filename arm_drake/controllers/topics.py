@@ -24,7 +24,7 @@ Rejection: TypeAlias = TopicRejected | ParametersRejected
 CHAINED = "another controller commands the references"
 INACTIVE = "the controller is not active"
 
-# The latest news, numbered, the newest last.
+# The latest events, numbered, the newest last.
 Events: TypeAlias = tuple[tuple[int, Rejection], ...]
 
 

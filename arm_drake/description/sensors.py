@@ -1,4 +1,4 @@
-"""Sensors of a robot: what they measure, and where they sit on it.
+"""Sensors of a robot: quantities, frames, and contact sensors as controllers.
 
 A `<sensor>` of `<ros2_control>` has names of values and no place. The place is looked
 for where robots' authors write it. Contact sensors ("bumpers") of `<gazebo>` tags are

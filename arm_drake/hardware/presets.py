@@ -1,4 +1,4 @@
-"""Obstacles to the preset "fast", and the report of what takes its place."""
+"""Reasons why a robot can't have the preset "fast", and their report."""
 
 from collections.abc import Iterable, Sequence
 from typing import Final

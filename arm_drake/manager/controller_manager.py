@@ -299,7 +299,7 @@ class ControllerManager(PythonSystem):
         - drive
         - active
         - ticks
-        - news
+        - inputs
 
     =================  ====  =======  ==================================================
     port               size  unit     meaning
@@ -318,7 +318,7 @@ class ControllerManager(PythonSystem):
                                       DriveCommands
     active             c     --       1 for each controller that is active, else 0
     ticks              --    --       ManagerState: the last ticks of the controllers
-    news               --    --       ManagerInputs: messages on all ports
+    inputs             --    --       ManagerInputs: messages on all ports
     =================  ====  =======  ==================================================
 
     Further input ports, `command_interfaces:<controller>`, are what their ticks leave
@@ -387,7 +387,7 @@ class ControllerManager(PythonSystem):
             self.DeclareStateOutputPort(STORED_PORT, self._stored)
         self._declare_shown(kept, numbers)
         # Computed anew only when something is put on a port.
-        self._inputs = self._declare_read("news", self._calc_inputs)
+        self._inputs = self._declare_read("inputs", self._calc_inputs)
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
 
     def _make_keeper(

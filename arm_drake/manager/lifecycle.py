@@ -1,4 +1,4 @@
-"""Lifecycle, update rates and ticks of a manager's controllers.
+"""Lifecycle, update rates and ticks of controllers, and the commands that they write.
 
 The rules are those of ros2_control's controller_manager (6.8.0,
 ``ControllerManager::update`` and ``configure_controller``): requests are judged by

@@ -71,7 +71,7 @@ class ManagerState(NamedTuple):
     # The requests seen last.
     requests: tuple[SwitchController, ...] = ()
 
-    # The latest news, numbered, the newest last.
+    # The latest events, numbered, the newest last.
     events: tuple[tuple[int, ManagerEvent], ...] = ()
 
     # What is remembered of joints whose commands are limited.

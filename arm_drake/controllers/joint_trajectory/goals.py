@@ -1,4 +1,4 @@
-"""Messages and goals of a joint_trajectory_controller, and how it holds.
+"""Acceptance and refusal of trajectories and goals, and the position that is held.
 
 The rules are those of ros2_controllers' joint_trajectory_controller (`update`,
 `positions_upsampling`; version 6.9.0) with the action server that it uses, see

@@ -368,7 +368,7 @@ class Plan(NamedTuple):
     # How fast time is to pass; None before the first activation.
     requested_scaling: float | None = None
 
-    # The latest news, numbered, the newest last.
+    # The latest events, numbered, the newest last.
     events: tuple[tuple[int, Event], ...] = ()
 
     def __deepcopy__(self, memo: dict[int, object]) -> Self:
@@ -426,7 +426,7 @@ class JointTrajectoryState(NamedTuple):
 
     @property
     def events(self) -> tuple[tuple[int, Event], ...]:
-        """The latest news, numbered, the newest last."""
+        """The latest events, numbered, the newest last."""
         return self.plan.events
 
     @property
@@ -474,7 +474,7 @@ def present_commands(rules: JointTrajectoryRules, inputs: TickInputs) -> Array:
 
 
 def add_events(state: JointTrajectoryState, *new_events: Event) -> JointTrajectoryState:
-    """Return the state with news."""
+    """Return the state with more events."""
     events = append_events(state.plan.events, new_events)
     return state._replace(plan=state.plan._replace(events=events))
 

@@ -1,8 +1,7 @@
-"""Mesh files of robot descriptions to what Drake draws and collides, once.
+"""Conversion of meshes to what Drake draws and collides, and the cache of the results.
 
-The cache of converted meshes.
-
-Beside the files of a mesh lies a ``.json`` with their checksums and report lines.
+In the cache a ``.json`` with checksums and report lines lies beside the files of a
+mesh.
 """
 
 import atexit

@@ -27,7 +27,7 @@ from arm_drake.visualization.page import (
 )
 from arm_drake.visualization.page.live_views import LiveViews
 from arm_drake.visualization.page.panel import make_report
-from arm_drake.visualization.teleop.remote import Remote
+from arm_drake.visualization.teleop.base import Remote
 from arm_drake.visualization.teleop.remotes import find_remotes
 
 # What was missed of real time for longer than this is given up [s].

@@ -39,7 +39,7 @@ from arm_drake.simulation.mailbox import GoalHandle
 from arm_drake.simulation.simulation import Simulation
 from arm_drake.simulation.topics import COMMANDS, TOPIC, ControllerTopics
 from arm_drake.visualization.page.widgets import Button, Buttons, Slider
-from arm_drake.visualization.teleop.remote import (
+from arm_drake.visualization.teleop.base import (
     Axis,
     GrippingRemote,
     Remote,

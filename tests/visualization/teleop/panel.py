@@ -6,7 +6,7 @@ import numpy as np
 
 import arm_drake as ad
 from arm_drake.visualization.page.widgets import Button, Buttons, Slider
-from arm_drake.visualization.teleop.remote import Remote
+from arm_drake.visualization.teleop.base import Remote
 from arm_drake.visualization.teleop.remotes import find_remotes
 from tests.robots import read_index, robots_folder
 

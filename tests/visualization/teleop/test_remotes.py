@@ -10,7 +10,7 @@ import arm_drake as ad
 from arm_drake.errors import InputError
 from arm_drake.messages import Duration, JointTrajectory, JointTrajectoryPoint
 from arm_drake.visualization.page.widgets import Slider
-from arm_drake.visualization.teleop.remote import Remote
+from arm_drake.visualization.teleop.base import Remote
 from arm_drake.visualization.teleop.remotes import (
     BaseRemote,
     ForwardRemote,
