@@ -3,10 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, Generic, NamedTuple, Self, TypeVar
 
-from pydrake.systems.framework import (
-    Context,
-    InputPort,
-)
+from pydrake.systems.framework import Context, InputPort
 
 from arm_drake.arrays import Array
 from arm_drake.messages import Message

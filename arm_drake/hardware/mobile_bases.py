@@ -11,12 +11,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.math import SpatialVelocity
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, RigidBody
-from pydrake.systems.framework import (
-    BasicVector,
-    Context,
-    DiagramBuilder,
-    OutputPort,
-)
+from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, OutputPort
 
 from arm_drake.arrays import Array
 from arm_drake.controllers.controller_interface import ControllerInterface

@@ -10,12 +10,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import (
-    BasicVector,
-    Context,
-    DiagramBuilder,
-    State,
-)
+from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, State
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array

@@ -21,12 +21,7 @@ from pydrake.geometry import (
 )
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
-from pydrake.multibody.tree import (
-    BodyIndex,
-    ModelInstanceIndex,
-    RigidBody,
-    world_index,
-)
+from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, RigidBody, world_index
 from pydrake.systems.framework import BasicVector, Context, Diagram
 
 from arm_drake.messages.sensors import ContactsState

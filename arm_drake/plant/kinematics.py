@@ -8,11 +8,7 @@ from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, JacobianWrtVariable, ModelInstanceIndex
-from pydrake.systems.framework import (
-    Context,
-    DiagramBuilder,
-    InputPort,
-)
+from pydrake.systems.framework import Context, DiagramBuilder, InputPort
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
 from arm_drake.arrays import Array

@@ -8,12 +8,7 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import numpy as np
-from pydrake.geometry import (
-    Meshcat,
-    MeshcatParams,
-    QueryObject,
-    Role,
-)
+from pydrake.geometry import Meshcat, MeshcatParams, QueryObject, Role
 
 from arm_drake.arrays import Array
 from arm_drake.errors import InputError

@@ -7,11 +7,7 @@ TrajectorySource and hold from tick to tick, without a delay.
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import Diagram, DiagramBuilder
-from pydrake.systems.primitives import (
-    TrajectorySource,
-    VectorLogSink,
-    ZeroOrderHold,
-)
+from pydrake.systems.primitives import TrajectorySource, VectorLogSink, ZeroOrderHold
 from pydrake.trajectories import PiecewisePolynomial
 
 import arm_drake as ad

@@ -22,12 +22,7 @@ from arm_drake.messages import (
     SendGoal,
 )
 from tests.controllers.driving import Driven, make_params
-from tests.controllers.parameters import (
-    EFFORT_GRIPPER,
-    GRIPPER,
-    PARALLEL_GRIPPER,
-    load,
-)
+from tests.controllers.parameters import EFFORT_GRIPPER, GRIPPER, PARALLEL_GRIPPER, load
 
 BOTH = (GRIPPER, PARALLEL_GRIPPER)
 

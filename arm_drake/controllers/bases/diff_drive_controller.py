@@ -31,12 +31,7 @@ from arm_drake.controllers.bases.base import (
 )
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import UpdateContext
-from arm_drake.controllers.topics import (
-    CHAINED,
-    Inbox,
-    add_events,
-    new_parameters,
-)
+from arm_drake.controllers.topics import CHAINED, Inbox, add_events, new_parameters
 from arm_drake.description.parameters import (
     ParameterGroup,
     Rule,

@@ -33,12 +33,7 @@ from arm_drake.description.parameters import (
     check_not_empty,
 )
 from arm_drake.errors import ParameterError
-from arm_drake.messages import (
-    NANOSECONDS,
-    Header,
-    Twist,
-    Vector3,
-)
+from arm_drake.messages import NANOSECONDS, Header, Twist, Vector3
 from arm_drake.messages.control import MecanumDriveControllerState
 
 UNKNOWN: Velocity = (math.nan, math.nan, math.nan)

@@ -14,11 +14,7 @@ import numpy as np
 from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.control.odometry import PlanarPose, RollingMean, integrate_arc
-from arm_drake.controllers.bases.base import (
-    BaseCommand,
-    BaseController,
-    take_finite,
-)
+from arm_drake.controllers.bases.base import BaseCommand, BaseController, take_finite
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.controllers.topics import Inbox

@@ -10,13 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tests.benchmarks.peers.task import (
-    BANDWIDTH,
-    PERIOD,
-    Array,
-    Commands,
-    command_lead,
-)
+from tests.benchmarks.peers.task import BANDWIDTH, PERIOD, Array, Commands, command_lead
 
 
 class SampledServo(NamedTuple):
