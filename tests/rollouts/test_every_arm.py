@@ -27,8 +27,9 @@ STEP = {"prismatic": 1e-3}
 STEP_OF_OTHERS = 1e-2
 SETTLED = 0.02
 
-# How long random goals are sent, one a second, and how long poses are held [s].
-GOALS = 60
+# How many random goals are sent, one a second, by step: at small ones the first of
+# the same goals, for they take ten times as long. And how long poses are held [s].
+GOALS = {1e-3: 20, 2e-3: 30, 5e-3: 60, 1e-2: 60}
 HOLD = 10.0
 
 # Payloads [kg] of arms, and where they are from the last axis [m].
@@ -203,7 +204,7 @@ def test_it_holds_and_goes_wherever_it_is_sent(arm: Arm, preset: str, h: float) 
     if arm.is_strong:
         np.testing.assert_allclose(held.position - rig.start, 0.0, atol=1e-3)
     random, goal = np.random.default_rng(5), rig.start
-    for _ in range(GOALS):
+    for _ in range(GOALS[h]):
         goal = random.uniform(arm.lower, arm.upper)
         rig.command(goal)
         check_limits(arm, rig.run(1.0))
