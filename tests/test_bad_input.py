@@ -220,6 +220,7 @@ BAD_PARAMETERS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("controller", "change", "message"), BAD_PARAMETERS)
 def test_a_bad_parameter_stops_its_controller_alone(
     tmp_path: Path, controller: str, change: str, message: str
@@ -233,6 +234,7 @@ def test_a_bad_parameter_stops_its_controller_alone(
     check_the_others(sim, controller)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bad", TYPES)
 def test_an_unknown_type_stops_its_controller_alone(tmp_path: Path, bad: str) -> None:
     sim = simulate(tmp_path, types={bad: "my_package/MyController"})
@@ -244,6 +246,7 @@ def test_an_unknown_type_stops_its_controller_alone(tmp_path: Path, bad: str) ->
     check_the_others(sim, bad)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("controller", "change", "message"),
     [
@@ -293,6 +296,7 @@ def test_what_the_robot_lacks_is_named_and_stops_no_other_controller(
 BAD = [np.nan, np.inf, -np.inf]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("value", BAD)
 @pytest.mark.parametrize("controller", ["forward", "group"])
 def test_a_command_that_is_no_number_is_dropped(
@@ -310,6 +314,7 @@ def test_a_command_that_is_no_number_is_dropped(
     check_the_others(sim)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("value", BAD)
 def test_a_trajectory_that_is_no_number_is_rejected(
     tmp_path: Path, value: float
@@ -329,6 +334,7 @@ def test_a_trajectory_that_is_no_number_is_rejected(
     check_the_others(sim)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("value", BAD)
 def test_a_reference_that_is_no_number_moves_nothing(
     tmp_path: Path, value: float
@@ -357,6 +363,7 @@ def test_a_command_of_another_size_ends_its_controller_alone(tmp_path: Path) -> 
     check_the_others(sim, "forward")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("controller", "message", "reason"),
     [
@@ -403,6 +410,7 @@ def test_a_message_for_another_topic_is_an_error_before_it_is_sent(
     check_the_others(sim)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("controller", TYPES)
 def test_what_is_sent_to_an_inactive_controller_is_refused(
     tmp_path: Path, controller: str
@@ -445,6 +453,7 @@ def test_a_switch_of_an_unknown_controller_changes_nothing(tmp_path: Path) -> No
     check_the_others(sim)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("value", BAD)
 def test_a_goal_with_a_bad_tolerance_or_time_leaves_the_robot_alone(
     tmp_path: Path, value: float

@@ -154,6 +154,7 @@ def test_list_names_the_examples(run):
     assert max(map(len, out.splitlines())) <= 88
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["check", "sim"])
 def test_what_drake_warns_about_is_read_in_the_report_only(tmp_path, command):
     # Drake takes no mass of a link called "world".
@@ -258,6 +259,7 @@ def test_sim_prints_one_json_object_with_the_promised_keys(run):
     } in (result["controllers"])
 
 
+@pytest.mark.slow
 def test_sim_draws_the_kind_of_plot_that_it_is_asked_for(run, tmp_path):
     plot = tmp_path / "a.svg"
 
@@ -309,6 +311,7 @@ def test_sim_exits_with_1_when_a_goal_is_rejected(run, tmp_path):
     ) in err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
@@ -352,6 +355,7 @@ def test_sim_exits_with_1_when_a_topic_message_is_refused(run, tmp_path):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -648,6 +652,7 @@ def test_a_controller_that_fails_is_a_line_of_its_own():
     ]
 
 
+@pytest.mark.slow
 def test_a_robot_of_gazebo_takes_commands(run, tmp_path):
     package = "gazebo_ros2_control_demos/gazebo_ros2_control_demos"
     file = real_robot(
@@ -748,6 +753,7 @@ def test_an_existing_log_survives_a_run_that_does_not_start(run, tmp_path):
     assert log.read_bytes() == b"precious"
 
 
+@pytest.mark.slow
 def test_the_module_runs_like_the_command():
     done = subprocess.run(
         [sys.executable, "-m", "arm_drake", "list"],
@@ -759,6 +765,7 @@ def test_the_module_runs_like_the_command():
     assert "doosan_a0912" in done.stdout
 
 
+@pytest.mark.slow
 def test_texts_are_printed_where_only_ascii_is_understood(tmp_path):
     robot = tmp_path / "größe.urdf"
     robot.write_text(

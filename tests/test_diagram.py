@@ -138,6 +138,7 @@ def test_a_force_pushes_a_body(tmp_path: Path) -> None:
     np.testing.assert_allclose(v, 0.3 / models.MASS * rollout.time, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_every_system_has_a_name(tmp_path: Path) -> None:
     robots = [
         models.load(tmp_path, models.GRIPPER, name="left"),
@@ -276,6 +277,7 @@ def test_the_first_step_after_a_later_tick_obeys_its_command(
     assert states.position == pytest.approx((STEP * velocity,), abs=1e-12)
 
 
+@pytest.mark.slow
 def test_two_runs_are_identical_to_the_last_bit() -> None:
     runs = []
     for _ in range(2):
@@ -301,6 +303,7 @@ def test_a_cloned_context_runs_on_to_the_same_bits(time: float) -> None:
     assert state_bytes(diagram, again.get_context()) == expected
 
 
+@pytest.mark.slow
 def test_a_context_moves_into_another_diagram_of_the_robot() -> None:
     diagram, simulator = doosan_in_motion()
     simulator.AdvanceTo(0.3)
@@ -320,6 +323,7 @@ def test_a_context_moves_into_another_diagram_of_the_robot() -> None:
     assert state_bytes(other, other_context) == expected
 
 
+@pytest.mark.slow
 def test_a_diagram_within_another_outlives_what_built_it() -> None:
     expected_diagram, expected = doosan_in_motion()
     expected.AdvanceTo(0.3)
@@ -347,6 +351,7 @@ def test_a_diagram_within_another_outlives_what_built_it() -> None:
     )
 
 
+@pytest.mark.slow
 def test_robots_in_one_diagram_move_as_each_alone(tmp_path: Path) -> None:
     # Friction of three sizes, also none: each joint gets its own.
     frictions = {"none": 0.0, "some": 1.0, "much": 3.0}

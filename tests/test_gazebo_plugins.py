@@ -88,6 +88,7 @@ def mycobot(name="mycobot_280_gazebo"):
     )
 
 
+@pytest.mark.slow
 def test_a_joint_follows_its_topic(tmp_path):
     gains = (("p_gain", 400), ("d_gain", 40), ("i_gain", 0))
     robot = load(
@@ -219,6 +220,7 @@ def test_what_a_tag_asks_for_in_vain_is_told(tmp_path):
     assert any("use_actuator_msg" in line for line in lines(robot))
 
 
+@pytest.mark.slow
 def test_a_velocity_plugin_moves_at_the_velocity(tmp_path):
     robot = load(tmp_path, two_links(plugin(VELOCITY, ("joint_name", "elbow"))))
     sim = simulate(robot, gravity=False)
@@ -231,6 +233,7 @@ def test_a_velocity_plugin_moves_at_the_velocity(tmp_path):
 
 
 # A trajectory without interpolation: the target is the point that comes next.
+@pytest.mark.slow
 def test_gazebo_s_own_trajectory_controller_follows_points(tmp_path):
     gains = "900 900"
     robot = load(
@@ -319,6 +322,7 @@ def test_the_tutorial_s_script_moves_the_published_mycobot():
     assert after_five == pytest.approx(-1.243, abs=0.002)
 
 
+@pytest.mark.slow
 def test_gazebo_classic_s_plugins_pose_the_mycobot_and_report_it():
     sim = simulate(mycobot("mycobot_280_classic_gazebo"))
     point = ad.JointTrajectoryPoint
@@ -349,6 +353,7 @@ def test_gazebo_classic_s_plugins_pose_the_mycobot_and_report_it():
     )
 
 
+@pytest.mark.slow
 def test_a_trajectory_for_an_unknown_frame_is_refused():
     sim = simulate(mycobot("mycobot_280_classic_gazebo"))
 
@@ -445,6 +450,7 @@ def test_a_mimic_joint_s_plugin_yields_to_who_commands_its_master(tmp_path):
     assert states["group"] == states["JointPositionController"] == "active"
 
 
+@pytest.mark.slow
 def test_a_plugin_on_a_mimic_joint_alone_moves_its_master(tmp_path):
     gains = (("p_gain", 100), ("i_gain", 0), ("d_gain", 10))
     text = finger(plugin(POSITION, ("joint_name", "finger"), *gains))
@@ -478,6 +484,7 @@ def test_two_kinds_of_plugins_on_coupled_joints_are_told_apart(tmp_path):
     assert states_of(simulate(robot)) == {"JointController": "active"}
 
 
+@pytest.mark.slow
 def test_poses_leave_joints_of_controllers_alone(tmp_path):
     yaml = tmp_path / "controllers.yaml"
     yaml.write_text(YAML.format(rate=100), encoding="utf-8")
@@ -501,6 +508,7 @@ def test_poses_leave_joints_of_controllers_alone(tmp_path):
     assert sim.joint_states().position == pytest.approx((0.0, 0.3), abs=2e-3)
 
 
+@pytest.mark.slow
 def test_a_publisher_reads_joints_that_no_hardware_reports(tmp_path):
     robot = load(
         tmp_path,

@@ -32,6 +32,7 @@ def test_no_garbage_is_looked_for_meanwhile() -> None:
         assert all(circle() is not None for circle in circles)
 
 
+@pytest.mark.slow
 def test_afterwards_it_is_found_like_any_other() -> None:
     before = weakref.ref(Circle())
 
@@ -60,6 +61,7 @@ def test_who_has_turned_it_off_keeps_it_off() -> None:
     assert not gc.isenabled()
 
 
+@pytest.mark.slow
 def test_what_is_frozen_stays_frozen() -> None:
     gc.freeze()
     count = gc.get_freeze_count()
@@ -72,6 +74,7 @@ def test_what_is_frozen_stays_frozen() -> None:
     assert gc.get_freeze_count() == pytest.approx(count, rel=0.01)
 
 
+@pytest.mark.slow
 def test_public_names_are_imported_when_they_are_used() -> None:
     program = """
 import sys

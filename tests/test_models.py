@@ -571,6 +571,7 @@ def test_mycobot_meshes_fill_the_box_of_the_published_ones(link: str) -> None:
     np.testing.assert_allclose(mesh.bounds * 1e3, MYCOBOT_BOXES[link], atol=4.0)
 
 
+@pytest.mark.slow
 def test_mycobot_meshes_are_those_that_the_script_makes() -> None:
     script = runpy.run_path(str(MYCOBOT / "meshes" / "make_meshes.py"))
     links, document = script["links"], script["document"]

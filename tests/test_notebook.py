@@ -84,6 +84,7 @@ def test_options_for_a_robot_that_is_loaded_already_are_refused() -> None:
     assert str(caught.value) == "distro: the robot is loaded already"
 
 
+@pytest.mark.slow
 def test_a_cell_that_is_run_again_keeps_its_address_and_leaves_nothing(pages) -> None:
     page = ad.view(ARM, port=7800)
     url, num_before = page.url, num_listening()
@@ -98,6 +99,7 @@ def test_a_cell_that_is_run_again_keeps_its_address_and_leaves_nothing(pages) ->
     assert threading.active_count() == threads
 
 
+@pytest.mark.slow
 def test_a_page_that_nobody_has_is_closed() -> None:
     page = ad.view(ARM)
     port = page.call(lambda viewer: viewer.page.port)
@@ -109,6 +111,7 @@ def test_a_page_that_nobody_has_is_closed() -> None:
     wait_until(lambda: port not in listening())
 
 
+@pytest.mark.slow
 def test_a_closed_page_says_so() -> None:
     page = ad.view(ARM)
 
@@ -138,6 +141,7 @@ def test_a_page_may_be_closed_from_within_its_thread() -> None:
     wait_until(lambda: not page.is_open)
 
 
+@pytest.mark.slow
 def test_a_page_that_has_failed_says_why(capsys) -> None:
     page = ad.simulate(ARM)
 
@@ -213,6 +217,7 @@ def test_where_the_browser_is_elsewhere_the_cell_has_all_it_needs(
     assert page.url not in shown
 
 
+@pytest.mark.slow
 def test_a_simulation_goes_on_beside_the_program(pages) -> None:
     page = ad.simulate(ad.load_robot(ARM), realtime_rate=0.0)
     pages.append(page)
@@ -271,6 +276,7 @@ def test_an_animation_is_written_to_a_file(tmp_path) -> None:
         recording.save(tmp_path / "none" / "arm.html")
 
 
+@pytest.mark.slow
 def test_a_motion_has_the_name_that_it_has_for_the_command_line(pages) -> None:
     simulation, _ = ad.animate(ad.load_robot("doosan_a0912"), 5.0, motion="tutorial")
 
@@ -283,6 +289,7 @@ def test_a_motion_has_the_name_that_it_has_for_the_command_line(pages) -> None:
     )
 
 
+@pytest.mark.slow
 def test_animations_leave_no_servers() -> None:
     ad.animate(ad.load_robot(ARM), 0.1)
     num_before = num_listening()
@@ -293,6 +300,7 @@ def test_animations_leave_no_servers() -> None:
     assert num_listening() == num_before
 
 
+@pytest.mark.slow
 def test_the_programs_of_the_docs_run(tmp_path, monkeypatch) -> None:
     docs = Path(__file__).parents[1] / "docs/page.md"
     programs = re.findall(r"```python\n(.*?)```", docs.read_text("utf-8"), re.DOTALL)

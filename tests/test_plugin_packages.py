@@ -275,6 +275,7 @@ def test_an_argument_that_is_no_type_is_refused_at_once(
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("is_installed", [True, False])
 @pytest.mark.parametrize(
     "type_", [JTC, "ur_controllers/ScaledJointTrajectoryController"]

@@ -92,11 +92,13 @@ KEPT: dict[str, Keep] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("declare", DECLARATIONS.values(), ids=DECLARATIONS)
 def test_our_systems_are_freed_with_their_diagram(declare: Declare) -> None:
     assert is_freed(lambda: make_diagram(PythonSystem, declare))
 
 
+@pytest.mark.slow
 def test_what_is_kept_of_a_plant_and_is_no_part_of_it_is_no_obstacle() -> None:
     def keep(plant: MultibodyPlant, scene_graph: SceneGraph) -> object:
         port = scene_graph.GetOutputPort("query")
@@ -107,6 +109,7 @@ def test_what_is_kept_of_a_plant_and_is_no_part_of_it_is_no_obstacle() -> None:
 
 # The next three show Drake's faults. One that fails says that Drake has mended its own:
 # what `arm_drake.python_system` does about it may go.
+@pytest.mark.slow
 @pytest.mark.skipif(not IS_PYBIND11, reason="a fault of Drake with pybind11")
 def test_drake_never_frees_systems_whose_class_has_a_dictionary() -> None:
     class Plain(LeafSystem):
@@ -121,6 +124,7 @@ def test_drake_never_frees_systems_whose_class_has_a_dictionary() -> None:
     assert is_freed(lambda: make_diagram(LeafSystem))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["vector", "vector by keyword", "abstract"])
 def test_drake_never_frees_systems_with_outputs(name: str) -> None:
     if name.startswith("vector") and not IS_PYBIND11:
@@ -129,11 +133,13 @@ def test_drake_never_frees_systems_with_outputs(name: str) -> None:
     assert not is_freed(lambda: make_diagram(LeafSystem, DECLARATIONS[name]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("keep", KEPT.values(), ids=KEPT)
 def test_drake_never_frees_systems_that_keep_a_part_of_a_plant(keep: Keep) -> None:
     assert not is_freed(lambda: make_diagram(PythonSystem, keep=keep))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("preset", ["accurate", "kinematic"])
 @pytest.mark.parametrize(
     "name", ["doosan_a0912", "lab5_arm", "mycobot_280", "teslabot"]
@@ -152,6 +158,7 @@ def test_a_diagram_is_freed_after_its_simulation(name: str, preset: str) -> None
     assert is_freed(simulate)
 
 
+@pytest.mark.slow
 def test_so_are_systems_that_users_derive_from_ours() -> None:
     class Base(PythonSystem):
         """With an output that holds the system."""
@@ -322,6 +329,7 @@ print("done")
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", LEFT.values(), ids=LEFT)
 def test_what_is_left_of_a_diagram_can_be_used(text: str) -> None:
     use = textwrap.indent(textwrap.dedent(text), "    ")

@@ -60,6 +60,7 @@ def test_every_schema_is_used_and_in_the_package() -> None:
     assert names == {"sim", "check", "compare"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", list(bundled_robots()))
 def test_sim_prints_what_its_schema_says(capsys: Any, robot: str) -> None:
     code, content = run(capsys, "sim", robot, "--headless", "--duration", "0.2")
@@ -85,6 +86,7 @@ def test_failing_goals_are_what_the_schema_says(capsys: Any, tmp_path: Path) -> 
     assert len(content["failures"]) == 2
 
 
+@pytest.mark.slow
 def test_a_report_is_what_the_schema_says(capsys: Any, tmp_path: Path) -> None:
     load(tmp_path, pendulum(limit='effort="1"'))
     (file,) = tmp_path.glob("*.urdf")
@@ -95,6 +97,7 @@ def test_a_report_is_what_the_schema_says(capsys: Any, tmp_path: Path) -> None:
         assert content["report"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", list(bundled_robots()))
 def test_check_prints_what_its_schema_says(capsys: Any, robot: str) -> None:
     code, content = run(capsys, "check", robot)

@@ -109,6 +109,7 @@ def importers() -> dict[str, set[Import]]:
     return found
 
 
+@pytest.mark.slow
 def test_packages_import_in_one_order() -> None:
     wrong = [
         f"{module} imports {other.module}"
@@ -191,6 +192,7 @@ def test_a_module_is_one_thing(module: str) -> None:
     assert len(text.splitlines()) <= MAX_LINES
 
 
+@pytest.mark.slow
 def test_functions_fit_on_a_screen() -> None:
     long = [
         f"{module}.{node.name}: {node.end_lineno - node.lineno + 1} lines"
@@ -204,6 +206,7 @@ def test_functions_fit_on_a_screen() -> None:
     assert not long
 
 
+@pytest.mark.slow
 def test_a_headless_run_loads_nothing_large_that_it_does_not_need() -> None:
     command = "sim doosan_a0912 --headless --duration 0.1"
 

@@ -510,6 +510,7 @@ def test_all_systems_are_freed_with_their_diagram() -> None:
         assert issubclass(system, PythonSystem), system.__name__
 
 
+@pytest.mark.slow
 def test_systems_keep_their_state_in_the_context() -> None:
     systems = {system.__name__ for system in system_classes()} | {"ControllerInterface"}
     systems -= {"PythonSystem"}  # Notes what it holds while a system is made.

@@ -21,6 +21,7 @@ COMMANDS = list(dict.fromkeys(re.findall(r"`arm-drake ([^`]+)`", TEXT)))
 DURATION = 0.2
 
 
+@pytest.mark.slow
 def test_the_program_runs() -> None:
     (program,) = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
     names: dict[str, Any] = {}
@@ -30,6 +31,7 @@ def test_the_program_runs() -> None:
     assert names["goal"].result.error_code == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", COMMANDS)
 def test_a_command_runs(
     command: str,
@@ -86,6 +88,7 @@ ORIGINALS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("original", "robot", "motion"), ORIGINALS)
 def test_the_originals_take_the_same_motions(
     original: str, robot: str, motion: str, capsys: pytest.CaptureFixture[str]

@@ -33,6 +33,7 @@ def no_server_stays() -> Iterator[None]:
     close_server()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2, 5])
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_results_come_in_the_order_of_the_inputs(backend, workers) -> None:
@@ -152,6 +153,7 @@ def test_an_iterator_yields_in_order_and_may_be_left() -> None:
     assert not alive
 
 
+@pytest.mark.slow
 def test_a_server_that_dies_takes_its_workers_and_what_they_do(tmp_path) -> None:
     inputs = ["", str(tmp_path), ""]
     results = ad.iterate_many(
@@ -171,6 +173,7 @@ def test_a_server_that_dies_takes_its_workers_and_what_they_do(tmp_path) -> None
         assert not psutil.wait_procs([worker], timeout=10.0)[1]
 
 
+@pytest.mark.slow
 def test_what_a_run_has_started_ends_with_it(tmp_path) -> None:
     results = ad.iterate_many(
         ["", str(tmp_path)], functions.start_sleep, backend="processes", workers=1
@@ -207,6 +210,7 @@ def test_a_fork_of_the_program_keeps_no_worker_alive(tmp_path) -> None:
     assert not server.is_running()
 
 
+@pytest.mark.slow
 def test_a_worker_that_dies_while_it_answers_is_noticed(tmp_path) -> None:
     results = ad.run_many(
         ["", str(tmp_path), ""], functions.die_answering, backend="processes", workers=1
@@ -224,6 +228,7 @@ def wait_for_note(folder: Path) -> None:
     wait_until(lambda: any(folder.iterdir()), "a note")
 
 
+@pytest.mark.slow
 def test_a_worker_that_grows_is_replaced() -> None:
     # 256 MB are the limit of what a worker may gain.
     sizes = [100, 100, 100, 1, 1]
@@ -242,6 +247,7 @@ def test_nested_calls_take_no_more_cores() -> None:
         assert results.values == [("serial", [1, 4]), ("serial", [4, 9])]
 
 
+@pytest.mark.slow
 def test_nested_processes_may_be_asked_for() -> None:
     results = ad.run_many(
         [1], functions.run_processes_in_a_process, backend="processes"
@@ -286,6 +292,7 @@ def test_workers_have_random_numbers_of_their_own() -> None:
     assert len(numbers) == 6
 
 
+@pytest.mark.slow
 def test_a_server_that_died_is_replaced() -> None:
     ad.run_many([0], functions.square, backend="processes")
     server = psutil.Process().children()[-1]
@@ -481,6 +488,7 @@ def test_progress_stays_on_one_line_of_a_terminal(monkeypatch) -> None:
     assert last == "[####################] 5/5 runs, 0:00, 1 failed\n"
 
 
+@pytest.mark.slow
 def test_auto_runs_here_what_cannot_be_sent() -> None:
     results = ad.run_many(range(6), functions.wait_for_a_generator, workers=2)
 

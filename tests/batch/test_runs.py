@@ -95,6 +95,7 @@ def test_a_world_that_is_a_function_is_made_for_each_run() -> None:
     assert results.values == [False, True]
 
 
+@pytest.mark.slow
 def test_what_keep_returns_is_of_its_own_run() -> None:
     runs = [ad.Run(robot="lab5_arm", duration=time) for time in (0.02, 0.03, 0.04)]
 
@@ -117,6 +118,7 @@ def test_what_keep_changes_is_of_its_own_run() -> None:
     assert others == [first] * 2
 
 
+@pytest.mark.slow
 def test_the_outcome_tells_of_goals_and_failures() -> None:
     run = ad.Run(robot="doosan_a0912", motion="tutorial", name="as it is")
     strict = ad.Run(robot="doosan_a0912", motion="tutorial", duration=1.0)
@@ -137,6 +139,7 @@ def test_the_outcome_tells_of_goals_and_failures() -> None:
     assert done.wall_time > 0.0
 
 
+@pytest.mark.slow
 def test_only_what_is_kept_comes_back() -> None:
     run = ad.Run(robot="lab5_arm", duration=0.1)
 
@@ -149,6 +152,7 @@ def test_only_what_is_kept_comes_back() -> None:
     assert len(pickle.dumps(results)) < len(pickle.dumps(simulate(run)))
 
 
+@pytest.mark.slow
 def test_a_program_of_ones_own_runs_in_processes_as_here() -> None:
     speeds = [0.05, 0.1, 0.15]
 
@@ -158,6 +162,7 @@ def test_a_program_of_ones_own_runs_in_processes_as_here() -> None:
         np.testing.assert_array_equal(position, simulate_an_arm(speed))
 
 
+@pytest.mark.slow
 def test_a_loaded_robot_and_motion_and_several_robots_can_be_sent() -> None:
     one = ad.load_robot("lab5_arm", name="one")
     other = ad.load_robot("lab5_arm", name="other", pose=(0, 2, 0, 0, 0, 0))
@@ -176,6 +181,7 @@ def test_a_loaded_robot_and_motion_and_several_robots_can_be_sent() -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_run_that_fails_has_its_error_and_the_others_go_on() -> None:
     good = ad.Run(robot="lab5_arm", duration=0.1)
     runs = [

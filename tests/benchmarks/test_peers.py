@@ -123,6 +123,7 @@ def test_mimic_joint_adds_its_inertia_by_the_square_of_its_factor():
     assert pytest.approx(INERTIA + 9.0 * 0.1) == M
 
 
+@pytest.mark.slow
 def test_pd_reference_is_the_damped_oscillator():
     task = make_task()
     n = task.num_ticks
@@ -141,6 +142,7 @@ def test_pd_reference_is_the_damped_oscillator():
     assert found.q[:, 0] == pytest.approx(0.2 * (1.0 - still), abs=1e-8)
 
 
+@pytest.mark.slow
 def test_servo_reference_through_the_dynamics_is_its_closed_form():
     task = make_task()
     commands = make_commands(task)

@@ -44,6 +44,7 @@ def write(folder, urdf, controllers=None):
     return [file, "--controllers", yaml]
 
 
+@pytest.mark.slow
 def test_a_bundled_robot_is_drawn_with_all_controllers_and_interfaces(run, tmp_path):
     file = tmp_path / "graph.svg"
 
@@ -83,6 +84,7 @@ def test_json_says_what_each_controller_reads_and_commands(run, tmp_path):
     assert file.read_text(encoding="utf-8").startswith('digraph "pendulum" {')
 
 
+@pytest.mark.slow
 def test_a_controller_that_does_not_load_is_drawn_as_unconfigured(run, tmp_path):
     yaml = trajectory_controllers({"arm": ["swing"]}).replace("Controller\n", "Contr\n")
     file = tmp_path / "graph.svg"
@@ -94,6 +96,7 @@ def test_a_controller_that_does_not_load_is_drawn_as_unconfigured(run, tmp_path)
     assert {"arm", "unconfigured", f"{JTC}/JointTrajectoryContr"} <= texts(file)
 
 
+@pytest.mark.slow
 def test_a_joint_without_an_interface_is_named(run, tmp_path):
     alone = ros2_control("finger")
     urdf = GRIPPER.replace(ros2_control("finger", states=("follower",)), alone)
@@ -106,6 +109,7 @@ def test_a_joint_without_an_interface_is_named(run, tmp_path):
     assert "follower/position" not in texts(file)
 
 
+@pytest.mark.slow
 def test_without_ros2_control_the_simulated_hardware_is_drawn(run, tmp_path):
     file = tmp_path / "graph.svg"
 

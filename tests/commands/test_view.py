@@ -102,6 +102,7 @@ def test_a_picture_that_cannot_be_written_is_said_at_once(run, tmp_path, name, m
     assert (code, out, err) == (2, "", f"arm-drake: {file}: {message}\n")
 
 
+@pytest.mark.slow
 def test_without_the_extra_the_message_says_how_to_install_it(
     run, tmp_path, monkeypatch
 ):
@@ -130,6 +131,7 @@ def test_a_simulation_does_not_start_without_the_extra_for_its_picture(
     assert captured.err.endswith("`pip install 'arm-drake[browser]'`\n")
 
 
+@pytest.mark.slow
 def test_without_chromium_the_message_says_where_it_is_to_be_had(
     run, tmp_path, monkeypatch
 ):
@@ -145,6 +147,7 @@ def test_without_chromium_the_message_says_where_it_is_to_be_had(
     )
 
 
+@pytest.mark.slow
 def test_strict_refuses_a_position_outside_of_the_limits(run, tmp_path):
     load(tmp_path, GRIPPER)
     robot = tmp_path / "robot.urdf"

@@ -112,6 +112,7 @@ def respond(
     return [force / stiffness + x[0], *x[1:]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [0.2, 0.7, 1.5])
 @pytest.mark.parametrize("period", [0.01, 0.001])
 def test_a_step_of_force_is_answered_as_by_mass_damper_and_spring(
@@ -163,6 +164,7 @@ def test_the_error_of_the_integration_is_proportional_to_the_period() -> None:
         assert larger / smaller == pytest.approx(2.0, rel=0.02)
 
 
+@pytest.mark.slow
 def test_at_rest_the_spring_bears_the_force_in_the_control_frame() -> None:
     stiffness = np.array([100.0, 200.0, 400.0, 10.0, 20.0, 40.0])
     rule = make_rule(stiffness=stiffness, damping_ratio=np.ones(6))

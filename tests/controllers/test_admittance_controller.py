@@ -716,6 +716,7 @@ DAMPING = 2.0 * 0.7 * np.sqrt(MASS * STIFFNESS)
 UNDER = {"admittance__damping_ratio": [0.7] * 6}
 
 
+@pytest.mark.slow
 def test_a_stored_force_moves_the_tool_as_mass_damper_and_spring(tmp_path) -> None:
     simulation = simulate(tmp_path, slide(), {"admittance": UNDER}, preset="kinematic")
 
@@ -730,6 +731,7 @@ def test_a_stored_force_moves_the_tool_as_mass_damper_and_spring(tmp_path) -> No
     assert found[-1] == pytest.approx(-FORCE / STIFFNESS, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_weight_moves_the_tool_as_mass_damper_and_spring(tmp_path) -> None:
     simulation = simulate(tmp_path, slide(), {"admittance": UNDER})
 
@@ -744,6 +746,7 @@ def test_a_weight_moves_the_tool_as_mass_damper_and_spring(tmp_path) -> None:
     assert found[-1] == pytest.approx(-FORCE / STIFFNESS, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_an_arm_that_is_pushed_moves_as_mass_damper_and_spring(tmp_path) -> None:
     simulation = simulate(
         tmp_path,
@@ -778,6 +781,7 @@ def test_an_arm_that_is_pushed_moves_as_mass_damper_and_spring(tmp_path) -> None
     np.testing.assert_allclose(moved, expected, atol=0.05 * FORCE / STIFFNESS)
 
 
+@pytest.mark.slow
 def test_the_weight_of_the_tool_itself_can_be_taken_away(tmp_path) -> None:
     parameters = {"gravity_compensation__CoG__force": FORCE}
     simulation = simulate(tmp_path, slide(), {"admittance": parameters})
@@ -787,6 +791,7 @@ def test_the_weight_of_the_tool_itself_can_be_taken_away(tmp_path) -> None:
     assert simulation.rollout().position[-1] == pytest.approx([0.0], abs=1e-5)
 
 
+@pytest.mark.slow
 def test_an_arm_rests_where_its_springs_bear_the_wrench(tmp_path) -> None:
     wrench = (10.0, -5.0, 3.0, 0.5, 1.0, -0.8)
     stiffness = [200.0, 400.0, 300.0, 20.0, 30.0, 40.0]
@@ -817,6 +822,7 @@ def test_an_arm_rests_where_its_springs_bear_the_wrench(tmp_path) -> None:
     assert [force.x, force.y, force.z] == pytest.approx(R[:3, :3] @ wrench[:3])
 
 
+@pytest.mark.slow
 def test_an_arm_in_the_physics_gives_way_to_a_push(tmp_path) -> None:
     parameters = {
         "admittance__mass": [20.0] * 3 + [2.0] * 3,
@@ -863,6 +869,7 @@ CHAIN = {
 }
 
 
+@pytest.mark.slow
 def test_a_trajectory_is_followed_and_gives_way(tmp_path) -> None:
     simulation = simulate(tmp_path, slide(), CHAIN, preset="kinematic")
     trajectory = JointTrajectory(
@@ -892,6 +899,7 @@ def test_without_a_push_the_chain_is_exact(tmp_path) -> None:  # AD9
     assert simulation.rollout().position == pytest.approx(0.0, abs=0.0)
 
 
+@pytest.mark.slow
 def test_a_simulation_is_the_same_again(tmp_path) -> None:
     runs = []
     for _ in range(2):

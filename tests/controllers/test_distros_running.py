@@ -616,6 +616,7 @@ def check_values_that_are_not_finite(distro: str, folder: Path) -> None:
         assert loop.rows[-1] == ([10.0, 2.0] if distro == "humble" else [1.0, 2.0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("distro", DISTROS)
 @pytest.mark.parametrize("name", CHECKS)
 def test_a_row_holds_in_motion(name: str, distro: str, tmp_path: Path) -> None:

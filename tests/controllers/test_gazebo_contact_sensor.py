@@ -51,6 +51,7 @@ def rest(robot: ad.Robot, topic: str = TOPIC) -> ContactsState:
     return message
 
 
+@pytest.mark.slow
 def test_a_ball_on_the_ground_feels_its_weight(tmp_path: Path) -> None:
     message = rest(load(tmp_path, with_sensor()))
 
@@ -75,6 +76,7 @@ def test_a_ball_on_the_ground_feels_its_weight(tmp_path: Path) -> None:
     assert 0.0 < depth < 1e-3
 
 
+@pytest.mark.slow
 def test_the_plugin_of_classic_names_topic_and_frame(tmp_path: Path) -> None:
     plugin = PLUGIN.format("<frame_name>ball</frame_name>")
     # The whole robot is turned: the ball's frame has its z axis along the world's y.
@@ -98,6 +100,7 @@ def test_the_plugin_of_classic_names_topic_and_frame(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_sensor_feels_with_the_shapes_that_it_names(tmp_path: Path) -> None:
     high = '<collision><origin xyz="0 0 1"/><geometry><sphere radius="0.05"/>'
     urdf = models.FALLING_BALL.replace(
@@ -120,6 +123,7 @@ def test_a_sensor_feels_with_the_shapes_that_it_names(tmp_path: Path) -> None:
     assert state.collision1_name.endswith("::ball_collision_1")
 
 
+@pytest.mark.slow
 def test_the_torque_is_about_the_link(tmp_path: Path) -> None:
     # The ball is beside its link's origin, which slides along z and can't turn.
     moved = with_sensor().replace(
@@ -135,6 +139,7 @@ def test_the_torque_is_about_the_link(tmp_path: Path) -> None:
     np.testing.assert_array_equal(array(state.wrenches[0].torque), np.zeros(3))
 
 
+@pytest.mark.slow
 def test_a_sensor_that_is_not_active_tells_nothing(tmp_path: Path) -> None:
     options = ad.SimulationOptions(inactive=("bumper",))
     robot = load(tmp_path, with_sensor())
@@ -145,6 +150,7 @@ def test_a_sensor_that_is_not_active_tells_nothing(tmp_path: Path) -> None:
     assert sim.topic(TOPIC).value() == ContactsState()
 
 
+@pytest.mark.slow
 def test_what_is_held_by_areas_is_felt_along_their_normals(tmp_path: Path) -> None:
     def add_box(plant: MultibodyPlant) -> None:
         inertia = SpatialInertia.SolidBoxWithMass(1.0, 0.2, 0.2, 0.2)
@@ -172,6 +178,7 @@ def test_what_is_held_by_areas_is_felt_along_their_normals(tmp_path: Path) -> No
     np.testing.assert_allclose(array(state.contact_normals[0]), [0, 0, -1], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_all_contacts_of_a_robot_are_an_output(tmp_path: Path) -> None:
     robot = load(tmp_path, models.FALLING_BALL)
     sim = ad.Simulation(ad.build_diagram(robot))
@@ -183,6 +190,7 @@ def test_all_contacts_of_a_robot_are_an_output(tmp_path: Path) -> None:
     np.testing.assert_allclose(array(state.total_wrench.force), [0, 0, WEIGHT], 1e-5)
 
 
+@pytest.mark.slow
 def test_touching_links_each_feel_the_other(tmp_path: Path) -> None:
     tags = "".join(
         f"""<gazebo reference="{link}"><sensor name="{link}_sensor" type="contact">
@@ -209,6 +217,7 @@ def test_touching_links_each_feel_the_other(tmp_path: Path) -> None:
     np.testing.assert_array_equal(forces[0], -forces[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("urdf", "severity", "message"),
     [
@@ -245,12 +254,14 @@ def test_a_sensor_that_cannot_be_as_it_is_written_is_reported(
     assert any(message in line for line in lines), str(robot.report)
 
 
+@pytest.mark.slow
 def test_what_has_an_effect_is_not_reported_as_ignored(tmp_path: Path) -> None:
     robot = load(tmp_path, with_sensor(PLUGIN.format("")))
 
     assert "bumper" not in str(robot.report)
 
 
+@pytest.mark.slow
 def test_the_doosan_has_its_bumper() -> None:
     row, folder = read_index()["doosan_a0912"], robots_folder()
     robot = ad.load_robot(

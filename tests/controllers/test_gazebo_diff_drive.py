@@ -88,6 +88,7 @@ def test_a_wheel_of_both_sides_follows_the_right_one() -> None:
     assert move(drive(("a",), ("a",)), 0.0, 1.0) == pytest.approx([2.5], **EXACT)
 
 
+@pytest.mark.slow
 def test_wheels_rest_until_there_is_a_command_which_then_holds() -> None:
     driven = drive()
     driven.run()
@@ -203,6 +204,7 @@ def test_a_deactivation_stops_the_base_until_a_new_command() -> None:
     assert base_speed(driven) == (0.0, 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("left", "right"), [(3.0, 3.0), (-2.0, -2.0), (-2.0, 2.0), (1.0, 4.0), (4.0, -1.0)]
 )

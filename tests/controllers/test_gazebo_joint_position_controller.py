@@ -237,6 +237,7 @@ def test_an_integral_takes_off_no_more_than_its_limit() -> None:
     assert path[-1] == pytest.approx([-2.0 / 100.0, 0.0], abs=1e-12)
 
 
+@pytest.mark.slow
 def test_an_integral_below_its_limit_takes_off_all() -> None:
     driven = drive(make_tag("a", i_gain=200.0, **STIFF), joints=("a",), rate=500)
 

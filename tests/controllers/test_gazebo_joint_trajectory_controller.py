@@ -283,6 +283,7 @@ def efforts_again(driven: Driven) -> list[float]:
     return found
 
 
+@pytest.mark.slow
 def test_a_ros2_control_like_trajectory_moves_a_mass_to_its_end() -> None:
     # A PD of 10 rad/s without overshoot, and a load that it holds with a sag of 0.02.
     tag = make_tag("a", position_p_gain=(100.0,), position_d_gain=(20.0,))

@@ -57,6 +57,7 @@ def test_types_are_added_and_removed_as_in_a_dictionary() -> None:
     assert len(types) == 1
 
 
+@pytest.mark.slow
 def test_the_tables_are_read_without_importing_what_is_in_them() -> None:
     program = """
 import sys

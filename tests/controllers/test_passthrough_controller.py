@@ -175,6 +175,7 @@ def follow(folder: Path, yaml: str) -> ad.Rollout:
     return sim.rollout()
 
 
+@pytest.mark.slow
 def test_a_chain_of_three_follows_a_trajectory_as_one_controller_does(
     tmp_path: Path,
 ) -> None:  # As in example_12: a trajectory, two in a row, the hardware.

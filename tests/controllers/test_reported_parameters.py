@@ -261,6 +261,7 @@ def real_controllers() -> Iterator[tuple[str, ControllerConfig]]:
             yield robot["name"], controller
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("distro", ["humble", "jazzy", "kilted", "rolling"])
 def test_real_robots_have_their_controllers_parameters(distro):
     loaded = set()

@@ -63,6 +63,7 @@ def ticks_of(sim: ad.Simulation, manager_rate: int, last: int) -> list[int]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("preset", ["accurate", "kinematic"])
 @pytest.mark.parametrize(
     ("manager_rate", "rate", "ticks"),

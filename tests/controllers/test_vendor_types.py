@@ -72,6 +72,7 @@ def reference(tmp_path_factory: pytest.TempPathFactory) -> ad.Rollout:
     return follow(load(folder, JTC, f"joints: [swing]\n    {INTERFACES}"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("type_", TRAJECTORY_TYPES)
 def test_it_moves_as_a_trajectory_controller_and_is_reported(
     tmp_path: Path, type_: str, reference: ad.Rollout
@@ -200,6 +201,7 @@ def test_an_unknown_type_is_an_error(tmp_path: Path, type_: str, hint: str) -> N
     assert states(robot) == {"arm": "unconfigured", "jsb": "active"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("type_", HARDWARE_ONLY)
 def test_what_only_serves_hardware_is_no_defect(
     tmp_path: Path, type_: str, capsys: pytest.CaptureFixture[str]

@@ -173,6 +173,7 @@ def test_three_wheels_of_one_joint_have_no_differential(tmp_path: Path) -> None:
     assert [axle.link for axle in axles_of(load(tmp_path, car(more=more)))] == ["front"]
 
 
+@pytest.mark.slow
 def test_an_axle_adds_no_mass_and_changes_no_joint(tmp_path: Path) -> None:
     robot = load(tmp_path, car())
     before = robot.description

@@ -500,6 +500,7 @@ def test_parameters_without_a_node_are_taken_for_every_node(load):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -982,6 +983,7 @@ def test_a_malformed_file_of_a_controller_stops_it_alone(load, tmp_path):
     ]
 
 
+@pytest.mark.slow
 def test_a_missing_file_of_a_controller_is_reported(load):
     config, lines = load(
         f"{MANAGER}    arm.params_file:\n      - nope.yaml\n      - package://nope/a\n"

@@ -23,6 +23,7 @@ def test_every_description_of_the_package_has_a_name():
     assert all(path.is_file() for path in names.values())
 
 
+@pytest.mark.slow
 def test_an_example_is_loaded_with_a_controller_of_all_its_joints(
     tmp_path, monkeypatch
 ):

@@ -94,6 +94,7 @@ def test_no_tensor_of_a_body_is_nearer(inertia):
     assert np.linalg.eigvalsh(second)[0] >= -1e-12 * size
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(5))
 def test_a_search_over_all_bodies_finds_nothing_nearer(seed):
     rng = np.random.default_rng(seed)
@@ -118,6 +119,7 @@ def test_a_search_over_all_bodies_finds_nothing_nearer(seed):
     assert distance == pytest.approx(math.sqrt(2.0 * found), rel=1e-5)
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(tensors(10.0))
 def test_drake_takes_every_repaired_tensor(inertia):
@@ -539,6 +541,7 @@ def random_inertials(rng: np.random.Generator, scale: float) -> list[str]:
     return texts
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [1e-9, 1e-3, 10.0])
 def test_drake_takes_whatever_was_repaired(repair, simulate, scale):
     rng = np.random.default_rng(7)

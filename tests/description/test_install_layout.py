@@ -283,6 +283,7 @@ def test_what_is_called_like_the_folder_above_is_not_installed(tmp_path, file, t
     assert finder.find("arm") == tmp_path / "ws" / "arm"
 
 
+@pytest.mark.slow
 def test_a_link_to_a_folder_above_is_not_followed_for_ever(tmp_path):
     cmake = "install(DIRECTORY a/ b/ DESTINATION share/arm/c)"
     report = LoadReport()
@@ -337,6 +338,7 @@ FALLS_BACK = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", FALLS_BACK)
 def test_install_rules_that_cant_be_followed_are_reported(tmp_path, case):
     report = LoadReport()

@@ -170,6 +170,7 @@ def test_a_visuals_own_colour_that_is_none_is_removed(repair):
     assert len(lines) == 1
 
 
+@pytest.mark.slow
 def test_a_texture_is_removed_and_reported_once(repair):
     texture = '<texture filename="package://nope/a.png"/>'
     root, lines = repair(
@@ -350,6 +351,7 @@ def test_a_mesh_takes_the_colour_of_its_material(repair, tmp_path):
     assert '"baseColorFactor":[0.0,1.0,0.0,1.0]' in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("tag", "severity"), [("visual", "warning"), ("collision", "error")]
 )

@@ -533,6 +533,7 @@ def test_a_file_that_never_ends_is_refused():
     assert str(caught.value) == "/dev/zero: can't be read: it is larger than 1 MB"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("opening", ["[", "{", "- ", "? ", "{a: ", "a: {"])
 def test_what_is_nested_without_end_is_an_error(problem, opening):
     start = time.process_time()

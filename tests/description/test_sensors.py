@@ -50,6 +50,7 @@ TAG = """<gazebo reference="{}"><sensor name="fts" type="force_torque">
 <pose>{}</pose><force_torque><frame>sensor</frame></force_torque></sensor></gazebo>"""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sensor", "extra", "yaml", "link"),
     [
@@ -100,6 +101,7 @@ def test_a_sensor_is_where_the_surest_source_has_it(
     assert not robot.report.errors
 
 
+@pytest.mark.slow
 def test_a_tag_of_gazebo_says_where_in_the_link(tmp_path: Path) -> None:
     sensor = f'<sensor name="fts">{FORCE}</sensor>'
 
@@ -111,6 +113,7 @@ def test_a_tag_of_gazebo_says_where_in_the_link(tmp_path: Path) -> None:
     assert load(tmp_path, sensor, in_child).sensors[0].pose == (0.0,) * 6
 
 
+@pytest.mark.slow
 def test_a_pose_may_be_in_degrees(tmp_path: Path) -> None:
     rate = '<state_interface name="angular_velocity.x"/>'
     tag = """<gazebo reference="tool"><sensor name="imu" type="imu">
@@ -124,6 +127,7 @@ def test_a_pose_may_be_in_degrees(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_another_kind_of_sensor_of_the_same_name_gives_no_place(tmp_path: Path) -> None:
     sensor = f'<sensor name="fts">{FORCE}<param name="frame_id">tool</param></sensor>'
     camera = TAG.format("upper", "1 2 3 0 0 0").replace('"force_torque"', '"camera"')
@@ -133,6 +137,7 @@ def test_another_kind_of_sensor_of_the_same_name_gives_no_place(tmp_path: Path) 
     assert robot.sensors[0].link == "tool"
 
 
+@pytest.mark.slow
 def test_a_load_on_a_loose_link_is_no_load(tmp_path: Path) -> None:
     sensor = f'<sensor name="fts">{FORCE}<param name="frame_id">tool</param></sensor>'
     fixed, loose = 'name="tool_joint" type="fixed"', 'name="loose" type="floating"'
@@ -145,6 +150,7 @@ def test_a_load_on_a_loose_link_is_no_load(tmp_path: Path) -> None:
     ad.build_diagram(robot)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["tool_link", "tool_frame"])
 def test_a_link_may_be_named_after_its_sensor(tmp_path: Path, name: str) -> None:
     sensor = f'<sensor name="tool">{FORCE}</sensor>'
@@ -161,6 +167,7 @@ def test_a_link_may_be_named_after_its_sensor(tmp_path: Path, name: str) -> None
     assert robot.sensors[0].link == name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sensor", "extra", "yaml", "severity", "message"),
     [

@@ -354,6 +354,7 @@ def test_other_files_may_be_watched_without_losing_a_change(tmp_path):
     assert watcher.changed() == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", robot_names())
 def test_files_of_real_robots_are_those_that_xacro_and_the_urdf_name(name, monkeypatch):
     row, folder = read_index()[name], robots_folder()

@@ -120,6 +120,7 @@ def test_states_of_the_same_name_belong_each_to_its_group(robot, tmp_path):
     assert [s.label for s in states] == ["arm: home", "gripper: home", "arm: up"]
 
 
+@pytest.mark.slow
 def test_only_independent_joints_of_one_value_have_a_state(tmp_path):
     joints = (
         models.joint("float", "base", "a", type="floating"),

@@ -192,6 +192,7 @@ def test_other_substitutions_need_a_value(problem, values, text, name):
     assert values(f"x: {text}", **{name: "given"})[0] == {"x": "given"}
 
 
+@pytest.mark.slow
 def test_a_missing_package_is_an_error_of_the_one_who_needs_it(values):
     read, lines = values("x: $(find-pkg-share nope)/y\nz: 1")
 

@@ -256,6 +256,7 @@ def test_an_unknown_joint_is_a_key_error():
         parse(LINKS).joint("j")
 
 
+@pytest.mark.slow
 def test_long_chains_of_links_and_mimics_are_no_problem():
     n = 2000
     links = "".join(f'<link name="l{i}"/>' for i in range(n))

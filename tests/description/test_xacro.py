@@ -218,6 +218,7 @@ def test_an_endless_recursion_ends_in_an_error(expand, tmp_path, body, problem):
     assert str(caught.value).endswith(f": {problem.format(folder=tmp_path)}")
 
 
+@pytest.mark.slow
 def test_a_missing_package_is_named_with_who_asked(expand, tmp_path):
     with pytest.raises(PackageError) as caught:
         expand('<xacro:include filename="$(find nope)/a.xacro"/>')
@@ -229,6 +230,7 @@ def test_a_missing_package_is_named_with_who_asked(expand, tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_all_missing_packages_are_named_at_once(expand, tmp_path):
     part = robot(
         """

@@ -57,6 +57,7 @@ def goal(position, *, velocity=(), effort=()):
     return ParallelGripperCommandGoal(state)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("distro", ["humble", "jazzy", "kilted", "rolling"])
 def test_a_joint_keeps_the_largest_velocity(tmp_path, distro):
     sim = simulate(tmp_path, distro=distro, gravity=False)
@@ -74,6 +75,7 @@ def test_a_joint_keeps_the_largest_velocity(tmp_path, distro):
     assert at == pytest.approx(0.3 * (1.0 - 0.5 / 40.0), abs=0.3 * 5e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("distro", ["jazzy", "rolling"])
 def test_a_joint_that_is_led_keeps_the_largest_velocity_too(tmp_path, distro):
     sim = simulate(tmp_path, distro=distro, gravity=False)
@@ -86,6 +88,7 @@ def test_a_joint_that_is_led_keeps_the_largest_velocity_too(tmp_path, distro):
 
 
 # A constant effort does the work effort * q: on speed, and on lifting the bob.
+@pytest.mark.slow
 def test_a_joint_keeps_the_largest_effort(tmp_path):
     sim = simulate(tmp_path)
 
@@ -101,6 +104,7 @@ def test_a_joint_keeps_the_largest_effort(tmp_path):
     assert v.max() > 2.0
 
 
+@pytest.mark.slow
 def test_no_limit_is_one_of_zero(tmp_path):
     sim = simulate(tmp_path)
 
@@ -111,6 +115,7 @@ def test_no_limit_is_one_of_zero(tmp_path):
     assert np.abs(sim.rollout().effort).max() > 4.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("other", ["speeds", "efforts"])
 def test_who_takes_over_starts_from_rest_not_from_a_limit(tmp_path, other):
     sim = simulate(tmp_path)
@@ -125,6 +130,7 @@ def test_who_takes_over_starts_from_rest_not_from_a_limit(tmp_path, other):
     assert sim.joint_states().position[0] == pytest.approx(0.4, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_limits_end_with_their_controller(tmp_path):
     sim = simulate(tmp_path, gravity=False)
     sim.controller("gripper").send_goal(goal(0.4))
@@ -137,6 +143,7 @@ def test_limits_end_with_their_controller(tmp_path):
     assert sim.joint_states().velocity[0] == pytest.approx(2.0, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_two_limits_are_two_interfaces(tmp_path):
     yaml = YAML.replace("swing/velocity", "swing/effort")
 

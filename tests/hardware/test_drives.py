@@ -62,6 +62,7 @@ def servo_lines(sim: ad.Simulation) -> list[str]:
     return [f"{e.what}; {e.done}" for e in sim.report if e.where == "joint servo"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "gains"),
     [
@@ -108,6 +109,7 @@ def test_pid_gains_of_gazebo_classic_drive_a_joint_as_there(
     assert any("PID gains" in line for line in servo_lines(sim))
 
 
+@pytest.mark.slow
 def test_a_plain_p_gain_balances_the_weight(tmp_path: Path) -> None:
     gains = params(pos_kp=40.0, pos_ki=0.0, pos_kd=4.0)
     urdf = models.pendulum(control=control("position", params=gains))
@@ -200,6 +202,7 @@ def test_a_velocity_without_a_limit_is_said_to_be_followed(tmp_path: Path) -> No
     assert sim.joint_states().velocity[0] == pytest.approx(15.0, rel=0.01)
 
 
+@pytest.mark.slow
 def test_an_acceleration_beside_a_position_takes_the_lag_away(tmp_path: Path) -> None:
     errors = {}
     for kinds in (("position", "velocity"), ("position", "velocity", "acceleration")):

@@ -155,6 +155,7 @@ def test_a_joint_that_is_too_weak_has_its_limit_and_no_more(tmp_path: Path) -> N
     assert motion.position.min() < math.pi / 2 - 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("h", STEPS)
 def test_a_joint_that_is_sent_beyond_its_stop_rests_there(
     tmp_path: Path, h: float
@@ -170,6 +171,7 @@ def test_a_joint_that_is_sent_beyond_its_stop_rests_there(
     assert position[-1] == pytest.approx(3.0, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_the_work_of_the_drive_is_the_energy_that_is_gained(tmp_path: Path) -> None:
     """Lifted from rest to rest in a second; what steps lose or gain is of first order.
 
@@ -234,6 +236,7 @@ def test_it_saves_and_goes_on_bit_by_bit(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_links_pass_through_the_ground(tmp_path: Path) -> None:
     """The joint's origin is 1 m above it, and the ball is sent to -0.5 m."""
     lift = models.LIFT.replace(
@@ -261,6 +264,7 @@ wheels: {ros__parameters: {joints: [swing]}}
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("urdf", "yaml", "options", "obstacle"),
     [
@@ -313,6 +317,7 @@ def test_what_it_lacks_is_said_and_simulated_with_accurate(
 PRESETS = ("fast", "accurate")
 
 
+@pytest.mark.slow
 def test_a_robot_that_needs_more_takes_the_others_with_it(tmp_path: Path) -> None:
     (tmp_path / "a").mkdir()
     (tmp_path / "b").mkdir()
@@ -368,6 +373,7 @@ def add_picture(plant: MultibodyPlant) -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("world", "is_there"),
     [
@@ -407,6 +413,7 @@ def test_whether_a_robot_bears_its_weight_is_asked_of_the_gravity_there(
     assert obstacles_of(sim) == reported
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["doosan_a0912", "lab5_arm"])
 def test_bundled_arms_end_where_the_accurate_ones_do(name: str) -> None:
     robot = ad.load_robot(name)

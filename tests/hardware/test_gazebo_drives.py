@@ -97,6 +97,7 @@ def test_a_base_that_hangs_from_the_world_stays_there(tmp_path: Path) -> None:
     assert sim.topic(ODOMETRY).value().child_frame_id == "cart/base_link"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("block", "topic", "controller"),
     [
@@ -142,6 +143,7 @@ def test_of_two_robots_each_is_driven_by_its_name(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_motion_may_disable_it(tmp_path: Path) -> None:
     sim = simulate(load(tmp_path, cart(diff_drive())))
     motion = parse_motion(
@@ -175,6 +177,7 @@ BRIDGE = """
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "message"),
     [

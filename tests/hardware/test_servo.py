@@ -148,6 +148,7 @@ def step_response(time: np.ndarray, h: float) -> np.ndarray:
     return z**k * (1.0 + k * (1.0 - z))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("h", STEPS)
 @pytest.mark.parametrize(
     ("urdf", "start", "joint"),
@@ -233,6 +234,7 @@ def test_a_large_step_respects_velocity_and_effort_limits(tmp_path: Path) -> Non
     assert motion.position.max() < 2.0 + 1e-3
 
 
+@pytest.mark.slow
 def test_effort_is_that_of_gravity_at_rest_and_of_the_limit_when_overloaded(
     tmp_path: Path,
 ) -> None:
@@ -252,6 +254,7 @@ def test_effort_is_that_of_gravity_at_rest_and_of_the_limit_when_overloaded(
     assert np.abs(weak.velocity).max() < 10.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("h", STEPS)
 @pytest.mark.parametrize(
     "dynamics",
@@ -316,6 +319,7 @@ def test_a_joint_brakes_in_time(tmp_path: Path, h: float) -> None:
     assert motion.position[-1, 0] == pytest.approx(2.9, abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("h", STEPS)
 def test_what_pushes_into_a_stop_is_forgotten_when_it_stops(
     tmp_path: Path, h: float

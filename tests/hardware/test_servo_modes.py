@@ -105,6 +105,7 @@ def run(
     return Motion(logged.sample_times(), *np.split(logged.data().T, 3, axis=1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("h", STEPS)
 @pytest.mark.parametrize(
     "dynamics",
@@ -133,6 +134,7 @@ def test_a_velocity_is_followed_without_drift(
     np.testing.assert_allclose(motion.position[:, 0], travelled - 0.5, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("h", STEPS)
 @pytest.mark.parametrize("initial", [-1.4, 0.0, 1.4])
 def test_a_velocity_of_zero_holds_without_drift(
@@ -245,6 +247,7 @@ def test_an_effort_is_held_to_the_limit(tmp_path: Path, sign: float) -> None:
     np.testing.assert_array_equal(motion.effort, 4.0 * sign)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("h", STEPS)
 @pytest.mark.parametrize("amplitude", [0.1, 1.0, 2.5])
 def test_without_effort_a_pendulum_swings_freely(
@@ -276,6 +279,7 @@ def test_without_effort_a_pendulum_swings_freely(
     assert q.max() == pytest.approx(amplitude, rel=5.0 * h)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("h", STEPS)
 @pytest.mark.parametrize(
     "command",
@@ -401,6 +405,7 @@ def test_joints_keep_their_speed_where_their_commands_change_kind(
     assert jumps.max() <= 0.02, jumps.max(axis=0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("old", "new"),
     [("velocity", "position"), ("position", "velocity"), ("position", "effort")],
@@ -428,6 +433,7 @@ def test_a_joint_in_motion_changes_kind_without_a_jump(
         assert velocity[-1, 0] == pytest.approx(0.0, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_a_joint_that_is_let_go_and_taken_again_does_not_move(tmp_path: Path) -> None:
     yaml = groups(velocity="[shoulder, elbow]", position="[shoulder, elbow]")
     sim = simulate(tmp_path, yaml, "velocity")

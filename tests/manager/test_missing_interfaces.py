@@ -106,6 +106,7 @@ def check_the_rest(sim: ad.Simulation) -> None:
     assert sim.joint_states().position[1] == pytest.approx(0.2, abs=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("controllers", "message"),
     [
@@ -199,6 +200,7 @@ def test_a_link_that_is_not_active_keeps_the_chain_inactive(tmp_path: Path) -> N
     check_the_rest(sim)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("circle", "problem"),
     [
@@ -246,6 +248,7 @@ def test_a_circle_is_one_line_and_who_needs_it_says_so(
     check_the_rest(sim)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("controller", "message"),
     [

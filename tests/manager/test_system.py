@@ -137,6 +137,7 @@ def test_joints_follow_the_controller_that_is_switched_to(tmp_path):
     assert sim.joint_states().effort == (3.0, -2.0)
 
 
+@pytest.mark.slow
 def test_joints_hold_when_their_controller_is_deactivated(tmp_path):
     sim = simulate(load(tmp_path, groups("velocity")))
     command(sim, "velocity", 0.5, 0.5)
@@ -155,6 +156,7 @@ def test_joints_hold_when_their_controller_is_deactivated(tmp_path):
     np.testing.assert_allclose(rested.position, [0.5 + 0.5 * 0.05] * 2, atol=0.02)
 
 
+@pytest.mark.slow
 def test_a_controller_that_takes_over_starts_without_a_jump(tmp_path):
     jtc = "type: joint_trajectory_controller/JointTrajectoryController"
     parameters = (
@@ -287,6 +289,7 @@ def test_a_chain_of_three_has_no_tick_of_delay(tmp_path):
         assert state[f"{joint}/effort"] == pytest.approx(effort, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_chain_runs_in_the_same_cycle_whatever_the_order_in_the_file(tmp_path):
     results = []
     for index, names in enumerate((["top", "middle", "low"], ["low", "top", "middle"])):
@@ -464,6 +467,7 @@ def test_an_interface_of_its_own_can_be_commanded_by_another_controller(tmp_path
     assert set(states(sim).values()) == {"active"}
 
 
+@pytest.mark.slow
 def test_managers_that_no_common_step_fits_are_told(tmp_path):
     robots = []
     for name, rate in (("one", 500), ("two", 333)):
@@ -485,6 +489,7 @@ def test_managers_that_no_common_step_fits_are_told(tmp_path):
     assert cycle.time_ns == pytest.approx(1e9, abs=1e9 * second.period)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("distro", "manager", "largest"),
     [

@@ -9,6 +9,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from tests import models
 
 # It prints what was collected, and what was logged before and after.
@@ -69,6 +71,7 @@ def run(script: str, *arguments: str) -> Any:
     return json.loads(done.stdout)
 
 
+@pytest.mark.slow
 def test_warnings_are_collected_and_not_logged_until_the_end() -> None:
     messages, during, logged = run(COLLECT)
 
@@ -78,6 +81,7 @@ def test_warnings_are_collected_and_not_logged_until_the_end() -> None:
     assert len(logged) == 1
 
 
+@pytest.mark.slow
 def test_a_warning_about_a_robot_is_a_line_of_its_report(tmp_path: Path) -> None:
     file = tmp_path / "robot.urdf"
     file.write_text(models.pendulum(), encoding="utf-8")

@@ -267,6 +267,7 @@ def robot(request) -> ad.Robot:
     )
 
 
+@pytest.mark.slow
 def test_real_robots_are_centered_and_randomized_within_their_limits(robot):
     ranges = joint_ranges(robot.description)
     rng = np.random.default_rng(0)

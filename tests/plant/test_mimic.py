@@ -54,6 +54,7 @@ def expected_positions(crank: np.ndarray) -> np.ndarray:
     return np.stack([crank, slide, -1.5 * slide], axis=-1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("time_step", "tolerance"),
     # The constraint is compliant: its error grows with the square of the step.

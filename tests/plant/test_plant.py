@@ -61,6 +61,7 @@ def test_joints_without_command_interface_have_no_actuator(tmp_path: Path) -> No
     assert names == ["first", "third"]
 
 
+@pytest.mark.slow
 def test_mimic_joints_have_no_actuator_even_where_they_are_listed(
     tmp_path: Path,
 ) -> None:
@@ -333,6 +334,7 @@ def load_mobile(tmp_path: Path, yaml: str = DIFF_DRIVE, **options: Any) -> ad.Ro
     return models.load(tmp_path, MOBILE.format(**wheels), yaml, **options)
 
 
+@pytest.mark.slow
 def test_a_base_that_a_controller_drives_stands_freely_on_the_ground(
     tmp_path: Path,
 ) -> None:

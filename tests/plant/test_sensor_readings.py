@@ -280,6 +280,7 @@ def test_a_range_is_the_way_to_what_is_in_front(tmp_path: Path, angle: float) ->
     assert sim.topic("/eye/range").value().range == pytest.approx(expected, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_what_reads_shapes_is_freed_with_its_diagram(tmp_path: Path) -> None:
     diagram = weakref.ref(make_eye(tmp_path, 0.5).diagram)
 
@@ -383,6 +384,7 @@ def with_box(plant: MultibodyPlant) -> None:
     plant.SetDefaultFloatingBaseBodyPose(body, X_WB)
 
 
+@pytest.mark.slow
 def test_a_hand_that_holds_a_box_feels_its_weight(tmp_path: Path) -> None:
     forward = "forward_command_controller/ForwardCommandController"
     yaml = controllers(

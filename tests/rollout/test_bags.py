@@ -134,6 +134,7 @@ def test_messages_have_the_fields_that_were_sent(tmp_path: Path) -> None:
         assert nanoseconds(point.time_from_start) == due
 
 
+@pytest.mark.slow
 def test_goals_are_told_as_trajectories_and_in_the_log(doosan: Any) -> None:
     rollout, path = doosan
 
@@ -216,6 +217,7 @@ def compose(topics: Any, link: str, time_ns: int) -> tuple[np.ndarray, np.ndarra
     return position, rotation
 
 
+@pytest.mark.slow
 def test_frames_lead_to_where_drake_has_the_links(tmp_path: Path) -> None:
     robot = ad.load_robot("doosan_a0912", pose=(0.3, -0.2, 0.5, 0.1, 0.2, 0.3))
     sim = ad.Simulation(ad.build_diagram(robot))
@@ -236,6 +238,7 @@ def test_frames_lead_to_where_drake_has_the_links(tmp_path: Path) -> None:
         assert cosine == pytest.approx(1.0, abs=1e-13)
 
 
+@pytest.mark.slow
 def test_a_free_base_is_in_the_frames(tmp_path: Path) -> None:
     robot = load_cart(tmp_path, cart(diff_drive()))
     sim = ad.Simulation(ad.build_diagram(robot))
@@ -264,6 +267,7 @@ def test_links_with_names_alike_have_topics_of_their_own() -> None:
     assert all(re.fullmatch(r"[A-Za-z0-9_/]+", topic) for topic in topics)
 
 
+@pytest.mark.slow
 def test_several_robots_have_namespaces(tmp_path: Path) -> None:
     robots = [ad.load_robot("doosan_a0912", name=name) for name in "ab"]
     sim = ad.Simulation(ad.build_diagram(robots))
@@ -295,6 +299,7 @@ def test_what_a_bag_cannot_tell_as_a_message_it_tells_as_text(tmp_path: Path) ->
     assert reported["data"]["deactivate_controllers"] == ["joint_trajectory_controller"]
 
 
+@pytest.mark.slow
 def test_without_rosbags_it_is_said_what_is_missing(tmp_path: Path) -> None:
     code = (
         "import sys; sys.modules['rosbags.typesys'] = None\n"

@@ -90,6 +90,7 @@ def test_what_cannot_be_written_is_said(tmp_path, name, message):
     assert str(error.value) == f"{tmp_path / name}: {message}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
 def test_a_plot_is_written_in_each_format(tmp_path, suffix):
     path = tmp_path / f"a{suffix}"

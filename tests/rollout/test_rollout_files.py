@@ -186,6 +186,7 @@ def test_other_arrays_are_no_rollout(tmp_path: Path) -> None:
         ad.Rollout.load(tmp_path / "a.npz")
 
 
+@pytest.mark.slow
 def test_pandas_gets_every_column() -> None:
     frame = FULL.to_pandas()
 
@@ -197,6 +198,7 @@ def test_pandas_gets_every_column() -> None:
     assert frame["pose base link qw"].tolist() == [3.0, 10.0, 17.0, 24.0]
 
 
+@pytest.mark.slow
 def test_without_pandas_it_is_said_what_is_missing() -> None:
     code = (
         "import sys; sys.modules['pandas'] = None\n"
@@ -236,6 +238,7 @@ def test_arrays_that_do_not_fit_together_are_refused(
         ad.Rollout.load(file)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".npz", ".mcap"])
 def test_a_file_with_changed_bytes_is_read_or_refused(
     tmp_path: Path, suffix: str

@@ -97,6 +97,7 @@ def test_references_of_a_pid_controller_have_all_its_names(servoed):
     )
 
 
+@pytest.mark.slow
 def test_a_pid_controller_holds_its_reference(servoed):
     servoed.controller("pid").command([0.5])
     servoed.advance_to(6.0)
@@ -222,6 +223,7 @@ def test_a_controller_without_a_topic_says_what_it_takes(sim, following):
         assert str(error.value) == message
 
 
+@pytest.mark.slow
 def test_a_motion_commands_a_pid_controller(servoed):
     steps = [{"at": 0.5, "controller": "pid", "commands": [0.5]}]
     servoed.run(6.0, parse_motion(steps))
@@ -290,6 +292,7 @@ def test_a_time_to_ask_for_is_a_time(following, time):
 # Parameters
 
 
+@pytest.mark.slow
 def test_gains_change_while_a_controller_runs(servoed):
     controller = servoed.controller("pid")
     controller.set_parameters({"gains": {"swing": {"p": 0.0, "i": 0.0, "d": 0.0}}})

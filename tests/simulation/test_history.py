@@ -3,12 +3,14 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import arm_drake as ad
 from arm_drake.simulation.recording import History
 from tests.models import load, pendulum
 
 
+@pytest.mark.slow
 def test_the_last_part_is_kept_as_it_was(tmp_path: Path) -> None:
     robot = load(tmp_path, pendulum())
     alone = ad.Simulation(ad.build_diagram(robot))

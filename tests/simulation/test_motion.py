@@ -800,6 +800,7 @@ def bundled() -> list[Path]:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", bundled(), ids=lambda path: path.stem)
 def test_a_damaged_motion_file_gives_no_other_error(path, load):
     content = path.read_bytes()

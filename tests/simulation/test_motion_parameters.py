@@ -145,6 +145,7 @@ def test_a_table_that_can_not_be_used_says_where(
     assert message in str(caught.value)
 
 
+@pytest.mark.slow
 def test_the_command_line_sets_parameters(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -49,6 +49,7 @@ def test_who_was_active_is_recorded(tmp_path: Path) -> None:
     assert rollout.active[:, 1].tolist() == [0, 0, 0, 1, 1]
 
 
+@pytest.mark.slow
 def test_goals_and_their_results_are_recorded() -> None:
     sim = ad.Simulation(ad.build_diagram(ad.load_robot("doosan_a0912")))
     motion = ad.load_motion(bundled_motions("doosan_a0912")["tutorial"])
@@ -220,6 +221,7 @@ def test_links_are_where_drake_has_them(pose: tuple[float, ...] | None) -> None:
         assert cosine == pytest.approx(1.0, abs=1e-13)
 
 
+@pytest.mark.slow
 def test_links_of_a_free_base_move_with_it(tmp_path: Path) -> None:
     sim = ad.Simulation(ad.build_diagram(load_cart(tmp_path, cart(diff_drive()))))
     for tick in range(50):
@@ -246,6 +248,7 @@ def test_an_unknown_link_names_the_known_ones() -> None:
         sim.rollout().link_poses("nose")
 
 
+@pytest.mark.slow
 def test_contact_forces_carry_the_weight(tmp_path: Path) -> None:
     robot = load_cart(tmp_path, cart(diff_drive()))
     options = ad.SimulationOptions(log_contacts=True)

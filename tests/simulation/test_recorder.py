@@ -45,6 +45,7 @@ def logged_rows(sim: ad.Simulation) -> list[int]:
     return [log.FindLog(root).num_samples() for log in logs]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".mcap", ".csv"])
 def test_what_was_written_on_the_way_is_what_is_saved_at_the_end(
     tmp_path: Path, suffix: str
@@ -62,6 +63,7 @@ def test_what_was_written_on_the_way_is_what_is_saved_at_the_end(
     check(found, whole.rollout())
 
 
+@pytest.mark.slow
 def test_the_same_run_writes_the_same_bytes(tmp_path: Path) -> None:
     for name in "ab":
         sim = make_simulation()
@@ -72,6 +74,7 @@ def test_the_same_run_writes_the_same_bytes(tmp_path: Path) -> None:
     assert first == second
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".mcap", ".csv"])
 def test_rows_in_memory_are_bounded(tmp_path: Path, suffix: str) -> None:
     # What is kept twice over, what is read between two writes, and a chunk of ticks.
@@ -91,6 +94,7 @@ def test_rows_in_memory_are_bounded(tmp_path: Path, suffix: str) -> None:
     assert rows == round(20.0 / sim.period) > 5 * longest
 
 
+@pytest.mark.slow
 def test_messages_in_memory_are_bounded(tmp_path: Path) -> None:
     sim = make_simulation()
     arm = sim.controller("joint_trajectory_controller")
@@ -105,6 +109,7 @@ def test_messages_in_memory_are_bounded(tmp_path: Path) -> None:
     assert len(ad.Rollout.load(tmp_path / "a.mcap").messages) == 60
 
 
+@pytest.mark.slow
 def test_effort_saturation_counts_rows_that_are_gone(tmp_path: Path) -> None:
     limit = 'lower="-3" upper="3" effort="2" velocity="10"'
     runs = []
@@ -127,6 +132,7 @@ def test_effort_saturation_counts_rows_that_are_gone(tmp_path: Path) -> None:
     assert expected["swing"] > 2.0
 
 
+@pytest.mark.slow
 def test_after_a_reset_the_file_begins_anew(tmp_path: Path) -> None:
     sim = make_simulation()
     with sim.record_to(tmp_path / "a.mcap"):
@@ -138,6 +144,7 @@ def test_after_a_reset_the_file_begins_anew(tmp_path: Path) -> None:
     assert (time[0], time[-1]) == (0.0, pytest.approx(0.49))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".mcap", ".csv"])
 def test_between_writes_the_file_is_whole(tmp_path: Path, suffix: str) -> None:
     sim = make_simulation()
@@ -152,6 +159,7 @@ def test_between_writes_the_file_is_whole(tmp_path: Path, suffix: str) -> None:
     recorder.close()
 
 
+@pytest.mark.slow
 def test_ctrl_c_within_a_write_comes_after_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -178,6 +186,7 @@ def test_ctrl_c_within_a_write_comes_after_it(
     assert time[-1] == pytest.approx(sim.time - 0.01)
 
 
+@pytest.mark.slow
 def test_several_robots_are_in_one_bag(tmp_path: Path) -> None:
     robots = [ad.load_robot("doosan_a0912", name=name) for name in "ab"]
     sim = ad.Simulation(ad.build_diagram(robots))
@@ -278,6 +287,7 @@ def test_a_bag_that_grows_can_be_read_at_any_time_and_costs_little(
         assert make_reader(stream).get_summary().statistics.message_count == 300
 
 
+@pytest.mark.slow
 def test_the_program_of_the_docs_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -291,6 +301,7 @@ def test_the_program_of_the_docs_runs(
     assert "'drake'" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_the_topics_of_the_docs_are_those_of_a_bag(tmp_path: Path) -> None:
     sim = make_simulation()
     with sim.record_to(tmp_path / "a.mcap"):
@@ -310,6 +321,7 @@ def test_the_topics_of_the_docs_are_those_of_a_bag(tmp_path: Path) -> None:
         assert f"`{name}`" in docs or name.startswith("/arm_drake/"), topic
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".mcap", ".csv"])
 def test_a_record_begins_where_it_was_asked_for(tmp_path: Path, suffix: str) -> None:
     sim, file = make_simulation(), tmp_path / f"a{suffix}"
@@ -324,6 +336,7 @@ def test_a_record_begins_where_it_was_asked_for(tmp_path: Path, suffix: str) -> 
     np.testing.assert_array_equal(found.position, whole.position[whole.time >= 2.5])
 
 
+@pytest.mark.slow
 def test_a_robot_at_1_khz_has_the_same_rows_in_a_file_as_in_memory(
     tmp_path: Path,
 ) -> None:
@@ -354,6 +367,7 @@ def test_a_file_is_recorded_to_once_at_a_time(tmp_path: Path) -> None:
     sim.record_to(file).close()
 
 
+@pytest.mark.slow
 def test_of_two_recorders_the_one_that_keeps_more_decides(tmp_path: Path) -> None:
     sim = make_simulation()
 

@@ -131,6 +131,7 @@ def test_efforts_are_those_that_a_tick_causes(tmp_path):
     assert effort.tolist() == [[0.0, 0.0]] * 3 + [[-1.0, 2.0]] * 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("preset", ["accurate", "fast"])
 @pytest.mark.parametrize("log_rate", [1000.0, 100.0, 50.0])
 def test_a_log_of_another_rate_has_the_same_efforts_at_the_ticks(

@@ -132,6 +132,7 @@ def test_the_controllers_state_is_as_upstream_publishes_it(sim):
     np.testing.assert_allclose(state.output.positions, 0.11)
 
 
+@pytest.mark.slow
 def test_advancing_in_small_steps_changes_nothing(robot):
     ends = []
     for chunk in (1.0, 0.25, 0.0037):
@@ -158,6 +159,7 @@ def test_reset_starts_over(sim):
     np.testing.assert_array_equal(sim.rollout().position, first.position)
 
 
+@pytest.mark.slow
 def test_a_simulation_outlives_the_diagrams_python_names(robot):
     sim = ad.Simulation(ad.build_diagram(robot))
     gc.collect()
@@ -289,6 +291,7 @@ def test_a_simulation_goes_on_where_its_simulator_was_taken(sim):
     assert goal.status is ad.GoalStatus.SUCCEEDED
 
 
+@pytest.mark.slow
 def test_robots_with_different_rates_get_their_messages_in_time(robot):
     odd = dc.replace(
         robot,
@@ -308,6 +311,7 @@ def test_robots_with_different_rates_get_their_messages_in_time(robot):
     assert [goal.status for goal in goals] == [ad.GoalStatus.SUCCEEDED] * 2
 
 
+@pytest.mark.slow
 def test_the_real_time_rate_counts_from_the_run(sim):
     sim.advance_to(5.0)
     start = time.perf_counter()
@@ -441,6 +445,7 @@ def test_the_list_of_controllers_reads_as_a_table(sim):
     assert isinstance(listed, list)
 
 
+@pytest.mark.slow
 def test_a_switch_hands_the_joints_of_a_real_robot_over(competing):
     sim = competing
     sim.controller(FORWARD).command([0.3, 0.3])
@@ -495,6 +500,7 @@ def test_the_result_of_a_switch_is_news(competing):
     assert states(competing)["joint_state_broadcaster"] == "inactive"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -592,6 +598,7 @@ def test_a_reset_forgets_failures(competing):
     assert states(competing)[FORWARD] == "active"
 
 
+@pytest.mark.slow
 def test_a_motion_commands_and_switches_controllers(competing):
     motion = parse_motion(
         [

@@ -762,6 +762,7 @@ def gripper(tmp_path) -> ad.Simulation:
     return ad.Simulation(ad.build_diagram(robot))
 
 
+@pytest.mark.slow
 def test_a_virtual_topic_may_send_a_goal(monkeypatch, gripper):
     def make(system: object, message: Float32) -> tuple[str, Message]:
         goal = GripperCommandGoal(GripperCommand(message.data))
@@ -782,6 +783,7 @@ def test_a_virtual_topic_may_send_a_goal(monkeypatch, gripper):
 # Motions
 
 
+@pytest.mark.slow
 def test_a_motion_sends_a_gripper_to_its_goal(gripper):
     motion = [
         {
@@ -827,6 +829,7 @@ SCRIPT_END = (
 
 # At 500 Hz the sums of rounded numbers that say when a step is due come after their
 # ticks now and then.
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [100, 500])
 def test_the_tutorials_script_sends_its_poses_in_its_ticks_for_ever(tmp_path, rate):
     topics = [f"/model/arm/joint/j{index}/cmd_pos" for index in range(12)]

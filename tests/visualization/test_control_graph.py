@@ -51,6 +51,7 @@ def texts(file) -> list[str]:
     return [element.text for element in ET.parse(file).iter(tag)]  # noqa: S314  our own.
 
 
+@pytest.mark.slow
 def test_an_svg_has_every_name_as_text(tmp_path):
     file = tmp_path / "graph.svg"
 
@@ -70,6 +71,7 @@ def test_an_svg_has_every_name_as_text(tmp_path):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_the_same_graph_gives_the_same_svg(tmp_path):
     one, other = tmp_path / "one.svg", tmp_path / "other.svg"
 
@@ -79,6 +81,7 @@ def test_the_same_graph_gives_the_same_svg(tmp_path):
     assert one.read_bytes() == other.read_bytes()
 
 
+@pytest.mark.slow
 def test_names_in_a_picture_do_not_overlap_and_none_is_cut_off(tmp_path):
     from arm_drake.visualization.control_graph import draw_graph
 
@@ -96,6 +99,7 @@ def test_names_in_a_picture_do_not_overlap_and_none_is_cut_off(tmp_path):
         assert not one.count_overlaps(extents[:number]), axes.texts[number]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("suffix", "magic"), [(".png", b"\x89PNG"), (".pdf", b"%PDF")])
 def test_a_picture_is_of_the_type_that_its_suffix_says(tmp_path, suffix, magic):
     file = tmp_path / f"graph{suffix}"
@@ -105,6 +109,7 @@ def test_a_picture_is_of_the_type_that_its_suffix_says(tmp_path, suffix, magic):
     assert file.read_bytes().startswith(magic)
 
 
+@pytest.mark.slow
 def test_a_png_is_no_blank_page(tmp_path):
     file = tmp_path / "graph.png"
 
@@ -116,6 +121,7 @@ def test_a_png_is_no_blank_page(tmp_path):
         assert {(0x1F, 0x77, 0xB4), (0x88, 0x88, 0x88)} <= colours
 
 
+@pytest.mark.slow
 def test_dot_text_connects_what_belongs_together():
     (graph,) = pydot.graph_from_dot_data(make_dot(GRAPH))
 

@@ -344,6 +344,7 @@ def test_chosen_joints_come_in_the_order_asked_for():
         assert len(make_rollout().plot(kind=kind, joints=["lower"]).axes) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", PLOT_KINDS)
 @pytest.mark.parametrize("num_rows", [0, 1, 2])
 def test_a_few_rows_are_drawn_as_they_are(tmp_path, kind, num_rows):
@@ -367,6 +368,7 @@ def test_a_few_rows_are_drawn_as_they_are(tmp_path, kind, num_rows):
         assert markers & {"o", "s"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "num"),
     [
@@ -424,6 +426,7 @@ def test_a_notebook_shows_a_figure_and_no_file_is_needed():
     assert shown["image/png"].startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_plots_leave_pyplot_alone():
     code = (
         "import sys; from tests.visualization.test_plots import make_rollout\n"
@@ -477,6 +480,7 @@ def test_the_kinds_of_the_command_line_are_those_that_are_drawn(tmp_path):
         assert isinstance(make_rollout().plot(kind=options.plot_kind), Figure)
 
 
+@pytest.mark.slow
 def test_the_docs_have_every_kind_and_their_program_runs(tmp_path, monkeypatch):
     text = (DOCS / "plots.md").read_text(encoding="utf-8")
     (program,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)

@@ -65,6 +65,7 @@ def test_points_close_to_the_last_one_are_left_out() -> None:
     np.testing.assert_allclose(points[:, 0], [0.0, 0.6, 1.2], atol=SINGLE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("period", [0.01, 0.5])
 def test_what_is_old_is_deleted_so_that_memory_stays_flat(period: float) -> None:
     meshcat = scene.start()

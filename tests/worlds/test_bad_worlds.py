@@ -144,6 +144,7 @@ def test_models_that_include_each_other_are_left_out(tmp_path: Path) -> None:
     assert [entry.what for entry in world.report] == ["the model includes itself"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tag", ["visual", "collision"])
 @pytest.mark.parametrize(
     ("geometry", "what"),

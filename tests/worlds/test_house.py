@@ -116,6 +116,7 @@ def test_the_house_adds_no_bodies(scene: tuple[MultibodyPlant, SceneGraph]) -> N
     assert scene[0].num_bodies() == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("place", "height"),
     [
@@ -141,6 +142,7 @@ def test_a_ball_lands_on_the_furniture(
     assert fallen == pytest.approx(-0.9, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_a_robot_at_the_origin_has_room() -> None:
     robot = ad.load_robot("doosan_a0912")
 

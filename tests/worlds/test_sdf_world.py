@@ -52,6 +52,7 @@ def test_a_robot_lands_on_a_table_that_stands(tmp_path: Path) -> None:
     assert fallen == pytest.approx(TABLE_HEIGHT + 0.1 - 1.0, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_a_ball_rests_on_the_table_of_its_world(tmp_path: Path) -> None:
     simulation = simulate(tmp_path, write(tmp_path, TABLE + BALL))
     plant = simulation.diagram.GetSubsystemByName("plant")
@@ -190,6 +191,7 @@ def test_inclusions_are_found_and_placed(tmp_path: Path) -> None:
     assert lines(path) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("variable", ["GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH"])
 def test_models_are_found_where_gazebos_variables_say(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, variable: str
@@ -228,6 +230,7 @@ def test_the_newest_file_of_a_model_is_taken(tmp_path: Path) -> None:
     assert plant.HasModelInstanceNamed("new")
 
 
+@pytest.mark.slow
 def test_models_that_are_not_there_are_one_line_and_the_rest_stands(
     tmp_path: Path,
 ) -> None:
@@ -480,6 +483,7 @@ def test_what_has_no_effect_is_reported_once(tmp_path: Path) -> None:
     assert world.background == (0.5, 0.6, 0.7)
 
 
+@pytest.mark.slow
 def test_the_report_of_the_world_is_in_that_of_the_simulation(tmp_path: Path) -> None:
     path = write(tmp_path, "<include><uri>model://chair</uri></include>")
 

@@ -54,6 +54,7 @@ def test_what_the_empty_world_for_classic_says_is_reported() -> None:
     assert all(what.startswith("Ignoring unsupported") for what in whats[3:])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["house", "house_classic"])
 def test_a_house_without_its_furniture_loads(name: str) -> None:
     path = real_robot(f"{WORLDS}/{name}.world")
@@ -78,6 +79,7 @@ def test_a_bundled_robot_stands_on_the_ground_of_another_ones_world() -> None:
     assert simulation.joint_states().position == pytest.approx((0.0,) * 6, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_the_command_line_takes_a_file_and_reports_it(
     capsys: pytest.CaptureFixture[str],
 ) -> None:

@@ -75,6 +75,7 @@ def cube_pose(simulation: ad.Simulation) -> RigidTransform:
     return plant.EvalBodyPoseInWorld(context, plant.GetBodyByName("cube"))
 
 
+@pytest.mark.slow
 def test_a_function_adds_things_that_stand_on_the_ground(tmp_path: Path) -> None:
     simulation = falling_ball(tmp_path, add_ground_and_cube)
     before = cube_pose(simulation)

@@ -91,6 +91,7 @@ def test_a_disk_that_is_full_everywhere_is_one_clear_message(converter, monkeypa
     assert [path for path in temporary.rglob("*") if path.is_file()] == []
 
 
+@pytest.mark.slow
 def test_a_home_that_cannot_be_written_does_no_harm(tmp_path):
     source = tmp_path / "box.stl"
     source.write_bytes(binary_stl())

@@ -421,6 +421,7 @@ def test_truncated_files_never_raise(converter, name):
         converter.collision(source)
 
 
+@pytest.mark.slow
 def test_a_second_call_needs_no_parser(converter):
     source = converter.write("box.dae", dae())
     first = converter.visual(source)
@@ -575,6 +576,7 @@ A0912_COLORS = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", A0912)
 def test_the_doosan_arm_has_its_extents_and_colours(converter, part):
     meshes = "doosan_a0912/my_doosan_pkg/description/meshes/a0912_blue"

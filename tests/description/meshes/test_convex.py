@@ -95,6 +95,7 @@ def test_a_thinned_hull_is_near_all_corners(corners):
     assert len(thinned) < 0.6 * len(corners)
 
 
+@pytest.mark.slow
 def test_a_thinned_hull_has_corners_of_the_hull_and_its_box(corners):
     thinned = mut.thin_hull(corners)
 
@@ -104,6 +105,7 @@ def test_a_thinned_hull_has_corners_of_the_hull_and_its_box(corners):
     np.testing.assert_array_equal(thinned.max(axis=0), corners.max(axis=0))
 
 
+@pytest.mark.slow
 def test_a_thinned_hull_has_the_same_corners_every_time(corners):
     np.testing.assert_array_equal(mut.thin_hull(corners), mut.thin_hull(corners.copy()))
 
@@ -146,6 +148,7 @@ def triangles(corners):
     return binary_stl(corners, ConvexHull(corners).simplices)
 
 
+@pytest.mark.slow
 def test_a_collision_mesh_is_the_thinned_hull_of_its_file(converter):
     source = converter.write("ball.stl", triangles(ball()))
 

@@ -192,6 +192,7 @@ def test_the_drawn_mesh_is_smaller_and_reported(converter):
     ]
 
 
+@pytest.mark.slow
 def test_another_limit_is_another_mesh_and_none_is_the_mesh_as_it_is(converter):
     source = converter.write("rod.stl", binary_stl(*cylinder(0.05, 0.2)))
 
@@ -215,6 +216,7 @@ def test_materials_survive(converter):
     assert len(after) == 2
 
 
+@pytest.mark.slow
 def test_what_is_hit_stays_as_it_is(converter):
     source = converter.write("rod.stl", binary_stl(*cylinder(0.05, 0.2)))
     before = converter.collision(source).read_bytes()

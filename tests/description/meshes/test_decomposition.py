@@ -73,6 +73,7 @@ def test_the_hull_covers_the_notch(converter, source):
     assert obj_volume(hull) == pytest.approx(7.0)
 
 
+@pytest.mark.slow
 def test_parts_leave_the_notch_free_and_cover_the_rest(converter, source, shared):
     paths = converter.parts(source, cache_dir=shared)
 
@@ -92,6 +93,7 @@ def test_parts_are_convex_closed_and_face_outward(converter, source, shared):
         assert obj_volume(path) == pytest.approx(ConvexHull(points).volume)
 
 
+@pytest.mark.slow
 def test_parts_follow_the_scale(converter, source):
     paths = converter.parts(source, (-0.1, 0.1, 0.2))
 
@@ -101,6 +103,7 @@ def test_parts_follow_the_scale(converter, source):
     assert sum(map(obj_volume, paths)) == pytest.approx(5.0 * 0.002, rel=0.02)
 
 
+@pytest.mark.slow
 def test_parts_are_the_same_every_time(converter, source, shared):
     first = converter.parts(source, cache_dir=shared)
     second = converter.parts(source, cache_dir=converter.folder / "other")
@@ -119,6 +122,7 @@ def test_parts_come_from_the_cache_the_second_time(
     assert converter.collision(source, cache_dir=shared) not in first
 
 
+@pytest.mark.slow
 def test_a_lost_part_is_made_again(converter, source, shared):
     paths = converter.parts(source, cache_dir=shared)
     content = paths[-1].read_bytes()
@@ -128,6 +132,7 @@ def test_a_lost_part_is_made_again(converter, source, shared):
     assert paths[-1].read_bytes() == content
 
 
+@pytest.mark.slow
 def test_another_version_of_the_library_decomposes_again(
     converter, source, shared, monkeypatch
 ):
@@ -137,6 +142,7 @@ def test_another_version_of_the_library_decomposes_again(
     assert not set(converter.parts(source)) & set(first)
 
 
+@pytest.mark.slow
 def test_the_library_prints_nothing(converter, source, capfd):
     converter.parts(source)
 
@@ -173,6 +179,7 @@ FAILURES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("code", "problem"), FAILURES.values(), ids=FAILURES)
 def test_a_mesh_that_cannot_be_decomposed_gets_its_hull(
     converter, source, monkeypatch, code, problem

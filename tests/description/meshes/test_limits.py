@@ -249,6 +249,7 @@ def test_an_entity_bomb_is_refused(converter, encoding):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["entity", "parameter entity", "type"])
 def test_nothing_that_a_file_names_is_fetched(converter, kind):
     with socket.create_server(("127.0.0.1", 0)) as server:

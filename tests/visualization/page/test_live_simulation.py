@@ -112,6 +112,7 @@ def run_to_the_end(live: LiveSimulation) -> ad.Rollout:
     return live.simulation.rollout()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [0.0, 1.0, 3.7])
 def test_it_is_the_same_simulation(
     page: Page, robot: ad.Robot, expected: ad.Rollout, rate: float
@@ -121,6 +122,7 @@ def test_it_is_the_same_simulation(
     assert same_bits(run_to_the_end(live), expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "what", ["frames", "names", "collision", "inertia", "joint_axes", "ghost"]
 )
@@ -133,6 +135,7 @@ def test_what_is_shown_does_not_change_it(
     assert same_bits(run_to_the_end(live), expected)
 
 
+@pytest.mark.slow
 def test_all_that_is_shown_at_once_and_changed_on_the_way_does_not_change_it(
     page: Page, robot: ad.Robot, expected: ad.Rollout
 ) -> None:
@@ -152,6 +155,7 @@ def test_all_that_is_shown_at_once_and_changed_on_the_way_does_not_change_it(
     assert same_bits(live.simulation.rollout(), expected)
 
 
+@pytest.mark.slow
 def test_a_pause_in_the_middle_does_not_change_it(
     page: Page, robot: ad.Robot, expected: ad.Rollout
 ) -> None:
@@ -180,6 +184,7 @@ def test_a_run_in_steps_does_not_change_it(
     assert same_bits(live.simulation.rollout(), expected)
 
 
+@pytest.mark.slow
 def test_steps_pauses_and_runs_mixed_do_not_change_it(
     page: Page, robot: ad.Robot, expected: ad.Rollout
 ) -> None:
@@ -233,6 +238,7 @@ def test_after_a_reset_the_same_comes_again(
     assert same_bits(run_to_the_end(live), expected)
 
 
+@pytest.mark.slow
 def test_a_reset_during_a_run_starts_the_motion_anew(
     page: Page, robot: ad.Robot, expected: ad.Rollout
 ) -> None:
@@ -265,6 +271,7 @@ def test_a_reset_while_it_is_paused_leaves_it_paused(
     assert (live.simulation.time, live.is_playing) == (0.0, False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [0.5, 2.0])
 def test_steps_of_a_motion_are_sent_in_time(
     page: Page, robot: ad.Robot, rate: float
@@ -312,6 +319,7 @@ def with_clock(
     return clock
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [0.5, 1.0, 2.0])
 def test_the_rate_is_kept(
     page: Page, robot: ad.Robot, monkeypatch: pytest.MonkeyPatch, rate: float
@@ -412,6 +420,7 @@ def test_news_have_a_line_each_the_newest_first(page: Page, robot: ad.Robot) -> 
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("event", "message"),
     [
@@ -463,6 +472,7 @@ def test_what_cannot_be_done_is_said_on_the_page_and_it_goes_on(
         panel.hear_until(lambda m: m.get("text") == "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("value", [None, True, -1, 10**400, [], {}, "x", "x" * 1000])
 @pytest.mark.parametrize(
     "name",
@@ -575,6 +585,7 @@ def test_of_a_sliders_way_the_end_counts() -> None:
     ]
 
 
+@pytest.mark.slow
 def test_a_recording_has_a_picture_for_each_of_its_times(
     page: Page, robot: ad.Robot
 ) -> None:

@@ -163,6 +163,7 @@ def test_without_a_command_the_ghost_is_the_robot(page: Page, tmp_path: Path) ->
     assert commanded_positions(sim, "pendulum") == at(sim)
 
 
+@pytest.mark.slow
 def test_joints_that_follow_are_not_commanded(page: Page, tmp_path: Path) -> None:
     sim = simulate(page, seen(tmp_path, GRIPPER))
 
@@ -237,6 +238,7 @@ def test_a_controller_that_could_not_be_loaded_is_no_hindrance(
     assert set(wanted) == {"shoulder", "elbow"}
 
 
+@pytest.mark.slow
 def test_contact_forces_carry_the_weight(page: Page, tmp_path: Path) -> None:
     sim = simulate(page, seen(tmp_path, FALLING_BALL))
     sim.run(3.0)

@@ -42,6 +42,7 @@ def rounded(pose: dict[str, float]) -> dict[str, float]:
     return {name: float(f"{value:.5e}") for name, value in pose.items()}
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(POSES)
 def test_yaml_gives_back_names_and_numbers_of_six_digits(pose):
@@ -52,6 +53,7 @@ def test_yaml_gives_back_names_and_numbers_of_six_digits(pose):
     assert {type(value) for value in found.values()} <= {float}
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(POSES)
 def test_ros_reads_the_same_yaml(pose):

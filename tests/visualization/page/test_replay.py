@@ -51,6 +51,7 @@ def assert_same_poses(found, expected) -> None:
         np.testing.assert_allclose(X_WL, expected[name], atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".npz", ".mcap"])
 def test_links_are_where_they_were(tmp_path: Path, scene, recorded, suffix) -> None:
     rollout, seen = recorded
@@ -74,6 +75,7 @@ def test_the_robot_of_the_log_has_its_meshes(recorded) -> None:
     assert meshes
 
 
+@pytest.mark.slow
 def test_a_free_base_is_where_it_was(tmp_path: Path, scene) -> None:
     sim = ad.Simulation(ad.build_diagram(load_cart(tmp_path, cart(diff_drive()))))
     for tick in range(50):
@@ -155,6 +157,7 @@ def test_a_log_without_rows_is_refused(scene, recorded) -> None:
         Replay(scene.meshcat, empty, load_recorded_robot(rollout))
 
 
+@pytest.mark.slow
 def test_the_page_plays_to_the_end_and_does_what_is_clicked(recorded) -> None:
     rollout, _ = recorded
     with Page() as page:
@@ -187,6 +190,7 @@ def test_the_page_plays_to_the_end_and_does_what_is_clicked(recorded) -> None:
         assert (shown.time, shown.rate) == (replay.start, 0.5)
 
 
+@pytest.mark.slow
 def test_the_command_records_a_page(tmp_path: Path, capsys, recorded) -> None:
     rollout, _ = recorded
     rollout.save(tmp_path / "a.mcap")

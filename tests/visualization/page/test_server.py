@@ -324,6 +324,7 @@ GARBAGE = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [TEXT, BINARY])
 @pytest.mark.parametrize("garbage", GARBAGE, ids=range(len(GARBAGE)))
 def test_garbage_is_no_event_and_harms_nobody(
@@ -392,6 +393,7 @@ def test_raw_garbage_harms_nobody(page: Page) -> None:
     assert get(page.port, "/meshcat/").status == 200
 
 
+@pytest.mark.slow
 def test_a_panel_that_is_not_read_is_dropped_and_the_others_go_on(
     page: Page, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -416,6 +418,7 @@ def test_a_panel_that_is_not_read_is_dropped_and_the_others_go_on(
     assert most < count * size / 4
 
 
+@pytest.mark.slow
 def test_a_panel_that_does_not_answer_pings_is_dropped(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -429,6 +432,7 @@ def test_a_panel_that_does_not_answer_pings_is_dropped(
             wait_until(lambda: page.num_browsers == 0)
 
 
+@pytest.mark.slow
 def test_a_scene_that_is_not_read_is_dropped_and_the_others_go_on(
     page: Page, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -499,6 +503,7 @@ def test_a_page_that_is_closed_takes_no_harm() -> None:
     assert page.events(0.0) == []
 
 
+@pytest.mark.slow
 def test_pages_one_after_the_other_leave_nothing() -> None:
     process = psutil.Process()
 
@@ -519,7 +524,7 @@ def test_pages_one_after_the_other_leave_nothing() -> None:
         first = use()
     before = resident_memory()
 
-    rest = [use() for _ in range(20)]
+    rest = [use() for _ in range(10)]
 
     assert set(rest) == {first}
     # A Meshcat is about 1 MB, with its threads and files; a server some 100 kB.

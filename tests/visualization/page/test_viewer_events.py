@@ -34,6 +34,7 @@ def calls(viewer: RobotViewer, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("event", "call"),
     [
@@ -119,6 +120,7 @@ def test_what_cannot_be_done_is_told_and_the_rest_is_done(viewer: RobotViewer) -
     assert viewer.positions["finger"] == 0.25
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("value", [None, True, -1, 1e308, 10**400, [], {}, "x" * 999])
 @pytest.mark.parametrize(
     "name",

@@ -41,6 +41,7 @@ def moved(first: RigidTransform, last: RigidTransform) -> tuple[float, float, fl
     return x, y, float(RollPitchYaw(way.rotation()).yaw_angle())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BASES)
 def test_a_base_drives_straight_at_the_speed_and_stops(name: str) -> None:
     sim, remote, link = base_of(name)
@@ -66,6 +67,7 @@ def test_a_base_drives_straight_at_the_speed_and_stops(name: str) -> None:
     assert panel.nothing_lost(sim)
 
 
+@pytest.mark.slow
 def test_without_ticks_the_controller_stops_by_itself() -> None:
     sim, remote, link = base_of("create3")
 
@@ -78,6 +80,7 @@ def test_without_ticks_the_controller_stops_by_itself() -> None:
     assert abs(moved(before, sim.link_poses()[link])[0]) <= 1e-3
 
 
+@pytest.mark.slow
 def test_nothing_is_repeated_after_a_stop() -> None:
     sim, remote, _ = base_of("create3")
     (port,) = (
@@ -95,6 +98,7 @@ def test_nothing_is_repeated_after_a_stop() -> None:
     assert port.Eval(context)[-1] is last
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SIDEWAYS)
 def test_a_base_with_rollers_goes_sideways(tmp_path: Path, name: str) -> None:
     base = Base(tmp_path, SIDEWAYS[name]())
@@ -114,6 +118,7 @@ def test_a_base_with_rollers_goes_sideways(tmp_path: Path, name: str) -> None:
     assert abs(x) <= 0.1 * y
 
 
+@pytest.mark.slow
 def test_a_base_turns_while_it_drives() -> None:
     sim, remote, link = base_of("create3")
 
@@ -155,6 +160,7 @@ def test_ranges_are_the_limits_of_the_plugin(
         assert (slider.lower, slider.upper) == ends
 
 
+@pytest.mark.slow
 def test_ranges_are_the_limits_of_the_controller() -> None:
     # Of its YAML.
     _, remote, _ = base_of("pmb2")
@@ -169,6 +175,7 @@ def test_ranges_are_the_limits_of_the_controller() -> None:
     assert (turn.lower, turn.upper, turn.unit) == (-1.05, 1.05, "rad/s")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plugin", [carts.diff_drive(), carts.classic_drive()])
 def test_plugins_of_gazebo_drive(tmp_path: Path, plugin: str) -> None:
     sim = panel.simulate(carts.load(tmp_path, carts.cart(plugin)))
@@ -187,6 +194,7 @@ def test_plugins_of_gazebo_drive(tmp_path: Path, plugin: str) -> None:
     assert abs(y) <= 0.01 * x
 
 
+@pytest.mark.slow
 def test_a_base_that_is_switched_off_does_not_drive_on_later() -> None:
     sim, remote, link = base_of("create3")
     remote.drive(SPEED)
@@ -206,6 +214,7 @@ def test_a_base_that_is_switched_off_does_not_drive_on_later() -> None:
     assert panel.nothing_lost(sim)
 
 
+@pytest.mark.slow
 def test_velocities_that_make_no_sense_are_refused() -> None:
     _, remote, _ = base_of("create3")
 

@@ -49,6 +49,7 @@ def slider(remote: CommandRemote, part: str) -> Slider:
     return widget
 
 
+@pytest.mark.slow
 def test_a_slider_moves_its_joint_and_holds_the_others() -> None:
     sim = panel.simulate(ad.load_robot("centauri"))
     remote = panel.find(sim, "joint_group_position_controller", ForwardRemote)
@@ -129,6 +130,7 @@ def test_a_velocity_holds_until_zero_is_clicked(tmp_path: Path) -> None:
     assert slider(remote, "value:swing/velocity").value == 0.0
 
 
+@pytest.mark.slow
 def test_an_effort_is_a_force_at_the_joint(tmp_path: Path) -> None:
     sim = forward(tmp_path, "effort", dynamics='<dynamics damping="2.0"/>')
     remote = panel.find(sim, "group", ForwardRemote)
@@ -159,6 +161,7 @@ def test_positions_that_nobody_sent_are_the_measured_ones(tmp_path: Path) -> Non
     assert abs(panel.positions(sim)["shoulder"] - 0.5) <= FINAL
 
 
+@pytest.mark.slow
 def test_references_of_a_pid_have_sliders(tmp_path: Path) -> None:
     yaml = """
 controller_manager:
@@ -185,6 +188,7 @@ hold:
     assert abs(panel.positions(sim)["swing"] - 0.5) <= FINAL
 
 
+@pytest.mark.slow
 def test_topics_of_gazebo_have_sliders() -> None:
     robot = ad.load_robot("mycobot_280", xacro_args={"control": "gazebo"})
     sim = panel.simulate(robot)
@@ -208,6 +212,7 @@ def test_topics_of_gazebo_have_sliders() -> None:
     )
 
 
+@pytest.mark.slow
 def test_velocities_of_gazebo_have_sliders(tmp_path: Path) -> None:
     drive = plugin("gz-sim-joint-controller-system", ("joint_name", "swing"))
     urdf = models.pendulum(control="").replace("</robot>", drive + "</robot>")
@@ -224,6 +229,7 @@ def test_velocities_of_gazebo_have_sliders(tmp_path: Path) -> None:
     assert abs(sim.joint_states().velocity[0]) <= 5e-3
 
 
+@pytest.mark.slow
 def test_a_topic_that_several_robots_have_is_told_to_one(tmp_path: Path) -> None:
     tags = (("joint_name", "swing"), ("topic", "go"))
     drive = plugin("gz-sim-joint-controller-system", *tags)
@@ -327,6 +333,7 @@ soft:
 """
 
 
+@pytest.mark.slow
 def test_references_of_an_admittance_have_sliders(tmp_path: Path) -> None:
     sensor = '<sensor name="wrist">' + "".join(
         f'<state_interface name="{part}.{axis}"/>'

@@ -39,6 +39,7 @@ EFFORT = "effort_controllers/GripperActionController"
 GAINS = "gains: {finger: {p: 60.0, i: 60.0, d: 10.0, i_clamp: 20.0}}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", GRIPPERS)
 def test_a_gripper_closes_and_opens(name: str) -> None:
     controller, joint = GRIPPERS[name]
@@ -59,6 +60,7 @@ def test_a_gripper_closes_and_opens(name: str) -> None:
     assert panel.nothing_lost(sim)
 
 
+@pytest.mark.slow
 def test_the_slider_moves_it_part_of_the_way() -> None:
     sim = panel.simulate(panel.load_real("so100_brukg"))
     remote = panel.find(sim, "gripper_controller", GripperRemote)
@@ -71,6 +73,7 @@ def test_the_slider_moves_it_part_of_the_way() -> None:
     assert abs(panel.positions(sim)["Gripper"] - 0.7) <= FINAL
 
 
+@pytest.mark.slow
 def test_one_that_commands_efforts_is_told_how_much(tmp_path: Path) -> None:
     urdf = models.GRIPPER.replace('name="position"', 'name="effort"', 1)
     yaml = YAML.format(kind=EFFORT, more=GAINS)
@@ -101,6 +104,7 @@ def test_a_joint_without_limits_has_no_buttons(tmp_path: Path) -> None:
     assert not sim.goals
 
 
+@pytest.mark.slow
 def test_the_slider_follows_until_a_goal_is_sent() -> None:
     sim = panel.simulate(panel.load_real("so100_brukg"))
     remote = panel.find(sim, "gripper_controller", GripperRemote)

@@ -29,6 +29,7 @@ WITHOUT_REMOTE: dict[str, str] = {}
 TWO_ARMS = models.trajectory_controllers({"first": ["swing"], "second": ["swing"]})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", robot_names())
 def test_every_controller_that_commands_has_a_remote(name: str) -> None:
     sim = panel.simulate(panel.load_real(name))
@@ -78,6 +79,7 @@ def moving(*, with_remotes: bool) -> ad.Rollout:
     return sim.rollout()
 
 
+@pytest.mark.slow
 def test_remotes_that_nobody_uses_change_no_bit() -> None:
     first, second = (moving(with_remotes=flag) for flag in (False, True))
 
@@ -85,6 +87,7 @@ def test_remotes_that_nobody_uses_change_no_bit() -> None:
     assert panel.same_bits(first, second)
 
 
+@pytest.mark.slow
 def test_an_idle_base_is_told_nothing() -> None:
     first, second = (panel.simulate(panel.load_real("create3")) for _ in range(2))
 
@@ -95,6 +98,7 @@ def test_an_idle_base_is_told_nothing() -> None:
     assert panel.same_bits(first.rollout(), second.rollout())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["trajectory", "command", "base"])
 def test_an_inactive_controller_is_sent_nothing(tmp_path: Path, kind: str) -> None:
     remote: Remote

@@ -53,6 +53,7 @@ def travel_time(sim: ad.Simulation, goal: float) -> float:
     return sim.time - start
 
 
+@pytest.mark.slow
 def test_a_slider_moves_its_joint_and_holds_the_others() -> None:
     sim = panel.simulate(ad.load_robot("doosan_a0912"))
     remote = panel.find(sim, ARM, TrajectoryRemote)
@@ -69,6 +70,7 @@ def test_a_slider_moves_its_joint_and_holds_the_others() -> None:
     assert panel.nothing_lost(sim)
 
 
+@pytest.mark.slow
 def test_a_goal_takes_as_long_as_its_slowest_joint() -> None:
     sim = panel.simulate(ad.load_robot("doosan_a0912"))
     remote = panel.find(sim, ARM, TrajectoryRemote)
@@ -222,6 +224,7 @@ def test_what_makes_no_goal_is_refused(
     assert panel.nothing_lost(sim)
 
 
+@pytest.mark.slow
 def test_a_gripper_among_the_joints_opens_and_closes() -> None:
     sim = panel.simulate(load_mycobot("ros2_control"))
     remote = panel.find(sim, "grip_controller", TrajectoryRemote)
@@ -235,6 +238,7 @@ def test_a_gripper_among_the_joints_opens_and_closes() -> None:
         assert slider(remote, "goal:gripper_controller").value == pytest.approx(goal)
 
 
+@pytest.mark.slow
 def test_a_follower_is_no_slider_and_moves_along(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -282,6 +286,7 @@ def test_a_follower_is_no_slider_and_moves_along(
     assert panel.nothing_lost(sim)
 
 
+@pytest.mark.slow
 def test_a_controller_that_jumps_is_led_step_by_step() -> None:
     sim = panel.simulate(load_mycobot("classic"))
     remote = panel.find(sim, "GazeboRosJointPoseTrajectory", TrajectoryRemote)
