@@ -144,6 +144,16 @@ def test_without_timeout_a_command_lasts() -> None:
     np.testing.assert_array_equal(driven.command_values, (1.0, 1.0))
 
 
+def test_with_a_negative_timeout_no_command_is_taken() -> None:
+    driven = drive(cmd_vel_timeout=-1.0)
+
+    driven.run({"cmd_vel": twist(1.0)})
+    driven.run()
+
+    np.testing.assert_array_equal(driven.command_values, (0.0, 0.0))
+    assert len(driven.reasons()) == 1
+
+
 def test_old_command_is_told_and_not_taken() -> None:
     driven = drive(cmd_vel_timeout=0.1)
     for _ in range(30):

@@ -393,7 +393,7 @@ class DiffDriveController(BaseController[DiffDriveState]):
         """Return the reference that the last command makes."""
         assert state.received is not None
         velocity, stamp_ns = state.received
-        if 0 < self._timeout_ns < now.time_ns - stamp_ns:
+        if self._timeout_ns and now.time_ns - stamp_ns > self._timeout_ns:
             return _REST
         return velocity if all(map(math.isfinite, velocity)) else state.reference
 
@@ -429,7 +429,7 @@ class DiffDriveController(BaseController[DiffDriveState]):
     def _check(
         self, command: BaseCommand, age_ns: int
     ) -> tuple[BaseCommand | None, str]:
-        if 0 < self._timeout_ns <= age_ns:
+        if self._timeout_ns and age_ns >= self._timeout_ns:
             age = age_ns / NANOSECONDS
             return None, f"it is {age:g} s old; cmd_vel_timeout is less"
         if all(map(math.isfinite, command.velocity)):

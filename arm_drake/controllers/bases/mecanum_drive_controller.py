@@ -393,7 +393,7 @@ class MecanumDriveController(BaseController[MecanumDriveState]):
     def _check(
         self, command: BaseCommand, age_ns: int
     ) -> tuple[BaseCommand | None, str]:
-        if 0 < self._timeout_ns < age_ns:
+        if self._timeout_ns and age_ns > self._timeout_ns:
             fault = (
                 f"it is {age_ns / NANOSECONDS:g} s old, more than reference_timeout "
                 f"({self._timeout_ns / NANOSECONDS:g} s); the base stops"

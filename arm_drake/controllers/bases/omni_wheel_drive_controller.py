@@ -355,7 +355,7 @@ class OmniWheelDriveController(BaseController[OmniWheelDriveState]):
     def _check(
         self, command: BaseCommand, age_ns: int
     ) -> tuple[BaseCommand | None, str]:
-        if 0 < self._timeout_ns <= age_ns:
+        if self._timeout_ns and age_ns >= self._timeout_ns:
             return None, (
                 f"it is {age_ns / NANOSECONDS:g} s old, not less than cmd_vel_timeout "
                 f"({self._timeout_ns / NANOSECONDS:g} s); it is ignored"
