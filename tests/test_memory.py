@@ -188,7 +188,7 @@ def leak_bytes(kept: Any, original: Callable[..., Any]) -> Callable[..., Any]:
 
     def update(self: Any, context: Any, state: Any) -> None:
         original(self, context, state)
-        kept.extend(b"x" * 32)
+        kept.extend(b"x" * 64)
 
     return update
 

@@ -584,6 +584,7 @@ class Pool:
             dumps(function, "the function"),
         )
         self._items, self._waiting = items, waiting
+        self._pid = os.getpid()
         self._workers: list[_Worker] = []
         # What has ended, and nobody was told.
         self._ended: list[Done] = []
@@ -624,6 +625,8 @@ class Pool:
 
     def close(self, *, kill: bool) -> None:
         """End all workers, at once in the midst of what they do if to be killed."""
+        if self._pid != os.getpid():  # The program has forked: they aren't this one's.
+            return
         deadline = time.perf_counter() + (0.0 if kill else _LONGEST_END)
         for worker in self._workers:
             # One that is only starting has nothing to end.
