@@ -123,7 +123,7 @@ def _document(system: type[SensorBroadcaster[Any]]) -> str:
         "controller_manager": "Cycle: when to tick",
         "state_interfaces": f"everything that is measured; it reads {system.reads}",
     }
-    outputs = {"command_interfaces": "Tick; it commands nothing"}
+    outputs = {"command_interfaces": "UpdateResult; no commands"}
     if system.exports:
         outputs["exported_state_interfaces"] = system.exports
     outputs |= system.topics

@@ -94,6 +94,14 @@ class RobotDescription:
     # it; what needs another makes a copy.
     root: ET.Element = dc.field(repr=False, compare=False)
 
+    def __eq__(self, other: object) -> bool:
+        """Return whether all is the same; trees are compared as texts."""
+        if not isinstance(other, RobotDescription):
+            return NotImplemented
+        names = [field.name for field in dc.fields(self) if field.compare]
+        same = all(getattr(self, name) == getattr(other, name) for name in names)
+        return same and self.urdf == other.urdf
+
     @functools.cached_property
     def urdf(self) -> str:
         """The description as Drake takes it, as a text."""

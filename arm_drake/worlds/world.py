@@ -6,6 +6,7 @@ import re
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 from xml.etree.ElementTree import Element
 
 from pydrake.geometry import RenderLabel, SceneGraph
@@ -136,13 +137,38 @@ def load_sdf_world(path: Path, package_paths: Sequence[Path] = ()) -> LoadedWorl
     )
     return LoadedWorld(
         world.name,
-        add_to,
+        _AddSdfWorld(add_to, path, tuple(package_paths)),
         has_things=has_things,
         gravity=world.gravity,
         has_grid=world.has_grid,
         background=world.background,
         report=world.notes.report,
     )
+
+
+class _AddSdfWorld:
+    """Adds the world of an SDF file to plants; elsewhere its file is read again."""
+
+    def __init__(
+        self,
+        add_to: Callable[[MultibodyPlant], None],
+        path: Path,
+        package_paths: tuple[Path, ...],
+    ) -> None:
+        self._add_to = add_to
+        self._source = (path, package_paths)
+
+    def __call__(self, plant: MultibodyPlant) -> None:
+        self._add_to(plant)
+
+    def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
+        return _read_again, self._source
+
+
+def _read_again(
+    path: Path, package_paths: tuple[Path, ...]
+) -> Callable[[MultibodyPlant], None]:
+    return load_sdf_world(path, package_paths).add_to
 
 
 def _is_linked(world: SdfWorld) -> bool:

@@ -205,10 +205,7 @@ def limit_velocity(
     limited: tuple[Velocity, Velocity],
     dt: float,
 ) -> Velocity:
-    """Return a velocity within its limits.
-
-    `dt` [s].
-    """
+    """Return a velocity within its limits; `dt` is since the last one [s]."""
     return tuple(
         limiter.limit(v, v0, v1, dt).value
         for limiter, v, v0, v1 in zip(limiters, velocity, *limited, strict=True)
