@@ -72,6 +72,28 @@ print([p.x for p in points])
 print(ad.run_many([Point(3), Point(4)], nest, **{how}).values)
 """
 
+FORK_AMONG_RUNS = """
+import os
+import sys
+import time
+
+import arm_drake as ad
+
+
+def square(number):
+    time.sleep(0.1)
+    return number**2
+
+
+results = ad.iterate_many(list(range(6)), square, backend="processes", workers=2)
+values = [next(results).value]
+child = os.fork()
+if not child:
+    sys.exit()  # Ends the iterator, too.
+os.waitpid(child, 0)
+print(values + [result.value for result in results])
+"""
+
 FORKS = """
 import multiprocessing, operator
 import arm_drake as ad
@@ -245,6 +267,13 @@ def test_what_a_program_or_notebook_defines_goes_there_and_back(
 
     assert done.stderr == ""
     assert done.stdout == "once\n[-1, -2]\n[[-3], [-4]]\n"
+
+
+@pytest.mark.slow
+def test_a_fork_that_ends_leaves_the_runs_of_its_program_alone(tmp_path) -> None:
+    done = run(FORK_AMONG_RUNS, False, tmp_path)
+
+    assert (done.stdout, done.stderr) == ("[0, 1, 4, 9, 16, 25]\n", "")
 
 
 @pytest.mark.slow

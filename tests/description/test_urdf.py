@@ -1,5 +1,7 @@
 """URDF text to a RobotDescription, or to one message with its place."""
 
+import copy
+import dataclasses as dc
 import time
 from pathlib import Path
 
@@ -33,6 +35,15 @@ def parse(body: str) -> RobotDescription:
 
 def read_joint(*args, **kwargs) -> JointInfo:
     return parse(LINKS + joint(*args, **kwargs)).joint("j")
+
+
+def test_descriptions_are_equal_if_their_trees_say_the_same():
+    robot = parse(LINKS + joint())
+    changed = copy.deepcopy(robot.root)
+    changed.find("link").set("name", "other")
+
+    assert robot == copy.deepcopy(robot)
+    assert robot != dc.replace(robot, root=changed)
 
 
 def test_a_robot_has_the_names_of_its_links_and_joints_in_order():

@@ -3,16 +3,17 @@
 import re
 from pathlib import Path
 
+import cloudpickle
 import numpy as np
 import pytest
-from pydrake.geometry import Box
+from pydrake.geometry import Box, SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia
 
 import arm_drake as ad
 from arm_drake.errors import InputError
-from arm_drake.worlds.world import World, add_world
+from arm_drake.worlds.world import World, add_world, load_world
 from tests import models
 
 
@@ -43,6 +44,21 @@ def test_in_the_void_everything_falls_for_ever(tmp_path: Path) -> None:
     np.testing.assert_allclose(
         simulation.joint_states().position, [expected], rtol=1e-9
     )
+
+
+@pytest.mark.slow
+def test_the_world_of_a_file_goes_to_other_processes() -> None:
+    world = load_world("house")
+
+    there = cloudpickle.loads(cloudpickle.dumps(world))
+
+    counts = []
+    for each in (world, there):
+        plant, scene_graph = MultibodyPlant(0.01), SceneGraph()
+        plant.RegisterAsSourceForSceneGraph(scene_graph)
+        each.add_to(plant)
+        counts.append(scene_graph.model_inspector().num_geometries())
+    assert counts[0] == counts[1] > 100
 
 
 def test_an_unknown_world_is_refused(tmp_path: Path) -> None:
