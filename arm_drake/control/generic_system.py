@@ -416,7 +416,6 @@ class GenericSystem:
             start: Full names of the command interfaces to be claimed.
             stop: Those to be released; they don't matter.
         """
-        del stop
         if not self._parameters.calculate_dynamics:
             return ""
         faults = []
@@ -444,7 +443,6 @@ class GenericSystem:
             start: Full names of the command interfaces that are claimed.
             stop: Those that are released; their joints keep their modes.
         """
-        del stop
         claims = [name.rpartition("/") for name in start]
         latest = {joint: mode for joint, _, mode in claims if mode in MODES}
         order = zip(self._joints, modes, strict=True)

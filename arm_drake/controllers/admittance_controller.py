@@ -752,7 +752,6 @@ class AdmittanceController(TickingController[AdmittanceControllerSystemState]):
     def _deactivate(
         self, now: UpdateContext, state: AdmittanceControllerSystemState
     ) -> AdmittanceControllerSystemState:
-        del now
         return state._replace(
             control=AdmittanceState.initial(self._nothing.shape[1]),
             commands=self._nothing,

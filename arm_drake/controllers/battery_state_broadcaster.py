@@ -274,13 +274,11 @@ class BatteryStateBroadcaster(TickingController[BatteryStateBroadcasterState]):
     def _activate(
         self, now: UpdateContext, state: BatteryStateBroadcasterState
     ) -> BatteryStateBroadcasterState:
-        del now, state
         return self._at_start
 
     def _update(
         self, now: UpdateContext, state: BatteryStateBroadcasterState
     ) -> BatteryStateBroadcasterState:
-        del state
         values = self._read(now.context).tolist()
         combined, raw = self._at_start
         combined = dc.replace(combined, header=Header.from_nanoseconds(now.time_ns))

@@ -169,7 +169,6 @@ class ChainedFilter(TickingController[ChainedFilterState]):
     def _activate(
         self, now: UpdateContext, state: ChainedFilterState
     ) -> ChainedFilterState:
-        del now
         return state._replace(outputs=self._nothing)
 
     def _export(self, state: ChainedFilterState) -> Array:

@@ -104,13 +104,11 @@ class ForwardControllersBase(TickingController[ForwardCommandState]):
     def _activate(
         self, now: UpdateContext, state: ForwardCommandState
     ) -> ForwardCommandState:
-        del now
         return state._replace(command=self._nothing, is_ok=True)
 
     def _deactivate(
         self, now: UpdateContext, state: ForwardCommandState
     ) -> ForwardCommandState:
-        del now
         return state._replace(command=self._at_end)
 
     def _idle(
@@ -127,7 +125,6 @@ class ForwardControllersBase(TickingController[ForwardCommandState]):
 
     def rests(self, state: ForwardCommandState) -> bool:
         """Return whether only a message can change the state while inactive."""
-        del state
         return True
 
     def _command(self, state: ForwardCommandState) -> Array:

@@ -207,13 +207,11 @@ class GpioCommandController(TickingController[GpioCommandControllerState]):
     def _activate(
         self, now: UpdateContext, state: GpioCommandControllerState
     ) -> GpioCommandControllerState:
-        del now
         return state._replace(is_ok=True)
 
     def _deactivate(
         self, now: UpdateContext, state: GpioCommandControllerState
     ) -> GpioCommandControllerState:
-        del now
         return state._replace(command=self._nothing)
 
     def _idle(
@@ -230,7 +228,6 @@ class GpioCommandController(TickingController[GpioCommandControllerState]):
 
     def rests(self, state: GpioCommandControllerState) -> bool:
         """Return whether only a message can change the state while inactive."""
-        del state
         return True
 
     def _command(self, state: GpioCommandControllerState) -> Array:

@@ -134,7 +134,6 @@ class GripperControllerBase(TickingController[GripperControllerState]):
     def _deactivate(
         self, now: UpdateContext, state: GripperControllerState
     ) -> GripperControllerState:
-        del now
         return state._replace(is_active=False)
 
     def _command(self, state: GripperControllerState) -> Array:
@@ -338,7 +337,6 @@ class GripperActionController(GripperControllerBase):
 
 
 def _read_goal(rules: GripperRules, request: SendGoal) -> Target | str:
-    del rules
     goal = request.goal
     if not isinstance(goal, GripperCommandGoal):
         return f"expected a GripperCommandGoal, got a {type(goal).__name__}"

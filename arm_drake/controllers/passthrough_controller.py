@@ -146,13 +146,11 @@ class PassthroughController(TickingController[PassthroughState]):
     def _activate(
         self, now: UpdateContext, state: PassthroughState
     ) -> PassthroughState:
-        del now
         return state._replace(references=self._nothing)
 
     def _deactivate(
         self, now: UpdateContext, state: PassthroughState
     ) -> PassthroughState:
-        del now
         return state._replace(references=self._nothing)
 
     def _idle(self, now: UpdateContext, state: PassthroughState) -> PassthroughState:

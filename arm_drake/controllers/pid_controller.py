@@ -589,7 +589,6 @@ class PidController(TickingController[PidControllerState]):
     def _deactivate(
         self, now: UpdateContext, state: PidControllerState
     ) -> PidControllerState:
-        del now
         nothing = self._unknown[: len(self._dofs)]
         return state._replace(control=state.control._replace(command=nothing))
 
@@ -601,7 +600,6 @@ class PidController(TickingController[PidControllerState]):
 
     def rests(self, state: PidControllerState) -> bool:
         """Return whether only a message can change the state while inactive."""
-        del state
         return True
 
     def _command(self, state: PidControllerState) -> Array:

@@ -108,7 +108,6 @@ class SensorBroadcaster(TickingController[M]):
 
     def _show(self, topic: str) -> Callable[[M], Any]:
         """Return what tells what is on a topic."""
-        del topic
         return lambda message: message
 
     def _update(self, now: UpdateContext, state: M) -> M:
@@ -250,7 +249,6 @@ class IMUSensorBroadcaster(SensorBroadcaster[Imu]):
         return tuple(turned.ravel().tolist())
 
     def _make(self, header: Header, values: Array, last: Imu) -> Imu:
-        del last
         orientation, velocity, acceleration = values[:4], values[4:7], values[7:]
         if self._is_turned:
             orientation = multiply(orientation, self._inverse)
@@ -326,7 +324,6 @@ class RangeSensorBroadcaster(SensorBroadcaster[Range]):
         )
 
     def _make(self, header: Header, values: Array, last: Range) -> Range:
-        del last
         (distance,) = values.tolist()
         return dc.replace(self._constant, header=header, range=distance)
 
@@ -491,7 +488,6 @@ class GPSSensorBroadcaster(SensorBroadcaster[NavSatFix]):
         self._covariance = parameters.static_position_covariance
 
     def _make(self, header: Header, values: Array, last: NavSatFix) -> NavSatFix:
-        del last
         status, service, latitude, longitude, altitude, *diagonal = values.tolist()
         covariance, kind = self._covariance, _KNOWN
         if diagonal:
@@ -546,7 +542,6 @@ class MagnetometerBroadcaster(SensorBroadcaster[MagneticField]):
     def _make(
         self, header: Header, values: Array, last: MagneticField
     ) -> MagneticField:
-        del last
         return MagneticField(header, Vector3(*values.tolist()), self._covariance)
 
 
@@ -599,7 +594,6 @@ class StateInterfacesBroadcaster(SensorBroadcaster[Float64Values]):
     def _make(
         self, header: Header, values: Array, last: Float64Values
     ) -> Float64Values:
-        del last
         return Float64Values(header, tuple(values.tolist()))
 
 
@@ -681,7 +675,6 @@ class Vda5050SafetyStateBroadcaster(SensorBroadcaster[VDA5050SafetyState]):
     def _make(
         self, header: Header, values: Array, last: VDA5050SafetyState
     ) -> VDA5050SafetyState:
-        del header, last
         stop_kinds = [
             kind
             for kind, value in zip(self._kinds, values.tolist(), strict=True)

@@ -371,14 +371,12 @@ class BaseController(TopicController[B]):
         self, state: B, message: Any, time_ns: int, obstacle: str
     ) -> tuple[B, str]:
         """Return the state with a pose for the odometry."""
-        del time_ns
         pose = PlanarPose(message.x, message.y, message.yaw)
         fault = self._find_pose_fault(pose, obstacle)
         return (state, fault) if fault else (state._replace(pose=pose), "")
 
     def _find_pose_fault(self, pose: PlanarPose, obstacle: str) -> str:
         """Return why a pose isn't taken; empty if it is."""
-        del pose
         return obstacle if obstacle == INACTIVE else ""
 
     def _make_odometry(self, state: B, pose: PlanarPose) -> Odometry:

@@ -439,7 +439,6 @@ class DiffDriveController(BaseController[DiffDriveState]):
         return command, fault
 
     def _find_pose_fault(self, pose: PlanarPose, obstacle: str) -> str:
-        del pose, obstacle
         return ""
 
     def _move(self, now: UpdateContext, state: DiffDriveState) -> DiffDriveState:

@@ -410,7 +410,6 @@ class MecanumDriveController(BaseController[MecanumDriveState]):
     def _deactivate(
         self, now: UpdateContext, state: MecanumDriveState
     ) -> MecanumDriveState:
-        del now
         return state._replace(
             received=BaseCommand(UNKNOWN), command=_NOTHING, limited=(REST, REST)
         )

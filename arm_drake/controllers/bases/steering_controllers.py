@@ -435,7 +435,6 @@ class SteeringController(BaseController[SteeringControllerState]):
         return take_finite(command)
 
     def _find_pose_fault(self, pose: PlanarPose, obstacle: str) -> str:
-        del obstacle
         if all(map(math.isfinite, pose)):
             return ""
         return f"x, y and yaw must be finite, got {list(pose)}"
@@ -443,7 +442,6 @@ class SteeringController(BaseController[SteeringControllerState]):
     def _activate(
         self, now: UpdateContext, state: SteeringControllerState
     ) -> SteeringControllerState:
-        del now
         return state._replace(command=self._nothing, received=BaseCommand(_UNKNOWN))
 
     def _deactivate(

@@ -470,7 +470,6 @@ class TricycleController(BaseController[TricycleControllerState]):
         self, command: BaseCommand, age_ns: int
     ) -> tuple[BaseCommand | None, str]:
         # Any age is taken; what is too old has no effect.
-        del age_ns
         return take_finite(command)
 
     def _take_pose(
@@ -480,20 +479,17 @@ class TricycleController(BaseController[TricycleControllerState]):
         time_ns: int,
         obstacle: str,
     ) -> tuple[TricycleControllerState, str]:
-        del message, time_ns, obstacle
         return state._replace(pose=PlanarPose()), ""
 
     def _deactivate(
         self, now: UpdateContext, state: TricycleControllerState
     ) -> TricycleControllerState:
-        del now
         return state._replace(command=np.zeros(2))
 
     def _is_ok(self, state: TricycleControllerState) -> bool:
         return state.is_ok
 
     def _fault(self, state: TricycleControllerState) -> str:
-        del state
         return f"not all of {', '.join(self.state_interfaces)} could be read"
 
     def _describe_odometry(self, state: TricycleControllerState) -> Odometry:

@@ -285,7 +285,6 @@ class DiffDrive(TopicController[GazeboDriveState]):
     def _take_switch(
         self, state: GazeboDriveState, message: Bool, time_ns: int, obstacle: str
     ) -> tuple[GazeboDriveState, str]:
-        del time_ns
         if obstacle:
             return state, obstacle
         target = state.target if message.data else _REST
@@ -294,7 +293,6 @@ class DiffDrive(TopicController[GazeboDriveState]):
     def _take_twist(
         self, state: GazeboDriveState, message: Twist, time_ns: int, obstacle: str
     ) -> tuple[GazeboDriveState, str]:
-        del time_ns
         fault = obstacle or find_twist_fault(message)
         if not (fault or state.is_enabled):
             fault = f"{self._enable} is false"
@@ -305,7 +303,6 @@ class DiffDrive(TopicController[GazeboDriveState]):
     def _deactivate(
         self, now: UpdateContext, state: GazeboDriveState
     ) -> GazeboDriveState:
-        del now
         return state._replace(
             command=np.zeros(len(state.command)), target=_REST, limited=(_REST, _REST)
         )
@@ -575,7 +572,6 @@ class GazeboRosDiffDrive(TopicController[ClassicDriveState]):
     def _take_twist(
         self, state: ClassicDriveState, message: Twist, time_ns: int, obstacle: str
     ) -> tuple[ClassicDriveState, str]:
-        del time_ns
         fault = obstacle or find_twist_fault(message)
         if fault:
             return state, fault
@@ -584,7 +580,6 @@ class GazeboRosDiffDrive(TopicController[ClassicDriveState]):
     def _deactivate(
         self, now: UpdateContext, state: ClassicDriveState
     ) -> ClassicDriveState:
-        del now
         return state._replace(
             command=np.zeros(len(state.command)),
             commanded=np.zeros(state.commanded.shape),

@@ -135,7 +135,6 @@ class GazeboCommandBase(TopicController[JointCommandState]):
         obstacle: str,
     ) -> tuple[JointCommandState, str]:
         """Return the state with a target of tags."""
-        del time_ns
         fault = obstacle or _find_fault(message)
         if fault:
             return state, f"{name}: {fault}"
@@ -147,7 +146,6 @@ class GazeboCommandBase(TopicController[JointCommandState]):
         self, state: JointCommandState, message: Float64, time_ns: int, obstacle: str
     ) -> tuple[JointCommandState, str]:
         """Return the state with how far a gripper is to close."""
-        del time_ns
         fault = obstacle or find_part_fault(message)
         if fault:
             return state, f"{GRIPPER_COMMAND}: {fault}"
@@ -158,13 +156,11 @@ class GazeboCommandBase(TopicController[JointCommandState]):
     def _activate(
         self, now: UpdateContext, state: JointCommandState
     ) -> JointCommandState:
-        del now
         return state._replace(targets=self._start, pid=self._pid.initial())
 
     def _deactivate(
         self, now: UpdateContext, state: JointCommandState
     ) -> JointCommandState:
-        del now
         return state._replace(command=self._at_rest)
 
 

@@ -294,7 +294,6 @@ class JointTrajectoryController(TopicController[GazeboTrajectoryState]):
     def _activate(
         self, now: UpdateContext, state: GazeboTrajectoryState
     ) -> GazeboTrajectoryState:
-        del now
         return state._replace(
             targets=self._start, pid=self._pid.initial(), following=None
         )
@@ -302,7 +301,6 @@ class JointTrajectoryController(TopicController[GazeboTrajectoryState]):
     def _deactivate(
         self, now: UpdateContext, state: GazeboTrajectoryState
     ) -> GazeboTrajectoryState:
-        del now
         return state._replace(command=self._at_rest)
 
 
@@ -479,13 +477,11 @@ class GazeboRosJointPoseTrajectory(TopicController[PoseTrajectoryState]):
     def _activate(
         self, now: UpdateContext, state: PoseTrajectoryState
     ) -> PoseTrajectoryState:
-        del now
         return state._replace(replay=None)
 
     def _deactivate(
         self, now: UpdateContext, state: PoseTrajectoryState
     ) -> PoseTrajectoryState:
-        del now
         return state._replace(command=self._nothing)
 
 
