@@ -62,127 +62,79 @@ def check_controller_types(types: object) -> dict[str, ControllerType]:
     }
 
 
-# Our types: "module:Parameters:System", names below this package. Types that share a
-# system have its `interface` as a fourth part. Without a system, a type's parameters
-# are read, but it isn't simulated.
+# Our types: "module:System:Parameters", names below this package. A system that isn't
+# named is called as the type, and its parameters as the system. Types that share a
+# system have its `interface` as a fourth part.
 STANDARD_TYPES: Mapping[str, str] = {
-    "joint_state_broadcaster/JointStateBroadcaster": (
-        "joint_state_broadcaster:JointStateBroadcasterParameters:JointStateBroadcaster"
-    ),
+    "joint_state_broadcaster/JointStateBroadcaster": "joint_state_broadcaster",
     "joint_trajectory_controller/JointTrajectoryController": (
-        "joint_trajectory:parameters.JointTrajectoryControllerParameters"
-        ":controller.JointTrajectoryController"
+        "joint_trajectory:controller.JointTrajectoryController"
+        ":parameters.JointTrajectoryControllerParameters"
     ),
-    "forward_command_controller/ForwardCommandController": (
-        "forward_command_controller:ForwardCommandControllerParameters"
-        ":ForwardCommandController"
-    ),
+    "forward_command_controller/ForwardCommandController": "forward_command_controller",
     "forward_command_controller/MultiInterfaceForwardCommandController": (
-        "forward_command_controller:MultiInterfaceForwardCommandControllerParameters"
-        ":MultiInterfaceForwardCommandController"
+        "forward_command_controller"
     ),
     "position_controllers/JointGroupPositionController": (
-        "forward_command_controller:JointGroupControllerParameters"
-        ":JointGroupController:position"
+        "forward_command_controller:JointGroupController::position"
     ),
     "velocity_controllers/JointGroupVelocityController": (
-        "forward_command_controller:JointGroupControllerParameters"
-        ":JointGroupController:velocity"
+        "forward_command_controller:JointGroupController::velocity"
     ),
     "effort_controllers/JointGroupEffortController": (
-        "forward_command_controller:JointGroupControllerParameters"
-        ":JointGroupController:effort"
+        "forward_command_controller:JointGroupController::effort"
     ),
-    "position_controllers/GripperActionController": (
-        "gripper_controllers:GripperActionControllerParameters:GripperActionController"
-    ),
+    "position_controllers/GripperActionController": "gripper_controllers",
     "effort_controllers/GripperActionController": (
-        "gripper_controllers:EffortGripperActionControllerParameters"
-        ":GripperActionController:effort"
+        "gripper_controllers:GripperActionController"
+        ":EffortGripperActionControllerParameters:effort"
     ),
     "parallel_gripper_action_controller/GripperActionController": (
-        "gripper_controllers:ParallelGripperActionControllerParameters"
-        ":ParallelGripperActionController"
+        "gripper_controllers:ParallelGripperActionController"
     ),
-    "pid_controller/PidController": (
-        "pid_controller:PidControllerParameters:PidController"
-    ),
-    "diff_drive_controller/DiffDriveController": (
-        "bases.diff_drive_controller:DiffDriveControllerParameters:DiffDriveController"
-    ),
+    "pid_controller/PidController": "pid_controller",
+    "diff_drive_controller/DiffDriveController": "bases.diff_drive_controller",
     "bicycle_steering_controller/BicycleSteeringController": (
-        "bases.steering_controllers:BicycleSteeringControllerParameters"
-        ":SteeringController"
+        "bases.steering_controllers:SteeringController"
+        ":BicycleSteeringControllerParameters"
     ),
     "tricycle_steering_controller/TricycleSteeringController": (
-        "bases.steering_controllers:TricycleSteeringControllerParameters"
-        ":SteeringController"
+        "bases.steering_controllers:SteeringController"
+        ":TricycleSteeringControllerParameters"
     ),
     "ackermann_steering_controller/AckermannSteeringController": (
-        "bases.steering_controllers:AckermannSteeringControllerParameters"
-        ":SteeringController"
+        "bases.steering_controllers:SteeringController"
+        ":AckermannSteeringControllerParameters"
     ),
-    "tricycle_controller/TricycleController": (
-        "bases.tricycle_controller:TricycleControllerParameters:TricycleController"
-    ),
-    "mecanum_drive_controller/MecanumDriveController": (
-        "bases.mecanum_drive_controller:MecanumDriveControllerParameters"
-        ":MecanumDriveController"
-    ),
+    "tricycle_controller/TricycleController": "bases.tricycle_controller",
+    "mecanum_drive_controller/MecanumDriveController": "bases.mecanum_drive_controller",
     "omni_wheel_drive_controller/OmniWheelDriveController": (
-        "bases.omni_wheel_drive_controller:OmniWheelDriveControllerParameters"
-        ":OmniWheelDriveController"
+        "bases.omni_wheel_drive_controller"
     ),
-    "admittance_controller/AdmittanceController": (
-        "admittance_controller:AdmittanceControllerParameters:AdmittanceController"
-    ),
-    "gpio_controllers/GpioCommandController": (
-        "gpio_controllers:GpioCommandControllerParameters:GpioCommandController"
-    ),
-    "chained_filter_controller/ChainedFilter": (
-        "chained_filter_controller:ChainedFilterParameters:ChainedFilter"
-    ),
-    "imu_sensor_broadcaster/IMUSensorBroadcaster": (
-        "sensor_broadcasters:IMUSensorBroadcasterParameters:IMUSensorBroadcaster"
-    ),
+    "admittance_controller/AdmittanceController": "admittance_controller",
+    "gpio_controllers/GpioCommandController": "gpio_controllers",
+    "chained_filter_controller/ChainedFilter": "chained_filter_controller",
+    "imu_sensor_broadcaster/IMUSensorBroadcaster": "sensor_broadcasters",
     "force_torque_sensor_broadcaster/ForceTorqueSensorBroadcaster": (
-        "force_torque_sensor_broadcaster:ForceTorqueSensorBroadcasterParameters"
-        ":ForceTorqueSensorBroadcaster"
+        "force_torque_sensor_broadcaster"
     ),
-    "range_sensor_broadcaster/RangeSensorBroadcaster": (
-        "sensor_broadcasters:RangeSensorBroadcasterParameters:RangeSensorBroadcaster"
-    ),
-    "pose_broadcaster/PoseBroadcaster": (
-        "sensor_broadcasters:PoseBroadcasterParameters:PoseBroadcaster"
-    ),
-    "gps_sensor_broadcaster/GPSSensorBroadcaster": (
-        "sensor_broadcasters:GPSSensorBroadcasterParameters:GPSSensorBroadcaster"
-    ),
-    "magnetometer_broadcaster/MagnetometerBroadcaster": (
-        "sensor_broadcasters:MagnetometerBroadcasterParameters:MagnetometerBroadcaster"
-    ),
-    "battery_state_broadcaster/BatteryStateBroadcaster": (
-        "battery_state_broadcaster:BatteryStateBroadcasterParameters"
-        ":BatteryStateBroadcaster"
-    ),
-    "state_interfaces_broadcaster/StateInterfacesBroadcaster": (
-        "sensor_broadcasters:StateInterfacesBroadcasterParameters"
-        ":StateInterfacesBroadcaster"
-    ),
+    "range_sensor_broadcaster/RangeSensorBroadcaster": "sensor_broadcasters",
+    "pose_broadcaster/PoseBroadcaster": "sensor_broadcasters",
+    "gps_sensor_broadcaster/GPSSensorBroadcaster": "sensor_broadcasters",
+    "magnetometer_broadcaster/MagnetometerBroadcaster": "sensor_broadcasters",
+    "battery_state_broadcaster/BatteryStateBroadcaster": "battery_state_broadcaster",
+    "state_interfaces_broadcaster/StateInterfacesBroadcaster": "sensor_broadcasters",
     "vda5050_safety_state_broadcaster/Vda5050SafetyStateBroadcaster": (
-        "sensor_broadcasters:Vda5050SafetyStateBroadcasterParameters"
-        ":Vda5050SafetyStateBroadcaster"
+        "sensor_broadcasters"
     ),
     # By other packages, and by older names.
-    "passthrough_controller/PassthroughController": (
-        "passthrough_controller:PassthroughControllerParameters:PassthroughController"
-    ),
+    "passthrough_controller/PassthroughController": "passthrough_controller",
     "ur_controllers/ScaledJointTrajectoryController": (
-        "joint_trajectory:parameters.ScaledJointTrajectoryControllerParameters"
-        ":controller.JointTrajectoryController"
+        "joint_trajectory:controller.JointTrajectoryController"
+        ":parameters.ScaledJointTrajectoryControllerParameters"
     ),
     "joint_state_controller/JointStateController": (
-        "joint_state_broadcaster:JointStateBroadcasterParameters:JointStateBroadcaster"
+        "joint_state_broadcaster:JointStateBroadcaster"
     ),
 }
 
@@ -197,13 +149,15 @@ RUNS_AS: Mapping[str, str] = {
 }
 
 
-def load_type(row: str, runs_as: str = "") -> ControllerType:
+def load_type(name: str, row: str) -> ControllerType:
     """Import the controller type of a row of `STANDARD_TYPES`."""
-    module, parameters, system, interface = (*row.split(":"), "", "")[:4]
-    make = import_name(f"{module}.{system}") if system else None
-    if make is not None and interface:
+    module, system, parameters, interface = (*row.split(":"), "", "", "")[:4]
+    system = system or name.rpartition("/")[2]
+    make = import_name(f"{module}.{system}")
+    if interface:
         make = functools.partial(make, interface=interface)
-    return ControllerType(import_name(f"{module}.{parameters}"), make, runs_as)
+    schema = import_name(f"{module}.{parameters or f'{system}Parameters'}")
+    return ControllerType(schema, make, RUNS_AS.get(name, ""))
 
 
 def import_name(name: str) -> Any:
@@ -231,7 +185,7 @@ class ControllerTypes(MutableMapping[str, ControllerType]):
         """Return a type."""
         row = self._rows[name]
         if isinstance(row, str):
-            row = self._rows[name] = load_type(row, RUNS_AS.get(name, ""))
+            row = self._rows[name] = load_type(name, row)
         return row
 
     def __setitem__(self, name: str, row: ControllerType) -> None:

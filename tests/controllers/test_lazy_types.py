@@ -17,14 +17,12 @@ from arm_drake.controllers.registry import (
     load_type,
 )
 
-BROADCASTER = (
-    "joint_state_broadcaster:JointStateBroadcasterParameters:JointStateBroadcaster"
-)
+BROADCASTER = "joint_state_broadcaster:JointStateBroadcaster"
 
 
 @pytest.mark.parametrize("name", STANDARD_TYPES)
 def test_all_of_ours_can_be_imported(name: str) -> None:
-    row = load_type(STANDARD_TYPES[name])
+    row = load_type(name, STANDARD_TYPES[name])
 
     assert check_controller_type(row, "") == row
     assert row.system is not None
@@ -39,10 +37,11 @@ def test_a_type_is_the_same_whenever_it_is_asked_for() -> None:
     assert types["broadcaster"] is first
 
 
-def test_a_type_without_a_system_has_its_parameters() -> None:
-    row = load_type(BROADCASTER.rpartition(":")[0])
+def test_a_system_is_called_as_its_type_unless_the_row_says_so() -> None:
+    row = load_type("a_package/JointStateBroadcaster", "joint_state_broadcaster")
 
-    assert row == ControllerType(JointStateBroadcasterParameters)
+    assert row == load_type("other", BROADCASTER)
+    assert row == ControllerType(JointStateBroadcasterParameters, JointStateBroadcaster)
 
 
 def test_types_are_added_and_removed_as_in_a_dictionary() -> None:
