@@ -25,6 +25,7 @@ from arm_drake.controllers.controller_interface import (
     TickingController,
 )
 from arm_drake.controllers.cycles import UpdateContext
+from arm_drake.controllers.topics import document_ports
 from arm_drake.description.parameters import (
     ParameterGroup,
     Rule,
@@ -78,6 +79,7 @@ class SensorBroadcaster(TickingController[M]):
         """Add the ports to the documentation."""
         super().__init_subclass__(**more)
         cls.__doc__ = _document(cls)
+        cls.__doc__ = document_ports(cls)
 
     def __init__(
         self,
@@ -116,27 +118,24 @@ class SensorBroadcaster(TickingController[M]):
 
 
 def _document(system: type[SensorBroadcaster[Any]]) -> str:
-    """Return a broadcaster's documentation with its ports."""
+    """Return a broadcaster's documentation with the table of its ports."""
     summary, _, rest = inspect.cleandoc(system.__doc__ or "").partition("\n\n")
-    inputs = {
+    ports = {
         "controller_manager": "Cycle: when to tick",
         "state_interfaces": f"everything that is measured; it reads {system.reads}",
+        "command_interfaces": "UpdateResult; no commands",
     }
-    outputs = {"command_interfaces": "UpdateResult; no commands"}
     if system.exports:
-        outputs["exported_state_interfaces"] = system.exports
-    outputs |= system.topics
-    ports = ["input_ports:", *(f"- {name}" for name in inputs)]
-    ports += ["output_ports:", *(f"- {name}" for name in outputs)]
-    width = max(map(len, (*inputs, *outputs)))
+        ports["exported_state_interfaces"] = system.exports
+    ports |= system.topics
+    width = max(map(len, ports))
     line = f"{'=' * width}  {'=' * (80 - width)}"
     rows = [line, f"{'port':{width}}  meaning", line]
-    for name, meaning in (inputs | outputs).items():
+    for name, meaning in ports.items():
         first, *more = textwrap.wrap(meaning, 80 - width, break_on_hyphens=False)
         rows += [f"{name:{width}}  {first}", *(f"{'':{width}}  {m}" for m in more)]
-    block = textwrap.indent("\n".join([f"name: {system.__name__}", *ports]), "    ")
     table = "\n".join([*rows, line])
-    return f"{summary}\n\n.. pydrake_system::\n\n{block}\n\n{table}\n\n{rest}\n"
+    return f"{summary}\n\n{table}\n\n{rest}\n"
 
 
 @dc.dataclass(frozen=True)

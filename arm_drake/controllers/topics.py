@@ -1,5 +1,7 @@
 """Topics of controllers: what is new, what was refused, who takes messages."""
 
+import inspect
+import textwrap
 from collections.abc import Callable, Sequence
 from operator import is_
 from typing import Any, NamedTuple, Protocol, Self, TypeAlias, TypeVar
@@ -7,6 +9,7 @@ from typing import Any, NamedTuple, Protocol, Self, TypeAlias, TypeVar
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context, InputPort
 
+from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.controllers.controller_interface import (
     ControllerInterfaceParams,
@@ -108,6 +111,24 @@ class TopicState(Protocol):
     def _replace(self, *args: Any, **kwargs: Any) -> Self: ...
 
 
+def document_ports(system: type) -> str | None:
+    """Return a system's documentation with Drake's block of the ports in its table."""
+    summary, _, rest = inspect.cleandoc(system.__doc__ or "").partition("\n\n")
+    lines = rest.splitlines()
+    borders = [i for i, line in enumerate(lines) if line.startswith("===")]
+    rows = lines[borders[1] + 1 : borders[2]] if len(borders) == 3 else []
+    ports = [row.split()[0] for row in rows if not row.startswith(" ")]
+    if interfaces.COMMAND_PORT not in ports:
+        return system.__doc__
+    # The command interfaces are the first output port.
+    number = ports.index(interfaces.COMMAND_PORT)
+    block = [f"name: {system.__name__}", "input_ports:"]
+    block += [f"- {port}" for port in ports[:number]]
+    block += ["output_ports:", *(f"- {port}" for port in ports[number:])]
+    text = textwrap.indent("\n".join(block), "    ")
+    return f"{summary}\n\n.. pydrake_system::\n\n{text}\n\n{rest}\n"
+
+
 T = TypeVar("T", bound=TopicState)
 
 # Takes a message that came at a time [ns]; returns the new state, and what is wrong
@@ -119,8 +140,14 @@ class TopicController(TickingController[T]):
     """Base of controllers that messages command, while they are inactive in vain.
 
     A subclass declares its topics by `_subscribe`, the last of its ports by
-    `_declare_events`, and calls `_receive` in its `_update`.
+    `_declare_events`, and calls `_receive` in its `_update`. Of the table of ports in
+    its documentation Drake's block of ports is made.
     """
+
+    def __init_subclass__(cls, **more: Any) -> None:
+        """Add the block of ports to the documentation."""
+        super().__init_subclass__(**more)
+        cls.__doc__ = document_ports(cls)
 
     def __init__(
         self, params: ControllerInterfaceParams, initial: T, **names: Any

@@ -294,23 +294,6 @@ class DiffDriveState(NamedTuple):
 class DiffDriveController(BaseController[DiffDriveState]):
     """Turns wheels so that a base with differential drive moves as it is told.
 
-    .. pydrake_system::
-
-        name: DiffDriveController
-        input_ports:
-        - controller_manager
-        - state_interfaces
-        - cmd_vel
-        - set_odometry
-        - parameters
-        - cmd_vel_unstamped
-        output_ports:
-        - command_interfaces
-        - odom
-        - tf
-        - cmd_vel_out
-        - events
-
     ==================  ====  =====  ===============================================
     port                size  unit   meaning
     ==================  ====  =====  ===============================================

@@ -267,21 +267,6 @@ class MecanumDriveState(NamedTuple):
 class MecanumDriveController(BaseController[MecanumDriveState]):
     """Turns four mecanum wheels so that a base moves as it is told, sideways too.
 
-    .. pydrake_system::
-
-        name: MecanumDriveController
-        input_ports:
-        - controller_manager
-        - state_interfaces
-        - reference
-        - set_odometry
-        output_ports:
-        - command_interfaces
-        - odometry
-        - tf_odometry
-        - controller_state
-        - events
-
     ==================  ====  =========================================================
     port                size  meaning
     ==================  ====  =========================================================

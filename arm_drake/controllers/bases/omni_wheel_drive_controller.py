@@ -227,20 +227,6 @@ class OmniWheelDriveState(NamedTuple):
 class OmniWheelDriveController(BaseController[OmniWheelDriveState]):
     """Turns omni wheels so that a base moves as it is told, sideways too.
 
-    .. pydrake_system::
-
-        name: OmniWheelDriveController
-        input_ports:
-        - controller_manager
-        - state_interfaces
-        - cmd_vel
-        - set_odometry
-        output_ports:
-        - command_interfaces
-        - odom
-        - tf
-        - events
-
     With n = len(wheel_names), vectors in their order:
 
     ==================  ====  =========================================================

@@ -278,21 +278,6 @@ class SteeringControllerState(NamedTuple):
 class SteeringController(BaseController[SteeringControllerState]):
     """Drives a base with steered wheels, and tells where it is.
 
-    .. pydrake_system::
-
-        name: SteeringController
-        input_ports:
-        - controller_manager
-        - state_interfaces
-        - reference
-        - set_odometry
-        output_ports:
-        - command_interfaces
-        - odometry
-        - tf_odometry
-        - controller_state
-        - events
-
     With n driven and k steered wheels; of two the right one comes first:
 
     ==================  ====  =========================================================

@@ -354,21 +354,6 @@ class TricycleControllerState(NamedTuple):
 class TricycleController(BaseController[TricycleControllerState]):
     """Drives a base whose front wheel drives and steers, and tells where it is.
 
-    .. pydrake_system::
-
-        name: TricycleController
-        input_ports:
-        - controller_manager
-        - state_interfaces
-        - cmd_vel
-        - reset_odometry
-        output_ports:
-        - command_interfaces
-        - odom
-        - tf
-        - cmd_ackermann
-        - events
-
     ==================  ====  =========================================================
     port                size  meaning
     ==================  ====  =========================================================

@@ -171,20 +171,6 @@ class GazeboDriveState(NamedTuple):
 class DiffDrive(TopicController[GazeboDriveState]):
     """Turns the wheels of two sides so that a base moves as it is told.
 
-    .. pydrake_system::
-
-        name: DiffDrive
-        input_ports:
-        - controller_manager
-        - state_interfaces
-        - /<topic>
-        - /model/<model>/enable
-        output_ports:
-        - command_interfaces
-        - /<odom_topic>
-        - /<tf_topic>
-        - events
-
     With J joints and k wheels:
 
     =====================  ====  =======  ==============================================
@@ -406,20 +392,6 @@ class ClassicDriveState(NamedTuple):
 
 class GazeboRosDiffDrive(TopicController[ClassicDriveState]):
     """Turns pairs of wheels so that a base moves as it is told, as Gazebo Classic does.
-
-    .. pydrake_system::
-
-        name: GazeboRosDiffDrive
-        input_ports:
-        - controller_manager
-        - state_interfaces
-        - link_frames
-        - /cmd_vel
-        output_ports:
-        - command_interfaces
-        - /odom
-        - /tf
-        - events
 
     With J joints and k wheels:
 

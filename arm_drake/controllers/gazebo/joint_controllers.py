@@ -195,17 +195,6 @@ def _find_fault(message: Float64) -> str:
 class JointController(GazeboCommandBase):
     """Moves joints at velocities that come on topics.
 
-    .. pydrake_system::
-
-        name: JointController
-        input_ports:
-        - controller_manager
-        - state_interfaces
-        - /<topic>
-        output_ports:
-        - command_interfaces
-        - events
-
     With n tags, J joints and k joints that carry forces or have velocities:
 
     ==================  ====  =======  =================================================
@@ -265,18 +254,6 @@ class JointController(GazeboCommandBase):
 
 class JointPositionController(GazeboCommandBase):
     """Takes joints to positions that come on topics, by force or by velocity.
-
-    .. pydrake_system::
-
-        name: JointPositionController
-        input_ports:
-        - controller_manager
-        - state_interfaces
-        - /<topic>
-        - gripper_command
-        output_ports:
-        - command_interfaces
-        - events
 
     With n tags, J joints and k joints that carry forces or have velocities:
 

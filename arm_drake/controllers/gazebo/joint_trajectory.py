@@ -136,18 +136,6 @@ class GazeboTrajectoryState(NamedTuple):
 class JointTrajectoryController(TopicController[GazeboTrajectoryState]):
     """Takes joints from point to point of a trajectory by the forces of PIDs.
 
-    .. pydrake_system::
-
-        name: JointTrajectoryController
-        input_ports:
-        - controller_manager
-        - state_interfaces
-        - /<topic>
-        output_ports:
-        - command_interfaces
-        - /<topic>_progress
-        - events
-
     With n joints of the tag, J joints and k joints that carry forces:
 
     ==================  ====  =======  =================================================
@@ -342,17 +330,6 @@ class PoseTrajectoryState(NamedTuple):
 
 class GazeboRosJointPoseTrajectory(TopicController[PoseTrajectoryState]):
     """Sets joints to the points of a trajectory, one after the other.
-
-    .. pydrake_system::
-
-        name: GazeboRosJointPoseTrajectory
-        input_ports:
-        - controller_manager
-        - state_interfaces
-        - /set_joint_trajectory
-        output_ports:
-        - command_interfaces
-        - events
 
     With J joints and k of them that have a position command and follow no other:
 
