@@ -12,18 +12,14 @@ from abc import abstractmethod
 from typing import Literal, NamedTuple
 
 import numpy as np
-from pydrake.common.value import AbstractValue
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
-from arm_drake.controllers.controller_interface import (
-    ControllerInterfaceParams,
-    TickingController,
-)
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import UpdateContext
-from arm_drake.controllers.topics import INACTIVE, Events, add_events, new_messages
+from arm_drake.controllers.topics import Inbox, TopicController, latest_reason
 from arm_drake.description.parameters import check_not_empty, check_unique
-from arm_drake.messages import Float64MultiArray, TopicRejected
+from arm_drake.messages import Float64MultiArray
 
 
 class ForwardCommandState(NamedTuple):
@@ -35,14 +31,10 @@ class ForwardCommandState(NamedTuple):
     # Whether the message in effect has the right size.
     is_ok: bool = True
 
-    # Messages on the port at the last tick.
-    seen: tuple[Float64MultiArray, ...] = ()
-
-    # The latest messages that were not accepted.
-    events: Events = ()
+    inbox: Inbox = Inbox()
 
 
-class ForwardControllersBase(TickingController[ForwardCommandState]):
+class ForwardControllersBase(TopicController[ForwardCommandState]):
     """Writes the values of a topic to command interfaces."""
 
     @abstractmethod
@@ -58,48 +50,42 @@ class ForwardControllersBase(TickingController[ForwardCommandState]):
         self._at_end = np.zeros(len(claims)) if stops else self._nothing
         initial = ForwardCommandState(self._nothing)
         super().__init__(params, initial, command_interfaces=claims)
-        self._topic = self.DeclareAbstractInputPort("commands", AbstractValue.Make(()))
-        self._declare_topic("events", lambda state: state.events)
+        self._subscribe("commands", Float64MultiArray, self._take)
+        self._declare_events()
         self._drops_non_finite = params.distro != "humble"
 
     def _update(
         self, now: UpdateContext, state: ForwardCommandState
     ) -> ForwardCommandState:
-        new, seen = new_messages(
-            self._topic, now.context, Float64MultiArray, state.seen
-        )
-        if seen is state.seen:
-            return state
-        command, is_ok, rejected = state.command, state.is_ok, []
-        for message in new:
-            fault = self._find_fault(message)
-            if fault is not None:
-                rejected.append(TopicRejected(message, fault))
-                continue
-            size = len(message.data)
-            is_ok = size in (0, len(self._nothing))
-            command = self._nothing
-            if not is_ok:
-                rejected.append(TopicRejected(message, self._expected(size)))
-            elif size:
-                values = np.array(message.data)
-                command = np.where(np.isfinite(values), values, np.nan)
-        events = add_events(state.events, rejected)
-        return ForwardCommandState(command, is_ok, seen, events)
+        return self._receive(now, state)
 
-    def _find_fault(self, message: Float64MultiArray) -> str | None:
-        """Return why a message is dropped, or None."""
+    def _take(
+        self,
+        state: ForwardCommandState,
+        message: Float64MultiArray,
+        time_ns: int,
+        obstacle: str,
+    ) -> tuple[ForwardCommandState, str]:
+        """Return the state with the commands of a message."""
+        fault = obstacle or self._find_fault(message)
+        if fault:
+            return state, fault
+        names, size = self.command_interfaces, len(message.data)
+        if size not in (0, len(names)):
+            return state._replace(command=self._nothing, is_ok=False), (
+                f"data must have {len(names)} value{'s' * (len(names) != 1)} "
+                f"({', '.join(names)}), got {size}; the update fails"
+            )
+        values = np.array(message.data) if size else self._nothing
+        command = np.where(np.isfinite(values), values, np.nan)
+        return state._replace(command=command, is_ok=True), ""
+
+    def _find_fault(self, message: Float64MultiArray) -> str:
+        """Return why a message is dropped; empty if it isn't."""
         for index, value in enumerate(message.data):
             if self._drops_non_finite and not math.isfinite(value):
                 return f"data[{index}] must be finite, got {value}; it is dropped"
-        return None
-
-    def _expected(self, size: int) -> str:
-        names = self.command_interfaces
-        return (
-            f"data must have {len(names)} value{'s' * (len(names) != 1)} "
-            f"({', '.join(names)}), got {size}; the update fails"
-        )
+        return ""
 
     def _activate(
         self, now: UpdateContext, state: ForwardCommandState
@@ -111,31 +97,11 @@ class ForwardControllersBase(TickingController[ForwardCommandState]):
     ) -> ForwardCommandState:
         return state._replace(command=self._at_end)
 
-    def _idle(
-        self, now: UpdateContext, state: ForwardCommandState
-    ) -> ForwardCommandState:
-        new, seen = new_messages(
-            self._topic, now.context, Float64MultiArray, state.seen
-        )
-        if seen is state.seen:
-            return state
-        rejected = [TopicRejected(m, INACTIVE) for m in new]
-        events = add_events(state.events, rejected)
-        return state._replace(seen=seen, events=events)
-
-    def rests(self, state: ForwardCommandState) -> bool:
-        """Return whether only a message can change the state while inactive."""
-        return True
-
-    def _command(self, state: ForwardCommandState) -> Array:
-        return state.command
-
     def _is_ok(self, state: ForwardCommandState) -> bool:
         return state.is_ok
 
     def _fault(self, state: ForwardCommandState) -> str:
-        reason = state.events[-1][1].reason if state.events else ""
-        return reason.removesuffix("; the update fails")
+        return latest_reason(state.inbox)
 
 
 @dc.dataclass(frozen=True)
@@ -186,17 +152,6 @@ class MultiInterfaceForwardCommandControllerParameters:
 class ForwardCommandController(ForwardControllersBase):
     """Writes the values of a topic to one command interface of several joints.
 
-    .. pydrake_system::
-
-        name: ForwardCommandController
-        input_ports:
-        - controller_manager
-        - state_interfaces
-        - commands
-        output_ports:
-        - command_interfaces
-        - events
-
     With k = len(joints), vectors in the order of ``joints``:
 
     ==================  ====  =======  =================================================
@@ -232,17 +187,6 @@ class ForwardCommandController(ForwardControllersBase):
 class MultiInterfaceForwardCommandController(ForwardControllersBase):
     """Writes the values of a topic to several command interfaces of one joint.
 
-    .. pydrake_system::
-
-        name: MultiInterfaceForwardCommandController
-        input_ports:
-        - controller_manager
-        - state_interfaces
-        - commands
-        output_ports:
-        - command_interfaces
-        - events
-
     Vectors are in the order of ``interface_names``, k of them:
 
     ==================  ====  =======  =================================================
@@ -273,17 +217,6 @@ class JointGroupController(ForwardControllersBase):
 
     It is `position_controllers/JointGroupPositionController` and those of velocities
     and efforts; these two write 0 when they are deactivated.
-
-    .. pydrake_system::
-
-        name: JointGroupController
-        input_ports:
-        - controller_manager
-        - state_interfaces
-        - commands
-        output_ports:
-        - command_interfaces
-        - events
 
     With k = len(joints), vectors in the order of ``joints``:
 

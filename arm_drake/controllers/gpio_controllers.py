@@ -4,25 +4,21 @@ Source: ros2_controllers, `gpio_controllers` (version 6.9.0).
 """
 
 import dataclasses as dc
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from pydrake.common.value import AbstractValue
 
 from arm_drake.arrays import Array
-from arm_drake.controllers.controller_interface import (
-    ControllerInterfaceParams,
-    TickingController,
-)
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import UpdateContext
-from arm_drake.controllers.topics import INACTIVE, Events, add_events, new_messages
+from arm_drake.controllers.topics import Inbox, TopicController, latest_reason
 from arm_drake.description.parameters import (
     check_not_empty,
     check_unique,
     per_element_of,
 )
 from arm_drake.errors import ParameterError, suggest
-from arm_drake.messages import Header, InterfaceValue, Message, Time, TopicRejected
+from arm_drake.messages import Header, InterfaceValue, Time
 from arm_drake.messages.control import DynamicInterfaceGroupValues
 
 
@@ -79,27 +75,12 @@ class GpioCommandControllerState(NamedTuple):
     # Time of the last tick [ns].
     time_ns: int = 0
 
-    # Messages on the port at the last tick.
-    seen: tuple[DynamicInterfaceGroupValues, ...] = ()
-
-    # The latest messages that were not accepted, or not all of them.
-    events: Events = ()
+    # Its events are of messages that were not accepted, or not all of them.
+    inbox: Inbox = Inbox()
 
 
-class GpioCommandController(TickingController[GpioCommandControllerState]):
+class GpioCommandController(TopicController[GpioCommandControllerState]):
     """Writes the values of a topic to GPIOs, and shows what they report.
-
-    .. pydrake_system::
-
-        name: GpioCommandController
-        input_ports:
-        - controller_manager
-        - state_interfaces
-        - commands
-        output_ports:
-        - command_interfaces
-        - gpio_states
-        - events
 
     With k command interfaces, one GPIO after the other:
 
@@ -122,10 +103,6 @@ class GpioCommandController(TickingController[GpioCommandControllerState]):
     written. With another number of values than of names, of groups or of interfaces,
     every tick fails and nothing is written, where upstream writes the groups before.
     """
-
-    message_types: ClassVar[dict[str, type[Message]]] = {
-        "commands": DynamicInterfaceGroupValues
-    }
 
     def __init__(
         self,
@@ -160,9 +137,9 @@ class GpioCommandController(TickingController[GpioCommandControllerState]):
             state_interfaces=state_interfaces,
             command_interfaces=command_interfaces,
         )
-        self._topic = self.DeclareAbstractInputPort("commands", AbstractValue.Make(()))
+        self._subscribe("commands", DynamicInterfaceGroupValues, self._take)
         self._declare_topic("gpio_states", self._describe)
-        self._declare_topic("events", lambda state: state.events)
+        self._declare_events()
 
     def _update(
         self, now: UpdateContext, state: GpioCommandControllerState
@@ -170,22 +147,23 @@ class GpioCommandController(TickingController[GpioCommandControllerState]):
         state = state._replace(
             measured=np.array(self._read(now.context)), time_ns=now.time_ns
         )
-        new, seen = new_messages(
-            self._topic, now.context, DynamicInterfaceGroupValues, state.seen
-        )
-        if seen is state.seen:
-            return state
-        command, is_ok, rejected = state.command, state.is_ok, []
-        for message in new:
-            fault = _find_fault(message)
-            is_ok = not fault
-            command = self._nothing
-            if is_ok:
-                command, fault = self._sort(message)
-            if fault:
-                rejected.append(TopicRejected(message, fault))
-        events = add_events(state.events, rejected)
-        return state._replace(command=command, is_ok=is_ok, seen=seen, events=events)
+        return self._receive(now, state)
+
+    def _take(
+        self,
+        state: GpioCommandControllerState,
+        message: DynamicInterfaceGroupValues,
+        time_ns: int,
+        obstacle: str,
+    ) -> tuple[GpioCommandControllerState, str]:
+        """Return the state with the commands of a message."""
+        if obstacle:
+            return state, obstacle
+        fault = _find_fault(message)
+        if fault:
+            return state._replace(command=self._nothing, is_ok=False), fault
+        command, skipped = self._sort(message)
+        return state._replace(command=command, is_ok=True), skipped
 
     def _sort(self, message: DynamicInterfaceGroupValues) -> tuple[Array, str]:
         """Return the values of a message, shape (k,), and what is skipped of it."""
@@ -214,31 +192,11 @@ class GpioCommandController(TickingController[GpioCommandControllerState]):
     ) -> GpioCommandControllerState:
         return state._replace(command=self._nothing)
 
-    def _idle(
-        self, now: UpdateContext, state: GpioCommandControllerState
-    ) -> GpioCommandControllerState:
-        new, seen = new_messages(
-            self._topic, now.context, DynamicInterfaceGroupValues, state.seen
-        )
-        if seen is state.seen:
-            return state
-        rejected = [TopicRejected(m, INACTIVE) for m in new]
-        events = add_events(state.events, rejected)
-        return state._replace(seen=seen, events=events)
-
-    def rests(self, state: GpioCommandControllerState) -> bool:
-        """Return whether only a message can change the state while inactive."""
-        return True
-
-    def _command(self, state: GpioCommandControllerState) -> Array:
-        return state.command
-
     def _is_ok(self, state: GpioCommandControllerState) -> bool:
         return state.is_ok
 
     def _fault(self, state: GpioCommandControllerState) -> str:
-        reason = state.events[-1][1].reason if state.events else ""
-        return reason.removesuffix("; the update fails")
+        return latest_reason(state.inbox)
 
     def _describe(
         self, state: GpioCommandControllerState

@@ -8,23 +8,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from pydrake.common.value import AbstractValue
 
 from arm_drake.arrays import Array
-from arm_drake.controllers.controller_interface import (
-    ControllerInterfaceParams,
-    TickingController,
-)
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import UpdateContext
-from arm_drake.controllers.topics import (
-    CHAINED,
-    INACTIVE,
-    Events,
-    add_events,
-    new_messages,
-)
+from arm_drake.controllers.topics import CHAINED, Inbox, TopicController
 from arm_drake.description.parameters import check_not_empty, check_unique
-from arm_drake.messages import Float64MultiArray, TopicRejected
+from arm_drake.messages import Float64MultiArray
 
 
 @dc.dataclass(frozen=True)
@@ -44,28 +34,13 @@ class PassthroughState(NamedTuple):
     """State of a PassthroughController between two ticks."""
 
     # What to pass on, shape (k,); NaN leaves a command interface as it is.
-    references: Array
+    command: Array
 
-    # Messages on the port at the last tick.
-    seen: tuple[Float64MultiArray, ...] = ()
-
-    # The latest messages that were not accepted.
-    events: Events = ()
+    inbox: Inbox = Inbox()
 
 
-class PassthroughController(TickingController[PassthroughState]):
+class PassthroughController(TopicController[PassthroughState]):
     """Passes on what other controllers or a topic ask for.
-
-    .. pydrake_system::
-
-        name: PassthroughController
-        input_ports:
-        - controller_manager
-        - state_interfaces
-        - commands
-        output_ports:
-        - command_interfaces
-        - events
 
     With k = len(interfaces), vectors in the order of ``interfaces``:
 
@@ -101,34 +76,29 @@ class PassthroughController(TickingController[PassthroughState]):
             command_interfaces=names,
             reference_interfaces=tuple(f"{params.controller_name}/{n}" for n in names),
         )
-        self._topic = self.DeclareAbstractInputPort("commands", AbstractValue.Make(()))
-        self._declare_topic("events", lambda state: state.events)
+        self._subscribe("commands", Float64MultiArray, self._take)
+        self._declare_events()
 
     def _update(self, now: UpdateContext, state: PassthroughState) -> PassthroughState:
         chained = self._read_references(now)
         state = self._receive(now, state, "" if chained is None else CHAINED)
         if chained is None:
             return state
-        references = np.where(np.isnan(chained), state.references, chained)
-        return state._replace(references=references)
+        command = np.where(np.isnan(chained), state.command, chained)
+        return state._replace(command=command)
 
-    def _receive(
-        self, now: UpdateContext, state: PassthroughState, obstacle: str
-    ) -> PassthroughState:
-        """Return the state with what came on the topic."""
-        new, seen = new_messages(
-            self._topic, now.context, Float64MultiArray, state.seen
-        )
-        if seen is state.seen:
-            return state
-        references, rejected = state.references, []
-        for message in new:
-            fault = obstacle or self._find_fault(message)
-            if fault:
-                rejected.append(TopicRejected(message, fault))
-            else:
-                references = np.array(message.data, dtype=float)
-        return PassthroughState(references, seen, add_events(state.events, rejected))
+    def _take(
+        self,
+        state: PassthroughState,
+        message: Float64MultiArray,
+        time_ns: int,
+        obstacle: str,
+    ) -> tuple[PassthroughState, str]:
+        """Return the state with the references of a message."""
+        fault = obstacle or self._find_fault(message)
+        if fault:
+            return state, fault
+        return state._replace(command=np.array(message.data, dtype=float)), ""
 
     def _find_fault(self, message: Float64MultiArray) -> str:
         """Return why a message has no effect, or nothing."""
@@ -146,15 +116,9 @@ class PassthroughController(TickingController[PassthroughState]):
     def _activate(
         self, now: UpdateContext, state: PassthroughState
     ) -> PassthroughState:
-        return state._replace(references=self._nothing)
+        return state._replace(command=self._nothing)
 
     def _deactivate(
         self, now: UpdateContext, state: PassthroughState
     ) -> PassthroughState:
-        return state._replace(references=self._nothing)
-
-    def _idle(self, now: UpdateContext, state: PassthroughState) -> PassthroughState:
-        return self._receive(now, state, INACTIVE)
-
-    def _command(self, state: PassthroughState) -> Array:
-        return state.references
+        return state._replace(command=self._nothing)

@@ -97,6 +97,12 @@ class Inbox(NamedTuple):
     events: Events = ()
 
 
+def latest_reason(inbox: Inbox) -> str:
+    """Return why the update fails that the latest message makes fail."""
+    reason = inbox.events[-1][1].reason if inbox.events else ""
+    return reason.removesuffix("; the update fails")
+
+
 class TopicState(Protocol):
     """State of a TopicController: a named tuple with these fields and its own."""
 
@@ -199,6 +205,10 @@ class TopicController(TickingController[T]):
 
     def _idle(self, now: UpdateContext, state: T) -> T:
         return self._receive(now, state, INACTIVE)
+
+    def rests(self, state: T) -> bool:
+        """Return whether only a message can change the state while inactive."""
+        return type(self)._receive is TopicController._receive
 
     def _command(self, state: T) -> Array:
         return state.command
