@@ -14,25 +14,18 @@ from typing import Annotated, Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.common.value import AbstractValue
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.control.pid import EPSILON, Pid, PidGains, PidState, adapt_saturation
 from arm_drake.control.trajectory import shortest_angular_distance
-from arm_drake.controllers.controller_interface import (
-    ControllerInterfaceParams,
-    TickingController,
-)
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.controllers.topics import (
     CHAINED,
-    INACTIVE,
-    Events,
-    Rejection,
-    add_events,
-    new_messages,
-    new_parameters,
+    Inbox,
+    TopicController,
+    check_change,
 )
 from arm_drake.description.parameters import (
     ParameterGroup,
@@ -48,8 +41,6 @@ from arm_drake.messages import (
     MultiDOFCommand,
     MultiDOFState,
     MultiDOFStateStamped,
-    ParametersRejected,
-    TopicRejected,
 )
 from arm_drake.messages.base import make_lazy
 
@@ -354,53 +345,35 @@ _READ_ONLY = (
 )
 
 
-class Inbox(NamedTuple):
-    """What came in on the ports of a PidController."""
+class PidControllerState(NamedTuple):
+    """State of a PidController between two ticks."""
 
     # Parameters in effect, and what was made of them.
     parameters: PidControllerParameters
     rules: PidControl
 
+    control: PidControlState
+
     # Measurements of the topic, shape (n,) or (2n,); NaN before the first one.
     external: Array
 
-    # What was on the ports at the last tick.
-    received_parameters: object = ()
-    references: tuple[MultiDOFCommand, ...] = ()
-    measurements: tuple[MultiDOFCommand, ...] = ()
+    # References that have come since the last tick, if any have, likewise.
+    requested: Array | None = None
 
-    # The latest of all that was not accepted.
-    events: Events = ()
-
-
-class PidControllerState(NamedTuple):
-    """State of a PidController between two ticks."""
-
-    inbox: Inbox
-    control: PidControlState
+    inbox: Inbox = Inbox()
 
     # Time of the last tick, and its period [ns]; None before the first one.
     time_ns: int | None = None
     period_ns: int = 0
 
+    @property
+    def command(self) -> Array:
+        """What to write, shape (n,)."""
+        return self.control.command
 
-class PidController(TickingController[PidControllerState]):
+
+class PidController(TopicController[PidControllerState]):
     """Takes measurements to references with a PID for each degree of freedom.
-
-    .. pydrake_system::
-
-        name: PidController
-        input_ports:
-        - controller_manager
-        - state_interfaces
-        - reference
-        - parameters
-        - measured_state
-        output_ports:
-        - command_interfaces
-        - exported_state_interfaces
-        - controller_state
-        - events
 
     With n = len(dof_names), vectors in their order, and m = 1 or 2 interfaces:
 
@@ -450,9 +423,7 @@ class PidController(TickingController[PidControllerState]):
         rules = self._make_rules(parameters)
         super().__init__(
             params,
-            PidControllerState(
-                Inbox(parameters, rules, self._unknown), rules.initial()
-            ),
+            PidControllerState(parameters, rules, rules.initial(), self._unknown),
             state_interfaces=() if self._is_external else read,
             command_interfaces=interfaces.interface_names(
                 parameters.dof_names, (parameters.command_interface,)
@@ -460,15 +431,12 @@ class PidController(TickingController[PidControllerState]):
             reference_interfaces=own,
             exported_interfaces=own,
         )
-        nothing = AbstractValue.Make(())
-        self._reference = self.DeclareAbstractInputPort("reference", nothing)
-        self._parameters = self.DeclareAbstractInputPort(
-            interfaces.PARAMETERS_PORT, nothing
-        )
+        self._subscribe("reference", MultiDOFCommand, self._take_references)
+        self._subscribe_parameters(self._take_parameters)
         if self._is_external:
-            self._external = self.DeclareAbstractInputPort("measured_state", nothing)
+            self._subscribe("measured_state", MultiDOFCommand, self._take_measurements)
         self._declare_topic("controller_state", self._describe)
-        self._declare_topic("events", lambda state: state.inbox.events)
+        self._declare_events()
 
     def _make_rules(self, parameters: PidControllerParameters) -> PidControl:
         by_dof = parameters.gains.dof
@@ -483,127 +451,72 @@ class PidController(TickingController[PidControllerState]):
         self, now: UpdateContext, state: PidControllerState
     ) -> PidControllerState:
         chained = self._read_references(now)
-        obstacle = "" if chained is None else CHAINED
-        inbox, requested = self._receive(now, state.inbox, obstacle)
+        state = self._receive(now, state, "" if chained is None else CHAINED)
         references = state.control.references
-        if chained is not None:
-            requested = chained
+        requested = state.requested if chained is None else chained
         if requested is not None:
             references = np.where(np.isnan(requested), references, requested)
-        measured = inbox.external if self._is_external else self._read(now.context)
+        measured = state.external if self._is_external else self._read(now.context)
         period = now.period_ns / NANOSECONDS
-        control = inbox.rules.step(state.control, references, measured, period)
-        return PidControllerState(inbox, control, now.time_ns, now.period_ns)
+        return state._replace(
+            control=state.rules.step(state.control, references, measured, period),
+            requested=None,
+            time_ns=now.time_ns,
+            period_ns=now.period_ns,
+        )
 
-    def _receive(
-        self, now: UpdateContext, inbox: Inbox, obstacle: str = ""
-    ) -> tuple[Inbox, Array | None]:
-        """Return what has come in, and the references to take, NaN where none."""
-        context = now.context
-        rejections: list[Rejection] = []
-        parameters, rules = inbox.parameters, inbox.rules
-        received_parameters = new_parameters(
-            self._parameters, context, inbox.received_parameters
-        )
-        if (
-            received_parameters is not inbox.received_parameters
-            and received_parameters != ()
-        ):
-            try:
-                parameters, rules = self._accept(received_parameters, parameters)
-            except ValueError as error:
-                rejections.append(ParametersRejected(str(error)))
-        new, references = new_messages(
-            self._reference, context, MultiDOFCommand, inbox.references
-        )
-        requested = self._take(new, rejections, obstacle) if new else None
-        external, measurements = inbox.external, inbox.measurements
-        if self._is_external:
-            new, measurements = new_messages(
-                self._external, context, MultiDOFCommand, measurements
-            )
-            measured = self._take(new, rejections, takes_rates=self._has_rate)
-            external = external if measured is None else measured
-        if (
-            received_parameters is inbox.received_parameters
-            and references is inbox.references
-            and measurements is inbox.measurements
-        ):
-            return inbox, None
-        events = add_events(inbox.events, rejections)
-        inbox = Inbox(
-            parameters,
-            rules,
-            external,
-            received_parameters,
-            references,
-            measurements,
-            events,
-        )
-        return inbox, requested
-
-    def _take(
+    def _take_references(
         self,
-        messages: tuple[MultiDOFCommand, ...],
-        rejections: list[Rejection],
-        obstacle: str = "",
-        *,
-        takes_rates: bool = True,
-    ) -> Array | None:
-        """Return the values of the last message that can be taken, shape (nm,)."""
-        taken = None
-        for message in messages:
-            fault = obstacle or find_fault(message, self._dofs, takes_rates=takes_rates)
-            if fault:
-                rejections.append(TopicRejected(message, fault))
-            else:
-                taken = sort_values(message, self._dofs, has_rate=self._has_rate)
-        return taken
+        state: PidControllerState,
+        message: MultiDOFCommand,
+        time_ns: int,
+        obstacle: str,
+    ) -> tuple[PidControllerState, str]:
+        fault = obstacle or find_fault(message, self._dofs)
+        if fault:
+            return state, fault
+        values = sort_values(message, self._dofs, has_rate=self._has_rate)
+        return state._replace(requested=values), ""
 
-    def _accept(
-        self, received_parameters: object, present: PidControllerParameters
-    ) -> tuple[PidControllerParameters, PidControl]:
-        """Return new parameters and their rules; raise ValueError for bad ones."""
-        if not isinstance(received_parameters, PidControllerParameters):
-            raise ValueError(
-                f"expected PidControllerParameters, got {received_parameters!r}"
-            )
-        for name in _READ_ONLY:
-            if getattr(received_parameters, name) != getattr(present, name):
-                raise ValueError(f"{name} can't change while the controller runs")
-        return received_parameters, self._make_rules(received_parameters)
+    def _take_measurements(
+        self,
+        state: PidControllerState,
+        message: MultiDOFCommand,
+        time_ns: int,
+        obstacle: str,
+    ) -> tuple[PidControllerState, str]:
+        """Return the state with measurements, which are taken at any time."""
+        fault = find_fault(message, self._dofs, takes_rates=self._has_rate)
+        if fault:
+            return state, fault
+        values = sort_values(message, self._dofs, has_rate=self._has_rate)
+        return state._replace(external=values), ""
+
+    def _take_parameters(
+        self, state: PidControllerState, new: object, obstacle: str
+    ) -> PidControllerState:
+        parameters = check_change(state.parameters, new, _READ_ONLY)
+        rules = self._make_rules(parameters)
+        return state._replace(parameters=parameters, rules=rules)
 
     def _activate(
         self, now: UpdateContext, state: PidControllerState
     ) -> PidControllerState:
-        inbox, references = state.inbox._replace(external=self._unknown), self._unknown
+        references = self._unknown
         if (
-            inbox.parameters.set_current_state_as_first_setpoint
+            state.parameters.set_current_state_as_first_setpoint
             and not self._is_external
         ):
             references = self._read(now.context)
         output = self._read_commands(now)
-        control = inbox.rules.start(state.control, references, output)
-        return state._replace(inbox=inbox, control=control)
+        control = state.rules.start(state.control, references, output)
+        return state._replace(control=control, external=self._unknown)
 
     def _deactivate(
         self, now: UpdateContext, state: PidControllerState
     ) -> PidControllerState:
         nothing = self._unknown[: len(self._dofs)]
         return state._replace(control=state.control._replace(command=nothing))
-
-    def _idle(
-        self, now: UpdateContext, state: PidControllerState
-    ) -> PidControllerState:
-        inbox, _ = self._receive(now, state.inbox, INACTIVE)
-        return state if inbox is state.inbox else state._replace(inbox=inbox)
-
-    def rests(self, state: PidControllerState) -> bool:
-        """Return whether only a message can change the state while inactive."""
-        return True
-
-    def _command(self, state: PidControllerState) -> Array:
-        return state.control.command
 
     def _export(self, state: PidControllerState) -> Array:
         return state.control.measured

@@ -3,7 +3,7 @@
 import inspect
 import textwrap
 from collections.abc import Callable, Sequence
-from operator import is_
+from operator import attrgetter, is_
 from typing import Any, NamedTuple, Protocol, Self, TypeAlias, TypeVar
 
 from pydrake.common.value import AbstractValue
@@ -20,6 +20,7 @@ from arm_drake.messages import Float64, Message, ParametersRejected, TopicReject
 from arm_drake.messages.base import append_events
 
 M = TypeVar("M", bound=Message)
+P = TypeVar("P")
 
 Rejection: TypeAlias = TopicRejected | ParametersRejected
 
@@ -77,6 +78,26 @@ def new_parameters(port: InputPort, context: Context, seen: object) -> object:
     return received_parameters
 
 
+def check_change(old: P, new: object, read_only: Sequence[str]) -> P:
+    """Return parameters that may take the place of others while a controller runs.
+
+    Args:
+        old: The parameters before.
+        new: What is to take their place.
+        read_only: Dotted names of parameters that can't change.
+
+    Raises:
+        ValueError: If they aren't parameters of the same kind, or one has changed.
+    """
+    kind = type(old)
+    if not isinstance(new, kind):
+        raise ValueError(f"expected {kind.__name__}, got {new!r}")
+    for name in read_only:
+        if attrgetter(name)(new) != attrgetter(name)(old):
+            raise ValueError(f"{name} can't change while the controller runs")
+    return new
+
+
 def add_events(events: Events, new_events: Sequence[Rejection]) -> Events:
     """Return the latest events, those of this tick at their end.
 
@@ -92,6 +113,9 @@ class Inbox(NamedTuple):
 
     # Messages on each port at the last tick; empty before the first one.
     seen: tuple[tuple[Message, ...], ...] = ()
+
+    # What was on the port of parameters then.
+    parameters: object = ()
 
     # The latest of all that was not accepted.
     events: Events = ()
@@ -141,6 +165,10 @@ T = TypeVar("T", bound=TopicState)
 # with the message. The last argument says why no commands are taken; empty if they are.
 TakeMessage: TypeAlias = Callable[[T, Any, int, str], tuple[T, str]]
 
+# Takes parameters; returns the new state, or raises ValueError. The last argument is
+# why no commands are taken.
+TakeParameters: TypeAlias = Callable[[T, Any, str], T]
+
 
 class TopicController(TickingController[T]):
     """Base of controllers that messages command, while they are inactive in vain.
@@ -169,6 +197,8 @@ class TopicController(TickingController[T]):
         self.message_types: dict[str, type[Message]] = {}
         # In the order in which their messages are taken.
         self._topics: list[tuple[InputPort, type[Message], TakeMessage[T]]] = []
+        # At most one.
+        self._parameter_ports: list[tuple[InputPort, TakeParameters[T]]] = []
 
     def _subscribe(
         self, name: str, kind: type[Message], take: TakeMessage[T]
@@ -179,6 +209,13 @@ class TopicController(TickingController[T]):
         self._topics.append((port, kind, take))
         return port
 
+    def _subscribe_parameters(self, take: TakeParameters[T]) -> None:
+        """Declare the input port of parameters to go on with."""
+        port = self.DeclareAbstractInputPort(
+            interfaces.PARAMETERS_PORT, AbstractValue.Make(())
+        )
+        self._parameter_ports.append((port, take))
+
     def _declare_events(self) -> None:
         """Declare the output port of what was not accepted."""
         self._declare_topic("events", lambda state: state.inbox.events)
@@ -187,6 +224,7 @@ class TopicController(TickingController[T]):
         """Return the state with what has come in; itself if nothing has."""
         if now.is_quiet:
             return state
+        state = self._receive_parameters(now, state, obstacle)
         inbox = state.inbox
         seen = inbox.seen or ((),) * len(self._topics)
         received: list[tuple[Message, ...]] = []
@@ -201,7 +239,25 @@ class TopicController(TickingController[T]):
         if all(map(is_, received, seen)):
             return state
         events = add_events(inbox.events, rejections)
-        return state._replace(inbox=Inbox(tuple(received), events))
+        return state._replace(inbox=inbox._replace(seen=tuple(received), events=events))
+
+    def _receive_parameters(self, now: UpdateContext, state: T, obstacle: str) -> T:
+        """Return the state with new parameters, if they can be taken."""
+        for port, take in self._parameter_ports:
+            seen = state.inbox.parameters
+            new = new_parameters(port, now.context, seen)
+            if new is seen:
+                continue
+            rejections = []
+            if new != ():  # Else nothing is on the port any more.
+                try:
+                    state = take(state, new, obstacle)
+                except ValueError as error:
+                    rejections.append(ParametersRejected(str(error)))
+            events = add_events(state.inbox.events, rejections)
+            inbox = state.inbox._replace(parameters=new, events=events)
+            state = state._replace(inbox=inbox)
+        return state
 
     def _idle(self, now: UpdateContext, state: T) -> T:
         return self._receive(now, state, INACTIVE)

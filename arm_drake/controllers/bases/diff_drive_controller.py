@@ -10,7 +10,6 @@ import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from pydrake.common.value import AbstractValue
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
@@ -31,7 +30,7 @@ from arm_drake.controllers.bases.base import (
 )
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import UpdateContext
-from arm_drake.controllers.topics import CHAINED, Inbox, add_events, new_parameters
+from arm_drake.controllers.topics import CHAINED, Inbox, check_change
 from arm_drake.description.parameters import (
     ParameterGroup,
     Rule,
@@ -45,7 +44,6 @@ from arm_drake.description.parameters import (
 from arm_drake.messages import (
     NANOSECONDS,
     Header,
-    ParametersRejected,
     Twist,
     TwistStamped,
     Vector3,
@@ -237,22 +235,6 @@ def make_settings(parameters: DiffDriveControllerParameters) -> DiffDriveSetting
     )
 
 
-def _accept(
-    received_parameters: object, present: DiffDriveControllerParameters
-) -> DiffDriveControllerParameters:
-    """Return parameters that are to be taken; raise ValueError for bad ones."""
-    if received_parameters == ():  # Nothing is on the port any more.
-        return present
-    if not isinstance(received_parameters, DiffDriveControllerParameters):
-        raise ValueError(
-            f"expected DiffDriveControllerParameters, got {received_parameters!r}"
-        )
-    for name in _READ_ONLY:
-        if getattr(received_parameters, name) != getattr(present, name):
-            raise ValueError(f"{name} can't change while the controller runs")
-    return received_parameters
-
-
 _UNKNOWN = (math.nan, math.nan)
 _REST = (0.0, 0.0)
 
@@ -279,9 +261,6 @@ class DiffDriveState(NamedTuple):
     pose: PlanarPose | None = None
 
     inbox: Inbox = Inbox()
-
-    # What was on the port of parameters at the last tick.
-    received_parameters: object = ()
 
     # Why the last tick failed; empty if it didn't.
     fault: str = ""
@@ -351,9 +330,7 @@ class DiffDriveController(BaseController[DiffDriveState]):
             ),
             command_interfaces=interfaces.interface_names(wheels, ("velocity",)),
         )
-        self._offered = self.DeclareAbstractInputPort(
-            interfaces.PARAMETERS_PORT, AbstractValue.Make(())
-        )
+        self._subscribe_parameters(self._take_parameters)
         if not config.use_stamped_vel:
             self._subscribe("cmd_vel_unstamped", Twist, self._take_velocity)
 
@@ -383,30 +360,14 @@ class DiffDriveController(BaseController[DiffDriveState]):
     def _receive(
         self, now: UpdateContext, state: DiffDriveState, obstacle: str = ""
     ) -> DiffDriveState:
-        if now.is_quiet:
-            return state
         if state.received is None:
             state = state._replace(received=BaseCommand(self._first, now.time_ns))
-        received_parameters = new_parameters(
-            self._offered, now.context, state.received_parameters
-        )
-        if received_parameters is not state.received_parameters:
-            state = self._set_parameters(
-                state._replace(received_parameters=received_parameters),
-                received_parameters,
-            )
         return super()._receive(now, state, obstacle)
 
-    def _set_parameters(
-        self, state: DiffDriveState, received_parameters: object
+    def _take_parameters(
+        self, state: DiffDriveState, new: object, obstacle: str
     ) -> DiffDriveState:
-        """Return the state with parameters, if they can be taken."""
-        try:
-            parameters = _accept(received_parameters, state.settings.parameters)
-        except ValueError as error:
-            inbox = state.inbox
-            events = add_events(inbox.events, [ParametersRejected(str(error))])
-            return state._replace(inbox=inbox._replace(events=events))
+        parameters = check_change(state.settings.parameters, new, _READ_ONLY)
         return state._replace(settings=make_settings(parameters))
 
     def _check(
