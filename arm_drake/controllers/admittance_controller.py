@@ -6,14 +6,12 @@ Source: ros2_controllers, `admittance_controller` (version 6.9.0); the law itsel
 
 import dataclasses as dc
 import sys
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from operator import attrgetter
-from typing import Annotated, ClassVar, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
-from pydrake.common.value import AbstractValue
 from pydrake.math import RotationMatrix
-from pydrake.systems.framework import InputPort
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
@@ -23,19 +21,14 @@ from arm_drake.control.admittance import (
     AdmittanceState,
     ChainKinematics,
 )
-from arm_drake.controllers.controller_interface import (
-    ControllerInterfaceParams,
-    TickingController,
-)
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.controllers.topics import (
     CHAINED,
     INACTIVE,
-    Events,
-    Rejection,
-    add_events,
-    new_messages,
-    new_parameters,
+    Inbox,
+    TopicController,
+    check_change,
 )
 from arm_drake.description.parameters import (
     Rule,
@@ -55,11 +48,8 @@ from arm_drake.messages import (
     Int8MultiArray,
     JointState,
     JointTrajectoryPoint,
-    Message,
-    ParametersRejected,
     Quaternion,
     String,
-    TopicRejected,
     Transform,
     TransformStamped,
     Twist,
@@ -330,129 +320,6 @@ def make_kinematics(
     return kinematics
 
 
-def check_change(
-    old: AdmittanceControllerParameters, new: object
-) -> AdmittanceControllerParameters:
-    """Return parameters that may take the place of others while a controller runs."""
-    if not isinstance(new, AdmittanceControllerParameters):
-        raise ValueError(f"expected AdmittanceControllerParameters, got {new!r}")
-    for name in _READ_ONLY:
-        if attrgetter(name)(new) != attrgetter(name)(old):
-            raise ValueError(f"{name} can't change while the controller runs")
-    return new
-
-
-class AdmittancePorts(NamedTuple):
-    """Input ports of an AdmittanceController."""
-
-    joint_references: InputPort
-    wrench_reference: InputPort
-    parameters: InputPort
-
-
-class AdmittanceInbox(NamedTuple):
-    """What came in on the ports of an AdmittanceController."""
-
-    # What the parameters in effect set, and those that were accepted last.
-    setup: AdmittanceSetup
-    accepted: AdmittanceSetup
-
-    # What is added to the measured wrench [N], [N·m], shape (6,).
-    wrench: Array
-
-    # What was on the ports at the last tick.
-    received_parameters: object = ()
-    references: tuple[JointTrajectoryPoint, ...] = ()
-    wrenches: tuple[WrenchStamped, ...] = ()
-
-    # The latest of all that was not accepted.
-    events: Events = ()
-
-
-def take_parameters(
-    now: UpdateContext,
-    ports: AdmittancePorts,
-    inbox: AdmittanceInbox,
-    params: ControllerInterfaceParams,
-    *,
-    is_running: bool,
-) -> AdmittanceInbox:
-    """Return what has come in, with new parameters if they may take effect."""
-    accepted, events = inbox.accepted, inbox.events
-    received_parameters = new_parameters(
-        ports.parameters, now.context, inbox.received_parameters
-    )
-    if (
-        received_parameters is not inbox.received_parameters
-        and received_parameters != ()
-    ):
-        try:
-            changed = check_change(accepted.parameters, received_parameters)
-            accepted = make_setup(changed, params.links)
-        except ValueError as error:
-            events = add_events(events, [ParametersRejected(str(error))])
-    if received_parameters is not inbox.received_parameters:
-        inbox = inbox._replace(
-            accepted=accepted, received_parameters=received_parameters, events=events
-        )
-    in_effect = inbox.setup.parameters
-    takes_changes = in_effect.enable_parameter_update_without_reactivation
-    if inbox.setup is not accepted and (takes_changes or not is_running):
-        inbox = inbox._replace(setup=accepted)
-    return inbox
-
-
-def receive(
-    now: UpdateContext,
-    ports: AdmittancePorts,
-    inbox: AdmittanceInbox,
-    params: ControllerInterfaceParams,
-    obstacle: str = "",
-) -> tuple[AdmittanceInbox, Array | None]:
-    """Return what has come in, and references to take, shape (3, n), NaN where none."""
-    context = now.context
-    is_running = obstacle != INACTIVE
-    inbox = take_parameters(now, ports, inbox, params, is_running=is_running)
-    points, references = new_messages(
-        ports.joint_references, context, JointTrajectoryPoint, inbox.references
-    )
-    wrenches, seen = new_messages(
-        ports.wrench_reference, context, WrenchStamped, inbox.wrenches
-    )
-    if references is inbox.references and seen is inbox.wrenches:
-        return inbox, None
-    rejections: list[Rejection] = []
-    joints, requested = inbox.setup.parameters.joints, None
-    for point in points:
-        fault = obstacle or _find_fault(point, joints)
-        if fault:
-            rejections.append(TopicRejected(point, fault))
-            continue
-        requested = (
-            np.full((3, len(joints)), np.nan) if requested is None else requested
-        )
-        if point.positions:
-            requested[0] = point.positions
-        if point.velocities:
-            requested[1] = point.velocities
-    wrench = inbox.wrench
-    for message in wrenches:
-        values = _to_array(message)
-        frame, sensor = message.header.frame_id, inbox.setup.sensor
-        if frame not in ("", sensor):
-            fault = f"header.frame_id must be {sensor!r}, the sensor's, got {frame!r}"
-            rejections.append(TopicRejected(message, fault))
-        elif not np.isfinite(values).all():
-            rejections.append(TopicRejected(message, "wrench must be finite"))
-        else:
-            wrench = values
-    events = add_events(inbox.events, rejections)
-    inbox = inbox._replace(
-        wrench=wrench, references=references, wrenches=seen, events=events
-    )
-    return inbox, requested
-
-
 def _find_fault(point: JointTrajectoryPoint, joints: tuple[str, ...]) -> str:
     """Return why references can't be taken; empty if they can."""
     for name in ("positions", "velocities"):
@@ -547,13 +414,24 @@ _WRENCH = tuple(f"{part}.{axis}" for part in ("force", "torque") for axis in "xy
 class AdmittanceControllerSystemState(NamedTuple):
     """State of an AdmittanceController between two ticks."""
 
-    inbox: AdmittanceInbox
+    # What the parameters in effect set, and those that were accepted last.
+    setup: AdmittanceSetup
+    accepted: AdmittanceSetup
+
+    # What is added to the measured wrench [N], [N·m], shape (6,).
+    wrench: Array
+
     control: AdmittanceState
 
     # Positions, velocities and accelerations, shape (3, n) each: references, new at
     # every activation, and commands, NaN while it is inactive.
     references: Array
-    commands: Array
+    command: Array
+
+    # References that have come since the last tick, if any have; NaN where none.
+    requested: Array | None = None
+
+    inbox: Inbox = Inbox()
 
     # What the last tick tells, if there was one.
     last: AdmittanceTick | None = None
@@ -562,22 +440,8 @@ class AdmittanceControllerSystemState(NamedTuple):
     fault: str = ""
 
 
-class AdmittanceController(TickingController[AdmittanceControllerSystemState]):
+class AdmittanceController(TopicController[AdmittanceControllerSystemState]):
     """Moves joints by their references, and lets an arm give way to what pushes it.
-
-    .. pydrake_system::
-
-        name: AdmittanceController
-        input_ports:
-        - controller_manager
-        - state_interfaces
-        - joint_references
-        - wrench_reference
-        - parameters
-        output_ports:
-        - command_interfaces
-        - status
-        - events
 
     With n = len(joints), vectors in their order:
 
@@ -618,11 +482,6 @@ class AdmittanceController(TickingController[AdmittanceControllerSystemState]):
     ``fixed_world_frame`` may be turned against the base in any way.
     """
 
-    message_types: ClassVar[Mapping[str, type[Message]]] = {
-        "joint_references": JointTrajectoryPoint,
-        "wrench_reference": WrenchStamped,
-    }
-
     def __init__(
         self,
         parameters: AdmittanceControllerParameters,
@@ -641,7 +500,9 @@ class AdmittanceController(TickingController[AdmittanceControllerSystemState]):
         super().__init__(
             params,
             AdmittanceControllerSystemState(
-                AdmittanceInbox(setup, setup, np.zeros(6)),
+                setup,
+                setup,
+                np.zeros(6),
                 AdmittanceState.initial(n),
                 self._nothing,
                 self._nothing,
@@ -661,15 +522,11 @@ class AdmittanceController(TickingController[AdmittanceControllerSystemState]):
         self._commanded = [_COMMANDS.index(c) for c in parameters.command_interfaces]
         self._referred = [_COMMANDS.index(c) for c in references]
         self._measured_rows = [_COMMANDS.index(c) for c in parameters.state_interfaces]
-        nothing = AbstractValue.Make(())
-        self._ports = AdmittancePorts(
-            *(
-                self.DeclareAbstractInputPort(port, nothing)
-                for port in (*self.message_types, interfaces.PARAMETERS_PORT)
-            )
-        )
+        self._subscribe("joint_references", JointTrajectoryPoint, self._take_point)
+        self._subscribe("wrench_reference", WrenchStamped, self._take_wrench)
+        self._subscribe_parameters(self._take_parameters)
         self._declare_topic("status", self._describe)
-        self._declare_topic("events", lambda state: state.inbox.events)
+        self._declare_events()
 
     def _update(
         self, now: UpdateContext, state: AdmittanceControllerSystemState
@@ -677,8 +534,8 @@ class AdmittanceController(TickingController[AdmittanceControllerSystemState]):
         if state.fault:
             return state
         chained = self._read_references(now)
-        obstacle = "" if chained is None else CHAINED
-        inbox, requested = receive(now, self._ports, state.inbox, self.params, obstacle)
+        state = self._receive(now, state, "" if chained is None else CHAINED)
+        requested = state.requested
         if chained is not None:
             requested = self._nothing.copy()
             requested[self._referred] = chained.reshape(len(self._referred), -1)
@@ -686,22 +543,75 @@ class AdmittanceController(TickingController[AdmittanceControllerSystemState]):
         if requested is not None:
             references = np.where(np.isfinite(requested), requested, references)
         measured, wrench = self._measure(now)
-        q = measured[0] if np.isfinite(measured[0]).all() else state.commands[0]
-        setup, period = inbox.setup, now.period_ns / NANOSECONDS
+        q = measured[0] if np.isfinite(measured[0]).all() else state.command[0]
+        setup, period = state.setup, now.period_ns / NANOSECONDS
         frames, X_BR = self._find_frames(setup, q, references[0])
-        control = setup.rule.step(state.control, frames, wrench + inbox.wrench, period)
+        control = setup.rule.step(state.control, frames, wrench + state.wrench, period)
         moved = (control.position, control.velocity, control.acceleration)
-        commands = references + np.array(moved)
+        command = references + np.array(moved)
         fault = ""
-        if not np.isfinite(commands).all():
+        if not np.isfinite(command).all():
             fault = (
                 "it gives way beyond all bounds; mass is too small, or stiffness or "
                 f"damping_ratio too large, for a period of {period:g} s"
             )
         last = AdmittanceTick(now.time_ns, setup, frames, control, X_BR)
-        return AdmittanceControllerSystemState(
-            inbox, control, references, commands, last, fault
+        return state._replace(
+            control=control,
+            references=references,
+            command=command,
+            requested=None,
+            last=last,
+            fault=fault,
         )
+
+    def _take_point(
+        self,
+        state: AdmittanceControllerSystemState,
+        message: JointTrajectoryPoint,
+        time_ns: int,
+        obstacle: str,
+    ) -> tuple[AdmittanceControllerSystemState, str]:
+        """Return the state with references."""
+        fault = obstacle or _find_fault(message, state.setup.parameters.joints)
+        if fault:
+            return state, fault
+        requested = self._nothing if state.requested is None else state.requested
+        requested = requested.copy()
+        if message.positions:
+            requested[0] = message.positions
+        if message.velocities:
+            requested[1] = message.velocities
+        return state._replace(requested=requested), ""
+
+    def _take_wrench(
+        self,
+        state: AdmittanceControllerSystemState,
+        message: WrenchStamped,
+        time_ns: int,
+        obstacle: str,
+    ) -> tuple[AdmittanceControllerSystemState, str]:
+        """Return the state with what is added to measured wrenches, at any time."""
+        frame, sensor = message.header.frame_id, state.setup.sensor
+        if frame not in ("", sensor):
+            return state, (
+                f"header.frame_id must be {sensor!r}, the sensor's, got {frame!r}"
+            )
+        wrench = _to_array(message)
+        if not np.isfinite(wrench).all():
+            return state, "wrench must be finite"
+        return state._replace(wrench=wrench), ""
+
+    def _take_parameters(
+        self, state: AdmittanceControllerSystemState, new: object, obstacle: str
+    ) -> AdmittanceControllerSystemState:
+        """Return the state with parameters, in effect now or after the activation."""
+        parameters = check_change(state.accepted.parameters, new, _READ_ONLY)
+        accepted = make_setup(parameters, self.params.links)
+        present = state.setup.parameters
+        takes_changes = present.enable_parameter_update_without_reactivation
+        setup = accepted if takes_changes or obstacle == INACTIVE else state.setup
+        return state._replace(setup=setup, accepted=accepted)
 
     def _measure(self, now: UpdateContext) -> tuple[Array, Array]:
         """Return the joints' state, shape (3, n), NaN where unknown, and the wrench."""
@@ -736,35 +646,28 @@ class AdmittanceController(TickingController[AdmittanceControllerSystemState]):
     def _activate(
         self, now: UpdateContext, state: AdmittanceControllerSystemState
     ) -> AdmittanceControllerSystemState:
-        inbox = take_parameters(
-            now, self._ports, state.inbox, self.params, is_running=False
-        )
+        state = self._receive_parameters(now, state, INACTIVE)
         measured, _ = self._measure(now)
-        joints = inbox.setup.parameters.joints
+        joints = state.setup.parameters.joints
         unread = [
             j for j, q in zip(joints, measured[0], strict=True) if not np.isfinite(q)
         ]
         fault = f"the position of joint {unread[0]!r} isn't known" if unread else ""
         # As upstream, it goes on with the velocity that it starts with.
         references = np.where(np.isfinite(measured), measured, 0.0)
-        return state._replace(inbox=inbox, references=references, fault=fault)
+        return state._replace(references=references, fault=fault)
 
     def _deactivate(
         self, now: UpdateContext, state: AdmittanceControllerSystemState
     ) -> AdmittanceControllerSystemState:
         return state._replace(
+            setup=state.accepted,
             control=AdmittanceState.initial(self._nothing.shape[1]),
-            commands=self._nothing,
+            command=self._nothing,
         )
 
-    def _idle(
-        self, now: UpdateContext, state: AdmittanceControllerSystemState
-    ) -> AdmittanceControllerSystemState:
-        inbox, _ = receive(now, self._ports, state.inbox, self.params, INACTIVE)
-        return state if inbox is state.inbox else state._replace(inbox=inbox)
-
     def _command(self, state: AdmittanceControllerSystemState) -> Array:
-        return state.commands[self._commanded].ravel()
+        return state.command[self._commanded].ravel()
 
     def _is_ok(self, state: AdmittanceControllerSystemState) -> bool:
         return not state.fault
