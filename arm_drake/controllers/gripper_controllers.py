@@ -1,40 +1,37 @@
 """The ``GripperActionController`` of three packages, which command grippers to a goal.
 
+A goal is reached within `goal_tolerance` of it; the gripper stalls when it was slower
+than `stall_velocity_threshold` for longer than `stall_timeout`. What was commanded last
+goes on after a goal has ended. The action server lives from the first activation on. A
+goal that is executed when the controller is deactivated goes on when it is activated
+again: at the position held then it has been reached.
+
 Sources: ros2_controllers, `gripper_controllers` (jazzy), for `position_controllers` and
 `effort_controllers`; `parallel_gripper_controller` (version 6.9.0), for
-``parallel_gripper_action_controller``. The tick itself is `arm_drake.control.gripper`.
+``parallel_gripper_action_controller``. Their rules are the same but for what is
+written.
 """
 
 import dataclasses as dc
-import functools
 import math
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
-from typing import Any, Literal, NamedTuple
+from collections.abc import Mapping
+from typing import Literal, NamedTuple
 
 import numpy as np
-from pydrake.common.value import AbstractValue
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
-from arm_drake.control import gripper as control
-from arm_drake.control.gripper import (
-    Ending,
-    GripperInputs,
-    GripperRules,
-    GripperState,
-    Target,
-)
-from arm_drake.control.pid import Pid, PidGains
-from arm_drake.controllers.controller_interface import (
-    ControllerInterfaceParams,
-    TickingController,
-)
+from arm_drake.control.action_goals import ActiveGoal, answer_cancel
+from arm_drake.control.pid import Pid, PidGains, PidState
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.controllers.topics import (
     GRIPPER_COMMAND,
+    Inbox,
+    TopicController,
+    add_event,
     find_part_fault,
-    new_messages,
     position_of,
 )
 from arm_drake.description.parameters import (
@@ -46,158 +43,21 @@ from arm_drake.description.parameters import (
 from arm_drake.messages import (
     NANOSECONDS,
     ActionRequest,
+    CancelGoal,
     Float32,
     Float64,
+    GoalEvent,
+    GoalStatus,
     GripperCommandGoal,
     GripperCommandResult,
     JointState,
-    Message,
     ParallelGripperCommandGoal,
     ParallelGripperCommandResult,
     Result,
     SendGoal,
-    TopicRejected,
 )
 
-
-class GripperControllerState(NamedTuple):
-    """State of a gripper controller between two ticks."""
-
-    control: GripperState = GripperState()
-
-    # Whether it writes: an end of an activation leaves all as it is.
-    is_active: bool = False
-
-    # What was on the ports at the last tick.
-    requests: tuple[ActionRequest, ...] = ()
-    parts: tuple[Float64, ...] = ()
-
-
-class GripperControllerBase(TickingController[GripperControllerState]):
-    """Moves one joint to the position of a goal, and tells whether it got there."""
-
-    @abstractmethod
-    def __init__(
-        self,
-        rules: GripperRules,
-        params: ControllerInterfaceParams,
-        *,
-        joint: str,
-        claims: tuple[str, ...],
-        limits: Mapping[str, str] | None = None,
-    ) -> None:
-        """Create the system."""
-        self._rules = rules
-        states = interfaces.interface_names(
-            (joint,), (interfaces.POSITION, interfaces.VELOCITY)
-        )
-        super().__init__(
-            params,
-            GripperControllerState(),
-            state_interfaces=states,
-            command_interfaces=claims,
-            limit_interfaces=limits or {},
-        )
-        nothing = AbstractValue.Make(())
-        self._action = self.DeclareAbstractInputPort("gripper_cmd", nothing)
-        self._range = params.gripper_ranges.get(joint)
-        self.message_types: dict[str, type[Message]] = {}
-        if self._range is not None:
-            self._part = self.DeclareAbstractInputPort(GRIPPER_COMMAND, nothing)
-            self.message_types = {GRIPPER_COMMAND: Float32}
-        self._declare_topic("events", lambda state: state.control.events)
-        self._unknown = np.full(len(claims), np.nan)
-
-    @abstractmethod
-    def _write(self, state: GripperState) -> Array:
-        """Return the command, shape (k,), of a controller that has been active."""
-
-    def _update(
-        self, now: UpdateContext, state: GripperControllerState
-    ) -> GripperControllerState:
-        state, inputs = self._receive(now, state)
-        return state._replace(control=control.tick(self._rules, state.control, inputs))
-
-    def _idle(
-        self, now: UpdateContext, state: GripperControllerState
-    ) -> GripperControllerState:
-        state, inputs = self._receive(now, state)
-        new = control.idle(self._rules, state.control, inputs)
-        return state if new is state.control else state._replace(control=new)
-
-    def _activate(
-        self, now: UpdateContext, state: GripperControllerState
-    ) -> GripperControllerState:
-        new = control.activate(self._rules, state.control, self._sense(now))
-        return state._replace(control=new, is_active=True)
-
-    def _deactivate(
-        self, now: UpdateContext, state: GripperControllerState
-    ) -> GripperControllerState:
-        return state._replace(is_active=False)
-
-    def _command(self, state: GripperControllerState) -> Array:
-        if state.control.target is None or not state.is_active:
-            return self._unknown
-        return self._write(state.control)
-
-    def _receive(
-        self, now: UpdateContext, state: GripperControllerState
-    ) -> tuple[GripperControllerState, GripperInputs]:
-        """Return the state with what came in, and the inputs of the tick."""
-        requests, seen = new_messages(
-            self._action, now.context, ActionRequest, state.requests
-        )
-        if seen is not state.requests:
-            state = state._replace(requests=seen)
-        inputs = self._sense(now)
-        if requests:
-            inputs = inputs._replace(requests=requests)
-        if self._range is None:
-            return state, inputs
-        new, parts = new_messages(self._part, now.context, Float64, state.parts)
-        if parts is state.parts:
-            return state, inputs
-        taken = state.control
-        for message in new:
-            fault = find_part_fault(message)
-            if fault:
-                taken = control.add_events(taken, TopicRejected(message, fault))
-            else:
-                at = position_of(message.data, self._range)
-                taken = control.command(self._rules, taken, at)
-        return state._replace(control=taken, parts=parts), inputs
-
-    def _sense(self, now: UpdateContext) -> GripperInputs:
-        """Return what the tick reads besides messages."""
-        position, velocity = self._read(now.context).tolist()
-        return GripperInputs(now.time_ns, now.period_ns, position, velocity)
-
-
-def make_rules(
-    parameters: Any,
-    *,
-    read_goal: Callable[[GripperRules, SendGoal], Target | str],
-    make_result: Callable[[Ending | None], Result],
-    max_velocity: float = 0.0,
-    pid: Pid | None = None,
-) -> GripperRules:
-    """Return the rules of a controller.
-
-    `max_velocity` [rad/s] or [m/s].
-    """
-    return GripperRules(
-        goal_tolerance=parameters.goal_tolerance,
-        allow_stalling=parameters.allow_stalling,
-        stall_velocity_threshold=parameters.stall_velocity_threshold,
-        stall_timeout=parameters.stall_timeout,
-        monitor_period_ns=int(1.0 / parameters.action_monitor_rate * NANOSECONDS),
-        max_effort=parameters.max_effort,
-        max_velocity=max_velocity,
-        read_goal=read_goal,
-        make_result=make_result,
-        pid=pid,
-    )
+_INACTIVE = "the controller was never active; activate it first"
 
 
 @dc.dataclass(frozen=True)
@@ -266,20 +126,280 @@ class EffortGripperActionControllerParameters(GripperActionControllerParameters)
     gains: GripperGains = GripperGains()
 
 
+@dc.dataclass(frozen=True)
+class ParallelGripperActionControllerParameters(GripperActionControllerParameters):
+    """Parameters of a GripperActionController with limits of effort and velocity."""
+
+    # Interfaces to read of the joint.
+    state_interfaces: tuple[str, ...] = ("position", "velocity")
+
+    # Full name of the interface that takes the limit of the effort; "" is none.
+    max_effort_interface: str = ""
+
+    # Effort where a goal has none, at least 0 [N·m] or [N].
+    max_effort: float = 10.0
+
+    # Full name of the interface that takes the limit of the velocity; "" is none.
+    max_velocity_interface: str = ""
+
+    # Velocity where a goal has none, at least 0 [rad/s] or [m/s].
+    max_velocity: float = 0.1
+
+    def __post_init__(self) -> None:
+        """Reject what the types alone can't express."""
+        super().__post_init__()
+        check_at_least(self, 0.0, "stall_timeout", "max_velocity")
+        limits = [self.max_effort_interface, self.max_velocity_interface]
+        for name in filter(None, limits):
+            if name == f"{self.joint}/{interfaces.POSITION}" or limits.count(name) > 1:
+                raise ValueError(
+                    "max_effort_interface and max_velocity_interface must be two "
+                    f"interfaces beside the position, got {limits}"
+                )
+
+
+class Target(NamedTuple):
+    """Where the joint is to go, and with what."""
+
+    # [rad] or [m].
+    position: float
+
+    # [N·m] or [N].
+    max_effort: float = 0.0
+
+    # [rad/s] or [m/s].
+    max_velocity: float = 0.0
+
+
+class Ending(NamedTuple):
+    """How a goal ended by itself."""
+
+    # [rad] or [m].
+    position: float
+
+    # What was commanded last [N·m] or [N].
+    effort: float
+
+    is_stalled: bool
+
+
+class GripperControllerState(NamedTuple):
+    """State of a gripper controller between two ticks."""
+
+    # What to write, shape (k,); NaN while it is inactive.
+    command: Array
+
+    # Where it is to go; None before the first activation.
+    target: Target | None = None
+
+    goal: ActiveGoal | None = None
+
+    # When the joint moved last, or the goal was accepted [ns].
+    moved_ns: int = 0
+
+    # Effort that the last tick commanded, or what it was limited to.
+    effort: float = 0.0
+
+    pid: PidState | None = None
+
+    # What was measured last [rad] or [m], and per second.
+    position: float = math.nan
+    velocity: float = math.nan
+
+    inbox: Inbox = Inbox()
+
+
+class GripperControllerBase(TopicController[GripperControllerState]):
+    """Moves one joint to the position of a goal, and tells whether it got there."""
+
+    @abstractmethod
+    def __init__(
+        self,
+        parameters: GripperActionControllerParameters,
+        params: ControllerInterfaceParams,
+        *,
+        claims: tuple[str, ...],
+        limits: Mapping[str, str] | None = None,
+        pid: Pid | None = None,
+        max_velocity: float = 0.0,
+    ) -> None:
+        """Create the system."""
+        joint = parameters.joint
+        self._config, self._max_velocity = parameters, max_velocity
+        self._monitor_ns = int(1.0 / parameters.action_monitor_rate * NANOSECONDS)
+        # Commands efforts; without it, positions are.
+        self._pid = pid
+        self._unknown = np.full(len(claims), np.nan)
+        super().__init__(
+            params,
+            GripperControllerState(self._unknown),
+            state_interfaces=interfaces.interface_names(
+                (joint,), (interfaces.POSITION, interfaces.VELOCITY)
+            ),
+            command_interfaces=claims,
+            limit_interfaces=limits,
+        )
+        self._subscribe("gripper_cmd", ActionRequest, self._take_request)
+        self._range = params.gripper_ranges.get(joint)
+        self.message_types = {}
+        if self._range is not None:
+            self._subscribe(GRIPPER_COMMAND, Float64, self._take_part)
+            self.message_types = {GRIPPER_COMMAND: Float32}
+        # Of both in one tick, a gripper command counts first.
+        self._topics.reverse()
+        self._declare_events()
+
+    @abstractmethod
+    def _read_goal(self, goal: object) -> Target | str:
+        """Return the target of a goal, or in words why there is none."""
+
+    @abstractmethod
+    def _make_result(self, ending: Ending | None) -> Result:
+        """Return the result of a goal; None is one that has been cancelled."""
+
+    @abstractmethod
+    def _write(self, target: Target, effort: float) -> Array:
+        """Return the command, shape (k,), for a target and the effort of the tick."""
+
+    def _activate(
+        self, now: UpdateContext, state: GripperControllerState
+    ) -> GripperControllerState:
+        position, _ = self._read(now.context).tolist()
+        pid = None if self._pid is None else self._pid.initial()
+        return state._replace(target=self._target_at(position), pid=pid)
+
+    def _update(
+        self, now: UpdateContext, state: GripperControllerState
+    ) -> GripperControllerState:
+        state = self._receive(now, state)
+        target = state.target
+        assert target is not None  # Since the activation.
+        error = target.position - state.position
+        state = self._judge(state, now.time_ns, error)
+        effort, pid = target.max_effort, state.pid
+        if self._pid is not None:
+            assert pid is not None
+            dt = now.period_ns / NANOSECONDS
+            rate = np.array([-state.velocity])
+            pid = self._pid.step(pid, np.array([error]), dt, rate)
+            most = abs(target.max_effort)
+            effort = min(max(float(pid.command[0]), -most), most)
+        command = self._write(target, effort)
+        return state._replace(effort=effort, pid=pid, command=command)
+
+    def _deactivate(
+        self, now: UpdateContext, state: GripperControllerState
+    ) -> GripperControllerState:
+        return state._replace(command=self._unknown)
+
+    def _receive(
+        self, now: UpdateContext, state: GripperControllerState, obstacle: str = ""
+    ) -> GripperControllerState:
+        """Return the state that has dealt with messages and told results that are due.
+
+        It does so while it is inactive, too.
+        """
+        position, velocity = self._read(now.context).tolist()
+        state = state._replace(position=position, velocity=velocity)
+        state = super()._receive(now, state, obstacle)
+        goal = state.goal
+        if goal is None or now.time_ns < goal.monitor_ns:
+            return state
+        if goal.outcome is None:
+            monitor_ns = goal.next_monitor(now.time_ns, self._monitor_ns)
+            return state._replace(goal=dc.replace(goal, monitor_ns=monitor_ns))
+        if not goal.is_deliverable:
+            return state
+        return add_event(state._replace(goal=None), goal.outcome)
+
+    def _take_request(
+        self,
+        state: GripperControllerState,
+        message: ActionRequest,
+        time_ns: int,
+        obstacle: str,
+    ) -> tuple[GripperControllerState, str]:
+        """Return the state that deals with a request; nothing is wrong with it."""
+        if isinstance(message, CancelGoal):
+            return self._cancel(state, message), ""
+        if isinstance(message, SendGoal):
+            return self._take_goal(state, message, time_ns), ""
+        return state, ""
+
+    def _take_goal(
+        self, state: GripperControllerState, request: SendGoal, time_ns: int
+    ) -> GripperControllerState:
+        """Return the state that executes a goal, or has rejected it."""
+        target = self._read_goal(request.goal) if state.target else _INACTIVE
+        if isinstance(target, str):
+            rejected = GoalEvent(request, GoalStatus.REJECTED, note=target)
+            return add_event(state, rejected)
+        state = add_event(state, GoalEvent(request, GoalStatus.EXECUTING))
+        state = self._drop_goal(state)
+        goal = ActiveGoal(request, time_ns, time_ns + self._monitor_ns)
+        return state._replace(target=target, goal=goal, moved_ns=time_ns)
+
+    def _cancel(
+        self, state: GripperControllerState, request: CancelGoal
+    ) -> GripperControllerState:
+        goal, response = state.goal, answer_cancel(state.goal, request)
+        if goal is not None and response.accepted:
+            if goal.is_executing:
+                goal = goal.end(GoalStatus.CANCELED, self._make_result(None))
+                state = state._replace(target=self._target_at(state.position))
+            state = state._replace(goal=dc.replace(goal, is_canceling=True))
+        return add_event(state, response)
+
+    def _take_part(
+        self,
+        state: GripperControllerState,
+        message: Float64,
+        time_ns: int,
+        obstacle: str,
+    ) -> tuple[GripperControllerState, str]:
+        """Return the state that goes to a position without a goal."""
+        fault = find_part_fault(message)
+        if fault or state.target is None:
+            return state, fault
+        assert self._range is not None
+        target = self._target_at(position_of(message.data, self._range))
+        if self._pid is not None and not target.max_effort:
+            target = target._replace(max_effort=math.inf)
+        return self._drop_goal(state)._replace(target=target), ""
+
+    def _drop_goal(self, state: GripperControllerState) -> GripperControllerState:
+        """Return the state without its goal, which another one takes the place of."""
+        if state.goal is None:
+            return state
+        result = self._make_result(None)
+        event = GoalEvent(state.goal.request, GoalStatus.CANCELED, result)
+        return add_event(state._replace(goal=None), event)
+
+    def _target_at(self, position: float) -> Target:
+        return Target(position, self._config.max_effort, self._max_velocity)
+
+    def _judge(
+        self, state: GripperControllerState, time_ns: int, error: float
+    ) -> GripperControllerState:
+        """Return the state that has noted whether the goal ends."""
+        goal, rules = state.goal, self._config
+        if goal is None or not goal.is_executing:
+            return state
+        is_reached = abs(error) < rules.goal_tolerance
+        if not is_reached:
+            if abs(state.velocity) > rules.stall_velocity_threshold:
+                return state._replace(moved_ns=time_ns)
+            standing = (time_ns - state.moved_ns) / NANOSECONDS
+            if not standing > rules.stall_timeout:
+                return state
+        result = self._make_result(Ending(state.position, state.effort, not is_reached))
+        is_good = is_reached or rules.allow_stalling
+        status = GoalStatus.SUCCEEDED if is_good else GoalStatus.ABORTED
+        return state._replace(goal=goal.end(status, result))
+
+
 class GripperActionController(GripperControllerBase):
     """Moves a joint to the position of a GripperCommand goal.
-
-    .. pydrake_system::
-
-        name: GripperActionController
-        input_ports:
-        - controller_manager
-        - state_interfaces
-        - gripper_cmd
-        - gripper_command
-        output_ports:
-        - command_interfaces
-        - events
 
     ==================  ====  =======  =================================================
     port                size  unit     meaning
@@ -319,40 +439,30 @@ class GripperActionController(GripperControllerBase):
         """Create the system."""
         self._commands_effort = is_effort = interface == interfaces.EFFORT
         super().__init__(
-            make_rules(
-                parameters,
-                read_goal=_read_goal,
-                make_result=_make_result,
-                pid=_make_pid(parameters) if is_effort else None,
-            ),
+            parameters,
             params,
-            joint=parameters.joint,
             claims=(f"{parameters.joint}/{interface}",),
+            pid=_make_pid(parameters) if is_effort else None,
         )
 
-    def _write(self, state: GripperState) -> Array:
-        assert state.target is not None
-        is_effort = self._commands_effort
-        return np.array([state.effort if is_effort else state.target.position])
+    def _read_goal(self, goal: object) -> Target | str:
+        if not isinstance(goal, GripperCommandGoal):
+            return f"expected a GripperCommandGoal, got a {type(goal).__name__}"
+        command = goal.command
+        for field in ("position", "max_effort"):
+            value = getattr(command, field)
+            if not math.isfinite(value):
+                return f"command.{field} must be finite, got {value}"
+        return Target(command.position, command.max_effort)
 
+    def _make_result(self, ending: Ending | None) -> GripperCommandResult:
+        if ending is None:
+            return GripperCommandResult()
+        position, effort, is_stalled = ending
+        return GripperCommandResult(position, effort, is_stalled, not is_stalled)
 
-def _read_goal(rules: GripperRules, request: SendGoal) -> Target | str:
-    goal = request.goal
-    if not isinstance(goal, GripperCommandGoal):
-        return f"expected a GripperCommandGoal, got a {type(goal).__name__}"
-    command = goal.command
-    for field in ("position", "max_effort"):
-        value = getattr(command, field)
-        if not math.isfinite(value):
-            return f"command.{field} must be finite, got {value}"
-    return Target(command.position, command.max_effort)
-
-
-def _make_result(ending: Ending | None) -> GripperCommandResult:
-    if ending is None:
-        return GripperCommandResult()
-    position, effort, is_stalled = ending
-    return GripperCommandResult(position, effort, is_stalled, not is_stalled)
+    def _write(self, target: Target, effort: float) -> Array:
+        return np.array([effort if self._commands_effort else target.position])
 
 
 def _make_pid(parameters: GripperActionControllerParameters) -> Pid:
@@ -364,72 +474,8 @@ def _make_pid(parameters: GripperActionControllerParameters) -> Pid:
     )
 
 
-@dc.dataclass(frozen=True)
-class ParallelGripperActionControllerParameters:
-    """Parameters of a GripperActionController with limits of effort and velocity."""
-
-    # Joint to command.
-    joint: str
-
-    # Rate of results, at least 0.1 [Hz].
-    action_monitor_rate: float = 20.0
-
-    # Interfaces to read of the joint.
-    state_interfaces: tuple[str, ...] = ("position", "velocity")
-
-    # Distance at which a goal is reached, at least 0 [rad] or [m].
-    goal_tolerance: float = 0.01
-
-    # Whether a goal succeeds where the gripper stalls.
-    allow_stalling: bool = False
-
-    # Speed below which the gripper stalls [rad/s] or [m/s], and after how long [s], at
-    # least 0.
-    stall_velocity_threshold: float = 0.001
-    stall_timeout: float = 1.0
-
-    # Full name of the interface that takes the limit of the effort; "" is none.
-    max_effort_interface: str = ""
-
-    # Effort where a goal has none, at least 0 [N·m] or [N].
-    max_effort: float = 10.0
-
-    # Full name of the interface that takes the limit of the velocity; "" is none.
-    max_velocity_interface: str = ""
-
-    # Velocity where a goal has none, at least 0 [rad/s] or [m/s].
-    max_velocity: float = 0.1
-
-    def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
-        check_not_empty(self, "joint")
-        check_at_least(self, 0.1, "action_monitor_rate")
-        check_at_least(
-            self, 0.0, "goal_tolerance", "stall_timeout", "max_effort", "max_velocity"
-        )
-        limits = [self.max_effort_interface, self.max_velocity_interface]
-        for name in filter(None, limits):
-            if name == f"{self.joint}/{interfaces.POSITION}" or limits.count(name) > 1:
-                raise ValueError(
-                    "max_effort_interface and max_velocity_interface must be two "
-                    f"interfaces beside the position, got {limits}"
-                )
-
-
 class ParallelGripperActionController(GripperControllerBase):
     """Moves a joint to the position of a ParallelGripperCommand goal.
-
-    .. pydrake_system::
-
-        name: ParallelGripperActionController
-        input_ports:
-        - controller_manager
-        - state_interfaces
-        - gripper_cmd
-        - gripper_command
-        output_ports:
-        - command_interfaces
-        - events
 
     ==================  ====  =======  =================================================
     port                size  unit     meaning
@@ -463,71 +509,48 @@ class ParallelGripperActionController(GripperControllerBase):
         params: ControllerInterfaceParams,
     ) -> None:
         """Create the system."""
-        effort, velocity = (
-            parameters.max_effort_interface,
-            parameters.max_velocity_interface,
-        )
+        effort = parameters.max_effort_interface
+        velocity = parameters.max_velocity_interface
         self._has_effort, self._has_velocity = bool(effort), bool(velocity)
-        limits = tuple(filter(None, (effort, velocity)))
+        limits = {effort: interfaces.EFFORT, velocity: interfaces.VELOCITY}
+        limits.pop("", None)
         super().__init__(
-            make_rules(
-                parameters,
-                read_goal=functools.partial(
-                    _read_parallel_goal,
-                    has_effort=bool(effort),
-                    has_velocity=bool(velocity),
-                ),
-                make_result=_make_parallel_result,
-                max_velocity=parameters.max_velocity,
-            ),
+            parameters,
             params,
-            joint=parameters.joint,
             claims=(f"{parameters.joint}/{interfaces.POSITION}", *limits),
-            limits={
-                name: kind
-                for name, kind in (
-                    (effort, interfaces.EFFORT),
-                    (velocity, interfaces.VELOCITY),
-                )
-                if name
-            },
+            limits=limits,
+            max_velocity=parameters.max_velocity,
         )
 
-    def _write(self, state: GripperState) -> Array:
-        target = state.target
-        assert target is not None
+    def _read_goal(self, goal: object) -> Target | str:
+        if not isinstance(goal, ParallelGripperCommandGoal):
+            name = type(goal).__name__
+            return f"expected a ParallelGripperCommandGoal, got a {name}"
+        command = goal.command
+        if len(command.position) != 1:
+            return f"command.position must have 1 value, got {len(command.position)}"
+        for field in ("position", "velocity", "effort"):
+            for value in getattr(command, field):
+                if not math.isfinite(value):
+                    return f"command.{field} must be finite, got {value}"
+        target = self._target_at(command.position[0])
+        if self._has_effort and command.effort:
+            target = target._replace(max_effort=command.effort[0])
+        if self._has_velocity and command.velocity:
+            target = target._replace(max_velocity=command.velocity[0])
+        return target
+
+    def _make_result(self, ending: Ending | None) -> ParallelGripperCommandResult:
+        if ending is None:
+            return ParallelGripperCommandResult()
+        state = JointState(position=(ending.position,))
+        is_stalled = ending.is_stalled
+        return ParallelGripperCommandResult(state, is_stalled, not is_stalled)
+
+    def _write(self, target: Target, effort: float) -> Array:
         values = [target.position]
         if self._has_effort:
             values.append(target.max_effort)
         if self._has_velocity:
             values.append(target.max_velocity)
         return np.array(values)
-
-
-def _read_parallel_goal(
-    rules: GripperRules, request: SendGoal, *, has_effort: bool, has_velocity: bool
-) -> Target | str:
-    goal = request.goal
-    if not isinstance(goal, ParallelGripperCommandGoal):
-        return f"expected a ParallelGripperCommandGoal, got a {type(goal).__name__}"
-    command = goal.command
-    if len(command.position) != 1:
-        return f"command.position must have 1 value, got {len(command.position)}"
-    for field in ("position", "velocity", "effort"):
-        for value in getattr(command, field):
-            if not math.isfinite(value):
-                return f"command.{field} must be finite, got {value}"
-    effort, velocity = command.effort, command.velocity
-    return Target(
-        command.position[0],
-        effort[0] if has_effort and effort else rules.max_effort,
-        velocity[0] if has_velocity and velocity else rules.max_velocity,
-    )
-
-
-def _make_parallel_result(ending: Ending | None) -> ParallelGripperCommandResult:
-    if ending is None:
-        return ParallelGripperCommandResult()
-    state = JointState(position=(ending.position,))
-    is_stalled = ending.is_stalled
-    return ParallelGripperCommandResult(state, is_stalled, not is_stalled)

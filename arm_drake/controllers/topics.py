@@ -16,20 +16,29 @@ from arm_drake.controllers.controller_interface import (
     TickingController,
 )
 from arm_drake.controllers.cycles import UpdateContext, messages_on
-from arm_drake.messages import Float64, Message, ParametersRejected, TopicRejected
+from arm_drake.messages import (
+    CancelResponse,
+    Float64,
+    GoalEvent,
+    Message,
+    ParametersRejected,
+    TopicRejected,
+)
 from arm_drake.messages.base import append_events
 
 M = TypeVar("M", bound=Message)
 P = TypeVar("P")
+T = TypeVar("T", bound="TopicState")
 
-Rejection: TypeAlias = TopicRejected | ParametersRejected
+# What a controller tells of messages.
+Event: TypeAlias = TopicRejected | ParametersRejected | GoalEvent | CancelResponse
 
 # Why messages aren't taken.
 CHAINED = "another controller commands the references"
 INACTIVE = "the controller is not active"
 
 # The latest events, numbered, the newest last.
-Events: TypeAlias = tuple[tuple[int, Rejection], ...]
+Events: TypeAlias = tuple[tuple[int, Event], ...]
 
 
 def new_messages(
@@ -98,13 +107,8 @@ def check_change(old: P, new: object, read_only: Sequence[str]) -> P:
     return new
 
 
-def add_events(events: Events, new_events: Sequence[Rejection]) -> Events:
-    """Return the latest events, those of this tick at their end.
-
-    Args:
-        events: What there was.
-        new_events: What happened in this tick.
-    """
+def add_events(events: Events, new_events: Sequence[Event]) -> Events:
+    """Return the latest events, those of this tick at their end."""
     return append_events(events, new_events) if new_events else events
 
 
@@ -123,8 +127,15 @@ class Inbox(NamedTuple):
 
 def latest_reason(inbox: Inbox) -> str:
     """Return why the update fails that the latest message makes fail."""
-    reason = inbox.events[-1][1].reason if inbox.events else ""
+    event = inbox.events[-1][1] if inbox.events else None
+    reason = event.reason if isinstance(event, TopicRejected) else ""
     return reason.removesuffix("; the update fails")
+
+
+def add_event(state: T, event: Event) -> T:
+    """Return the state that tells of something, after what it has told."""
+    events = add_events(state.inbox.events, [event])
+    return state._replace(inbox=state.inbox._replace(events=events))
 
 
 class TopicState(Protocol):
@@ -158,8 +169,6 @@ def document_ports(system: type) -> str | None:
     text = textwrap.indent("\n".join(block), "    ")
     return f"{summary}\n\n.. pydrake_system::\n\n{text}\n\n{rest}\n"
 
-
-T = TypeVar("T", bound=TopicState)
 
 # Takes a message that came at a time [ns]; returns the new state, and what is wrong
 # with the message. The last argument says why no commands are taken; empty if they are.
@@ -225,21 +234,18 @@ class TopicController(TickingController[T]):
         if now.is_quiet:
             return state
         state = self._receive_parameters(now, state, obstacle)
-        inbox = state.inbox
-        seen = inbox.seen or ((),) * len(self._topics)
+        seen = state.inbox.seen or ((),) * len(self._topics)
         received: list[tuple[Message, ...]] = []
-        rejections: list[Rejection] = []
         for (port, kind, take), before in zip(self._topics, seen, strict=True):
             new, messages = new_messages(port, now.context, kind, before)
             received.append(messages)
             for message in new:
                 state, fault = take(state, message, now.time_ns, obstacle)
                 if fault:
-                    rejections.append(TopicRejected(message, fault))
+                    state = add_event(state, TopicRejected(message, fault))
         if all(map(is_, received, seen)):
             return state
-        events = add_events(inbox.events, rejections)
-        return state._replace(inbox=inbox._replace(seen=tuple(received), events=events))
+        return state._replace(inbox=state.inbox._replace(seen=tuple(received)))
 
     def _receive_parameters(self, now: UpdateContext, state: T, obstacle: str) -> T:
         """Return the state with new parameters, if they can be taken."""
@@ -248,15 +254,12 @@ class TopicController(TickingController[T]):
             new = new_parameters(port, now.context, seen)
             if new is seen:
                 continue
-            rejections = []
+            state = state._replace(inbox=state.inbox._replace(parameters=new))
             if new != ():  # Else nothing is on the port any more.
                 try:
                     state = take(state, new, obstacle)
                 except ValueError as error:
-                    rejections.append(ParametersRejected(str(error)))
-            events = add_events(state.inbox.events, rejections)
-            inbox = state.inbox._replace(parameters=new, events=events)
-            state = state._replace(inbox=inbox)
+                    state = add_event(state, ParametersRejected(str(error)))
         return state
 
     def _idle(self, now: UpdateContext, state: T) -> T:
