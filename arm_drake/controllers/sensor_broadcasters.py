@@ -7,25 +7,17 @@ Sources: ros2_controllers (version 6.9.0), `imu_sensor_broadcaster`,
 """
 
 import dataclasses as dc
-import inspect
 import math
-import textwrap
-from abc import abstractmethod
-from collections.abc import Callable, Collection, Mapping, Sequence
-from operator import attrgetter
-from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar
+from collections.abc import Sequence
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 from pydrake.common.eigen_geometry import Quaternion as DrakeQuaternion
 from pydrake.math import RollPitchYaw
 
 from arm_drake.arrays import Array
-from arm_drake.controllers.controller_interface import (
-    ControllerInterfaceParams,
-    TickingController,
-)
-from arm_drake.controllers.cycles import UpdateContext
-from arm_drake.controllers.topics import document_ports
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.topics import SensorBroadcaster
 from arm_drake.description.parameters import (
     ParameterGroup,
     Rule,
@@ -55,87 +47,6 @@ from arm_drake.messages.sensors import (
     VDA5050SafetyState,
     to_code,
 )
-
-# What a broadcaster published last.
-M = TypeVar("M")
-
-
-class SensorBroadcaster(TickingController[M]):
-    """Base of broadcasters, whose state is what was published last.
-
-    A subclass says what it reads and publishes, and makes its message by `_make`.
-    """
-
-    # Interfaces of the sensor that it reads.
-    names: ClassVar[tuple[str, ...]] = ()
-
-    # For its documentation, which names all ports: what it reads, what it exports if it
-    # does, and what is on each of its topics.
-    reads: ClassVar[str]
-    exports: ClassVar[str] = ""
-    topics: ClassVar[Mapping[str, str]]
-
-    def __init_subclass__(cls, **more: Any) -> None:
-        """Add the ports to the documentation."""
-        super().__init_subclass__(**more)
-        cls.__doc__ = _document(cls)
-        cls.__doc__ = document_ports(cls)
-
-    def __init__(
-        self,
-        parameters: Any,
-        params: ControllerInterfaceParams,
-        initial: M,
-        *,
-        state_interfaces: tuple[str, ...] = (),
-        exported_interfaces: tuple[str, ...] = (),
-        without: Collection[str] = (),
-    ) -> None:
-        """Create the system."""
-        super().__init__(
-            params,
-            initial,
-            state_interfaces=state_interfaces
-            or tuple(f"{parameters.sensor_name}/{name}" for name in self.names),
-            exported_interfaces=exported_interfaces,
-        )
-        self._frame_id = getattr(parameters, "frame_id", "")
-        for topic in self.topics:
-            if topic not in without:
-                self._declare_topic(topic, self._show(topic))
-
-    @abstractmethod
-    def _make(self, header: Header, values: Array, last: M) -> M:
-        """Return what to publish, of what is read and what was published last."""
-
-    def _show(self, topic: str) -> Callable[[M], Any]:
-        """Return what tells what is on a topic."""
-        return lambda message: message
-
-    def _update(self, now: UpdateContext, state: M) -> M:
-        header = Header.from_nanoseconds(now.time_ns, self._frame_id)
-        return self._make(header, self._read(now.context), state)
-
-
-def _document(system: type[SensorBroadcaster[Any]]) -> str:
-    """Return a broadcaster's documentation with the table of its ports."""
-    summary, _, rest = inspect.cleandoc(system.__doc__ or "").partition("\n\n")
-    ports = {
-        "controller_manager": "Cycle: when to tick",
-        "state_interfaces": f"everything that is measured; it reads {system.reads}",
-        "command_interfaces": "UpdateResult; no commands",
-    }
-    if system.exports:
-        ports["exported_state_interfaces"] = system.exports
-    ports |= system.topics
-    width = max(map(len, ports))
-    line = f"{'=' * width}  {'=' * (80 - width)}"
-    rows = [line, f"{'port':{width}}  meaning", line]
-    for name, meaning in ports.items():
-        first, *more = textwrap.wrap(meaning, 80 - width, break_on_hyphens=False)
-        rows += [f"{name:{width}}  {first}", *(f"{'':{width}}  {m}" for m in more)]
-    table = "\n".join([*rows, line])
-    return f"{summary}\n\n{table}\n\n{rest}\n"
 
 
 @dc.dataclass(frozen=True)
@@ -198,6 +109,7 @@ class IMUSensorBroadcaster(SensorBroadcaster[Imu]):
     is of the fixed frame and stays.
     """
 
+    message = Imu
     names = (
         *(f"orientation.{axis}" for axis in "xyzw"),
         *(f"angular_velocity.{axis}" for axis in "xyz"),
@@ -219,20 +131,13 @@ class IMUSensorBroadcaster(SensorBroadcaster[Imu]):
         params: ControllerInterfaceParams,
     ) -> None:
         """Create the system."""
-        offset, own = parameters.rotation_offset, params.controller_name
-        exported = tuple(f"{own}/{parameters.sensor_name}/{n}" for n in self.names)
-        super().__init__(
-            parameters,
-            params,
-            Imu(),
-            exported_interfaces=() if params.distro == "humble" else exported,
-        )
+        super().__init__(parameters, params)
+        offset = parameters.rotation_offset
         turn = RollPitchYaw(offset.roll, offset.pitch, offset.yaw)
         # A rotation of nothing would spread NaN from one axis to the others.
         self._is_turned = offset != RotationOffset()
         self._rotation: Array = turn.ToRotationMatrix().matrix()
         self._inverse = turn.ToQuaternion().inverse()
-        self._orientation_covariance = parameters.static_covariance_orientation
         self._velocity_covariance = self._turn_covariance(
             parameters.static_covariance_angular_velocity
         )
@@ -256,7 +161,7 @@ class IMUSensorBroadcaster(SensorBroadcaster[Imu]):
         return Imu(
             header,
             Quaternion(*orientation.tolist()),
-            self._orientation_covariance,
+            self._parameters.static_covariance_orientation,
             Vector3(*velocity.tolist()),
             self._velocity_covariance,
             Vector3(*acceleration.tolist()),
@@ -303,28 +208,22 @@ class RangeSensorBroadcaster(SensorBroadcaster[Range]):
     beyond ``min_range`` and ``max_range``.
     """
 
+    message = Range
     names = ("range",)
     reads = "``<sensor_name>/range`` [m]"
     topics: ClassVar = {"range": "Range of the last tick"}
 
-    def __init__(
-        self,
-        parameters: RangeSensorBroadcasterParameters,
-        params: ControllerInterfaceParams,
-    ) -> None:
-        """Create the system."""
-        super().__init__(parameters, params, Range())
-        self._constant = Range(
-            radiation_type=parameters.radiation_type,
-            field_of_view=parameters.field_of_view,
-            min_range=parameters.min_range,
-            max_range=parameters.max_range,
-            variance=parameters.variance,
-        )
-
     def _make(self, header: Header, values: Array, last: Range) -> Range:
-        (distance,) = values.tolist()
-        return dc.replace(self._constant, header=header, range=distance)
+        known: RangeSensorBroadcasterParameters = self._parameters
+        return Range(
+            header,
+            known.radiation_type,
+            known.field_of_view,
+            known.min_range,
+            known.max_range,
+            float(values[0]),
+            known.variance,
+        )
 
 
 # How far the squared norm of an orientation on /tf may be off 1.
@@ -372,6 +271,7 @@ class PoseBroadcaster(SensorBroadcaster[PoseBroadcasterState]):
     and the squared norm of the orientation is within 0.01 of 1.
     """
 
+    message = PoseBroadcasterState
     reads = (
         "``<pose_name>/position.{x,y,z}`` [m] and ``<pose_name>/orientation.{x,y,z,w}``"
     )
@@ -393,7 +293,6 @@ class PoseBroadcaster(SensorBroadcaster[PoseBroadcasterState]):
         super().__init__(
             parameters,
             params,
-            PoseBroadcasterState(),
             state_interfaces=(
                 *(f"{name}/position.{axis}" for axis in "xyz"),
                 *(f"{name}/orientation.{axis}" for axis in "xyzw"),
@@ -401,10 +300,6 @@ class PoseBroadcaster(SensorBroadcaster[PoseBroadcasterState]):
             without=() if tf.enable else ("tf",),
         )
         self._child_frame_id = tf.child_frame_id or name
-        self._has_tf = tf.enable
-
-    def _show(self, topic: str) -> Callable[[PoseBroadcasterState], Any]:
-        return attrgetter(topic)
 
     def _make(
         self, header: Header, values: Array, last: PoseBroadcasterState
@@ -412,7 +307,7 @@ class PoseBroadcaster(SensorBroadcaster[PoseBroadcasterState]):
         numbers = values.tolist()
         orientation = Quaternion(*numbers[3:])
         pose = PoseStamped(header, Pose(Point(*numbers[:3]), orientation))
-        if not (self._has_tf and is_valid(numbers)):
+        if not (self._parameters.tf.enable and is_valid(numbers)):
             return last._replace(pose=pose)
         transform = Transform(Vector3(*numbers[:3]), orientation)
         tf = TransformStamped(header, self._child_frame_id, transform)
@@ -461,6 +356,7 @@ class GPSSensorBroadcaster(SensorBroadcaster[NavSatFix]):
     the message's matrix, in the order of their interfaces, as upstream has it.
     """
 
+    message = NavSatFix
     reads = (
         "``status``, ``service``, ``latitude``, ``longitude`` and ``altitude`` of "
         "``<sensor_name>``, with ``read_covariance_from_interface`` also "
@@ -481,14 +377,12 @@ class GPSSensorBroadcaster(SensorBroadcaster[NavSatFix]):
         super().__init__(
             parameters,
             params,
-            NavSatFix(),
             state_interfaces=tuple(f"{sensor}/{name}" for name in names),
         )
-        self._covariance = parameters.static_position_covariance
 
     def _make(self, header: Header, values: Array, last: NavSatFix) -> NavSatFix:
         status, service, latitude, longitude, altitude, *diagonal = values.tolist()
-        covariance, kind = self._covariance, _KNOWN
+        covariance, kind = self._parameters.static_position_covariance, _KNOWN
         if diagonal:
             x, y, z = diagonal
             covariance = (x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, z)
@@ -525,23 +419,16 @@ class MagnetometerBroadcaster(SensorBroadcaster[MagneticField]):
     The state is what was published last.
     """
 
+    message = MagneticField
     names = tuple(f"magnetic_field.{axis}" for axis in "xyz")
     reads = "``<sensor_name>/magnetic_field.{x,y,z}`` [T]"
     topics: ClassVar = {"magnetic_field": "MagneticField of the last tick"}
 
-    def __init__(
-        self,
-        parameters: MagnetometerBroadcasterParameters,
-        params: ControllerInterfaceParams,
-    ) -> None:
-        """Create the system."""
-        super().__init__(parameters, params, MagneticField())
-        self._covariance = parameters.static_covariance
-
     def _make(
         self, header: Header, values: Array, last: MagneticField
     ) -> MagneticField:
-        return MagneticField(header, Vector3(*values.tolist()), self._covariance)
+        field = Vector3(*values.tolist())
+        return MagneticField(header, field, self._parameters.static_covariance)
 
 
 @dc.dataclass(frozen=True)
@@ -556,7 +443,14 @@ class StateInterfacesBroadcasterParameters:
         check_not_empty(self, "interfaces")
 
 
-class StateInterfacesBroadcaster(SensorBroadcaster[Float64Values]):
+class NamedValues(NamedTuple):
+    """What a StateInterfacesBroadcaster publishes."""
+
+    names: Keys
+    values: Float64Values
+
+
+class StateInterfacesBroadcaster(SensorBroadcaster[NamedValues]):
     """Publishes the values of any state interfaces.
 
     The state is what was published last.
@@ -584,16 +478,11 @@ class StateInterfacesBroadcaster(SensorBroadcaster[Float64Values]):
                 f"{', '.join(map(repr, others))} aren't"
             )
         nothing = Float64Values(values=(math.nan,) * len(names))
-        super().__init__(parameters, params, nothing, state_interfaces=names)
+        initial = NamedValues(Keys(keys=names), nothing)
+        super().__init__(parameters, params, initial, state_interfaces=names)
 
-    def _show(self, topic: str) -> Callable[[Float64Values], Any]:
-        keys = Keys(keys=self.state_interfaces)
-        return (lambda _: keys) if topic == "names" else super()._show(topic)
-
-    def _make(
-        self, header: Header, values: Array, last: Float64Values
-    ) -> Float64Values:
-        return Float64Values(header, tuple(values.tolist()))
+    def _make(self, header: Header, values: Array, last: NamedValues) -> NamedValues:
+        return NamedValues(last.names, Float64Values(header, tuple(values.tolist())))
 
 
 # Names of before, by those of now.
@@ -650,6 +539,7 @@ class Vda5050SafetyStateBroadcaster(SensorBroadcaster[VDA5050SafetyState]):
     NaN. Of several emergency stops a manual one comes first, then a remote one.
     """
 
+    message = VDA5050SafetyState
     reads = "what the parameter ``interfaces`` lists"
     topics: ClassVar = {"vda5050_safety_state": "VDA5050SafetyState of the last tick"}
 
@@ -661,12 +551,8 @@ class Vda5050SafetyStateBroadcaster(SensorBroadcaster[VDA5050SafetyState]):
         """Create the system."""
         names, stops = parameters.interfaces, parameters.interfaces.e_stop
         groups = (names.field_violation, stops.manual, stops.remote, stops.autoack)
-        super().__init__(
-            parameters,
-            params,
-            VDA5050SafetyState(),
-            state_interfaces=tuple(sum(groups, ())),
-        )
+        read: tuple[str, ...] = sum(groups, ())
+        super().__init__(parameters, params, state_interfaces=read)
         # Of each interface: what it tells.
         kinds = ("", "manual", "remote", "autoAck")
         self._kinds = [k for k, g in zip(kinds, groups, strict=True) for _ in g]

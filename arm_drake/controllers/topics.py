@@ -1,10 +1,11 @@
-"""Topics of controllers: what is new, what was refused, who takes messages."""
+"""Topics of controllers: who takes messages, what was refused, who publishes."""
 
 import inspect
 import textwrap
-from collections.abc import Callable, Sequence
+from abc import abstractmethod
+from collections.abc import Callable, Collection, Mapping, Sequence
 from operator import attrgetter, is_
-from typing import Any, NamedTuple, Protocol, Self, TypeAlias, TypeVar
+from typing import Any, ClassVar, NamedTuple, Protocol, Self, TypeAlias, TypeVar
 
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context, InputPort
@@ -20,6 +21,7 @@ from arm_drake.messages import (
     CancelResponse,
     Float64,
     GoalEvent,
+    Header,
     Message,
     ParametersRejected,
     TopicRejected,
@@ -271,6 +273,96 @@ class TopicController(TickingController[T]):
 
     def _command(self, state: T) -> Array:
         return state.command
+
+
+# What a broadcaster published last.
+S = TypeVar("S")
+
+
+class SensorBroadcaster(TickingController[S]):
+    """Base of broadcasters, whose state is what was published last.
+
+    A subclass says what it reads and publishes, and makes its message by `_make`. Of
+    several topics each is a field of the state.
+    """
+
+    # Class of the message, or of the state.
+    message: ClassVar[type]
+
+    # Interfaces of the sensor that it reads.
+    names: ClassVar[tuple[str, ...]] = ()
+
+    # For its documentation, which names all ports: what it reads, what it exports if it
+    # does, and what is on each of its topics.
+    reads: ClassVar[str]
+    exports: ClassVar[str] = ""
+    topics: ClassVar[Mapping[str, str]]
+
+    def __init_subclass__(cls, **more: Any) -> None:
+        """Add the ports to the documentation."""
+        super().__init_subclass__(**more)
+        cls.__doc__ = _tabulate_ports(cls)
+        cls.__doc__ = document_ports(cls)
+
+    def __init__(
+        self,
+        parameters: Any,
+        params: ControllerInterfaceParams,
+        initial: S | None = None,
+        *,
+        state_interfaces: tuple[str, ...] = (),
+        without: Collection[str] = (),
+    ) -> None:
+        """Create the system."""
+        own, read = params.controller_name, state_interfaces
+        if self.names:
+            read = tuple(f"{parameters.sensor_name}/{name}" for name in self.names)
+        is_exported = self.exports and params.distro != "humble"
+        super().__init__(
+            params,
+            self.message() if initial is None else initial,
+            state_interfaces=read,
+            exported_interfaces=tuple(f"{own}/{n}" for n in read if is_exported),
+        )
+        self._parameters = parameters
+        for topic in self.topics:
+            if topic not in without:
+                show = attrgetter(topic) if len(self.topics) > 1 else _itself
+                self._declare_topic(topic, show)
+
+    @abstractmethod
+    def _make(self, header: Header, values: Array, last: S) -> S:
+        """Return what to publish, of what is read and what was published last."""
+
+    def _update(self, now: UpdateContext, state: S) -> S:
+        frame_id = getattr(self._parameters, "frame_id", "")
+        header = Header.from_nanoseconds(now.time_ns, frame_id)
+        return self._make(header, self._read(now.context), state)
+
+
+def _itself(message: S) -> S:
+    return message
+
+
+def _tabulate_ports(system: type[SensorBroadcaster[Any]]) -> str:
+    """Return a broadcaster's documentation with the table of its ports."""
+    summary, _, rest = inspect.cleandoc(system.__doc__ or "").partition("\n\n")
+    ports = {
+        "controller_manager": "Cycle: when to tick",
+        "state_interfaces": f"everything that is measured; it reads {system.reads}",
+        "command_interfaces": "UpdateResult; no commands",
+    }
+    if system.exports:
+        ports["exported_state_interfaces"] = system.exports
+    ports |= system.topics
+    width = max(map(len, ports))
+    line = f"{'=' * width}  {'=' * (80 - width)}"
+    rows = [line, f"{'port':{width}}  meaning", line]
+    for name, meaning in ports.items():
+        first, *more = textwrap.wrap(meaning, 80 - width, break_on_hyphens=False)
+        rows += [f"{name:{width}}  {first}", *(f"{'':{width}}  {m}" for m in more)]
+    table = "\n".join([*rows, line])
+    return f"{summary}\n\n{table}\n\n{rest}\n"
 
 
 # Name of the port.
