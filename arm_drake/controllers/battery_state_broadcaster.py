@@ -6,13 +6,12 @@ Source: ros2_controllers, `battery_state_broadcaster` (version 6.9.0).
 import dataclasses as dc
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
-from arm_drake.controllers.controller_interface import (
-    ControllerInterfaceParams,
-    TickingController,
-)
+from arm_drake.arrays import Array
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import UpdateContext
+from arm_drake.controllers.topics import SensorBroadcaster
 from arm_drake.description.parameters import check_unique, check_within, per_element_of
 from arm_drake.errors import ParameterError
 from arm_drake.messages import Header
@@ -170,36 +169,12 @@ class BatteryStateBroadcasterParameters:
 class BatteryStateBroadcasterState(NamedTuple):
     """What a BatteryStateBroadcaster published last."""
 
-    combined: BatteryState = BatteryState()
-    raw: BatteryStateArray = BatteryStateArray()
+    battery_state: BatteryState = BatteryState()
+    raw_battery_states: BatteryStateArray = BatteryStateArray()
 
 
-class BatteryStateBroadcaster(TickingController[BatteryStateBroadcasterState]):
+class BatteryStateBroadcaster(SensorBroadcaster[BatteryStateBroadcasterState]):
     """Publishes the states of batteries, one by one and as one.
-
-    .. pydrake_system::
-
-        name: BatteryStateBroadcaster
-        input_ports:
-        - controller_manager
-        - state_interfaces
-        output_ports:
-        - command_interfaces
-        - battery_state
-        - raw_battery_states
-
-    ==================  ====  =======================================================
-    port                size  meaning
-    ==================  ====  =======================================================
-    controller_manager  --    Cycle: when to tick
-    state_interfaces    m     everything that is measured; it reads
-                              ``<battery>/battery_voltage`` of each battery and what
-                              ``interfaces`` switches on, or ``<sensor_name>/voltage``
-    command_interfaces  --    UpdateResult; no commands
-    battery_state       --    BatteryState of all batteries in the last tick
-    raw_battery_states  --    BatteryStateArray of them; without any if there is only a
-                              ``sensor_name``
-    ==================  ====  =======================================================
 
     The state is a BatteryStateBroadcasterState. A percentage that isn't read is where
     the voltage stands between minimum and maximum; a battery that doesn't tell whether
@@ -209,6 +184,18 @@ class BatteryStateBroadcaster(TickingController[BatteryStateBroadcasterState]):
     technology is that of all or 0. Locations and serial numbers are in a row, each
     followed by a comma.
     """
+
+    message = BatteryStateBroadcasterState
+    reads = (
+        "``<battery>/battery_voltage`` of each battery and what ``interfaces`` "
+        "switches on, or ``<sensor_name>/voltage``"
+    )
+    topics: ClassVar = {
+        "battery_state": "BatteryState of all batteries in the last tick",
+        "raw_battery_states": (
+            "BatteryStateArray of them; without any if there is only a ``sensor_name``"
+        ),
+    }
 
     def __init__(
         self,
@@ -222,9 +209,7 @@ class BatteryStateBroadcaster(TickingController[BatteryStateBroadcasterState]):
             names = [f"{parameters.sensor_name}/voltage"]
         if not names:
             raise ParameterError("batteries must have at least one element, got []")
-        super().__init__(
-            params, BatteryStateBroadcasterState(), state_interfaces=tuple(names)
-        )
+        super().__init__(parameters, params, state_interfaces=tuple(names))
         self._known = [parameters.battery.get(n, Battery()) for n in self._quantities]
         self._having = {
             quantity: [
@@ -236,8 +221,6 @@ class BatteryStateBroadcaster(TickingController[BatteryStateBroadcasterState]):
             for quantity in _COMBINED
         }
         self._at_start = self._make_initial(parameters)
-        self._declare_topic("battery_state", lambda state: state.combined)
-        self._declare_topic("raw_battery_states", lambda state: state.raw)
 
     def _make_initial(
         self, parameters: BatteryStateBroadcasterParameters
@@ -276,23 +259,22 @@ class BatteryStateBroadcaster(TickingController[BatteryStateBroadcasterState]):
     ) -> BatteryStateBroadcasterState:
         return self._at_start
 
-    def _update(
-        self, now: UpdateContext, state: BatteryStateBroadcasterState
+    def _make(
+        self, header: Header, values: Array, last: BatteryStateBroadcasterState
     ) -> BatteryStateBroadcasterState:
-        values = self._read(now.context).tolist()
+        numbers = values.tolist()
         combined, raw = self._at_start
-        combined = dc.replace(combined, header=Header.from_nanoseconds(now.time_ns))
+        combined = dc.replace(combined, header=header)
         if not self._quantities:
-            combined = dc.replace(combined, voltage=values[0])
+            combined = dc.replace(combined, voltage=numbers[0])
             return BatteryStateBroadcasterState(combined, raw)
         batteries = []
         for battery, (name, quantities), known in zip(
             raw.battery_states, self._quantities.items(), self._known, strict=True
         ):
-            measured = dict(zip(quantities, values, strict=False))
-            del values[: len(quantities)]
-            header = Header.from_nanoseconds(now.time_ns, name)
-            battery = dc.replace(battery, header=header)
+            measured = dict(zip(quantities, numbers, strict=False))
+            del numbers[: len(quantities)]
+            battery = dc.replace(battery, header=Header(header.stamp, name))
             batteries.append(measure(battery, measured, known.limits))
         return BatteryStateBroadcasterState(
             combine(combined, batteries, self._having),

@@ -7,17 +7,19 @@ filters, `filter_chain.hpp`.
 import dataclasses as dc
 import math
 from collections.abc import Mapping
-from typing import Annotated, Any, Final, NamedTuple
+from typing import Annotated, Any, ClassVar, Final, NamedTuple
 
 import numpy as np
 
 from arm_drake.arrays import Array
-from arm_drake.control.filters import FilterState, LowPassFilter, find_unused
-from arm_drake.controllers.controller_interface import (
-    ControllerInterfaceParams,
-    TickingController,
+from arm_drake.control.filters import (
+    ChainState,
+    FilterChain,
+    LowPassFilter,
+    find_unused,
 )
-from arm_drake.controllers.cycles import UpdateContext
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.topics import SensorBroadcaster
 from arm_drake.description.parameters import ParameterGroup, Rule, check_not_empty
 from arm_drake.errors import ParameterError
 from arm_drake.messages import Header, Vector3, Wrench, WrenchStamped
@@ -132,42 +134,14 @@ class ForceTorqueSensorBroadcasterState(NamedTuple):
     """What a ForceTorqueSensorBroadcaster published last, and its filters."""
 
     wrench: WrenchStamped
-    filtered: WrenchStamped
-    filters: tuple[FilterState, ...]
+    wrench_filtered: WrenchStamped
+    filters: ChainState
 
 
 class ForceTorqueSensorBroadcaster(
-    TickingController[ForceTorqueSensorBroadcasterState]
+    SensorBroadcaster[ForceTorqueSensorBroadcasterState]
 ):
     """Publishes a wrench.
-
-    .. pydrake_system::
-
-        name: ForceTorqueSensorBroadcaster
-        input_ports:
-        - controller_manager
-        - state_interfaces
-        output_ports:
-        - command_interfaces
-        - exported_state_interfaces
-        - wrench
-        - wrench_filtered
-
-    =========================  ====  =================================================
-    port                       size  meaning
-    =========================  ====  =================================================
-    controller_manager         --    Cycle: when to tick
-    state_interfaces           m     everything that is measured; it reads
-                                     ``force.{x,y,z}`` [N] and ``torque.{x,y,z}`` [N·m]
-                                     of ``<sensor_name>``, or ``interface_names``
-    command_interfaces         --    UpdateResult; no commands
-    exported_state_interfaces  k     the wrench of the last tick, as ``<name>/`` and
-                                     the name of what is read; not in humble
-    wrench                     --    WrenchStamped of the last tick; NaN along axes
-                                     without an interface
-    wrench_filtered            --    the same, filtered; there only with a
-                                     ``sensor_filter_chain``
-    =========================  ====  =================================================
 
     The state is a ForceTorqueSensorBroadcasterState. Of each axis::
 
@@ -177,52 +151,56 @@ class ForceTorqueSensorBroadcaster(
     they were when the broadcaster is activated again.
     """
 
+    reads = (
+        "``force.{x,y,z}`` [N] and ``torque.{x,y,z}`` [N·m] of ``<sensor_name>``, or "
+        "``interface_names``"
+    )
+    exports = (
+        "(k,): the wrench of the last tick, as ``<name>/`` and the name of what is "
+        "read; not in humble"
+    )
+    topics: ClassVar = {
+        "wrench": "WrenchStamped of the last tick; NaN along axes without an interface",
+        "wrench_filtered": (
+            "the same, filtered; there only with a ``sensor_filter_chain``"
+        ),
+    }
+
     def __init__(
         self,
         parameters: ForceTorqueSensorBroadcasterParameters,
         params: ControllerInterfaceParams,
     ) -> None:
         """Create the system."""
-        self._filters = make_filters(parameters.sensor_filter_chain)
+        self._filters = FilterChain(make_filters(parameters.sensor_filter_chain))
         names = _of_axes(parameters.interface_names)
         if parameters.sensor_name:
             names = [f"{parameters.sensor_name}/{part}.{axis}" for part, axis in _AXES]
-        read = tuple(name for name in names if name)
-        exported = tuple(f"{params.controller_name}/{name}" for name in read)
+        nothing = WrenchStamped()
+        initial = self._filters.initial(len(_AXES))
         super().__init__(
+            parameters,
             params,
-            ForceTorqueSensorBroadcasterState(
-                WrenchStamped(),
-                WrenchStamped(),
-                tuple(FilterState.initial(len(_AXES)) for _ in self._filters),
-            ),
-            state_interfaces=read,
-            exported_interfaces=() if params.distro == "humble" else exported,
+            ForceTorqueSensorBroadcasterState(nothing, nothing, initial),
+            state_interfaces=tuple(name for name in names if name),
+            without=() if self._filters.filters else ("wrench_filtered",),
         )
         # Where what is read stands in the wrench.
         self._at = [index for index, name in enumerate(names) if name]
         self._offset = np.array(_of_axes(parameters.offset))
         self._multiplier = np.array(_of_axes(parameters.multiplier))
-        self._frame_id = parameters.frame_id
-        self._declare_topic("wrench", lambda state: state.wrench)
-        if self._filters:
-            self._declare_topic("wrench_filtered", lambda state: state.filtered)
 
-    def _update(
-        self, now: UpdateContext, state: ForceTorqueSensorBroadcasterState
+    def _make(
+        self, header: Header, values: Array, last: ForceTorqueSensorBroadcasterState
     ) -> ForceTorqueSensorBroadcasterState:
-        values = np.full(len(_AXES), math.nan)
-        values[self._at] = self._read(now.context)
-        values = (values + self._offset) * self._multiplier
-        header = Header.from_nanoseconds(now.time_ns, self._frame_id)
-        filtered, filters = values, []
-        for rule, last in zip(self._filters, state.filters, strict=True):
-            filters.append(rule.update(last, filtered))
-            filtered = filters[-1].output
+        wrench = np.full(len(_AXES), math.nan)
+        wrench[self._at] = values
+        wrench = (wrench + self._offset) * self._multiplier
+        filters = self._filters.update(last.filters, wrench)
         return ForceTorqueSensorBroadcasterState(
-            WrenchStamped(header, make_wrench(values)),
-            WrenchStamped(header, make_wrench(filtered)),
-            tuple(filters),
+            WrenchStamped(header, make_wrench(wrench)),
+            WrenchStamped(header, make_wrench(filters.output)),
+            filters,
         )
 
     def _export(self, state: ForceTorqueSensorBroadcasterState) -> Array:
