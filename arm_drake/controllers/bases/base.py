@@ -17,7 +17,12 @@ from arm_drake.control.odometry import PlanarPose
 from arm_drake.control.rate_limiter import RateLimiter
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.topics import INACTIVE, TopicController, TopicState
-from arm_drake.description.parameters import ParameterGroup, Rule
+from arm_drake.description.parameters import (
+    ParameterGroup,
+    Rule,
+    check_at_least,
+    check_length,
+)
 from arm_drake.messages import (
     Header,
     Message,
@@ -212,6 +217,38 @@ def limit_velocity(
     )
 
 
+@dc.dataclass(frozen=True, kw_only=True)
+class BaseParameters:
+    """Parameters that controllers of bases with measured or commanded motions share."""
+
+    # Frames of the odometry.
+    odom_frame_id: str = "odom"
+    base_frame_id: str = "base_link"
+
+    # Diagonals of the odometry's covariances: x, y, z, roll, pitch, yaw.
+    pose_covariance_diagonal: tuple[float, ...] = (0.0,) * 6
+    twist_covariance_diagonal: tuple[float, ...] = (0.0,) * 6
+
+    # Whether odometry is computed from commands, not from measurements.
+    open_loop: bool = False
+
+    # Whether the odometry goes to /tf too.
+    enable_odom_tf: bool = True
+
+    # How many ticks the odometry's velocity is a mean of, at least 1.
+    velocity_rolling_window_size: int = 10
+
+    # Whether commands are TwistStamped, not Twist; later they always are.
+    use_stamped_vel: Annotated[
+        bool, Rule(until="humble", is_kept=True, is_harmless=True)
+    ] = True
+
+    def __post_init__(self) -> None:
+        """Reject what the types alone can't express."""
+        check_at_least(self, 1, "velocity_rolling_window_size")
+        check_length(self, 6, "pose_covariance_diagonal", "twist_covariance_diagonal")
+
+
 class BaseTopics(NamedTuple):
     """Names of the topics of a base: velocities, odometry and its frames."""
 
@@ -296,7 +333,7 @@ class BaseController(TopicController[B]):
         params: ControllerInterfaceParams,
         initial: B,
         *,
-        covariances: tuple[Sequence[float], Sequence[float]],
+        covariances: tuple[Sequence[float], Sequence[float]] | None = None,
         is_stamped: bool = True,
         has_references: bool = True,
         is_lyrical: bool = False,
@@ -318,7 +355,10 @@ class BaseController(TopicController[B]):
             ),
             **names,
         )
-        pose, twist = covariances
+        pose, twist = covariances or (
+            parameters.pose_covariance_diagonal,
+            parameters.twist_covariance_diagonal,
+        )
         self._covariances = (diagonal(pose), diagonal(twist))
         self._frames = resolve_frames(
             parameters.odom_frame_id,

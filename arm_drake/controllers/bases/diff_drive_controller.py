@@ -23,6 +23,7 @@ from arm_drake.control.rate_limiter import RateLimiter
 from arm_drake.controllers.bases.base import (
     BaseCommand,
     BaseController,
+    BaseParameters,
     SpeedLimits,
     Velocity,
     limit_velocity,
@@ -35,9 +36,7 @@ from arm_drake.description.parameters import (
     ParameterGroup,
     Rule,
     check_above,
-    check_at_least,
     check_duration,
-    check_length,
     check_not_empty,
     check_not_zero,
 )
@@ -119,7 +118,7 @@ class DiffDriveAngular:
 
 
 @dc.dataclass(frozen=True)
-class DiffDriveControllerParameters:
+class DiffDriveControllerParameters(BaseParameters):
     """Parameters of a DiffDriveController."""
 
     # Joints of the wheels of each side, at least one and as many on both.
@@ -138,38 +137,18 @@ class DiffDriveControllerParameters:
     # Wheels on a side; no later distro asks for it.
     wheels_per_side: Annotated[int, Rule(until="humble", is_harmless=True)] = 0
 
-    # Frames of the odometry, and what goes before their names.
-    odom_frame_id: str = "odom"
-    base_frame_id: str = "base_link"
+    # What goes before the names of the odometry's frames.
     tf_frame_prefix_enable: bool = True
     tf_frame_prefix: str = ""
 
-    # Diagonals of the odometry's covariances: x, y, z, roll, pitch, yaw.
-    pose_covariance_diagonal: tuple[float, ...] = (0.0,) * 6
-    twist_covariance_diagonal: tuple[float, ...] = (0.0,) * 6
-
-    # Whether odometry is computed from commands, not from measurements.
-    open_loop: bool = False
-
     # Whether the wheels' positions are read, not their velocities.
     position_feedback: bool = True
-
-    # Whether the odometry goes to /tf too.
-    enable_odom_tf: bool = True
 
     # Age from which a command counts no more [s].
     cmd_vel_timeout: float = 0.5
 
     # Whether the limited velocity is published.
     publish_limited_velocity: bool = False
-
-    # How many ticks the odometry's velocity is a mean of.
-    velocity_rolling_window_size: int = 10
-
-    # Whether commands are TwistStamped, not Twist; later they always are.
-    use_stamped_vel: Annotated[
-        bool, Rule(until="humble", is_kept=True, is_harmless=True)
-    ] = True
 
     # Rate of the odometry [Hz]; later it is published at every tick.
     publish_rate: Annotated[float, Rule(until="kilted", is_harmless=True)] = 50.0
@@ -179,6 +158,7 @@ class DiffDriveControllerParameters:
 
     def __post_init__(self) -> None:
         """Reject what the types alone can't express."""
+        super().__post_init__()
         check_not_empty(self, "left_wheel_names", "right_wheel_names")
         if len(self.left_wheel_names) != len(self.right_wheel_names):
             raise ValueError(
@@ -186,8 +166,6 @@ class DiffDriveControllerParameters:
                 f"{list(self.right_wheel_names)} and {list(self.left_wheel_names)}"
             )
         check_above(self, 0.0, "wheel_separation", "wheel_radius")
-        check_at_least(self, 1, "velocity_rolling_window_size")
-        check_length(self, 6, "pose_covariance_diagonal", "twist_covariance_diagonal")
         check_duration(self, "cmd_vel_timeout")
         check_not_zero(
             self,
@@ -317,10 +295,6 @@ class DiffDriveController(BaseController[DiffDriveState]):
                 DiffDriveOdometryState(mean),
                 self._first,
                 np.full(len(wheels), np.nan),
-            ),
-            covariances=(
-                config.pose_covariance_diagonal,
-                config.twist_covariance_diagonal,
             ),
             has_references=not is_humble,
             is_lyrical=params.distro == "rolling",

@@ -318,10 +318,6 @@ class MecanumDriveController(BaseController[MecanumDriveState]):
             parameters,
             params,
             MecanumDriveState(),
-            covariances=(
-                parameters.pose_covariance_diagonal,
-                parameters.twist_covariance_diagonal,
-            ),
             outputs={"controller_state": self._describe},
             state_interfaces=interfaces.interface_names(measured, velocity),
             command_interfaces=interfaces.interface_names(commanded, velocity),

@@ -25,6 +25,7 @@ from arm_drake.controllers.bases.base import (
     REFERENCE,
     BaseCommand,
     BaseController,
+    BaseParameters,
     take_finite,
 )
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
@@ -34,7 +35,6 @@ from arm_drake.description.parameters import (
     ParameterGroup,
     Rule,
     check_above,
-    check_at_least,
     check_duration,
     check_length,
     check_not_empty,
@@ -51,8 +51,12 @@ _WHEELS = (
 )
 
 
+# Upstream's, by default.
+_VARIANCES = (0.0, 7.0, 14.0, 21.0, 28.0, 35.0)
+
+
 @dc.dataclass(frozen=True)
-class SteeringControllerParameters:
+class SteeringControllerParameters(BaseParameters):
     """Parameters that all steering controllers have."""
 
     # How many driven and how many steered wheels there are.
@@ -78,34 +82,22 @@ class SteeringControllerParameters:
     # Age from which a command counts no more [s]; 0 uses each one once.
     reference_timeout: float = 1.0
 
-    # Whether odometry is computed from commands, not from measurements.
-    open_loop: bool = False
-
     # Whether wheels slow down until they are steered.
     reduce_wheel_speed_until_steering_reached: bool = False
 
-    # How many ticks the odometry's velocity is a mean of.
-    velocity_rolling_window_size: int = 10
-
-    # Frames of the odometry, and what goes before their names.
-    base_frame_id: str = "base_link"
-    odom_frame_id: str = "odom"
+    # What goes before the names of the odometry's frames.
     tf_frame_prefix: str = ""
 
-    # Whether the odometry goes to /tf too.
-    enable_odom_tf: bool = True
-
     # Diagonals of the odometry's covariances: x, y, z, roll, pitch, yaw.
-    twist_covariance_diagonal: tuple[float, ...] = (0.0, 7.0, 14.0, 21.0, 28.0, 35.0)
-    pose_covariance_diagonal: tuple[float, ...] = (0.0, 7.0, 14.0, 21.0, 28.0, 35.0)
+    pose_covariance_diagonal: tuple[float, ...] = dc.field(
+        default=_VARIANCES, kw_only=True
+    )
+    twist_covariance_diagonal: tuple[float, ...] = dc.field(
+        default=_VARIANCES, kw_only=True
+    )
 
     # Whether the driven joints' positions are read, not their velocities.
     position_feedback: bool = False
-
-    # Whether commands are TwistStamped, not Twist; later they always are.
-    use_stamped_vel: Annotated[
-        bool, Rule(until="humble", is_kept=True, is_harmless=True)
-    ] = True
 
     @abstractmethod
     def make_geometry(self) -> SteeringGeometry:
@@ -144,6 +136,7 @@ class SteeringControllerParameters:
 
     def __post_init__(self) -> None:
         """Reject what the types alone can't express."""
+        super().__post_init__()
         check_not_empty(self, *_WHEELS[:2])
         check_unique(self, *_WHEELS)
         check_length(self, self.wheels[0], "traction_joints_names")
@@ -154,8 +147,6 @@ class SteeringControllerParameters:
                 check_length(self, len(getattr(self, use)), name)
         check_above(self, 0.0, "wheelbase")
         check_duration(self, "reference_timeout")
-        check_at_least(self, 1, "velocity_rolling_window_size")
-        check_length(self, 6, "pose_covariance_diagonal", "twist_covariance_diagonal")
 
 
 @dc.dataclass(frozen=True)
@@ -331,10 +322,6 @@ class SteeringController(BaseController[SteeringControllerState]):
             parameters,
             params,
             SteeringControllerState(SteeringOdometry(means), self._nothing),
-            covariances=(
-                parameters.pose_covariance_diagonal,
-                parameters.twist_covariance_diagonal,
-            ),
             is_stamped=parameters.use_stamped_vel,
             is_lyrical=True,
             outputs={"controller_state": self._describe_status},

@@ -7,22 +7,24 @@ rear axle.
 
 import dataclasses as dc
 import math
-from typing import Annotated, Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.control.odometry import PlanarPose, RollingMean, integrate_arc
-from arm_drake.controllers.bases.base import BaseCommand, BaseController, take_finite
+from arm_drake.controllers.bases.base import (
+    BaseCommand,
+    BaseController,
+    BaseParameters,
+    take_finite,
+)
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.controllers.topics import Inbox
 from arm_drake.description.parameters import (
-    Rule,
     check_above,
-    check_at_least,
-    check_length,
     check_not_empty,
 )
 from arm_drake.messages import NANOSECONDS, Odometry
@@ -92,7 +94,7 @@ class SteeringLimits:
 
 
 @dc.dataclass(frozen=True)
-class TricycleControllerParameters:
+class TricycleControllerParameters(BaseParameters):
     """Parameters of a TricycleController, whose front wheel drives and steers."""
 
     # Joints that drive and that steer.
@@ -105,19 +107,8 @@ class TricycleControllerParameters:
     # Radius of the driven wheel, above 0 [m].
     wheel_radius: float = 0.0
 
-    # Frames of the odometry.
-    odom_frame_id: str = "odom"
-    base_frame_id: str = "base_link"
-
-    # Diagonals of the odometry's covariances: x, y, z, roll, pitch, yaw.
-    pose_covariance_diagonal: tuple[float, ...] = (0.0,) * 6
-    twist_covariance_diagonal: tuple[float, ...] = (0.0,) * 6
-
-    # Whether odometry is computed from commands, not from measurements.
-    open_loop: bool = False
-
     # Whether the odometry goes to /tf too.
-    enable_odom_tf: bool = False
+    enable_odom_tf: bool = dc.field(default=False, kw_only=True)
 
     # Whether the odometry has no pose.
     odom_only_twist: bool = False
@@ -128,23 +119,14 @@ class TricycleControllerParameters:
     # Whether the limited command is published.
     publish_ackermann_command: bool = False
 
-    # How many ticks the odometry's velocity is a mean of, at least 1.
-    velocity_rolling_window_size: int = 10
-
-    # Whether commands are TwistStamped, not Twist; later they always are.
-    use_stamped_vel: Annotated[
-        bool, Rule(until="humble", is_kept=True, is_harmless=True)
-    ] = True
-
     traction: TractionLimits = TractionLimits()
     steering: SteeringLimits = SteeringLimits()
 
     def __post_init__(self) -> None:
         """Reject what the types alone can't express."""
+        super().__post_init__()
         check_not_empty(self, "traction_joint_name", "steering_joint_name")
         check_above(self, 0.0, "wheelbase", "wheel_radius")
-        check_at_least(self, 1, "velocity_rolling_window_size")
-        check_length(self, 6, "pose_covariance_diagonal", "twist_covariance_diagonal")
 
 
 # What is no largest value, if only the smallest is given.
@@ -402,10 +384,6 @@ class TricycleController(BaseController[TricycleControllerState]):
             parameters,
             params,
             TricycleControllerState(TricycleOdometry(means), np.full(2, np.nan)),
-            covariances=(
-                parameters.pose_covariance_diagonal,
-                parameters.twist_covariance_diagonal,
-            ),
             is_stamped=parameters.use_stamped_vel,
             has_references=False,
             is_lyrical=True,
