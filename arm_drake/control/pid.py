@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_drake.arrays import Array
-from arm_drake.description.parameters import ParameterGroup, Rule
+from arm_drake.description.parameters import ParameterGroup, Rule, check_finite
 from arm_drake.messages import Message
 
 STRATEGIES: Final = ("none", "conditional_integration", "back_calculation", "legacy")
@@ -189,10 +189,7 @@ class Pid(Message):
         return PidState(*[np.zeros(len(self.p))] * 5)
 
     def reset(self, state: PidState, save_i_term: bool | Mask = False) -> PidState:
-        """Return the initial state.
-
-        `save_i_term` shape (n,).
-        """
+        """Return the initial state; `save_i_term` shape (n,)."""
         i_term = np.where(save_i_term, state.i_term, 0.0)
         return self.initial()._replace(i_term=i_term)
 
@@ -404,28 +401,10 @@ class PidGains:
 
     def check(self) -> None:
         """Raise ValueError if no PID can have these gains."""
-        for name in ("p", "i", "d"):
-            gain = getattr(self, name)
-            if not math.isfinite(gain):
-                raise ValueError(f"{name} must be a finite number, got {gain}")
-        if not self.u_clamp_min < self.u_clamp_max:
-            raise ValueError(
-                f"u_clamp_min must be below u_clamp_max, got {self.u_clamp_min} and "
-                f"{self.u_clamp_max}"
-            )
-        if not self.i_clamp_min <= 0.0 <= self.i_clamp_max:
-            raise ValueError(
-                f"i_clamp_min and i_clamp_max must have 0 between them, got "
-                f"{self.i_clamp_min} and {self.i_clamp_max}"
-            )
-        if (
-            self.antiwindup_strategy == "back_calculation"
-            and not 0.0 <= self.tracking_time_constant < math.inf
-        ):
-            raise ValueError(
-                f"tracking_time_constant must be at least 0, got "
-                f"{self.tracking_time_constant}"
-            )
+        check_finite(self, "p", "i", "d")
+        fault = find_fault(self)
+        if fault:
+            raise ValueError(fault)
 
 
 def adapt_saturation(params: ParameterGroup) -> None:
