@@ -1,6 +1,7 @@
 """Kinematics and odometry of a base with differential drive.
 
-The rules are those of ros2_controllers, `diff_drive_controller` (version 6.9.0).
+The rules are those of ros2_controllers, `diff_drive_controller` (version 6.9.0). A base
+goes with v forwards [m/s] and w of turning [rad/s]; dt is the time of a step [s].
 """
 
 import dataclasses as dc
@@ -38,20 +39,14 @@ class DiffDriveKinematics:
     right_radius: float
 
     def wheels(self, v: float, w: float) -> tuple[float, float]:
-        """Return the velocities of the left and the right wheel [rad/s].
-
-        `v` [m/s]; `w` [rad/s].
-        """
+        """Return the velocities of the left and the right wheel [rad/s]."""
         half = w * self.separation / 2.0
         return (v - half) / self.left_radius, (v + half) / self.right_radius
 
     def from_positions(
         self, state: DiffDriveOdometryState, left: float, right: float, dt: float
     ) -> DiffDriveOdometryState:
-        """Return the odometry after the wheels have come to positions [rad].
-
-        `left`, `right` [rad]; `dt` [s].
-        """
+        """Return the odometry after the wheels have come to positions [rad]."""
         if abs(dt) < _TINY:
             return state
         old_left, old_right = state.positions
@@ -63,10 +58,7 @@ class DiffDriveKinematics:
     def from_velocities(
         self, state: DiffDriveOdometryState, left: float, right: float, dt: float
     ) -> DiffDriveOdometryState:
-        """Return the odometry after the wheels have turned for a while.
-
-        `left`, `right` [rad/s]; `dt` [s].
-        """
+        """Return the odometry after the wheels have turned for a while [rad/s]."""
         if abs(dt) < _TINY:
             return state
         left, right = left * self.left_radius, right * self.right_radius
@@ -80,10 +72,7 @@ class DiffDriveKinematics:
 def from_commands(
     state: DiffDriveOdometryState, v: float, w: float, dt: float
 ) -> DiffDriveOdometryState:
-    """Return the odometry after a base has moved as it was told to.
-
-    `v` [m/s]; `w` [rad/s]; `dt` [s].
-    """
+    """Return the odometry after a base has moved as it was told to."""
     pose = state.pose
     if abs(dt) >= _TINY:
         pose = _integrate(pose, v, w, dt)

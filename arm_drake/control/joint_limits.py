@@ -52,10 +52,7 @@ def position_range(
     previous: float | None,
     dt: float,
 ) -> Range:
-    """Return the range of a position command.
-
-    `dt` [s].
-    """
+    """Return the range of a position command; `dt` [s]."""
     low, high = limits.position_range or UNLIMITED
     # Not where the joint is: it lags behind its commands, and would hardly move.
     start = q if previous is None else previous
@@ -76,10 +73,7 @@ def velocity_range(
     previous: float | None,
     dt: float,
 ) -> Range:
-    """Return the range of a velocity command.
-
-    `dt` [s].
-    """
+    """Return the range of a velocity command; `dt` [s]."""
     if limits.max_velocity is None:
         return UNLIMITED
     low, high = -limits.max_velocity, limits.max_velocity
@@ -164,10 +158,7 @@ def soft_position_range(
     near: float | None,
     dt: float,
 ) -> Range:
-    """Return the range of a position command under soft limits.
-
-    `dt` [s].
-    """
+    """Return the range of a position command under soft limits; `dt` [s]."""
     low, high = soft.position_range or UNLIMITED
     if limits.max_velocity is not None and near is not None:
         low = min(max(near + band[0] * dt, low), high)
@@ -179,10 +170,7 @@ def soft_position_range(
 def narrow_band(
     limits: JointLimits, band: Range, hard: Range, v: float | None, dt: float
 ) -> Range:
-    """Return the range of a velocity command under soft limits.
-
-    `dt` [s].
-    """
+    """Return the range of a velocity command under soft limits; `dt` [s]."""
     low, high = band
     acceleration = limits.max_acceleration
     if limits.max_velocity is not None and acceleration is not None and v is not None:

@@ -1,7 +1,8 @@
 """Planar poses, arcs and rolling means: shared pieces of odometry.
 
 The rules are those of ros2_controllers (version 6.9.0). Each kind of base has its own
-way from wheels to velocities; see `controllers/bases`.
+way from wheels to velocities; see `controllers/bases`. A base goes with v forwards
+[m/s] and w of turning [rad/s] for a time dt [s].
 """
 
 import math
@@ -53,11 +54,24 @@ class RollingMean(NamedTuple):
         return tuple(total / len(self.samples) for total in self.sums)
 
 
-def integrate_arc(pose: PlanarPose, v: float, w: float, dt: float) -> PlanarPose:
-    """Return where a base stands after it went along an arc.
+# A turn in one step below which an arc is computed as a line [rad].
+_SMALL_TURN = 1e-6
 
-    `v` [m/s]; `w` [rad/s]; `dt` [s].
-    """
+
+def integrate_midpoint(pose: PlanarPose, v: float, w: float, dt: float) -> PlanarPose:
+    """Return where a base stands after a step; with half its turn if that is small."""
+    if abs(w * dt) >= _SMALL_TURN:
+        return integrate_arc(pose, v, w, dt)
+    middle = pose.heading + 0.5 * w * dt
+    return PlanarPose(
+        pose.x + v * dt * math.cos(middle),
+        pose.y + v * dt * math.sin(middle),
+        pose.heading + w * dt,
+    )
+
+
+def integrate_arc(pose: PlanarPose, v: float, w: float, dt: float) -> PlanarPose:
+    """Return where a base stands after it went along an arc."""
     heading = pose.heading + w * dt
     radius = v / w
     return PlanarPose(

@@ -4,18 +4,16 @@ The rules are those of ros2_controllers' class ``SteeringOdometry``
 (`steering_controllers_library`, version 6.9.0). A base has one or two driven and one or
 two steered wheels, at both ends of its wheelbase; of two the right one comes first. Its
 velocity is v forwards [m/s] and w of turning [rad/s], at the middle of the driven axle.
+Wheels have rates [rad/s], positions and angles [rad]; a step takes dt [s].
 """
 
 import math
 from typing import NamedTuple, Self
 
-from arm_drake.control.odometry import PlanarPose, RollingMean, integrate_arc
+from arm_drake.control.odometry import PlanarPose, RollingMean, integrate_midpoint
 
 # A steering angle below which the base goes straight on [rad].
 _STRAIGHT = 1e-6
-
-# A turn in one step below which an arc is computed as a line [rad].
-_SMALL_TURN = 1e-6
 
 # A period below which a velocity has no meaning [s].
 _SHORTEST_PERIOD = 1e-4
@@ -69,10 +67,7 @@ def to_wheel_commands(
     measured: float | None,
     slows_down: bool = False,
 ) -> WheelCommands:
-    """Return what the wheels are told for a velocity of the base.
-
-    `v` [m/s]; `w` [rad/s]; `measured` [rad], None takes the commanded one.
-    """
+    """Return what the wheels are told, turned as `measured` or else as commanded."""
     wheelbase, radius, num_driven, num_steered, width, steering_width = geometry
     phi = to_steering_angle(v, w, wheelbase)
     rate = v / radius
@@ -96,10 +91,7 @@ def to_wheel_commands(
 def estimate_steering_angle(
     geometry: SteeringGeometry, angles: tuple[float, ...]
 ) -> float:
-    """Return the angle [rad] that a wheel in the middle of the axle would have.
-
-    `angles` [rad].
-    """
+    """Return the angle that a wheel in the middle of the axle would have."""
     if len(angles) == 1:
         return angles[0]
     estimates = []
@@ -113,10 +105,7 @@ def estimate_steering_angle(
 def to_base_velocity(
     geometry: SteeringGeometry, rates: tuple[float, ...], steering: float
 ) -> BaseVelocity:
-    """Return the velocity of the base.
-
-    `rates` [rad/s]; `steering` [rad].
-    """
+    """Return the velocity of the base."""
     slope = math.tan(steering)
     speeds = [rate * geometry.wheel_radius for rate in rates]
     if len(speeds) == 2 and slope != 0.0:
@@ -147,11 +136,8 @@ class SteeringOdometry(NamedTuple):
         return self._replace(pose=pose, means=self.means.clear())
 
     def follow(self, v: float, w: float, dt: float) -> Self:
-        """Take one step with the velocity that is asked for, taken as it is.
-
-        `v` [m/s]; `w` [rad/s]; `dt` [s].
-        """
-        pose = _integrate(self.pose, v, w, dt)
+        """Take one step with the velocity that is asked for, taken as it is."""
+        pose = integrate_midpoint(self.pose, v, w, dt)
         return self._replace(pose=pose, velocity=BaseVelocity(v, w))
 
     def measure_velocities(
@@ -161,17 +147,16 @@ class SteeringOdometry(NamedTuple):
         angles: tuple[float, ...],
         dt: float,
     ) -> Self:
-        """Take one step with what the wheels do; none if that isn't finite.
-
-        `rates` [rad/s]; `angles` [rad]; `dt` [s].
-        """
+        """Take one step with what the wheels do; none if that isn't finite."""
         if not all(map(math.isfinite, (*rates, *angles))):
             return self
         steering = estimate_steering_angle(geometry, angles)
         v, w = to_base_velocity(geometry, rates, steering)
         if not math.isfinite(v * dt) or not math.isfinite(w * dt):
             return self
-        moved = self._replace(steering=steering, pose=_integrate(self.pose, v, w, dt))
+        moved = self._replace(
+            steering=steering, pose=integrate_midpoint(self.pose, v, w, dt)
+        )
         if dt < _SHORTEST_PERIOD:
             return moved
         means = self.means.add(v, w)
@@ -184,10 +169,7 @@ class SteeringOdometry(NamedTuple):
         angles: tuple[float, ...],
         dt: float,
     ) -> Self:
-        """Take one step with how far the wheels went; none if that isn't finite.
-
-        `positions`, `angles` [rad]; `dt` [s].
-        """
+        """Take one step with how far the wheels went; none if that isn't finite."""
         if not all(map(math.isfinite, (*positions, *angles))):
             return self
         old = self.positions or (0.0,) * len(positions)
@@ -204,17 +186,6 @@ def _speed_scale(deviation: float) -> float:
         return 1.0
     limited = min(deviation, _LARGEST_DEVIATION)
     return math.cos(limited) / math.cos(_FREE_DEVIATION)
-
-
-def _integrate(pose: PlanarPose, v: float, w: float, dt: float) -> PlanarPose:
-    if abs(w * dt) >= _SMALL_TURN:
-        return integrate_arc(pose, v, w, dt)
-    middle = pose.heading + 0.5 * w * dt
-    return PlanarPose(
-        pose.x + v * dt * math.cos(middle),
-        pose.y + v * dt * math.sin(middle),
-        pose.heading + w * dt,
-    )
 
 
 def _divide(a: float, b: float) -> float:

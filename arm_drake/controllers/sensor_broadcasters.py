@@ -315,10 +315,7 @@ class PoseBroadcaster(SensorBroadcaster[PoseBroadcasterState]):
 
 
 def is_valid(pose: Sequence[float]) -> bool:
-    """Return whether a pose may go to /tf.
-
-    `pose` shape (7,).
-    """
+    """Return whether a pose may go to /tf; `pose` shape (7,)."""
     squares = sum(value * value for value in pose[3:])
     return all(map(math.isfinite, pose)) and abs(squares - 1.0) <= _NORM_TOLERANCE
 

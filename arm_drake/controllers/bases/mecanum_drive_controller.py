@@ -82,10 +82,7 @@ class MecanumKinematics(NamedTuple):
         )
 
     def to_base(self, wheels: MecanumWheels) -> Velocity:
-        """Return the velocity of the base frame that fits the wheels best.
-
-        `wheels` [rad/s].
-        """
+        """Return the velocity of the base frame that fits the wheels best."""
         front_left, front_right, rear_right, rear_left = wheels
         quarter = self.radius / 4.0
         vx = quarter * (front_left + rear_left + rear_right + front_right)
@@ -106,12 +103,10 @@ class MecanumOdometry(NamedTuple):
     def update(
         self, kinematics: MecanumKinematics, wheels: MecanumWheels, dt: float
     ) -> "MecanumOdometry":
-        """Return the odometry after a step; itself if the step is too short.
+        """Return the odometry after a step [s]; itself if the step is too short.
 
         The position moves with the heading at the end of the step. Velocities are not
         filtered.
-
-        `wheels` [rad/s]; `dt` [s].
         """
         if dt < _MIN_STEP:
             return self

@@ -2,7 +2,7 @@
 
 Source: ros2_controllers, `omni_wheel_drive_controller` (version 6.9.0). A velocity is
 forwards and to the left [m/s], and of turning to the left [rad/s]; n is the number of
-wheels.
+wheels, and a step takes dt [s].
 """
 
 import dataclasses as dc
@@ -126,10 +126,7 @@ class OmniWheelKinematics:
         return self._to_wheels @ np.array(velocity)
 
     def to_base(self, wheels: Array) -> Velocity:
-        """Return the velocity of the base that fits the wheels best.
-
-        `wheels` [rad/s], shape (n,).
-        """
+        """Return the velocity of the base that fits the wheels [rad/s] best."""
         vx, vy, w = (self._to_base @ wheels).tolist()
         return vx, vy, w
 
@@ -146,10 +143,7 @@ class OmniWheelOdometry(NamedTuple):
     def from_positions(
         self, kinematics: OmniWheelKinematics, positions: Sequence[float], dt: float
     ) -> "OmniWheelOdometry":
-        """Return the odometry after a step; itself if the step is too short.
-
-        `positions` [rad], shape (n,); `dt` [s].
-        """
+        """Return the odometry after a step; itself if it is too short."""
         if abs(dt) < _MIN_STEP:
             return self
         moved = (np.array(positions) - np.array(self.positions)) / dt
@@ -159,19 +153,11 @@ class OmniWheelOdometry(NamedTuple):
     def from_velocities(
         self, kinematics: OmniWheelKinematics, velocities: Array, dt: float
     ) -> "OmniWheelOdometry":
-        """Return the odometry after a step; itself if the step is too short.
-
-        `velocities` [rad/s], shape (n,); `dt` [s].
-        """
+        """Return the odometry after a step; itself if it is too short."""
         return self.move(kinematics.to_base(velocities), dt)
 
     def move(self, velocity: Velocity, dt: float) -> "OmniWheelOdometry":
-        """Return the odometry after a step with one velocity of the base.
-
-        It is itself if the step is too short.
-
-        `dt` [s].
-        """
+        """Return the odometry after a step of the base; itself if it is too short."""
         if abs(dt) < _MIN_STEP:
             return self
         return self._replace(

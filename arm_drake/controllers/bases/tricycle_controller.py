@@ -2,7 +2,7 @@
 
 Source: ros2_controllers, `tricycle_controller` (version 6.9.0). The front wheel drives
 and steers. The base has velocities v forwards [m/s] and w of turning [rad/s], amid the
-rear axle.
+rear axle; a step takes dt [s].
 """
 
 import dataclasses as dc
@@ -13,7 +13,7 @@ import numpy as np
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
-from arm_drake.control.odometry import PlanarPose, RollingMean, integrate_arc
+from arm_drake.control.odometry import PlanarPose, RollingMean, integrate_midpoint
 from arm_drake.controllers.bases.base import (
     BaseCommand,
     BaseController,
@@ -137,9 +137,6 @@ _LARGEST = 1000.0
 _FREE_DEVIATION = math.pi / 6.0
 _SLOWEST = 0.01
 
-# A turn in one step below which an arc is computed as a line [rad].
-_SMALL_TURN = 1e-6
-
 
 class Range(NamedTuple):
     """Smallest and largest size of something."""
@@ -190,10 +187,7 @@ class TractionLimiter(NamedTuple):
     jerk: Range | None = None
 
     def limit(self, v: float, v0: float, v1: float, dt: float) -> float:
-        """Return a velocity within all limits: jerk, acceleration, velocity.
-
-        `v`, `v0`, `v1` [rad/s]; `dt` [s].
-        """
+        """Return a velocity [rad/s] within limits: jerk, acceleration, velocity."""
         if self.jerk is not None:
             v = _limit_second_difference(self.jerk, v, v0, v1, dt)
         if self.acceleration is not None:
@@ -214,10 +208,7 @@ class SteeringLimiter(NamedTuple):
     acceleration: Range | None = None
 
     def limit(self, p: float, p0: float, p1: float, dt: float) -> float:
-        """Return an angle within all limits: acceleration, velocity, position.
-
-        `p`, `p0`, `p1` [rad]; `dt` [s].
-        """
+        """Return an angle [rad] within limits: acceleration, velocity, position."""
         if self.acceleration is not None:
             p = _limit_second_difference(self.acceleration, p, p0, p1, dt)
         if self.velocity is not None:
@@ -235,10 +226,7 @@ class TricycleCommand(NamedTuple):
 def to_wheel_command(
     v: float, w: float, *, wheelbase: float, radius: float
 ) -> TricycleCommand:
-    """Return what the front wheel is told for a velocity of the base.
-
-    `v` [m/s]; `w` [rad/s]; `wheelbase`, `radius` [m].
-    """
+    """Return what the front wheel is told; `wheelbase` and `radius` are [m]."""
     if v == 0.0 and w != 0.0:
         angle = math.copysign(math.pi / 2.0, w)
         return TricycleCommand(abs(w) * wheelbase / radius, angle)
@@ -268,17 +256,16 @@ class TricycleOdometry(NamedTuple):
 
     def follow(self, v: float, w: float, dt: float) -> Self:
         """Take one step [s] with the velocity that is asked for, taken as it is."""
-        return self._replace(velocity=(v, w), pose=_integrate(self.pose, v, w, dt))
+        return self._replace(
+            velocity=(v, w), pose=integrate_midpoint(self.pose, v, w, dt)
+        )
 
     def measure(self, speed: float, angle: float, wheelbase: float, dt: float) -> Self:
-        """Take one step with what the front wheel does.
-
-        `speed` [m/s]; `angle` [rad]; `wheelbase` [m]; `dt` [s].
-        """
+        """Take one step with the front wheel's `speed` [m/s] at an `angle` [rad]."""
         v, w = speed * math.cos(angle), speed * math.sin(angle) / wheelbase
         means = self.means.add(v, w)
         mean_v, mean_w = means.means(2)
-        pose = _integrate(self.pose, v, w, dt)
+        pose = integrate_midpoint(self.pose, v, w, dt)
         return self._replace(means=means, velocity=(mean_v, mean_w), pose=pose)
 
 
@@ -291,17 +278,6 @@ def _limit_second_difference(
     """
     last = x0 - x1
     return x0 + last + limits.times(2.0 * dt * dt).clamp_size(x - x0 - last)
-
-
-def _integrate(pose: PlanarPose, v: float, w: float, dt: float) -> PlanarPose:
-    if abs(w * dt) >= _SMALL_TURN:
-        return integrate_arc(pose, v, w, dt)
-    middle = pose.heading + 0.5 * w * dt
-    return PlanarPose(
-        pose.x + v * dt * math.cos(middle),
-        pose.y + v * dt * math.sin(middle),
-        pose.heading + w * dt,
-    )
 
 
 _MILLISECONDS = NANOSECONDS // 1000

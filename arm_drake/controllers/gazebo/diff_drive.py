@@ -507,10 +507,7 @@ class GazeboRosDiffDrive(TopicController[ClassicDriveState]):
     def _publish(
         self, now: UpdateContext, state: ClassicDriveState, dt: float
     ) -> ClassicDriveState:
-        """Return the state with what an update publishes.
-
-        `dt` [s].
-        """
+        """Return the state with what an update publishes; `dt` [s]."""
         time_ns, frames, tag = now.time_ns, self._frames, self._tag
         links = [tag.base_link, *(child for _, child in tag.wheel_links)]
         base, *wheels = self._see(now, links) or (None,)

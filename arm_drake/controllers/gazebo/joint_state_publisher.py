@@ -180,10 +180,7 @@ class GazeboRosJointStatePublisher(ControllerInterface):
 def _make_message(
     time_ns: int, joints: tuple[str, ...], values: Sequence[float]
 ) -> JointState:
-    """Return a message.
-
-    `values` shape (2N,).
-    """
+    """Return a message; `values` shape (2N,)."""
     n = len(joints)
     fields = [tuple(values[k : k + n]) for k in range(0, len(values), n)]
     return JointState(Header.from_nanoseconds(time_ns), joints, *fields)

@@ -107,10 +107,7 @@ class GazeboPid(Message):
         return GazeboPidState(zeros, zeros)
 
     def reset(self, state: GazeboPidState, where: Mask | None = None) -> GazeboPidState:
-        """Return the initial state.
-
-        `where` shape (n,), None is all.
-        """
+        """Return the initial state; `where` shape (n,), None is all."""
         if where is None:
             return self.initial()
         i_term, error_last = (np.where(where, 0.0, part) for part in state)
@@ -211,10 +208,7 @@ class JointForces(Message):
         followed: Mapping[str, tuple[str, float]],
         effort_limits: Mapping[str, float],
     ) -> Self:
-        """Return where forces act.
-
-        `effort_limits` [N·m] or [N].
-        """
+        """Return where forces act; `effort_limits` [N·m] or [N]."""
         carriers = [followed.get(joint, (joint, 1.0)) for joint in forces]
         joints = tuple(dict.fromkeys(name for name, _ in carriers))
         return cls(
