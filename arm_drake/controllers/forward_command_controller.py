@@ -35,7 +35,19 @@ class ForwardCommandState(NamedTuple):
 
 
 class ForwardControllersBase(TopicController[ForwardCommandState]):
-    """Writes the values of a topic to command interfaces."""
+    """Writes the values of a topic to k command interfaces.
+
+    ==================  ====  =======  =================================================
+    port                size  unit     meaning
+    ==================  ====  =======  =================================================
+    controller_manager  --    --       Cycle: when to tick
+    state_interfaces    2J    rad, ..  not read
+    commands            --    --       Float64MultiArray of k values
+    command_interfaces  --    --       UpdateResult; command (k,), in rad, rad/s or N·m
+    events              --    --       tuple of the latest (number, TopicRejected), the
+                                       newest last
+    ==================  ====  =======  =================================================
+    """
 
     @abstractmethod
     def __init__(
@@ -152,18 +164,7 @@ class MultiInterfaceForwardCommandControllerParameters:
 class ForwardCommandController(ForwardControllersBase):
     """Writes the values of a topic to one command interface of several joints.
 
-    With k = len(joints), vectors in the order of ``joints``:
-
-    ==================  ====  =======  =================================================
-    port                size  unit     meaning
-    ==================  ====  =======  =================================================
-    controller_manager  --    --       Cycle: when to tick
-    state_interfaces    2J    rad, ..  not read
-    commands            --    --       Float64MultiArray of k values
-    command_interfaces  --    --       UpdateResult; command (k,), in rad, rad/s or N·m
-    events              --    --       tuple of the latest (number, TopicRejected), the
-                                       newest last
-    ==================  ====  =======  =================================================
+    With k = len(joints), vectors are in the order of ``joints``.
 
     The state is a ForwardCommandState. The last message holds for ever, or until the
     controller is deactivated; an empty one takes it back and leaves the commands as
@@ -187,19 +188,8 @@ class ForwardCommandController(ForwardControllersBase):
 class MultiInterfaceForwardCommandController(ForwardControllersBase):
     """Writes the values of a topic to several command interfaces of one joint.
 
-    Vectors are in the order of ``interface_names``, k of them:
-
-    ==================  ====  =======  =================================================
-    port                size  unit     meaning
-    ==================  ====  =======  =================================================
-    controller_manager  --    --       Cycle: when to tick
-    state_interfaces    2J    rad, ..  not read
-    commands            --    --       Float64MultiArray of k values
-    command_interfaces  --    --       UpdateResult; command (k,), in rad, rad/s or N·m
-    events              --    --       tuple of the latest (number, TopicRejected)
-    ==================  ====  =======  =================================================
-
-    All else is as in ForwardCommandController.
+    Vectors are in the order of ``interface_names``, k of them. All else is as in
+    ForwardCommandController.
     """
 
     def __init__(
@@ -217,18 +207,6 @@ class JointGroupController(ForwardControllersBase):
 
     It is `position_controllers/JointGroupPositionController` and those of velocities
     and efforts; these two write 0 when they are deactivated.
-
-    With k = len(joints), vectors in the order of ``joints``:
-
-    ==================  ====  =======  =================================================
-    port                size  unit     meaning
-    ==================  ====  =======  =================================================
-    controller_manager  --    --       Cycle: when to tick
-    state_interfaces    2J    rad, ..  not read
-    commands            --    --       Float64MultiArray of k values
-    command_interfaces  --    --       UpdateResult; command (k,), in rad, rad/s or N·m
-    events              --    --       tuple of the latest (number, TopicRejected)
-    ==================  ====  =======  =================================================
 
     All else is as in ForwardCommandController.
     """

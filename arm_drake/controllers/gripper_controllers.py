@@ -210,7 +210,26 @@ class GripperControllerState(NamedTuple):
 
 
 class GripperControllerBase(TopicController[GripperControllerState]):
-    """Moves one joint to the position of a goal, and tells whether it got there."""
+    """Moves one joint to the position of a goal, and tells whether it got there.
+
+    ==================  ====  =======  =================================================
+    port                size  unit     meaning
+    ==================  ====  =======  =================================================
+    controller_manager  --    --       Cycle: when to tick
+    state_interfaces    2J    rad,     measured positions, then velocities, of all J
+                              rad/s    joints of the robot
+    gripper_cmd         --    --       SendGoal of a GripperCommandGoal, or of a
+                                       ParallelGripperCommandGoal, or CancelGoal
+    gripper_command     --    --       Float32: from 0 (open) to 1 (closed); there only
+                                       where it is known what that is
+    command_interfaces  --    --       UpdateResult; the position, or with gains the
+                                       effort; then as there are such interfaces the
+                                       largest effort and the largest velocity
+    events              --    --       tuple of the latest (number, event), the newest
+                                       last; an event is a GoalEvent, a CancelResponse
+                                       or a TopicRejected
+    ==================  ====  =======  =================================================
+    """
 
     @abstractmethod
     def __init__(
@@ -401,22 +420,6 @@ class GripperControllerBase(TopicController[GripperControllerState]):
 class GripperActionController(GripperControllerBase):
     """Moves a joint to the position of a GripperCommand goal.
 
-    ==================  ====  =======  =================================================
-    port                size  unit     meaning
-    ==================  ====  =======  =================================================
-    controller_manager  --    --       Cycle: when to tick
-    state_interfaces    2J    rad,     measured positions, then velocities, of all J
-                              rad/s    joints of the robot
-    gripper_cmd         --    --       SendGoal of a GripperCommandGoal, or CancelGoal
-    gripper_command     --    --       Float32: from 0 (open) to 1 (closed); there only
-                                       where it is known what that is
-    command_interfaces  --    --       UpdateResult; command (1,): the position, or with
-                                       gains the effort
-    events              --    --       tuple of the latest (number, event), the newest
-                                       last; an event is a GoalEvent, a CancelResponse
-                                       or a TopicRejected
-    ==================  ====  =======  =================================================
-
     The state is a GripperControllerState. With the goal's position p and the measured
     position q, a tick commands p, or in `effort_controllers`::
 
@@ -476,24 +479,6 @@ def _make_pid(parameters: GripperActionControllerParameters) -> Pid:
 
 class ParallelGripperActionController(GripperControllerBase):
     """Moves a joint to the position of a ParallelGripperCommand goal.
-
-    ==================  ====  =======  =================================================
-    port                size  unit     meaning
-    ==================  ====  =======  =================================================
-    controller_manager  --    --       Cycle: when to tick
-    state_interfaces    2J    rad,     measured positions, then velocities, of all J
-                              rad/s    joints of the robot
-    gripper_cmd         --    --       SendGoal of a ParallelGripperCommandGoal, or
-                                       CancelGoal
-    gripper_command     --    --       Float32: from 0 (open) to 1 (closed); there only
-                                       where it is known what that is
-    command_interfaces  --    --       UpdateResult; the position, then as there
-                                       are such interfaces the largest effort and the
-                                       largest velocity
-    events              --    --       tuple of the latest (number, event), the newest
-                                       last; an event is a GoalEvent, a CancelResponse
-                                       or a TopicRejected
-    ==================  ====  =======  =================================================
 
     The state is a GripperControllerState. A goal names no joint that counts; where it
     gives no effort or velocity, the parameters do. The largest effort and velocity go

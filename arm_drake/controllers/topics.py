@@ -155,14 +155,18 @@ class TopicState(Protocol):
 
 
 def document_ports(system: type) -> str | None:
-    """Return a system's documentation with Drake's block of the ports in its table."""
+    """Return a system's documentation with Drake's block of the ports in its table.
+
+    Without a table of its own it has that of its base.
+    """
     summary, _, rest = inspect.cleandoc(system.__doc__ or "").partition("\n\n")
-    lines = rest.splitlines()
-    borders = [i for i, line in enumerate(lines) if line.startswith("===")]
-    rows = lines[borders[1] + 1 : borders[2]] if len(borders) == 3 else []
-    ports = [row.split()[0] for row in rows if not row.startswith(" ")]
-    if interfaces.COMMAND_PORT not in ports:
+    tables = (_find_table(base) for base in system.__mro__)
+    table = next(filter(None, tables), None)
+    if table is None:
         return system.__doc__
+    if "\n".join(table) not in rest:
+        rest = "\n".join([*table, "", rest])
+    ports = [row.split()[0] for row in table[3:-1] if not row.startswith(" ")]
     # The command interfaces are the first output port.
     number = ports.index(interfaces.COMMAND_PORT)
     block = [f"name: {system.__name__}", "input_ports:"]
@@ -170,6 +174,15 @@ def document_ports(system: type) -> str | None:
     block += ["output_ports:", *(f"- {port}" for port in ports[number:])]
     text = textwrap.indent("\n".join(block), "    ")
     return f"{summary}\n\n.. pydrake_system::\n\n{text}\n\n{rest}\n"
+
+
+def _find_table(system: type) -> list[str]:
+    """Return the lines of the table of ports in a system's documentation."""
+    lines = inspect.cleandoc(system.__doc__ or "").splitlines()
+    borders = [i for i, line in enumerate(lines) if line.startswith("===")]
+    table = lines[borders[0] : borders[2] + 1] if len(borders) == 3 else []
+    has_ports = any(line.startswith(interfaces.COMMAND_PORT) for line in table)
+    return table if has_ports else []
 
 
 # Takes a message that came at a time [ns]; returns the new state, and what is wrong
