@@ -1,11 +1,11 @@
 """Filters of measurements, n channels at a time, and chains of them by parameters.
 
-Each channel is a filter of its own. The rules are those of control_toolbox's
-``LowPassFilter``, ``ExponentialFilter`` and ``RateLimiter`` (version 6.3.0) for
-numbers; of the filters of the last few samples in ROS's package `filters` (branch
-``ros2``: ``mean.hpp``, ``median.hpp``, ``transfer_function.hpp``), whose samples are
-finite; and of its ``filter_chain.hpp``: ``filter1``, ``filter2`` and so on, each with a
-name, a type and parameters.
+Each channel is a filter of its own; samples and outputs have the shape (n,). The rules
+are those of control_toolbox's ``LowPassFilter``, ``ExponentialFilter`` and
+``RateLimiter`` (version 6.3.0) for numbers; of the filters of the last few samples in
+ROS's package `filters` (branch ``ros2``: ``mean.hpp``, ``median.hpp``,
+``transfer_function.hpp``), whose samples are finite; and of its ``filter_chain.hpp``:
+``filter1``, ``filter2`` and so on, each with a name, a type and parameters.
 """
 
 import dataclasses as dc
@@ -38,8 +38,36 @@ class FilterState(NamedTuple):
         return cls(nothing, nothing)
 
 
+class SmoothingFilter(ABC):
+    """Base of filters of a sample, the last one and the last output.
+
+    The first finite sample of a channel is its output. After an output of NaN the next
+    finite sample is the first one again.
+    """
+
+    @staticmethod
+    def initial(n: int) -> FilterState:
+        """Return the state of n channels before the first sample."""
+        return FilterState.initial(n)
+
+    def update(self, state: FilterState, sample: Array) -> FilterState:
+        """Return the state after a sample; it holds the output."""
+        sample = np.array(sample, dtype=float)
+        is_new = np.isnan(state.output)
+        if is_new.any():
+            first = np.where(np.isfinite(sample), sample, np.nan)
+            state = FilterState(*(np.where(is_new, first, part) for part in state))
+        # An infinite sample may meet one of the other sign, or a factor of 0.
+        with np.errstate(invalid="ignore"):
+            return FilterState(sample, self._smooth(state, sample))
+
+    @abstractmethod
+    def _smooth(self, last: FilterState, sample: Array) -> Array:
+        """Return what comes out, shape (n,)."""
+
+
 @dc.dataclass(frozen=True)
-class LowPassFilter:
+class LowPassFilter(SmoothingFilter):
     """A low-pass filter of first order: y_k = b x_(k-1) + a y_(k-1).
 
     With x the samples and y the outputs,
@@ -72,28 +100,12 @@ class LowPassFilter:
         decay *= 10.0 ** min(self.damping_intensity / 10.0, 300.0)
         object.__setattr__(self, "a", math.exp(-decay))
 
-    @staticmethod
-    def initial(n: int) -> FilterState:
-        """Return the state of n channels before the first sample."""
-        return FilterState.initial(n)
-
-    def update(self, state: FilterState, sample: Array) -> FilterState:
-        """Return the state after a sample; it holds the output.
-
-        The first finite sample of a channel is its output. Later a NaN makes the next
-        output NaN, and the finite sample after that is the first one again.
-
-        `sample` shape (n,).
-        """
-        sample = np.array(sample, dtype=float)
-        last, output = _start(state, sample)
-        # An infinite sample may meet one of the other sign.
-        with np.errstate(invalid="ignore"):
-            return FilterState(sample, (1.0 - self.a) * last + self.a * output)
+    def _smooth(self, last: FilterState, sample: Array) -> Array:
+        return (1.0 - self.a) * last.sample + self.a * last.output
 
 
 @dc.dataclass(frozen=True)
-class ExponentialFilter:
+class ExponentialFilter(SmoothingFilter):
     """Exponential smoothing: y_k = alpha x_k + (1 - alpha) y_(k-1).
 
     With x the samples and y the outputs.
@@ -107,25 +119,8 @@ class ExponentialFilter:
         if not 0.0 <= self.alpha <= 1.0:
             raise ValueError(f"alpha must be from 0 to 1, got {self.alpha}")
 
-    @staticmethod
-    def initial(n: int) -> FilterState:
-        """Return the state of n channels before the first sample."""
-        return FilterState.initial(n)
-
-    def update(self, state: FilterState, sample: Array) -> FilterState:
-        """Return the state after a sample; it holds the output.
-
-        The first finite sample of a channel is its output. A later NaN is an output,
-        and the next finite sample is the first one again.
-
-        `sample` shape (n,).
-        """
-        sample = np.array(sample, dtype=float)
-        _, output = _start(state, sample)
-        # An infinite sample may meet one of the other sign, or a factor of 0.
-        with np.errstate(invalid="ignore"):
-            smooth = self.alpha * sample + (1.0 - self.alpha) * output
-        return FilterState(sample, smooth)
+    def _smooth(self, last: FilterState, sample: Array) -> Array:
+        return self.alpha * sample + (1.0 - self.alpha) * last.output
 
 
 class LimiterState(NamedTuple):
@@ -183,10 +178,7 @@ class RateLimiterFilter:
         return LimiterState(nothing, nothing)
 
     def update(self, state: LimiterState, sample: Array) -> LimiterState:
-        """Return the state after a sample; it holds the output.
-
-        `sample` shape (n,).
-        """
+        """Return the state after a sample; it holds the output."""
         is_new = np.isnan(state.output)
         last = np.where(is_new, sample, state.output)
         before = np.where(is_new, sample, state.before)
@@ -194,17 +186,6 @@ class RateLimiterFilter:
         limit, period = self._limiter.limit, self.sampling_interval
         output = [limit(v, v0, v1, period).value for v, v0, v1 in columns]
         return LimiterState(last, np.array(output))
-
-
-def _start(state: FilterState, sample: Array) -> FilterState:
-    """Return the state, begun at the sample where it has no output yet."""
-    is_new = np.isnan(state.output)
-    if not is_new.any():
-        return state
-    first = np.where(np.isfinite(sample), sample, np.nan)
-    return FilterState(
-        np.where(is_new, first, state.sample), np.where(is_new, first, state.output)
-    )
 
 
 class WindowState(NamedTuple):
@@ -234,10 +215,7 @@ class WindowFilter(ABC):
         return WindowState((), np.full(n, np.nan))
 
     def update(self, state: WindowState, sample: Array) -> WindowState:
-        """Return the state after a sample; it holds the output.
-
-        `sample` shape (n,).
-        """
+        """Return the state after a sample; it holds the output."""
         samples = (*state.samples, np.array(sample, dtype=float))
         samples = samples[-self.number_of_observations :]
         return WindowState(samples, self._combine(samples))
@@ -307,10 +285,7 @@ class TransferFunctionFilter:
         return TransferState((), (), np.full(n, np.nan))
 
     def update(self, state: TransferState, sample: Array) -> TransferState:
-        """Return the state after a sample; it holds the output.
-
-        `sample` shape (n,).
-        """
+        """Return the state after a sample; it holds the output."""
         output = self.b[0] * sample
         for b, x in zip(self.b[1:], state.inputs, strict=False):
             output = output + b * x
@@ -365,10 +340,7 @@ class FilterChain:
         return ChainState(states, np.full(n, np.nan))
 
     def update(self, state: ChainState, sample: Array) -> ChainState:
-        """Return the state after a sample; it holds the output.
-
-        `sample` shape (n,).
-        """
+        """Return the state after a sample; it holds the output."""
         states = []
         for each, last in zip(self.filters, state.states, strict=True):
             states.append(each.update(last, sample))
