@@ -136,17 +136,6 @@ def test_pids_that_do_not_step_stay_and_command_0() -> None:
     assert after.error_last.tolist() == [1.0, 3.0]
 
 
-def test_a_reset_starts_anew_where_it_says() -> None:
-    pid = make_pid({"i": 2.0, "d": 1.0}, {"i": 2.0, "d": 1.0})
-    state, _ = pid.step(pid.initial(), np.array([1.0, 1.0]), DT)
-
-    parts = pid.reset(state, np.array([True, False]))
-    everything = pid.reset(state)
-
-    assert [part.tolist() for part in parts] == [[0.0, 1.0], [0.0, 1.0]]
-    assert [part.tolist() for part in everything] == [[0.0, 0.0], [0.0, 0.0]]
-
-
 def test_a_state_does_not_change_with_the_arrays_it_came_from() -> None:
     pid = make_pid({"p": 1.0, "d": 1.0})
     error = np.array([1.0])

@@ -106,13 +106,6 @@ class GazeboPid(Message):
         zeros = _array([0.0] * len(self.p))
         return GazeboPidState(zeros, zeros)
 
-    def reset(self, state: GazeboPidState, where: Mask | None = None) -> GazeboPidState:
-        """Return the initial state; `where` shape (n,), None is all."""
-        if where is None:
-            return self.initial()
-        i_term, error_last = (np.where(where, 0.0, part) for part in state)
-        return GazeboPidState(i_term, error_last)
-
     def step(
         self,
         state: GazeboPidState,
