@@ -8,10 +8,10 @@ import pytest
 from arm_drake.bundled import bundled_motions, bundled_robots
 from arm_drake.controllers import CONTROLLER_TYPES, find_controller_type
 from arm_drake.controllers.other_types import load_other_types
-from arm_drake.controllers.type_table import render_others, render_types
 from arm_drake.description.plugin_control import PLUGIN_TYPES
 from arm_drake.worlds.world import WORLDS
 from tests.snippets import ROOT, read_blocks
+from tests.type_table import render_others, render_types
 
 README = ROOT / "README.md"
 PAGES = [README, ROOT / "docs/controllers.md"]

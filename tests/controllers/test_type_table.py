@@ -4,8 +4,8 @@ import dataclasses as dc
 from typing import Annotated
 
 from arm_drake.controllers import CONTROLLER_TYPES, ControllerType
-from arm_drake.controllers.type_table import render_others, render_types
 from arm_drake.description.parameters import ParameterGroup, Rule, per_element_of
+from tests.type_table import render_others, render_types
 
 ALL = "humble, jazzy, kilted, rolling"
 

@@ -7,12 +7,10 @@ a parameter, and `adapt`, asked with nothing given, which older names it looks f
 import dataclasses as dc
 import typing
 from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from arm_drake.controllers.registry import ControllerType
 from arm_drake.description.parameters import DISTROS, ParameterGroup, Rule
-
-if TYPE_CHECKING:
-    from arm_drake.controllers.registry import ControllerType
 
 # So many names are listed in a cell, of each kind.
 _MAX_NAMES = 3
@@ -42,7 +40,7 @@ class _RequestedNames(ParameterGroup):
         return None
 
 
-def render_types(types: Mapping[str, "ControllerType"]) -> str:
+def render_types(types: Mapping[str, ControllerType]) -> str:
     """Return the table of types: what is simulated, and whose names each takes."""
     own = {name: row for name, row in types.items() if not row.runs_as}
     simulated = [n for n, row in own.items() if row.system is not None]
