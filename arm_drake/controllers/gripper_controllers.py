@@ -183,7 +183,7 @@ class Ending(NamedTuple):
     is_stalled: bool
 
 
-class GripperControllerState(NamedTuple):
+class GripperState(NamedTuple):
     """State of a gripper controller between two ticks."""
 
     # What to write, shape (k,); NaN while it is inactive.
@@ -209,7 +209,7 @@ class GripperControllerState(NamedTuple):
     inbox: Inbox = Inbox()
 
 
-class GripperControllerBase(TopicController[GripperControllerState]):
+class GripperControllerBase(TopicController[GripperState]):
     """Moves one joint to the position of a goal, and tells whether it got there.
 
     ==================  ====  =======  =================================================
@@ -251,7 +251,7 @@ class GripperControllerBase(TopicController[GripperControllerState]):
         self._unknown = np.full(len(claims), np.nan)
         super().__init__(
             params,
-            GripperControllerState(self._unknown),
+            GripperState(self._unknown),
             state_interfaces=interfaces.interface_names(
                 (joint,), (interfaces.POSITION, interfaces.VELOCITY)
             ),
@@ -280,16 +280,12 @@ class GripperControllerBase(TopicController[GripperControllerState]):
     def _write(self, target: Target, effort: float) -> Array:
         """Return the command, shape (k,), for a target and the effort of the tick."""
 
-    def _activate(
-        self, now: UpdateContext, state: GripperControllerState
-    ) -> GripperControllerState:
+    def _activate(self, now: UpdateContext, state: GripperState) -> GripperState:
         position, _ = self._read(now.context).tolist()
         pid = None if self._pid is None else self._pid.initial()
         return state._replace(target=self._target_at(position), pid=pid)
 
-    def _update(
-        self, now: UpdateContext, state: GripperControllerState
-    ) -> GripperControllerState:
+    def _update(self, now: UpdateContext, state: GripperState) -> GripperState:
         state = self._receive(now, state)
         target = state.target
         assert target is not None  # Since the activation.
@@ -306,14 +302,12 @@ class GripperControllerBase(TopicController[GripperControllerState]):
         command = self._write(target, effort)
         return state._replace(effort=effort, pid=pid, command=command)
 
-    def _deactivate(
-        self, now: UpdateContext, state: GripperControllerState
-    ) -> GripperControllerState:
+    def _deactivate(self, now: UpdateContext, state: GripperState) -> GripperState:
         return state._replace(command=self._unknown)
 
     def _receive(
-        self, now: UpdateContext, state: GripperControllerState, obstacle: str = ""
-    ) -> GripperControllerState:
+        self, now: UpdateContext, state: GripperState, obstacle: str = ""
+    ) -> GripperState:
         """Return the state that has dealt with messages and told results that are due.
 
         It does so while it is inactive, too.
@@ -333,11 +327,11 @@ class GripperControllerBase(TopicController[GripperControllerState]):
 
     def _take_request(
         self,
-        state: GripperControllerState,
+        state: GripperState,
         message: ActionRequest,
         time_ns: int,
         obstacle: str,
-    ) -> tuple[GripperControllerState, str]:
+    ) -> tuple[GripperState, str]:
         """Return the state that deals with a request; nothing is wrong with it."""
         if isinstance(message, CancelGoal):
             return self._cancel(state, message), ""
@@ -346,8 +340,8 @@ class GripperControllerBase(TopicController[GripperControllerState]):
         return state, ""
 
     def _take_goal(
-        self, state: GripperControllerState, request: SendGoal, time_ns: int
-    ) -> GripperControllerState:
+        self, state: GripperState, request: SendGoal, time_ns: int
+    ) -> GripperState:
         """Return the state that executes a goal, or has rejected it."""
         target = self._read_goal(request.goal) if state.target else _INACTIVE
         if isinstance(target, str):
@@ -358,9 +352,7 @@ class GripperControllerBase(TopicController[GripperControllerState]):
         goal = ActiveGoal(request, time_ns, time_ns + self._monitor_ns)
         return state._replace(target=target, goal=goal, moved_ns=time_ns)
 
-    def _cancel(
-        self, state: GripperControllerState, request: CancelGoal
-    ) -> GripperControllerState:
+    def _cancel(self, state: GripperState, request: CancelGoal) -> GripperState:
         goal, response = state.goal, answer_cancel(state.goal, request)
         if goal is not None and response.accepted:
             if goal.is_executing:
@@ -371,11 +363,11 @@ class GripperControllerBase(TopicController[GripperControllerState]):
 
     def _take_part(
         self,
-        state: GripperControllerState,
+        state: GripperState,
         message: Float64,
         time_ns: int,
         obstacle: str,
-    ) -> tuple[GripperControllerState, str]:
+    ) -> tuple[GripperState, str]:
         """Return the state that goes to a position without a goal."""
         fault = find_part_fault(message)
         if fault or state.target is None:
@@ -386,7 +378,7 @@ class GripperControllerBase(TopicController[GripperControllerState]):
             target = target._replace(max_effort=math.inf)
         return self._drop_goal(state)._replace(target=target), ""
 
-    def _drop_goal(self, state: GripperControllerState) -> GripperControllerState:
+    def _drop_goal(self, state: GripperState) -> GripperState:
         """Return the state without its goal, which another one takes the place of."""
         if state.goal is None:
             return state
@@ -397,9 +389,7 @@ class GripperControllerBase(TopicController[GripperControllerState]):
     def _target_at(self, position: float) -> Target:
         return Target(position, self._config.max_effort, self._max_velocity)
 
-    def _judge(
-        self, state: GripperControllerState, time_ns: int, error: float
-    ) -> GripperControllerState:
+    def _judge(self, state: GripperState, time_ns: int, error: float) -> GripperState:
         """Return the state that has noted whether the goal ends."""
         goal, rules = state.goal, self._config
         if goal is None or not goal.is_executing:
@@ -420,7 +410,7 @@ class GripperControllerBase(TopicController[GripperControllerState]):
 class GripperActionController(GripperControllerBase):
     """Moves a joint to the position of a GripperCommand goal.
 
-    The state is a GripperControllerState. With the goal's position p and the measured
+    The state is a GripperState. With the goal's position p and the measured
     position q, a tick commands p, or in `effort_controllers`::
 
         effort = clamp(pid(p - q, -v), ±max_effort)
@@ -480,7 +470,7 @@ def _make_pid(parameters: GripperActionControllerParameters) -> Pid:
 class ParallelGripperActionController(GripperControllerBase):
     """Moves a joint to the position of a ParallelGripperCommand goal.
 
-    The state is a GripperControllerState. A goal names no joint that counts; where it
+    The state is a GripperState. A goal names no joint that counts; where it
     gives no effort or velocity, the parameters do. The largest effort and velocity go
     to `max_effort_interface` and `max_velocity_interface`, and hold for the joint's
     drive here, whether its description has such interfaces or not; 0 is no limit.
