@@ -251,12 +251,10 @@ class AdmittanceSetup(NamedTuple):
     parameters: AdmittanceControllerParameters
     rule: AdmittanceRule
 
-    # Links of the sensor, of the control frame, of the centre of gravity, and the one
-    # whose z axis points up.
-    sensor: str
-    control: str
-    center: str
-    world: str
+    @property
+    def sensor(self) -> str:
+        """Link of the sensor."""
+        return self.parameters.ft_sensor.frame.id
 
 
 def make_setup(
@@ -281,14 +279,7 @@ def make_setup(
         weight=load.CoG.force,
         center_of_gravity=np.array(load.CoG.pos),
     )
-    return AdmittanceSetup(
-        parameters,
-        rule,
-        parameters.ft_sensor.frame.id,
-        parameters.control.frame.id,
-        load.frame.id,
-        parameters.fixed_world_frame.frame.id,
-    )
+    return AdmittanceSetup(parameters, rule)
 
 
 def make_kinematics(
@@ -408,8 +399,6 @@ def _quaternion(R: Array) -> Quaternion:
 # What a joint is commanded, in the order of rows of commands and references.
 _COMMANDS = (interfaces.POSITION, interfaces.VELOCITY, interfaces.ACCELERATION)
 
-_WRENCH = tuple(f"{part}.{axis}" for part in ("force", "torque") for axis in "xyz")
-
 
 class AdmittanceControllerSystemState(NamedTuple):
     """State of an AdmittanceController between two ticks."""
@@ -509,7 +498,7 @@ class AdmittanceController(TopicController[AdmittanceControllerSystemState]):
             ),
             state_interfaces=(
                 *interfaces.interface_names(joints, parameters.state_interfaces),
-                *(f"{sensor}/{part}" for part in _WRENCH),
+                *(f"{sensor}/{part}" for part in interfaces.FORCES),
             ),
             command_interfaces=interfaces.interface_names(
                 parameters.command_joints or joints, parameters.command_interfaces
@@ -629,15 +618,18 @@ class AdmittanceController(TopicController[AdmittanceControllerSystemState]):
         kinematics, sensor = self._kinematics, setup.sensor
         X_BR = kinematics.pose(q_ref, sensor)
         X_BS = kinematics.pose(q, sensor)
-        links = dict.fromkeys((setup.control, setup.center, setup.world))
+        control = setup.parameters.control.frame.id
+        center = setup.parameters.gravity_compensation.frame.id
+        world = setup.parameters.fixed_world_frame.frame.id
+        links = dict.fromkeys((control, center, world))
         R = {link: kinematics.pose(q, link)[:3, :3] for link in links}
         turn = RotationMatrix(X_BS[:3, :3] @ X_BR[:3, :3].T).ToAngleAxis()
         moved = X_BS[:3, 3] - X_BR[:3, 3]
         frames = AdmittanceFrames(
             R_BS=X_BS[:3, :3],
-            R_BC=R[setup.control],
-            R_BG=R[setup.center],
-            R_BW=R[setup.world],
+            R_BC=R[control],
+            R_BG=R[center],
+            R_BW=R[world],
             displacement=np.append(moved, turn.angle() * turn.axis()),
             jacobian=kinematics.jacobian(q, sensor),
         )
