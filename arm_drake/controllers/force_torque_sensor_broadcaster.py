@@ -22,6 +22,7 @@ from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.topics import SensorBroadcaster
 from arm_drake.description.parameters import ParameterGroup, Rule, check_not_empty
 from arm_drake.errors import ParameterError
+from arm_drake.interfaces import FORCES
 from arm_drake.messages import Header, Vector3, Wrench, WrenchStamped
 
 # Where the axes of a wrench stand in its parameters, in the order of its numbers.
@@ -175,7 +176,7 @@ class ForceTorqueSensorBroadcaster(
         self._filters = FilterChain(make_filters(parameters.sensor_filter_chain))
         names = _of_axes(parameters.interface_names)
         if parameters.sensor_name:
-            names = [f"{parameters.sensor_name}/{part}.{axis}" for part, axis in _AXES]
+            names = [f"{parameters.sensor_name}/{name}" for name in FORCES]
         nothing = WrenchStamped()
         initial = self._filters.initial(len(_AXES))
         super().__init__(

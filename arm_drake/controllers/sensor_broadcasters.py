@@ -25,6 +25,7 @@ from arm_drake.description.parameters import (
     check_not_empty,
 )
 from arm_drake.errors import ParameterError
+from arm_drake.interfaces import ACCELERATIONS, ORIENTATIONS, POSITIONS, RATES
 from arm_drake.messages import (
     Header,
     Point,
@@ -110,11 +111,7 @@ class IMUSensorBroadcaster(SensorBroadcaster[Imu]):
     """
 
     message = Imu
-    names = (
-        *(f"orientation.{axis}" for axis in "xyzw"),
-        *(f"angular_velocity.{axis}" for axis in "xyz"),
-        *(f"linear_acceleration.{axis}" for axis in "xyz"),
-    )
+    names = (*ORIENTATIONS, *RATES, *ACCELERATIONS)
     reads = (
         "``orientation.{x,y,z,w}``, ``angular_velocity.{x,y,z}`` [rad/s] and "
         "``linear_acceleration.{x,y,z}`` [m/s^2] of ``<sensor_name>``"
@@ -290,13 +287,11 @@ class PoseBroadcaster(SensorBroadcaster[PoseBroadcasterState]):
     ) -> None:
         """Create the system."""
         name, tf = parameters.pose_name, parameters.tf
+        read = (*POSITIONS, *ORIENTATIONS)
         super().__init__(
             parameters,
             params,
-            state_interfaces=(
-                *(f"{name}/position.{axis}" for axis in "xyz"),
-                *(f"{name}/orientation.{axis}" for axis in "xyzw"),
-            ),
+            state_interfaces=tuple(f"{name}/{part}" for part in read),
             without=() if tf.enable else ("tf",),
         )
         self._child_frame_id = tf.child_frame_id or name
