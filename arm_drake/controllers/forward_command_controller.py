@@ -130,19 +130,16 @@ class JointGroupControllerParameters:
 
 
 @dc.dataclass(frozen=True)
-class ForwardCommandControllerParameters:
+class ForwardCommandControllerParameters(JointGroupControllerParameters):
     """Parameters of a ForwardCommandController."""
-
-    # Joints to command, in the order of the values; at least one, unique.
-    joints: tuple[str, ...]
 
     # Interface to claim on each joint.
     interface_name: str
 
     def __post_init__(self) -> None:
         """Reject what the types alone can't express."""
-        check_not_empty(self, "joints", "interface_name")
-        check_unique(self, "joints")
+        super().__post_init__()
+        check_not_empty(self, "interface_name")
 
 
 @dc.dataclass(frozen=True)
