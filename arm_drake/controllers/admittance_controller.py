@@ -81,7 +81,6 @@ class Kinematics:
     alpha: float = 0.01
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         check_at_least(self, 0.0, "alpha")
 
 
@@ -116,7 +115,6 @@ class FtSensor:
     filter_coefficient: float = 0.05
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         check_finite(self, "filter_coefficient")
 
 
@@ -131,7 +129,6 @@ class CoG:
     force: float = 0.0
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         check_length(self, 3, "pos")
 
 
@@ -163,7 +160,6 @@ class Admittance:
     joint_damping: float = 5.0
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         check_length(self, 6, "selected_axes", "mass", "damping_ratio", "stiffness")
         check_within(self, 1e-4, 1e6, "mass")
         check_within(self, 0.0, 1e8, "stiffness")
@@ -206,7 +202,6 @@ class AdmittanceControllerParameters:
     enable_parameter_update_without_reactivation: bool = True
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         names = ("joints", "command_interfaces", "state_interfaces")
         check_not_empty(self, *names)
         check_unique(self, *names, "chainable_command_interfaces", "command_joints")

@@ -118,7 +118,6 @@ class Battery:
     serial_number: str = ""
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         check_within(self, 0, 8, "power_supply_technology")
 
     @property
@@ -143,7 +142,6 @@ class BatteryStateBroadcasterParameters:
     power_supply_technology: int = 0
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         check_unique(self, "batteries")
         check_within(self, 0, 8, "power_supply_technology")
         if self.sensor_name and self.batteries:

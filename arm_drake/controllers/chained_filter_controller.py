@@ -52,7 +52,6 @@ class ChainedFilterParameters:
     input: dict[str, InputFilters] = per_element_of("input_interfaces")
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         check_not_empty(self, "input_interfaces", "output_interfaces")
         if len(self.input_interfaces) != len(self.output_interfaces):
             raise ValueError(

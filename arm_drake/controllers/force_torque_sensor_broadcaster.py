@@ -121,7 +121,6 @@ class ForceTorqueSensorBroadcasterParameters:
             params.add(what, "warning", "ignored", why, "it has no effect")
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         check_not_empty(self, "frame_id")
         has_names = self.interface_names != InterfaceNames()
         if bool(self.sensor_name) == has_names:

@@ -124,7 +124,6 @@ class JointGroupControllerParameters:
     joints: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         check_not_empty(self, "joints")
         check_unique(self, "joints")
 
@@ -137,7 +136,6 @@ class ForwardCommandControllerParameters(JointGroupControllerParameters):
     interface_name: str
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         super().__post_init__()
         check_not_empty(self, "interface_name")
 
@@ -153,7 +151,6 @@ class MultiInterfaceForwardCommandControllerParameters:
     interface_names: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         check_not_empty(self, "joint", "interface_names")
         check_unique(self, "interface_names")
 

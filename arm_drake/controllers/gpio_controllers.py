@@ -30,7 +30,6 @@ class GpioInterfaces:
     interfaces: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         check_unique(self, "interfaces")
 
 
@@ -55,7 +54,6 @@ class GpioCommandControllerParameters:
     state_interfaces: InterfacesByGpio = InterfacesByGpio()
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         check_not_empty(self, "gpios")
         check_unique(self, "gpios")
 

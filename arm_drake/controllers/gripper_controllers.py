@@ -84,7 +84,6 @@ class GripperActionControllerParameters:
     stall_timeout: float = 1.0
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         check_not_empty(self, "joint")
         check_at_least(self, 0.1, "action_monitor_rate")
         check_at_least(self, 0.0, "goal_tolerance", "max_effort")
@@ -107,7 +106,6 @@ class GripperPidGains:
     i_clamp: float = 0.0
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         check_finite(self, "p", "i", "d")
         check_at_least(self, 0.0, "i_clamp")
 
@@ -146,7 +144,6 @@ class ParallelGripperActionControllerParameters(GripperActionControllerParameter
     max_velocity: float = 0.1
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         super().__post_init__()
         check_at_least(self, 0.0, "stall_timeout", "max_velocity")
         limits = [self.max_effort_interface, self.max_velocity_interface]

@@ -25,7 +25,6 @@ class PassthroughControllerParameters:
     interfaces: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         check_not_empty(self, "interfaces")
         check_unique(self, "interfaces")
 

@@ -111,7 +111,6 @@ class PidControllerParameters:
     gains: PidControllerGains = PidControllerGains()
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         check_not_empty(
             self, "dof_names", "command_interface", "reference_and_state_interfaces"
         )

@@ -61,7 +61,6 @@ class SensorParameters:
     frame_id: str
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         check_not_empty(self, "sensor_name", "frame_id")
 
 
@@ -86,7 +85,6 @@ class IMUSensorBroadcasterParameters(SensorParameters):
     rotation_offset: Annotated[RotationOffset, Rule(since="kilted")] = RotationOffset()
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         super().__post_init__()
         check_length(
             self,
@@ -250,7 +248,6 @@ class PoseBroadcasterParameters:
     tf: PoseTf = PoseTf()
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         check_not_empty(self, "frame_id", "pose_name")
 
 
@@ -336,7 +333,6 @@ class GPSSensorBroadcasterParameters(SensorParameters):
     read_covariance_from_interface: bool = False
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         super().__post_init__()
         check_length(self, 9, "static_position_covariance")
 
@@ -400,7 +396,6 @@ class MagnetometerBroadcasterParameters(SensorParameters):
     static_covariance: tuple[float, ...] = (0.0,) * 9
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         super().__post_init__()
         check_length(self, 9, "static_covariance")
 
@@ -431,7 +426,6 @@ class StateInterfacesBroadcasterParameters:
     interfaces: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         check_not_empty(self, "interfaces")
 
 
@@ -519,7 +513,6 @@ class Vda5050SafetyStateBroadcasterParameters:
                 params.rename(old, f"interfaces.{name}")
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         if self.interfaces == SafetyInterfaces():
             raise ValueError("interfaces must name at least one, got none")
 

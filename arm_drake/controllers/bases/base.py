@@ -244,7 +244,6 @@ class BaseParameters:
     ] = True
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         check_at_least(self, 1, "velocity_rolling_window_size")
         check_length(self, 6, "pose_covariance_diagonal", "twist_covariance_diagonal")
 

@@ -157,7 +157,6 @@ class DiffDriveControllerParameters(BaseParameters):
     angular: DiffDriveAngular = DiffDriveAngular()
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         super().__post_init__()
         check_not_empty(self, "left_wheel_names", "right_wheel_names")
         if len(self.left_wheel_names) != len(self.right_wheel_names):

@@ -144,7 +144,6 @@ class MecanumKinematicsParameters:
     sum_of_robot_center_projection_on_X_Y_axis: float = 0.0
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         check_above(self, 0.0, "wheels_radius")
 
 
@@ -201,7 +200,6 @@ class MecanumDriveControllerParameters:
     angular: Annotated[MecanumAngular, Rule(since="rolling")] = MecanumAngular()
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         check_not_empty(
             self,
             "front_left_wheel_command_joint_name",

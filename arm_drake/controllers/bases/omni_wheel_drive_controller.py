@@ -31,7 +31,6 @@ class DiagonalCovariance:
     twist: tuple[float, ...] = (0.0,) * 6
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         check_length(self, 6, "pose", "twist")
 
 
@@ -72,7 +71,6 @@ class OmniWheelDriveControllerParameters:
     cmd_vel_timeout: float = 0.5
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         if len(self.wheel_names) < 3:
             raise ValueError(
                 f"wheel_names must have at least 3 elements, "

@@ -135,7 +135,6 @@ class SteeringControllerParameters(BaseParameters):
                 params.add(name, "warning", "invalid", what, done)
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         super().__post_init__()
         check_not_empty(self, *_WHEELS[:2])
         check_unique(self, *_WHEELS)
@@ -166,7 +165,6 @@ class BicycleSteeringControllerParameters(SteeringControllerParameters):
         return SteeringGeometry(self.wheelbase, self.traction_wheel_radius)
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         super().__post_init__()
         check_above(self, 0.0, "traction_wheel_radius")
 
@@ -196,7 +194,6 @@ class TricycleSteeringControllerParameters(SteeringControllerParameters):
         )
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         super().__post_init__()
         check_above(self, 0.0, "traction_track_width", "traction_wheels_radius")
 
@@ -235,7 +232,6 @@ class AckermannSteeringControllerParameters(SteeringControllerParameters):
         )
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         super().__post_init__()
         check_above(self, 0.0, "traction_track_width", "traction_wheels_radius")
 

@@ -62,7 +62,6 @@ class TractionLimits:
     min_jerk: float = math.nan
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         for name, value in dc.asdict(self).items():
             if value < 0.0:
                 raise ValueError(f"{name} must be at least 0, got {value}")
@@ -86,7 +85,6 @@ class SteeringLimits:
     min_acceleration: float = math.nan
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         for name, value in dc.asdict(self).items():
             if value < 0.0 and not name.endswith("position"):
                 raise ValueError(f"{name} must be at least 0, got {value}")
@@ -123,7 +121,6 @@ class TricycleControllerParameters(BaseParameters):
     steering: SteeringLimits = SteeringLimits()
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         super().__post_init__()
         check_not_empty(self, "traction_joint_name", "steering_joint_name")
         check_above(self, 0.0, "wheelbase", "wheel_radius")
