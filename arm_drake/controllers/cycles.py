@@ -1,5 +1,6 @@
 """Cycles and ticks: what manager and controllers tell each other."""
 
+import math
 from collections.abc import Mapping
 from typing import Any, Generic, NamedTuple, Self, TypeVar
 
@@ -103,6 +104,18 @@ class UpdateContext(NamedTuple):
 
 # Its older public name.
 Now = UpdateContext
+
+
+# How far the time may be off a tick and still be the tick, in periods.
+_TICK_TOLERANCE = 1e-6
+
+
+def last_cycle(context: Context, period: float) -> int:
+    """Return the number of the cycle before now, below 0 before the first one.
+
+    That of this very instant, if there is one, hasn't run.
+    """
+    return math.ceil(context.get_time() / period - _TICK_TOLERANCE) - 1
 
 
 def messages_on(port: InputPort, context: Context, expected: type[M]) -> tuple[M, ...]:

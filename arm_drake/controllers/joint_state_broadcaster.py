@@ -18,15 +18,13 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
 )
+from arm_drake.controllers.cycles import last_cycle
 from arm_drake.description.parameters import Rule
 from arm_drake.errors import ParameterError
 from arm_drake.messages import DynamicJointState, Header, InterfaceValue, JointState
 from arm_drake.messages.base import make_lazy
 
 Picker = Callable[[Sequence[float]], tuple[float, ...]]
-
-# How far the time may be off a tick and still be the tick, in periods.
-_TICK_TOLERANCE = 1e-6
 
 # Types of the joints whose interfaces rolling looks for.
 _JOINT_TYPES = ("continuous", "revolute", "prismatic")
@@ -172,9 +170,7 @@ class JointStateBroadcaster(ControllerInterface):
             if math.isnan(time_ns):
                 return None
             return Header.from_nanoseconds(int(time_ns), self._frame_id)
-        # The tick of this very instant, if it is one, hasn't run.
-        cycles = context.get_time() / self.params.period
-        cycle = math.ceil(cycles - _TICK_TOLERANCE) - 1
+        cycle = last_cycle(context, self.params.period)
         if cycle < 0:
             return None
         return Header.from_nanoseconds(self._tick_time(cycle), self._frame_id)

@@ -32,7 +32,10 @@ from arm_drake.messages.control import AckermannDrive, ResetOdometry
 
 
 def _check_ranges(limits: Any, *quantities: str) -> None:
-    """Raise ValueError where a smallest limit exceeds the largest."""
+    """Raise ValueError for a limit below 0, or a smallest one above the largest."""
+    for name, value in dc.asdict(limits).items():
+        if value < 0.0 and not name.endswith("position"):
+            raise ValueError(f"{name} must be at least 0, got {value}")
     for quantity in quantities:
         low, high = (getattr(limits, f"{end}_{quantity}") for end in ("min", "max"))
         if low > high:
@@ -62,9 +65,6 @@ class TractionLimits:
     min_jerk: float = math.nan
 
     def __post_init__(self) -> None:
-        for name, value in dc.asdict(self).items():
-            if value < 0.0:
-                raise ValueError(f"{name} must be at least 0, got {value}")
         _check_ranges(self, "velocity", "acceleration", "deceleration", "jerk")
 
 
@@ -85,9 +85,6 @@ class SteeringLimits:
     min_acceleration: float = math.nan
 
     def __post_init__(self) -> None:
-        for name, value in dc.asdict(self).items():
-            if value < 0.0 and not name.endswith("position"):
-                raise ValueError(f"{name} must be at least 0, got {value}")
         _check_ranges(self, "position", "velocity", "acceleration")
 
 

@@ -16,7 +16,7 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
 )
-from arm_drake.controllers.cycles import Cycle
+from arm_drake.controllers.cycles import Cycle, last_cycle
 from arm_drake.controllers.gazebo.plugin import joint_state_topic, ros_topic
 from arm_drake.description.gazebo_plugins import (
     GazeboRosJointStatePublisher as GazeboRosJointStatePublisherTag,
@@ -26,9 +26,6 @@ from arm_drake.description.gazebo_plugins import (
 )
 from arm_drake.messages import NANOSECONDS, Header, JointState
 from arm_drake.timing import cycle_at
-
-# How far the time may be off a tick and still be the tick, in periods.
-_TICK_TOLERANCE = 1e-6
 
 
 class JointStatePublisher(ControllerInterface):
@@ -81,9 +78,7 @@ class JointStatePublisher(ControllerInterface):
         )
 
     def _calc_joint_state(self, context: Context, output: AbstractValue) -> None:
-        # The tick of this very instant, if it is one, hasn't run.
-        cycles = context.get_time() / self.params.period
-        cycle = math.ceil(cycles - _TICK_TOLERANCE) - 1
+        cycle = last_cycle(context, self.params.period)
         message = JointState()
         if cycle >= 0 and self._is_active(context):
             values = self._read(context).tolist()
