@@ -412,9 +412,7 @@ class GenericSystem:
         Only `calculate_dynamics` has an objection: it needs exactly one of position,
         velocity and acceleration on each joint of which anything is claimed.
 
-        Args:
-            start: Full names of the command interfaces to be claimed.
-            stop: Those to be released; they don't matter.
+        `start` are full names of command interfaces; those that `stop` don't matter.
         """
         if not self._parameters.calculate_dynamics:
             return ""
@@ -438,10 +436,7 @@ class GenericSystem:
     ) -> tuple[str, ...]:
         """Return by which interface each joint is commanded after a switch.
 
-        Args:
-            modes: The same before it, as in the state.
-            start: Full names of the command interfaces that are claimed.
-            stop: Those that are released; their joints keep their modes.
+        `modes` are those before it; joints whose interfaces `stop` keep theirs.
         """
         claims = [name.rpartition("/") for name in start]
         latest = {joint: mode for joint, _, mode in claims if mode in MODES}

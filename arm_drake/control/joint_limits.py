@@ -355,13 +355,7 @@ class CommandLimits:
         order: Sequence[str],
         measured: Sequence[str],
     ) -> None:
-        """Create it.
-
-        Args:
-            limits: Limits by joint; None is no soft limits.
-            order: Names of the command values, such as "joint1/position".
-            measured: Names of the measured quantities.
-        """
+        """Create it; `order` names the command values, `measured` what is measured."""
         self._limits = limits
         self._order = {name: index for index, name in enumerate(order)}
         self._measured = {name: index for index, name in enumerate(measured)}
@@ -374,15 +368,11 @@ class CommandLimits:
         previous: Previous,
         dt: float,
     ) -> LimitedCommands:
-        """Bring command values within the limits, in place.
+        """Bring command values, shape (k,), within the limits, in place.
 
-        Args:
-            claimed: Names of the command interfaces that are claimed.
-            values: Command values, shape (k,).
-            measured: Measured quantities.
-            previous: What the last cycle returned; {} at first, and for joints that
-                are switched to another interface.
-            dt: Time since the last cycle [s].
+        `claimed` are full names of interfaces; `previous` is what the last cycle
+        returned, {} at first, and for joints that are switched to another interface;
+        `dt` is the time since then [s].
         """
         remembered = dict(previous)
         limited: list[str] = []

@@ -62,11 +62,7 @@ class RateLimiter:
     def limit(self, v: float, v0: float, v1: float, dt: float) -> Limited:
         """Return a value within all limits: second derivative, first, then value.
 
-        Args:
-            v: Value that is asked for.
-            v0: Last value.
-            v1: Value before the last one.
-            dt: Time between values [s].
+        `v0` is the last one, `v1` that before it, `dt` the time between values [s].
         """
         limited = self.limit_second_derivative(v, v0, v1, dt).value
         limited = self.limit_first_derivative(limited, v0, dt).value
@@ -82,8 +78,6 @@ class RateLimiter:
         """Return a value within the limits of the first derivative alone.
 
         Which of them hold depends on the sign of the last value.
-
-        `dt` [s].
         """
         if math.isnan(self.max_first_derivative_pos):
             return _compare(v, v)
@@ -100,8 +94,6 @@ class RateLimiter:
         """Return a value within the limits of the second derivative alone.
 
         They hold only where the first derivative is to grow in its own direction.
-
-        `dt` [s].
         """
         if math.isnan(self.max_second_derivative):
             return _compare(v, v)

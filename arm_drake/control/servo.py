@@ -202,11 +202,7 @@ class ServoGains:
 
 
 def velocity_lead(bandwidth: float) -> float:
-    """Return what a desired velocity adds to the desired position [s].
-
-    Args:
-        bandwidth: w0 [rad/s].
-    """
+    """Return what a desired velocity adds to the desired position [s]; w0 [rad/s]."""
     return 2.0 / bandwidth
 
 
@@ -220,15 +216,9 @@ def compute_rotor_inertia(
     the servo knows, and the wrist drops it. Joints that have less than a tenth of it
     become as heavy as a drive of their effort that gives its own rotor 1000 rad/s^2.
 
-    Args:
-        samples: Dynamics of the joints.
-        limits: Their limits.
-        strength: Efforts that are enough for anything the robot does [N·m]: hundreds on
-            a toy are placeholders. Shape (n,).
-        time_step: Step of the plant h [s].
-
-    Returns:
-        Inertias about the joints, 0 where the links are heavy enough, shape (n,).
+    `strength` are efforts that are enough for anything the robot does [N·m], shape
+    (n,): hundreds on a toy are placeholders. `time_step` is h [s]. Where the links are
+    heavy enough the inertia is 0.
     """
     unknown = _UNKNOWN * strength
     effort = np.minimum(limits.effort, strength)
@@ -369,12 +359,9 @@ class FrictionGains:
 
 
 def compute_friction_gains(samples: DynamicsSamples, time_step: float) -> FrictionGains:
-    """Return the numbers of a friction that sticks and is stable at any step.
+    """Return the numbers of a friction that sticks and is stable at any step h [s].
 
-    Args:
-        samples: Dynamics of all the joints that have friction, with the step's damping
-            h D in their inertia.
-        time_step: Step of the plant h [s].
+    `samples` of all joints with friction have the step's damping h D in their inertia.
     """
     diagonal = samples.inertia
     scale = np.sqrt(diagonal)
@@ -413,13 +400,9 @@ def compute_load_inertia(
     counts with 4.3 times the wheel's inertia, and a base that is 15 times as heavy as
     its wheels follows with a damping of 0.7, not 0.35.
 
-    Args:
-        wheels: Inertia of the wheels alone, of n joints [kg·m^2].
-        load_inertia: Inertia of what each of them moves on the ground besides; 0 for
-            joints that drive no base.
-        bandwidth: w0 [rad/s].
-        time_step: Step of the plant h [s].
-        observer_gain: Share of a disturbance that is taken over at each step, b.
+    `wheels` is the inertia of n wheels alone, `load_inertia` that of what each of them
+    moves on the ground besides, 0 for joints that drive no base [kg·m^2]; `bandwidth`
+    is w0 [rad/s], `time_step` h [s].
     """
     c, b = 1.0 - math.exp(-bandwidth * time_step), observer_gain
     least = c + b - b * c

@@ -121,11 +121,6 @@ def last_cycle(context: Context, period: float) -> int:
 def messages_on(port: InputPort, context: Context, expected: type[M]) -> tuple[M, ...]:
     """Return the messages on an abstract port: one, a tuple of them, or nothing.
 
-    Args:
-        port: The port.
-        context: Context of its system.
-        expected: Type of the messages.
-
     Raises:
         TypeError: If something else is there.
     """

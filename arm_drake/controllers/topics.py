@@ -48,13 +48,9 @@ def new_messages(
 ) -> tuple[tuple[M, ...], tuple[M, ...]]:
     """Return the messages that came since the last tick, and all that are there.
 
-    A message is new if it is another object than those of the last tick.
-
-    Args:
-        port: Abstract input port: a message, a tuple of messages, or nothing.
-        context: Context of its system.
-        expected: Type of the messages.
-        seen: What was there at the last tick; returned itself if it still is.
+    A message is new if it is another object than those of the last tick, `seen`, which
+    is returned itself if it is still there. On the port is a message, a tuple of
+    messages, or nothing.
 
     Raises:
         TypeError: If something else is there.
@@ -73,11 +69,7 @@ def new_parameters(port: InputPort, context: Context, seen: object) -> object:
     """Return the parameters on a port if they are others than those of the last tick.
 
     Equal ones aren't: a Context's clone holds a copy of what was fixed on its ports.
-
-    Args:
-        port: Abstract input port: parameters, or nothing.
-        context: Context of its system.
-        seen: What was there at the last tick; returned itself if there is nothing new.
+    Where there is nothing new, `seen` is returned itself.
     """
     if not port.HasValue(context):
         return seen
@@ -92,10 +84,7 @@ def new_parameters(port: InputPort, context: Context, seen: object) -> object:
 def check_change(old: P, new: object, read_only: Sequence[str]) -> P:
     """Return parameters that may take the place of others while a controller runs.
 
-    Args:
-        old: The parameters before.
-        new: What is to take their place.
-        read_only: Dotted names of parameters that can't change.
+    `read_only` are dotted names of those that can't change.
 
     Raises:
         ValueError: If they aren't parameters of the same kind, or one has changed.
@@ -210,13 +199,7 @@ class TopicController(TickingController[T]):
     def __init__(
         self, params: ControllerInterfaceParams, initial: T, **names: Any
     ) -> None:
-        """Create the system without topics.
-
-        Args:
-            params: Rate and surroundings of the controller.
-            initial: State before the first tick.
-            names: Interfaces, as in ControllerInterface.
-        """
+        """Create the system without topics; `names` are as in TickingController."""
         super().__init__(params, initial, **names)
         self.message_types: dict[str, type[Message]] = {}
         # In the order in which their messages are taken.
@@ -390,11 +373,6 @@ def find_part_fault(message: Float64) -> str:
 
 
 def position_of(part: float, ends: tuple[float, float]) -> float:
-    """Return a position [rad] or [m] by a part: 0 is open, 1 is closed.
-
-    Args:
-        part: From 0 to 1.
-        ends: Where the gripper is open and where closed [rad] or [m].
-    """
+    """Return a position between the ends where a gripper is open, 0, and closed, 1."""
     is_open, is_closed = ends
     return (1.0 - part) * is_open + part * is_closed
