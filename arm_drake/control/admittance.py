@@ -122,11 +122,7 @@ class AdmittanceRule(Message):
         An admittance that is too stiff for its period grows until nothing of it is
         finite.
 
-        Args:
-            state: State after the last tick.
-            frames: How frames stand.
-            wrench_S: What is measured, in S [N], [N·m], shape (6,).
-            period: Time since the last tick [s].
+        `wrench_S` is what is measured, in S [N], [N·m], shape (6,); `period` [s].
         """
         with np.errstate(over="ignore", invalid="ignore"):
             wrench_W = self._filter(state.wrench_W, frames, wrench_S)

@@ -467,14 +467,8 @@ class GazeboRosDiffDrive(TopicController[ClassicDriveState]):
             self._declare_topic(tf, self._describe_frames)
         self._declare_events()
         self._frames = BaseFrames(tag.odometry_frame, tag.robot_base_frame)
-        self._covariance = diagonal(
-            (
-                tag.covariance_x,
-                tag.covariance_y,
-                *(_UNKNOWN,) * 3,
-                tag.covariance_yaw,
-            )
-        )
+        planar = (tag.covariance_x, tag.covariance_y)
+        self._covariance = diagonal((*planar, *(_UNKNOWN,) * 3, tag.covariance_yaw))
 
     def _update(
         self, now: UpdateContext, state: ClassicDriveState
