@@ -139,21 +139,23 @@ def _simulate_headless(
         if is_recorded:
             start_recording(meshcat, FRAME_RATE)
         _show(options, views)
-        wall_time = _measure(
-            lambda: run_drawing(
-                simulation,
-                duration,
-                motion,
-                draw=views.draw,
-                frame_rate=FRAME_RATE,
-                realtime_rate=rate,
-                progress=say.progress,
-            ),
-            simulation,
-            say,
-        )
-        views.end_recording()
-        return _finish(options, simulation, wall_time, meshcat, say)
+
+        def run() -> None:
+            with scene.drawing():
+                run_drawing(
+                    simulation,
+                    duration,
+                    motion,
+                    draw=views.draw,
+                    frame_rate=FRAME_RATE,
+                    realtime_rate=rate,
+                    progress=say.progress,
+                )
+                views.end_recording()
+
+        wall_time = _measure(run, simulation, say)
+        alive = meshcat if scene.is_alive else None
+        return _finish(options, simulation, wall_time, alive, say)
 
 
 def _check_nothing_shown(options: argparse.Namespace) -> None:
@@ -222,10 +224,12 @@ def _simulate_live(
             say.line("simulating until Ctrl-C")
         with interrupting(live.stop) as is_interrupted:
             _measure(lambda: live.run(duration, say.progress), simulation, say)
-        live.views.end_recording()
+        alive = page.meshcat if page.is_alive else None
+        if alive is not None:
+            live.views.end_recording()
         if is_interrupted():
             say.line(f"stopped at {simulation.time:.2f} s")
-        code = _finish(options, simulation, live.wall_time, page.meshcat, say)
+        code = _finish(options, simulation, live.wall_time, alive, say)
         if options.hold and not (is_interrupted() or say.failures):
             say.page(f"the page stays at {page.url} until Ctrl-C")
             live.pause()

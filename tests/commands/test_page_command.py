@@ -4,9 +4,12 @@ import argparse
 import signal
 import socket
 import sys
+from pathlib import Path
 
 import pytest
 
+import arm_drake as ad
+from arm_drake.cli import main
 from arm_drake.commands.page import (
     from_elsewhere,
     interrupting,
@@ -14,6 +17,8 @@ from arm_drake.commands.page import (
     start_page,
 )
 from arm_drake.errors import InputError
+from arm_drake.visualization.page.live_views import LiveViews
+from tests.visualization.page.clients import end_meshcat
 
 
 @pytest.fixture
@@ -153,3 +158,31 @@ def test_an_error_gives_ctrl_c_back() -> None:
         raise ZeroDivisionError
 
     assert signal.getsignal(signal.SIGINT) is before
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("words", [[], ["--headless", "--record", "film.html"]])
+def test_what_was_simulated_is_written_when_meshcat_ends(
+    words: list[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    draw, drawn = LiveViews.draw, []
+
+    def end_at_the_tenth(views: LiveViews) -> None:
+        drawn.append(True)
+        if len(drawn) == 10:
+            end_meshcat(views._scene)
+        draw(views)
+
+    monkeypatch.setattr(LiveViews, "draw", end_at_the_tenth)
+
+    code = main(["sim", "doosan_a0912", "--duration=1", "--log=log.npz", *words])
+
+    *_, last = capsys.readouterr().err.splitlines()
+    assert code == 1
+    assert last.startswith("arm-drake: Meshcat has ended: a program of this machine")
+    assert 0.1 < ad.Rollout.load("log.npz").time[-1] < 1.0
+    assert not Path("film.html").exists()

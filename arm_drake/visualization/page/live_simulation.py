@@ -285,7 +285,14 @@ class LiveSimulation:
             duration: Simulated time after which it returns [s], counted anew from a
                 reset; None is until `stop`.
             progress: Called with the simulated time [s], ten times a second.
+
+        Raises:
+            SimulationError: If the simulation can't go on, or Meshcat has ended.
         """
+        with self.page.drawing():
+            self._run(duration, progress)
+
+    def _run(self, duration: float | None, progress: Progress | None) -> None:
         self._duration = math.inf if duration is None else duration
         self._end = self.simulation.time + self._duration
         if self._is_playing:
@@ -328,7 +335,7 @@ class LiveSimulation:
         Args:
             events: What happened on the page, in order.
         """
-        do_latest(self.page, events, lambda event: self._do(event.id, event.value))
+        do_events(self.page, events, lambda event: self._do(event.id, event.value))
 
     def _do(self, name: str, value: Any) -> None:
         kind, _, what = name.partition(":")
@@ -428,7 +435,7 @@ class LogLines:
         return "\n".join(reversed(self._lines))
 
 
-def do_latest(page: Page, events: Iterable[Event], do: Callable[[Event], None]) -> None:
+def do_events(page: Page, events: Iterable[Event], do: Callable[[Event], None]) -> None:
     """Do what was clicked, and say on the page what can't be done.
 
     Args:
@@ -440,7 +447,7 @@ def do_latest(page: Page, events: Iterable[Event], do: Callable[[Event], None]) 
         SimulationError: If a simulation can't go on.
     """
     problems = []
-    for event in (happened := latest(events)):
+    for event in (happened := list(events)):
         try:
             do(event)
         except SimulationError:
@@ -449,19 +456,6 @@ def do_latest(page: Page, events: Iterable[Event], do: Callable[[Event], None]) 
             problems.append(str(error))
     if happened:
         page.say("\n".join(problems), "error")
-
-
-def latest(events: Iterable[Event]) -> list[Event]:
-    """Return events without those whose value is replaced by a later one.
-
-    Of a slider's way the end counts, unless something else was done on the way.
-    """
-    kept: list[Event] = []
-    for event in events:
-        if kept and kept[-1].id == event.id and event.value is not None:
-            kept.pop()
-        kept.append(event)
-    return kept
 
 
 def make_sections(live: LiveSimulation) -> list[Section]:

@@ -1,9 +1,9 @@
 """A page: Meshcat's scene with a panel, and the web server behind it.
 
 The server runs in a thread of its own, so that a page answers while a simulation steps,
-and no browser makes the simulation wait. Meshcat listens to this machine alone; all
-that a browser sees of it comes through the server, on one port. A page belongs to the
-thread that made it.
+and no browser makes the simulation wait. Meshcat listens to this machine alone, at an
+address that nobody is told; all that a browser sees of it comes through the server, on
+one port, and nothing goes the other way. A page belongs to the thread that made it.
 """
 
 import asyncio
@@ -18,7 +18,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote, urlsplit
+from urllib.parse import quote, unquote, urlsplit
 
 from tornado.httpclient import AsyncHTTPClient, HTTPClientError, HTTPRequest
 from tornado.httpserver import HTTPServer
@@ -28,7 +28,7 @@ from tornado.web import Application, HTTPError, RequestHandler, StaticFileHandle
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from arm_drake.errors import InputError
-from arm_drake.visualization.page.scene import Event, Scene
+from arm_drake.visualization.page.scene import Event, Scene, meshcat_address
 from arm_drake.visualization.page.widgets import Section
 
 # A browser that takes nothing for so long is left; when it wakes up it connects again
@@ -75,7 +75,14 @@ class _OwnNames(RequestHandler):
     Else a web site could have its name lead here, and read and move the robot.
     """
 
+    def log_exception(self, kind: Any, error: Any, trace: Any) -> None:
+        """Say nothing of requests that are refused: anybody may send any number."""
+        if not isinstance(error, HTTPError):
+            super().log_exception(kind, error, trace)
+
     def prepare(self) -> None:
+        if "\0" in unquote(self.request.path):
+            raise HTTPError(400)
         name = self.request.host_name.strip("[]")
         known = self.settings["is_public"] and is_own(name)
         if not (known or is_local(name)):
@@ -92,9 +99,9 @@ class Files(_OwnNames, StaticFileHandler):
 class Tunnel(_OwnNames):
     """Hands on to Meshcat what is asked of it."""
 
-    def initialize(self, port: int, streams: set[IOStream]) -> None:
+    def initialize(self, address: tuple[str, int], streams: set[IOStream]) -> None:
         """Take where Meshcat listens, and where to keep streams that are open."""
-        self._port = port
+        self._address = address
         self._streams = streams
 
     async def get(self, path: str) -> None:
@@ -102,8 +109,9 @@ class Tunnel(_OwnNames):
         if self.request.headers.get("Upgrade", "").lower() == "websocket":
             await self._join_streams()
             return
+        host, port = self._address
         request = HTTPRequest(
-            f"http://localhost:{self._port}/{quote(path)}", decompress_response=False
+            f"http://{host}:{port}/{quote(path)}", decompress_response=False
         )
         try:
             answer = await AsyncHTTPClient().fetch(request)
@@ -122,10 +130,10 @@ class Tunnel(_OwnNames):
         if urlsplit(headers.get("Origin", "")).netloc != self.request.host:
             raise HTTPError(403)
         try:
-            meshcat = await TCPClient().connect("localhost", self._port)
+            meshcat = await TCPClient().connect(*self._address)
         except OSError:
             raise HTTPError(502) from None
-        lines = [f"GET / HTTP/1.1\r\nHost: localhost:{self._port}"]
+        lines = ["GET / HTTP/1.1\r\nHost: {}:{}".format(*self._address)]
         lines += [
             f"{name}: {value}"
             for name, value in headers.get_all()
@@ -137,7 +145,7 @@ class Tunnel(_OwnNames):
         try:
             await meshcat.write("\r\n".join([*lines, "\r\n"]).encode("latin-1"))
             await asyncio.gather(
-                _pump(meshcat, browser), self._hand_on(browser, meshcat)
+                _pump(meshcat, browser), _pump_control_frames(browser, meshcat)
             )
         except StreamClosedError:
             pass
@@ -145,26 +153,6 @@ class Tunnel(_OwnNames):
             self._streams -= streams
             for stream in streams:
                 stream.close()
-
-    async def _hand_on(self, browser: IOStream, meshcat: IOStream) -> None:
-        """Hand on what a browser says; on a public page, only that it is still there.
-
-        A message that makes no sense ends Drake's Meshcat.
-        """
-        if not self.settings["is_public"]:
-            await _pump(browser, meshcat)
-        while True:
-            # The frames of RFC 6455, section 5.2.
-            head = await browser.read_bytes(2)
-            size, extra = head[1] & 0x7F, b""
-            if size > _SMALL_FRAME:
-                extra = await browser.read_bytes(2 if size == _SMALL_FRAME + 1 else 8)
-                size = int.from_bytes(extra)
-            if size > _CHUNK:
-                raise StreamClosedError
-            rest = await browser.read_bytes(size + (4 if head[1] & 0x80 else 0))
-            if head[0] & _IS_CONTROL:
-                await meshcat.write(head + extra + rest)
 
 
 class PanelSocket(_OwnNames, WebSocketHandler):
@@ -252,7 +240,29 @@ async def _pump(source: IOStream, sink: IOStream) -> None:
             raise StreamClosedError from None
 
 
+async def _pump_control_frames(browser: IOStream, meshcat: IOStream) -> None:
+    """Hand on that a browser is still there, and nothing else of what it says.
+
+    A message that makes no sense ends Drake's Meshcat.
+    """
+    while True:
+        # The frames of RFC 6455, section 5.2.
+        head = await browser.read_bytes(2)
+        size, extra = head[1] & 0x7F, b""
+        if size > _SMALL_FRAME:
+            extra = await browser.read_bytes(2 if size == _SMALL_FRAME + 1 else 8)
+            size = int.from_bytes(extra)
+        if size > _CHUNK:
+            raise StreamClosedError
+        rest = await browser.read_bytes(size + (4 if head[1] & 0x80 else 0))
+        if head[0] & _IS_CONTROL:
+            await meshcat.write(head + extra + rest)
+
+
 _STATIC = Path(__file__).parent / "static"
+
+# What Meshcat serves; of all else it warns on the terminal.
+_MESHCATS_FILES = r"|index\.html|meshcat\.html|favicon\.ico|cas-v1/[0-9a-f]+"
 
 # Ports that a page may have, and the first that is tried, and how many after it.
 _PORTS = range(1024, 65536)
@@ -262,8 +272,9 @@ _TRIED_PORTS = 100
 # Names of all addresses of this machine.
 _ANYWHERE = ("*", "0.0.0.0", "::")  # noqa: S104
 
-# A sentence of a browser is short.
+# A sentence of a browser is short, and no request has a body [bytes].
 _LONGEST_MESSAGE = 1 << 16
+_LONGEST_BODY = 1
 
 
 class PageServer:
@@ -274,10 +285,10 @@ class PageServer:
         *,
         host: str,
         port: int | None,
-        meshcat_port: int,
+        meshcat: tuple[str, int],
         on_event: Callable[[str, Any], None],
     ) -> None:
-        """Start to serve."""
+        """Start to serve, with a Meshcat at an address."""
         self.is_public = not is_local(host)
         self._sockets = _listen(host, port)
         self.port = int(self._sockets[0].getsockname()[1])
@@ -287,7 +298,7 @@ class PageServer:
         self._clients: set[PanelSocket] = set()
         self._streams: set[IOStream] = set()
         self._messages: dict[str, Message] = {}
-        self._application = self._make_application(meshcat_port, on_event)
+        self._application = self._make_application(meshcat, on_event)
         self._loop = asyncio.new_event_loop()
         self._is_up, self._is_closing = threading.Event(), asyncio.Event()
         self._thread = threading.Thread(
@@ -318,9 +329,9 @@ class PageServer:
         self._thread.join()
 
     def _make_application(
-        self, meshcat_port: int, on_event: Callable[[str, Any], None]
+        self, meshcat: tuple[str, int], on_event: Callable[[str, Any], None]
     ) -> Application:
-        meshcat = {"port": meshcat_port, "streams": self._streams}
+        tunnel = {"address": meshcat, "streams": self._streams}
         panel = {
             "clients": self._clients,
             "messages": self._messages,
@@ -329,7 +340,7 @@ class PageServer:
         files = {"path": str(_STATIC), "default_filename": "index.html"}
         return Application(
             [
-                (r"/meshcat/(.*)", Tunnel, meshcat),
+                (rf"/meshcat/({_MESHCATS_FILES})", Tunnel, tunnel),
                 (r"/panel", PanelSocket, panel),
                 (r"/(.*)", Files, files),
             ],
@@ -347,7 +358,7 @@ class PageServer:
             self._loop.close()
 
     async def _run(self) -> None:
-        server = HTTPServer(self._application)
+        server = HTTPServer(self._application, max_body_size=_LONGEST_BODY)
         server.add_sockets(self._sockets)
         self._is_up.set()
         await self._is_closing.wait()
@@ -426,6 +437,48 @@ def _bind(host: str, port: int) -> list[socket.socket]:
         return sockets
 
 
+# Nobody moves so many sliders in a twentieth of a second.
+_MOST_EVENTS = 100
+
+
+class EventQueue:
+    """What happened in browsers and wasn't done yet.
+
+    Of a widget with a value the last one counts, up to the next click on one without:
+    a slider sends hundreds. What comes when it is full is lost.
+    """
+
+    def __init__(self) -> None:
+        """Create an empty one."""
+        self._lock = threading.Lock()
+        self._events: list[Event] = []
+
+    def __len__(self) -> int:
+        """Return how many there are."""
+        return len(self._events)
+
+    def put(self, event: Event) -> bool:
+        """Add an event; return whether there was none before."""
+        with self._lock:
+            was_empty = not self._events
+            if event.value is not None:
+                for k in reversed(range(len(self._events))):
+                    if self._events[k].value is None:
+                        break
+                    if self._events[k].id == event.id:
+                        del self._events[k]
+                        break
+            if len(self._events) < _MOST_EVENTS:
+                self._events.append(event)
+            return was_empty
+
+    def take(self) -> list[Event]:
+        """Return all events in order, and forget them."""
+        with self._lock:
+            events, self._events = self._events, []
+            return events
+
+
 # Meshcat ends its connections within milliseconds [s].
 _LONGEST_GOODBYE = 1.0
 
@@ -449,7 +502,9 @@ class Page(Scene):
         Raises:
             InputError: If it can't listen there.
         """
-        self._queue: queue.SimpleQueue[Event | Callable[[], None]] = queue.SimpleQueue()
+        # What threads want done; None wakes the page for the events beside it.
+        self._calls: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
+        self._events = EventQueue()
         super().__init__()
         # What was last sent of each widget.
         self._fields: dict[str, dict[str, Any]] = {}
@@ -457,8 +512,8 @@ class Page(Scene):
             self._server = PageServer(
                 host=host,
                 port=port,
-                meshcat_port=self.meshcat.port(),
-                on_event=lambda name, value: self._queue.put(Event(name, value)),
+                meshcat=meshcat_address(self.meshcat),
+                on_event=self._take_event,
             )
         except InputError:
             super().close()
@@ -539,7 +594,7 @@ class Page(Scene):
         A signal's handler may ask, too, and has to, if it wants to end a wait: after a
         signal at the end of its time, Python's SimpleQueue may wait for ever.
         """
-        self._queue.put(function)
+        self._calls.put(function)
 
     def events(self, timeout: float) -> list[Event]:
         """Return what happened in browsers, in order; do what threads asked for.
@@ -547,19 +602,30 @@ class Page(Scene):
         Args:
             timeout: How long to wait for the first [s].
         """
+        deadline = time.monotonic() + timeout
         found: list[Event] = []
-        try:
-            entry = self._queue.get(timeout=timeout) if timeout > 0.0 else None
-            while True:
-                if isinstance(entry, Event):
-                    found.append(entry)
-                    # The browser shows another value than it was told.
-                    self._fields.get(entry.id, {}).pop("value", None)
-                elif entry is not None:
-                    entry()
-                entry = self._queue.get_nowait()
-        except queue.Empty:
-            return found
+        was_called = False
+        with contextlib.suppress(queue.Empty):
+            while not (found or was_called):
+                wait = deadline - time.monotonic()
+                call = self._calls.get(wait > 0.0, max(wait, 0.0))
+                while True:
+                    if call is not None:
+                        call()
+                        was_called = True
+                    # Of the same moment.
+                    if self._calls.empty():
+                        break
+                    call = self._calls.get_nowait()
+                found = self._events.take()
+        for event in found:
+            # The browser shows another value than it was told.
+            self._fields.get(event.id, {}).pop("value", None)
+        return found
+
+    def _take_event(self, name: str, value: Any) -> None:
+        if self._events.put(Event(name, value)):
+            self._calls.put(None)
 
     def close(self) -> None:
         """End it: its address is free again. What is in its scene goes."""
@@ -567,6 +633,8 @@ class Page(Scene):
             return
         self._server.close()
         deadline = time.monotonic() + _LONGEST_GOODBYE
-        while self.meshcat.GetNumActiveConnections() and time.monotonic() < deadline:
+        while self.is_alive and time.monotonic() < deadline:
+            if not self.meshcat.GetNumActiveConnections():
+                break
             time.sleep(0.005)
         super().close()

@@ -29,7 +29,7 @@ from arm_drake.visualization.page import (
     Slider,
     Text,
 )
-from arm_drake.visualization.page.live_simulation import do_latest, read_rate
+from arm_drake.visualization.page.live_simulation import do_events, read_rate
 from arm_drake.visualization.page.robot_scene import RobotScene
 
 # What a description has for its controllers, which don't run here.
@@ -223,7 +223,7 @@ class ReplayPage:
         Args:
             events: What happened on the page, in order.
         """
-        do_latest(self.page, events, self._do)
+        do_events(self.page, events, self._do)
 
     def _do(self, event: Event) -> None:
         if event.id == "play":

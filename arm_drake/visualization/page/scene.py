@@ -5,16 +5,21 @@ made it, and Python's garbage collector runs in whatever thread it likes. So the
 never destroyed: what a page is done with serves the next page of the same thread.
 """
 
+import contextlib
 import ctypes
 import dataclasses as dc
 import logging
+import random
+import socket
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Self
+from urllib.parse import urlsplit
 
 from pydrake.geometry import Meshcat, MeshcatParams
 
+from arm_drake.errors import SimulationError
 from arm_drake.visualization.page.widgets import Section
 
 
@@ -28,6 +33,33 @@ class _Free(threading.local):
 _free = _Free()
 
 
+# A Meshcat ends when anybody sends it a message that makes no sense.
+_DIED = (
+    "Meshcat has ended: a program of this machine sent it what it can't read. Nothing "
+    "more is drawn"
+)
+
+
+def _find_host() -> str:
+    """Return an address of this machine, for itself alone, that nobody can guess.
+
+    Meshcat answers whoever finds it, a web site in the user's browser too. Linux has
+    16 million such addresses, other systems one.
+    """
+    numbers = random.SystemRandom()
+    host = ".".join(["127", *(str(numbers.randint(1, 254)) for _ in range(3))])
+    try:
+        socket.create_server((host, 0)).close()
+    except OSError:
+        return "localhost"
+    return host
+
+
+def meshcat_address(meshcat: Meshcat) -> tuple[str, int]:
+    """Return where a Meshcat listens: host and port."""
+    return urlsplit(meshcat.web_url()).hostname or "localhost", meshcat.port()
+
+
 def take_meshcat() -> Meshcat:
     """Return an empty Meshcat that listens to this machine alone."""
     if _free.meshcats:
@@ -37,7 +69,7 @@ def take_meshcat() -> Meshcat:
     # It would tell an address that nobody needs.
     log.setLevel(logging.WARNING)
     try:
-        params = MeshcatParams(host="localhost", port=0, show_stats_plot=False)
+        params = MeshcatParams(host=_find_host(), port=0, show_stats_plot=False)
         meshcat = Meshcat(params)
     finally:
         log.setLevel(level)
@@ -75,6 +107,29 @@ class Scene:
         """Create it, with nothing drawn."""
         self.meshcat = take_meshcat()
         self._is_closed = False
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether its Meshcat still draws."""
+        try:
+            self.meshcat.GetNumActiveConnections()
+        except RuntimeError:
+            return False
+        return True
+
+    @contextlib.contextmanager
+    def drawing(self) -> Iterator[None]:
+        """Say in one sentence why nothing can be drawn, if Meshcat ends.
+
+        Raises:
+            SimulationError: If it does.
+        """
+        try:
+            yield
+        except (RuntimeError, SimulationError) as error:
+            if self.is_alive:
+                raise
+            raise SimulationError(_DIED) from error
 
     def patch(self, changes: Mapping[str, Mapping[str, Any]]) -> None:
         """Change fields of widgets, where there is a panel.
@@ -126,12 +181,18 @@ class Scene:
         """End it: what is drawn goes."""
         if not self._is_closed:
             self._is_closed = True
-            give_back(self.meshcat)
+            if self.is_alive:
+                give_back(self.meshcat)
 
     def __enter__(self) -> Self:
         """Return itself."""
         return self
 
-    def __exit__(self, *error: object) -> None:
-        """Close it."""
-        self.close()
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
+        """Close it; a Meshcat that has ended is a SimulationError."""
+        with self.drawing():
+            try:
+                if isinstance(error, RuntimeError) and not self.is_alive:
+                    raise error
+            finally:
+                self.close()

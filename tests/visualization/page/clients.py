@@ -9,7 +9,9 @@ import struct
 from collections.abc import Callable
 from typing import Any, NamedTuple, Self
 
-from tests.waiting import PATIENCE
+from arm_drake.visualization.page import Scene
+from arm_drake.visualization.page.scene import meshcat_address
+from tests.waiting import PATIENCE, wait_until
 
 TEXT, BINARY, CLOSE, PING, PONG = 1, 2, 8, 9, 10
 
@@ -22,9 +24,11 @@ class Answer(NamedTuple):
     body: bytes
 
 
-def get(port: int, path: str, host: str | None = None) -> Answer:
+def get(
+    port: int, path: str, host: str | None = None, *, at: str = "localhost"
+) -> Answer:
     """Ask for a file, by any name of this machine."""
-    connection = http.client.HTTPConnection("localhost", port, timeout=PATIENCE)
+    connection = http.client.HTTPConnection(at, port, timeout=PATIENCE)
     try:
         headers = {} if host is None else {"Host": host}
         connection.request("GET", path, headers=headers)
@@ -46,6 +50,7 @@ class WebSocket:
         host: str | None = None,
         origin: str | None = "",
         buffer: int | None = None,
+        at: str = "127.0.0.1",
     ) -> None:
         """Connect, and keep the `status` of the answer.
 
@@ -56,12 +61,13 @@ class WebSocket:
             origin: Where the page that asks comes from; "" is the same place, None
                 leaves it out.
             buffer: Size of the buffer of what comes [bytes].
+            at: Address of this machine.
         """
         self._socket = socket.socket()
         self._socket.settimeout(PATIENCE)
         if buffer is not None:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, buffer)
-        self._socket.connect(("127.0.0.1", port))
+        self._socket.connect((at, port))
         host = f"localhost:{port}" if host is None else host
         lines = [
             f"GET {path} HTTP/1.1",
@@ -132,6 +138,15 @@ class WebSocket:
         if not data:
             raise ConnectionError("the server has closed the connection")
         self._rest += data
+
+
+def end_meshcat(page: Scene) -> None:
+    """Do to a page's Meshcat what any program of this machine can."""
+    host, port = meshcat_address(page.meshcat)
+    with WebSocket(port, "/", at=host) as program:
+        # A map that is cut off.
+        program.send(b"\x85", BINARY)
+        wait_until(lambda: not page.is_alive)
 
 
 class Panel(WebSocket):

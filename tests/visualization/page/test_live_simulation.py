@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 import arm_drake as ad
-from arm_drake.errors import InputError, MotionError
+from arm_drake.errors import InputError, MotionError, SimulationError
 from arm_drake.simulation.motion_files import parse_motion
 from arm_drake.visualization.page import Event, Page
 from arm_drake.visualization.page import live_simulation as mut
-from arm_drake.visualization.page.live_simulation import LiveSimulation, latest
+from arm_drake.visualization.page.live_simulation import LiveSimulation
+from arm_drake.visualization.page.page import EventQueue
 from tests.models import TWO_LINKS, load
-from tests.visualization.page.clients import Panel, WebSocket
+from tests.visualization.page.clients import Panel, WebSocket, end_meshcat
 from tests.visualization.scene import unpack
 from tests.visualization.teleop.panel import same_bits
 from tests.waiting import PATIENCE, wait_until
@@ -513,7 +514,7 @@ def test_a_browser_sees_it_go_and_stops_it(page: Page, robot: ad.Robot) -> None:
         panel.say("play")
         panel.say("rate", "2 ×")
         page.call(live.stop)
-        wait_until(lambda: page._queue.qsize() == 3)
+        wait_until(lambda: len(page._events) == 2)
 
         live.run()
 
@@ -558,12 +559,26 @@ def test_a_motion_that_the_robot_cannot_do_is_said_at_once(
         make(page, robot, motion=motion)
 
 
+def test_what_was_simulated_is_kept_when_meshcat_ends(
+    page: Page, robot: ad.Robot
+) -> None:
+    live = make(page, robot, realtime_rate=1.0)
+    live.run(0.2)
+    end_meshcat(page)
+
+    with pytest.raises(SimulationError, match="Meshcat has ended"):
+        live.run(0.2)
+
+    assert live.simulation.rollout().time[-1] == pytest.approx(0.2, abs=0.011)
+
+
 def test_what_cannot_be_shown_is_said_at_once(page: Page, robot: ad.Robot) -> None:
     with pytest.raises(InputError, match="nothing called 'visul' can be shown"):
         make(page, robot, shown=["visul"])
 
 
 def test_of_a_sliders_way_the_end_counts() -> None:
+    queue = EventQueue()
     events = [
         Event("a", 1.0),
         Event("a", 2.0),
@@ -575,8 +590,10 @@ def test_of_a_sliders_way_the_end_counts() -> None:
         Event("a", 5.0),
     ]
 
-    assert latest(events) == [
-        Event("a", 2.0),
+    was_empty = [queue.put(event) for event in events]
+
+    assert was_empty == [True] + [False] * 7
+    assert queue.take() == [
         Event("b", 1.0),
         Event("a", 4.0),
         Event("go"),

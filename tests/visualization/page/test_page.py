@@ -154,12 +154,12 @@ def test_events_come_in_order_with_their_values(page: Page, panel: Panel) -> Non
     values = [1, 2.5, "text", True, False, [1], {"a": 1}]
 
     panel.say("play")
-    for value in values:
-        panel.say("joint:a", value)
+    for number, value in enumerate(values):
+        panel.say(f"joint:{number}", value)
 
     assert take(page, 8) == [
         Event("play"),
-        *(Event("joint:a", value) for value in values),
+        *(Event(f"joint:{number}", value) for number, value in enumerate(values)),
     ]
 
 

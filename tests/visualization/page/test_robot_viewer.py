@@ -261,7 +261,7 @@ def test_the_panel_shows_the_pose_and_takes_events(page: Page, tmp_path: Path) -
     with Panel(page.port) as panel:
         message = panel.hear_until(lambda m: m["type"] == "panel")
         panel.say("joint:shoulder", 0.25)
-        wait_until(lambda: page._queue.qsize() == 1)
+        wait_until(lambda: len(page._events) == 1)
         viewer.handle(page.events(0.0))
 
         panel.hear_field("joint:shoulder", "value", 0.25)
