@@ -6,7 +6,7 @@ BIN := .venv/bin
 DEMO := doosan_a0912 --motion tutorial --record out/demo.html --plot out/demo.png \
 	--log out/demo.npz
 
-.PHONY: demo test quick lint docs bench setup lock clean
+.PHONY: demo test quick fuzz lint docs bench setup lock clean
 
 setup: .venv/.ready
 
@@ -35,6 +35,11 @@ test: setup
 # What a developer runs every few minutes.
 quick: setup
 	$(BIN)/python -m pytest -n auto -m "not slow and not browser" $(ARGS)
+
+# Mutated inputs, each in a process with limits: SECONDS=3600 for an hour of them.
+SECONDS ?= 60
+fuzz: setup
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.fuzz --seconds $(SECONDS) $(ARGS)
 
 lint: setup
 	$(BIN)/ruff check .
