@@ -10,6 +10,9 @@ import numpy as np
 from arm_drake.errors import ArmDrakeError, InputError, OutputError, suggest
 from arm_drake.output_files import writing
 
+# Kinds of arrays that are numbers: floating, integer, boolean.
+_NUMBERS = "fiub"
+
 # Longer than any simulation [s]: about a century.
 _MAX_TIME = 3.2e9
 
@@ -113,7 +116,11 @@ def _find(path: Path, error: type[InputError]) -> _Format:
 def _check_fields(fields: Mapping[str, Any]) -> None:
     """Raise ValueError if fields of a Rollout don't fit together."""
     time, joints = np.asarray(fields["time"]), fields["joint_names"]
-    if time.ndim != 1 or not np.all(np.abs(time) <= _MAX_TIME):
+    if (
+        time.dtype.kind not in _NUMBERS
+        or time.ndim != 1
+        or not np.all(np.abs(time) <= _MAX_TIME)
+    ):
         raise ValueError("times are no numbers of seconds")
     if np.any(np.diff(time) <= 0.0):
         raise ValueError("times don't rise")
@@ -135,10 +142,18 @@ def _check_fields(fields: Mapping[str, Any]) -> None:
     for controller, (wanted, position) in fields["references"].items():
         what = f"reference of {controller!r}"
         shapes[what] = position, (num_rows, len(wanted))
+        unknown = [joint for joint in wanted if joint not in joints]
+        if unknown:
+            raise ValueError(
+                f"{what} is of a joint {unknown[0]!r} that the rollout doesn't have"
+            )
     for name, (values, shape) in shapes.items():
         found = np.shape(values)
         if found != shape:
             raise ValueError(f"{name} has shape {found}, expected {shape}")
+        kind = np.asarray(values).dtype
+        if kind.kind not in _NUMBERS:
+            raise ValueError(f"{name} holds {kind}, expected numbers")
     if len(fields["joint_types"]) != num_joints:
         raise ValueError(f"{len(fields['joint_types'])} types of {num_joints} joints")
     info = fields.get("info", {})

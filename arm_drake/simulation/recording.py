@@ -255,10 +255,11 @@ def _read_commands(
 def _references(
     manager: ControllerManager, commanded: _Commanded, *, of_all: bool
 ) -> dict[str, Reference]:
-    """Return what controllers wanted of their joints.
+    """Return what controllers wanted of the robot's joints.
 
     It is NaN while they were inactive, and where it wasn't recorded.
     """
+    joints = {joint.name for joint in manager.robot.description.movable_joints}
     references = {}
     for index, controller in enumerate(manager.controllers):
         is_active = commanded.active[:, index] > 0.0
@@ -266,19 +267,23 @@ def _references(
             continue
         if controller.name in commanded.references:
             reference = commanded.references[controller.name]
-            wanted = np.where(is_active[:, None], reference.position, np.nan)
-            references[controller.name] = Reference(reference.joint_names, wanted)
-            continue
-        names = [
-            name
-            for name in controller.system.command_interfaces
-            if name.endswith(f"/{interfaces.POSITION}")
-        ]
-        if names:
-            at = [manager.commands.index(name) for name in names]
-            wanted = np.where(is_active[:, None], commanded.values[:, at], np.nan)
-            joints = tuple(name.rpartition("/")[0] for name in names)
-            references[controller.name] = Reference(joints, wanted)
+            names, positions = list(reference.joint_names), reference.position
+        else:
+            # One that stays inactive may ask for interfaces that there are not.
+            names = [
+                name
+                for name in controller.system.command_interfaces
+                if name.endswith(f"/{interfaces.POSITION}") and name in manager.commands
+            ]
+            positions = commanded.values[:, [manager.commands.index(n) for n in names]]
+            names = [name.rpartition("/")[0] for name in names]
+        # A GPIO may have a position, too.
+        known = [k for k, name in enumerate(names) if name in joints]
+        if known:
+            references[controller.name] = Reference(
+                tuple(names[k] for k in known),
+                np.where(is_active[:, None], positions[:, known], np.nan),
+            )
     return references
 
 

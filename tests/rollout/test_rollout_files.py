@@ -187,6 +187,35 @@ def test_other_arrays_are_no_rollout(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"position": np.zeros((4, 2), "S8")}, "position holds |S8, expected numbers"),
+        (
+            {"velocity": np.zeros((4, 2), complex)},
+            "velocity holds complex128, expected",
+        ),
+        ({"time": np.array([0, 1, 2, 3], "M8[s]")}, "times are no numbers of seconds"),
+        ({"command": np.zeros((4, 3), "U1")}, "command holds <U1, expected numbers"),
+        (
+            {"references": {"arm": Reference(("gone",), np.zeros((4, 1)))}},
+            "reference of 'arm' is of a joint 'gone' that the rollout doesn't have",
+        ),
+    ],
+)
+def test_arrays_of_something_else_are_refused(
+    tmp_path: Path, changes: dict[str, Any], message: str
+) -> None:
+    path = tmp_path / "a.npz"
+    dc.replace(FULL, **changes).save(path)
+
+    with pytest.raises(InputError) as caught:
+        ad.Rollout.load(path)
+
+    assert str(caught.value).startswith(f"{path}: can't be read: it is damaged or no")
+    assert message in str(caught.value)
+
+
 def test_pandas_gets_every_column() -> None:
     frame = FULL.to_pandas()
 
