@@ -1,18 +1,22 @@
 """The command line `arm-drake`: its arguments, and the start of its commands."""
 
 import argparse
-import contextlib
 import functools
 import importlib.metadata
 import io
 import json
-import os
 import sys
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from arm_drake.commands.process import (
+    check_process,
+    drop_output,
+    shortage,
+    terminating,
+)
 from arm_drake.errors import ArmDrakeError, InputError, suggest
 from arm_drake.importing import without_collection
 from arm_drake.output_files import unbroken
@@ -447,14 +451,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="backslashreplace")
     options = parse_arguments(arguments)
     try:
-        return _COMMANDS[options.command].run(options)
+        check_process()
+        with terminating():
+            code = _COMMANDS[options.command].run(options)
+            sys.stdout.flush()
+            return code
     except ArmDrakeError as error:
         print(f"arm-drake: {error}", file=sys.stderr)
         return _USAGE_ERROR
     except BrokenPipeError:  # The reader of our output has gone: nothing to say.
-        with contextlib.suppress(OSError):
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        drop_output()
         return 0
+    except OSError as error:
+        if (reason := shortage(error)) is None:
+            raise
+        drop_output()
+        print(f"arm-drake: {reason}", file=sys.stderr)
+        return _USAGE_ERROR
     except KeyboardInterrupt:
         print("arm-drake: interrupted", file=sys.stderr)
         return 130

@@ -1,0 +1,138 @@
+"""What the machine lacks is one message; SIGTERM is Ctrl-C."""
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import arm_drake as ad
+from arm_drake.cli import main
+from tests import models
+from tests.waiting import wait_until
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory: pytest.TempPathFactory) -> str:
+    path = tmp_path_factory.mktemp("robot") / "robot.urdf"
+    path.write_text(models.TWO_LINKS)
+    return str(path)
+
+
+def run(
+    words: list[str], environment: dict[str, str] | None = None
+) -> tuple[int, list[str]]:
+    """Run a command whose output finds no room; return its code and its errors."""
+    with Path("/dev/full").open("w") as full:
+        ended = subprocess.run(
+            [sys.executable, "-m", "arm_drake", *words],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            env={**os.environ, **(environment or {})},
+            check=False,
+        )
+    return ended.returncode, ended.stderr.splitlines()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="not every system has it")
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["list"],
+        ["list", "--json"],
+        ["check", "ROBOT"],
+        ["check", "ROBOT", "--json"],
+        ["sim", "ROBOT", "--headless", "--duration", "0.1"],
+        ["sim", "ROBOT", "--headless", "--duration", "0.1", "--json"],
+        ["sim", "ROBOT", "--duration", "0.1"],
+        ["cache"],
+    ],
+    ids=" ".join,
+)
+def test_a_full_disk_behind_the_output_is_said(words: list[str], robot: str) -> None:
+    code, errors = run([robot if word == "ROBOT" else word for word in words])
+
+    assert code == 2
+    assert errors[-1] == "arm-drake: standard output: No space left on device"
+    assert "Traceback" not in "\n".join(errors)
+
+
+@pytest.mark.slow
+def test_ascii_alone_is_said(robot: str) -> None:
+    ascii_only = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+
+    code, errors = run(["check", robot], ascii_only)
+
+    text = "Drake can't be used with ASCII; set PYTHONUTF8=1, or LC_ALL=C.UTF-8"
+    assert (code, errors) == (2, [f"arm-drake: {text}"])
+
+
+def test_a_directory_that_is_gone_is_said(
+    tmp_path: Path, robot: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = Path.cwd()
+    (tmp_path / "gone").mkdir()
+    os.chdir(tmp_path / "gone")
+    try:
+        (tmp_path / "gone").rmdir()
+        code = main(["check", robot])
+    finally:
+        os.chdir(before)
+
+    assert code == 2
+    assert capsys.readouterr().err == (
+        "arm-drake: the working directory is not there any more; change to another\n"
+    )
+
+
+def test_too_few_files_are_said(
+    robot: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(resource, "getrlimit", lambda what: (12, 12))
+
+    code = main(["check", robot])
+
+    assert code == 2
+    assert capsys.readouterr().err == (
+        "arm-drake: no more than 12 files may be open; expected 64 at least: "
+        "ulimit -n 64\n"
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("words", [[], ["--headless", "--rate", "1"]])
+@pytest.mark.parametrize("suffix", ["npz", "mcap"])
+def test_sigterm_is_ctrl_c(
+    words: list[str], suffix: str, robot: str, tmp_path: Path
+) -> None:
+    log = tmp_path / f"log.{suffix}"
+    command = ["sim", robot, *words, "--duration", "1000", "--log", str(log)]
+    with (
+        (tmp_path / "errors.txt").open("w") as errors,
+        subprocess.Popen(
+            [sys.executable, "-m", "arm_drake", *command],
+            stdout=subprocess.PIPE,
+            stderr=errors,
+            text=True,
+        ) as process,
+    ):
+        wait_until(lambda: " 1." in (tmp_path / "errors.txt").read_text())
+        process.terminate()
+        output, _ = process.communicate()
+
+    assert process.returncode == 0
+    assert "stopped at 1." in output
+    assert ad.Rollout.load(log).time[-1] > 0.9
+
+
+def test_sigterm_is_what_it_was_afterwards(robot: str) -> None:
+    before = signal.getsignal(signal.SIGTERM)
+
+    main(["check", robot])
+
+    assert signal.getsignal(signal.SIGTERM) is before
