@@ -452,7 +452,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parse_arguments(arguments)
     try:
         check_process()
-        with terminating():
+        # Numbers beyond all bounds are a user's: what comes of them is said by us.
+        import numpy as np
+
+        with terminating(), np.errstate(all="ignore"):
             code = _COMMANDS[options.command].run(options)
             sys.stdout.flush()
             return code

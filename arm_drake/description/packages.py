@@ -559,11 +559,21 @@ class PackageFinder:
         return shown
 
     def _candidates(self) -> Iterator[dict[str, Path]]:
-        """Yield packages by name, the preferred ones first."""
+        """Yield packages by name, the preferred ones first.
+
+        Of several copies of the entry's own package below a folder that a user names,
+        such as those of two workspaces, the one that holds the entry counts.
+        """
+        own = (
+            {package_name(self._own / "package.xml"): self._own}
+            if self._own is not None and self._own in self._ancestors
+            else {}
+        )
         for root in self._package_paths:
+            if self._own is not None and self._own.is_relative_to(root.resolve()):
+                yield own
             yield self._scan(root)
-        if self._own in self._ancestors:
-            yield {package_name(self._own / "package.xml"): self._own}
+        yield own
         for variable in ("AMENT_PREFIX_PATH", "COLCON_PREFIX_PATH"):
             for prefix in filter(None, os.environ.get(variable, "").split(os.pathsep)):
                 yield self._scan(Path(prefix) / "share")

@@ -345,7 +345,11 @@ class Section:
     @functools.cached_property
     def _pattern(self) -> re.Pattern[str]:
         pattern = re.escape(self.node).replace(r"/\*", r"(/\w+)")
-        return re.compile(pattern.replace(r"\*", "*"), re.ASCII)
+        try:
+            return re.compile(pattern.replace(r"\*", "*"), re.ASCII)
+        except re.error:
+            problem = f"{self.node!r} is no pattern of nodes; expected /* or /** in it"
+            raise ParameterError(problem, file=self.file, line=self.line) from None
 
 
 class ParameterReader:

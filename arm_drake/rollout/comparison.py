@@ -107,11 +107,12 @@ def compare(a: Rollout, b: Rollout, tolerance: float = 0.0) -> Comparison:
         for name, column in mine.items()
         if name in others and name != TIME
     }
-    ranges = _find_ranges(pairs)
-    columns = [
-        _compare_column(name, a.time[rows], *pair, ranges[_unit(name)])
-        for name, pair in pairs.items()
-    ]
+    with np.errstate(over="ignore"):  # Squares of 1e300 are infinite, and told so.
+        ranges = _find_ranges(pairs)
+        columns = [
+            _compare_column(name, a.time[rows], *pair, ranges[_unit(name)])
+            for name, pair in pairs.items()
+        ]
     if not len(rows) and (len(a.time) or len(b.time)):
         differences.append("they have no time in common")
     return Comparison(

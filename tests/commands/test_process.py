@@ -5,6 +5,7 @@ import resource
 import signal
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import pytest
@@ -128,6 +129,30 @@ def test_sigterm_is_ctrl_c(
     assert process.returncode == 0
     assert "stopped at 1." in output
     assert ad.Rollout.load(log).time[-1] > 0.9
+
+
+@pytest.mark.slow
+def test_numbers_beyond_all_bounds_are_no_warnings_of_numpy(
+    robot: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    yaml, motion = tmp_path / "controllers.yaml", tmp_path / "motion.yaml"
+    yaml.write_text(
+        "controller_manager: {ros__parameters: {update_rate: 100, pid: {type: "
+        "pid_controller/PidController}}}\npid: {ros__parameters: {dof_names: [elbow], "
+        "command_interface: position, reference_and_state_interfaces: [position], "
+        "gains: {elbow: {p: 1.0e+308, i: 1.0e+308}}}}\n"
+    )
+    motion.write_text(
+        "- {topic: /pid/reference, data: {dof_names: [elbow], values: [1.0e+308]}}\n"
+    )
+    words = ["--controllers", str(yaml), "--motion", str(motion), "--duration", "0.1"]
+
+    # As Python does where nobody makes errors of warnings.
+    with warnings.catch_warnings(record=True, action="always") as found:
+        code = main(["sim", robot, "--headless", *words])
+
+    assert [str(one.message) for one in found] == []
+    assert code in (0, 1), capfd.readouterr().err
 
 
 def test_sigterm_is_what_it_was_afterwards(robot: str) -> None:

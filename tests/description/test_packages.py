@@ -98,6 +98,15 @@ def test_package_paths_come_first(tmp_path):
     assert finder.find("arm") == other
 
 
+@pytest.mark.parametrize("own", ["one/arm", "two/src/arm", "a/b/c/arm"])
+def test_of_copies_below_a_package_path_the_entrys_own_counts(tmp_path, own):
+    for copy in ("one/arm", "two/src/arm", "a/b/c/arm", "arm"):
+        add_package(tmp_path / copy)
+    entry = entry_of(tmp_path / own)
+
+    assert PackageFinder(entry, [tmp_path]).find("arm") == tmp_path / own
+
+
 @pytest.mark.parametrize("variable", ["AMENT_PREFIX_PATH", "COLCON_PREFIX_PATH"])
 def test_installed_packages_are_found_in_share(tmp_path, monkeypatch, variable):
     installed = add_package(tmp_path / "ros" / "share" / "meshes")

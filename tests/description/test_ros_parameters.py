@@ -94,6 +94,18 @@ def test_a_node_key_matches_as_in_rclcpp(read, key, node, is_matched):
     assert section.matches(node) == is_matched
 
 
+@pytest.mark.parametrize("key", ["/***", "arm**", "/a/***/arm"])
+def test_a_node_key_that_is_no_pattern_is_said(read, tmp_path, key):
+    ((section,), _) = read(f"{key}: {{ros__parameters: {{x: 1}}}}")
+
+    with pytest.raises(ParameterError) as caught:
+        section.matches("/arm")
+
+    name = key if key.startswith("/") else f"/{key}"
+    expected = f"{name!r} is no pattern of nodes; expected /* or /** in it"
+    assert str(caught.value) == f"{tmp_path}/a.yaml:1: {expected}"
+
+
 @pytest.mark.parametrize(
     ("text", "node"),
     [

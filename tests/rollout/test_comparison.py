@@ -53,6 +53,14 @@ def test_one_number_is_found_with_its_size_and_time() -> None:
     assert (column.final, column.num_missing) == (0.0, 0)
 
 
+def test_a_number_whose_square_is_beyond_all_is_found() -> None:
+    found = compare(make_rollout(), changed("position", 2, 1, 1e308))
+
+    (column,) = found.different
+    assert column.largest == 1e308
+    assert column.rms == math.inf
+
+
 def test_the_last_difference_has_its_sign() -> None:
     found = compare(make_rollout(), changed("velocity", 3, 0, -0.25))
 
