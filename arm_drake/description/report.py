@@ -1,6 +1,7 @@
 """LoadReport: one line for everything that was not taken as written."""
 
 import dataclasses as dc
+import functools
 import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -175,39 +176,46 @@ def find_place(
 
     A name that xacro computes is found if only one tag can be meant.
     """
-    tags: list[tuple[str, str, Path, int]] = []
+    exact: dict[tuple[str, str], tuple[Path, int]] = {}
+    computed: dict[str, list[tuple[re.Pattern[str], tuple[Path, int]]]] = {}
+
+    @functools.cache
+    def read() -> None:
+        for path in files():
+            for kind, name, line in _tags(path):
+                exact.setdefault((kind, name), (path, line))
+                parts = _COMPUTED.split(name)
+                if len(parts) > 1 and any(parts):
+                    pattern = re.compile(".*".join(map(re.escape, parts)))
+                    computed.setdefault(kind, []).append((pattern, (path, line)))
 
     def find(where: str) -> tuple[Path, int] | None:
         match = _PLACE.match(where)
         if match is None:
             return None
-        if not tags:
-            tags.extend(tag for path in files() for tag in _tags(path))
+        read()
         kind, name = match.groups()
-        found: dict[bool, list[tuple[Path, int]]] = {True: [], False: []}
-        for other, tag, path, line in tags:
-            if other == kind and (tag == name or _may_be(tag, name)):
-                found[tag == name].append((path, line))
-        if found[True]:
-            return found[True][0]
-        return found[False][0] if len(found[False]) == 1 else None
+        if (kind, name) in exact:
+            return exact[kind, name]
+        possible = [
+            place
+            for pattern, place in computed.get(kind, ())
+            if pattern.fullmatch(name)
+        ]
+        return possible[0] if len(possible) == 1 else None
 
     return find
 
 
-def _may_be(tag: str, name: str) -> bool:
-    parts = _COMPUTED.split(tag)
-    pattern = ".*".join(map(re.escape, parts))
-    return len(parts) > 1 and any(parts) and re.fullmatch(pattern, name) is not None
-
-
-def _tags(path: Path) -> Iterable[tuple[str, str, Path, int]]:
+def _tags(path: Path) -> Iterable[tuple[str, str, int]]:
+    """Yield kind, name and line of the tags that have places."""
     try:
         text = path.read_text(encoding="utf-8", errors="replace")
     except OSError:
         return
     text = _COMMENT.sub(lambda comment: "\n" * comment[0].count("\n"), text)
     text = _BLOCK.sub(lambda block: block[1] + "\n" * block[3].count("\n"), text)
+    line, end = 1, 0
     for match in _TAG.finditer(text):
-        line = text.count("\n", 0, match.start()) + 1
-        yield match[1], match[2] or match[3], path, line
+        line, end = line + text.count("\n", end, match.start()), match.start()
+        yield match[1], match[2] or match[3], line
