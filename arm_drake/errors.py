@@ -87,12 +87,7 @@ class MissingExtraError(ArmDrakeError, ImportError):
 
 
 def suggest(name: str, known: Iterable[str]) -> str:
-    """Return the end of a message about a name that doesn't exist.
-
-    Args:
-        name: What the user wrote.
-        known: What exists.
-    """
+    """Return the end of a message about a name that isn't one of the known ones."""
     names = sorted(set(known))
     close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
     hint = f"did you mean {close[0]!r}? " if close else ""

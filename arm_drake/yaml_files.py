@@ -29,12 +29,7 @@ class YamlError(ValueError):
     """A file that can't be read or parsed."""
 
     def __init__(self, problem: str, line: int | None = None) -> None:
-        """Create the error.
-
-        Args:
-            problem: What is wrong.
-            line: Line of the file, counted from 1.
-        """
+        """Create the error; lines count from 1."""
         super().__init__(problem)
         self.problem = problem
         self.line = line
@@ -114,15 +109,7 @@ class _Constructor(yaml.constructor.SafeConstructor):
 
 
 def read_text(path: Path, max_size: int = MAX_SIZE) -> str:
-    """Return the text of a file.
-
-    Args:
-        path: The file.
-        max_size: Largest size to read [bytes].
-
-    Raises:
-        YamlError: If it can't be read.
-    """
+    """Return the text of a file of at most so many bytes, or raise YamlError."""
     try:
         with path.open("rb") as stream:
             content = stream.read(max_size + 1)
@@ -139,15 +126,7 @@ def read_text(path: Path, max_size: int = MAX_SIZE) -> str:
 
 
 def compose(text: str, loader: type[Loader] = Loader) -> yaml.Node | None:
-    """Return the nodes of a YAML text, with their lines.
-
-    Args:
-        text: The text.
-        loader: What gives the nodes their tags.
-
-    Raises:
-        YamlError: If the text is malformed.
-    """
+    """Return the nodes of a YAML text, with their lines, or raise YamlError."""
     try:
         node = yaml.compose(text, Loader=loader)
     except yaml.reader.ReaderError as error:
@@ -186,20 +165,12 @@ def _expanded_size(node: yaml.Node, sizes: dict[int, int]) -> int:
 
 
 def load(path: Path) -> Any:
-    """Return the plain value of a YAML file.
-
-    Raises:
-        YamlError: If it can't be read or is malformed.
-    """
+    """Return the plain value of a YAML file, or raise YamlError."""
     return parse(read_text(path))
 
 
 def parse(text: str) -> Any:
-    """Return the plain value of a YAML text.
-
-    Raises:
-        YamlError: If it is malformed.
-    """
+    """Return the plain value of a YAML text, or raise YamlError."""
     node = compose(text)
     return None if node is None else plain(node)
 
@@ -223,8 +194,7 @@ def plain(node: yaml.Node) -> Any:
 def items(node: yaml.MappingNode) -> list[tuple[yaml.ScalarNode, yaml.Node]]:
     """Return the keys and values of a mapping, those merged by `<<` first.
 
-    Raises:
-        YamlError: If a key isn't a scalar, or a merge isn't one of mappings.
+    YamlError if a key isn't a scalar, or a merge isn't one of mappings.
     """
     try:
         _Constructor().flatten_mapping(node)

@@ -223,14 +223,9 @@ def from_the_root(joints: Sequence[JointInfo]) -> list[JointInfo]:
 def last_master(
     joint: JointInfo, joints: Mapping[str, JointInfo]
 ) -> tuple[str, float, float]:
-    """Return the joint that moves a mimic joint in the end, and their relation.
+    """Return the joint that moves a mimic joint in the end, a factor and an offset.
 
-    Args:
-        joint: A joint; one that follows none is its own master.
-        joints: The joints by name; mimic relations make no circle.
-
-    Returns:
-        Name of the master, factor and offset: position = factor * master's + offset.
+    position = factor * master's + offset; a joint that follows none is its own master.
     """
     factor, offset = 1.0, 0.0
     while joint.mimic is not None:

@@ -54,15 +54,7 @@ class NodeParameters:
         report: LoadReport,
         distro: str,
     ) -> None:
-        """Copy what is given.
-
-        Args:
-            parameters: Parameters of the node.
-            node: Name of the node, for messages.
-            file: File to name when a parameter is missing.
-            report: Where lines about parameters go.
-            distro: Distribution whose defaults and names hold, one of `DISTROS`.
-        """
+        """Copy what is given; `file` is named when a parameter is missing."""
         self.name = node
         self.file = file
         self.distro = distro

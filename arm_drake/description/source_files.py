@@ -63,19 +63,11 @@ def files_of_failed(
     xacro_args: Mapping[str, str] | None = None,
     package_paths: Source | Sequence[Source] = (),
 ) -> tuple[Path, ...]:
-    """Return the files whose change may mend a robot that can't be loaded.
+    """Return the files whose change may mend a robot that can't be loaded, sorted.
 
-    Files that are asked for and don't exist are among them.
-
-    Args:
-        source: As for `load_robot`, as all the following.
-        error: Why it can't be loaded; it may name a file.
-        controllers: Controllers YAML files.
-        xacro_args: Values of xacro arguments.
-        package_paths: Folders to search for packages.
-
-    Returns:
-        The files, sorted; none if it isn't known which file is the robot's.
+    Files that are asked for and don't exist are among them; there are none if it isn't
+    known which file is the robot's. The arguments are those of `load_robot`, and the
+    error why it can't be loaded, which may name a file.
     """
     files = {Path(file) for file in _listed(controllers or ())}
     if error is not None:
@@ -99,12 +91,10 @@ class FileWatcher:
     """
 
     def __init__(self, files: Iterable[Path] = (), *, period: float = 0.0) -> None:
-        """Look at files for the first time.
+        """Look at files for the first time; they need not exist.
 
-        Args:
-            files: The files; they need not exist.
-            period: Time between two looks, at least [s]; a file that is being replaced
-                may be missing for as long.
+        Two looks are at least a period [s] apart; a file that is being replaced may be
+        missing for as long.
         """
         self._period = period
         self._looked_at = -math.inf
@@ -112,15 +102,11 @@ class FileWatcher:
         self.watch(files)
 
     def watch(self, files: Iterable[Path], since: int | None = None) -> None:
-        """Watch these files and no others.
+        """Watch these files and no others; they need not exist.
 
         Changes of files that were watched before and that `changed` has not told yet
-        are not lost: those made while the robot was loaded anew.
-
-        Args:
-            files: The files; they need not exist.
-            since: Files that are new here and were written since then [ns], on the
-                clock of `time.time_ns`, count as changed.
+        are not lost: those made while the robot was loaded anew. Files that are new
+        here and were written since a time [ns] of `time.time_ns` count as changed.
         """
         old = self._watched
         self._watched = {

@@ -133,19 +133,11 @@ class RobotDescription:
         return max(self.roots, key=lambda root: len(links_on(self.joints, root)))
 
     def link(self, name: str) -> LinkInfo:
-        """Return the link of this name.
-
-        Raises:
-            KeyError: If there is none.
-        """
+        """Return the link of this name; KeyError if there is none."""
         return self._links_by_name[name]
 
     def joint(self, name: str) -> JointInfo:
-        """Return the joint of this name.
-
-        Raises:
-            KeyError: If there is none.
-        """
+        """Return the joint of this name; KeyError if there is none."""
         return {joint.name: joint for joint in self.joints}[name]
 
 

@@ -202,14 +202,7 @@ def report_friction(
 def report_times(
     step: float, period: float, options: SimulationOptions, report: LoadReport
 ) -> None:
-    """Report times that are not as the options ask for.
-
-    Args:
-        step: Step of the plant [s].
-        period: Period of the robot's controller manager [s].
-        options: How to simulate.
-        report: Where the lines are added.
-    """
+    """Report a step and a manager's period [s] that aren't as the options ask for."""
     largest = options.largest_step
     is_requested = options.time_step is not None or options.preset != "fast"
     if is_requested and step < _MUCH_LESS * largest:

@@ -162,13 +162,7 @@ def connect_forces(
     plant: MultibodyPlant,
     forces: Mapping[ModelInstanceIndex, OutputPort],
 ) -> None:
-    """Connect generalized forces on the robots to the plant.
-
-    Args:
-        builder: Where the plant is.
-        plant: The finalized plant.
-        forces: Generalized forces on a model instance, in the order of its velocities.
-    """
+    """Connect to the plant generalized forces on models, in their velocities' order."""
     ports = []
     for model, port in forces.items():
         D = np.zeros((plant.num_velocities(), port.size()))

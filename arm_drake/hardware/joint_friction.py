@@ -85,12 +85,7 @@ def make_robot_friction(
 ) -> SymbolicVectorSystem | None:
     """Return the dry friction of a robot's joints, or None if there is none.
 
-    Args:
-        plant: The finalized plant of the simulation.
-        model: The robot's model instance in it.
-        alone: Plant of `make_servo_plant`.
-        description: The robot.
-        initial: Initial positions [rad] by joint.
+    `alone` is the plant of `make_servo_plant`.
     """
     found = find_friction(alone, description)
     if not found.names:
@@ -111,9 +106,7 @@ def find_friction(
 ) -> JointFriction:
     """Return the joints that have dry friction, and how it holds them.
 
-    Args:
-        alone: Plant of `make_servo_plant`, with the simulation's step.
-        description: The robot.
+    `alone` is the plant of `make_servo_plant`, with the simulation's step.
     """
     free = [joint for joint in description.movable_joints if joint.mimic is None]
     total = sum_friction(alone, description, free)

@@ -458,12 +458,7 @@ class RobotBases:
 
     @classmethod
     def of(cls, robot: Robot, *, has_physics: bool = True) -> "RobotBases":
-        """Return the bases of a robot.
-
-        Args:
-            robot: The robot; one whose base is fixed has none.
-            has_physics: Whether wheels roll; otherwise they need nothing for it.
-        """
+        """Return the bases of a robot; without physics their wheels need nothing."""
         description = robot.description
         bases: tuple[MobileBase, ...] = ()
         if robot.has_free_base:
@@ -523,14 +518,7 @@ class RobotBases:
     ) -> None:
         """Add the outputs that tell odometry from the truth, see `wheel_slip`.
 
-        Args:
-            builder: Where the plant and the controllers are.
-            plant: The finalized plant; the robot stands where it starts.
-            scene_graph: Its scene graph.
-            model: The robot's model instance.
-            controllers: Its controllers.
-            report: Where is recorded that it doesn't stand on the ground.
-            prefix: Start of the names of systems and ports.
+        The plant is finalized, and the robot stands where it starts.
         """
         description, added = self.robot.description, (self.axles, self.rollers)
         wheels = [

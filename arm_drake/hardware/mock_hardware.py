@@ -229,14 +229,7 @@ def add_mock_hardware(
 ) -> Hardware:
     """Add the hardware of a robot whose commands become its state.
 
-    Args:
-        builder: Where to add it.
-        robot: The robot.
-        blocks: Its hardware blocks.
-        order: Names of the command values.
-        hardware_interfaces: Its interfaces.
-        prefix: Start of the names of the systems.
-        period: Period of the manager in Drake's time [s].
+    `order` names the command values; the period is the manager's in Drake's time [s].
     """
     hardware = builder.AddNamedSystem(
         f"{prefix}hardware",

@@ -20,12 +20,7 @@ PRESET: Final = "preset"
 
 
 def report_fallback(obstacles: Sequence[str], report: LoadReport) -> None:
-    """Record why a robot isn't simulated with "fast".
-
-    Args:
-        obstacles: What it lacks, as of `find_obstacles`; none if another robot does.
-        report: Where it is recorded.
-    """
+    """Record why a robot isn't simulated with "fast"; `find_obstacles` says it."""
     for obstacle in obstacles or ["another robot needs more"]:
         done = "everything is simulated with the preset accurate"
         report.add("warning", "unsupported", f"fast: {obstacle}", done, where=PRESET)

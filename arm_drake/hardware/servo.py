@@ -527,19 +527,12 @@ def make_joint_servo(
 ) -> Diagram:
     """Return the servo of a robot's n commanded joints.
 
-    Args:
-        control_plant: Finalized plant that holds this robot alone, with the step's
-            damping and its drives' rotors as rotor inertia.
-        gains: The servo's numbers.
-        positions_at: Indices of the commanded positions in the state.
-        velocities_at: Indices of the commanded velocities in the state.
-        N: As for `sample_dynamics`.
-        has_modes: Whether joints may follow anything else than positions.
-        has_limits: Whether effort and velocity may be limited at run time.
-        knows_friction: Whether dry friction is told, and made up for.
-        pid: Gains of joints that follow the law of a PID controller; with modes only.
-        start: Initial positions [rad], shape (n,); for a servo with a part of the last
-            command, which has neither modes nor limits.
+    The plant holds this robot alone, with the step's damping and its drives' rotors as
+    rotor inertia; N is as for `sample_dynamics`. `has_limits` says that effort and
+    velocity may be limited at run time, `knows_friction` that dry friction is told and
+    made up for. With modes, joints may follow anything else than positions, or the law
+    of a PID. With a part of the last command, and then neither modes nor limits, there
+    are initial positions [rad], shape (n,).
     """
     h = control_plant.time_step()
     layout = Layout(2 * len(N), positions_at, velocities_at, has_modes, has_limits)

@@ -45,16 +45,7 @@ def log_free_poses(
     prefix: str,
     period: float,
 ) -> None:
-    """Record the state of a robot that has free links; one without needs no log.
-
-    Args:
-        builder: Where the plant is.
-        plant: The finalized plant.
-        model: The robot's model instance.
-        robot: The robot.
-        prefix: Start of the names of its systems.
-        period: Period of the log [s].
-    """
+    """Record, each period [s], the state of a robot that has free links."""
     if any(_free_links(plant, robot)):
         state = plant.get_state_output_port(model)
         log = VectorLogSink(state.size(), period)
@@ -71,18 +62,10 @@ def read_free_poses(
     prefix: str,
     period: float,
 ) -> dict[str, Array]:
-    """Return the recorded poses of free links, NaN where they weren't recorded.
+    """Return the recorded poses of free links at times [s], shape (N,).
 
-    Args:
-        diagram: The diagram.
-        context: Its context.
-        robot: The robot.
-        time: Times of the rows [s], shape (N,).
-        prefix: Start of the names of its systems.
-        period: Period of the log [s].
-
-    Returns:
-        x, y, z [m], quaternion w, x, y, z in the world by link, shape (N, 7).
+    They are x, y, z [m], quaternion w, x, y, z in the world by link, shape (N, 7), NaN
+    where they weren't recorded.
     """
     if not diagram.HasSubsystemNamed(f"{prefix}{_LOG}"):
         return {}
@@ -150,13 +133,7 @@ class PlacedShape(NamedTuple):
 def placed_shape(
     inspector: SceneGraphInspector, geometry: GeometryId, X_BG: RigidTransform
 ) -> PlacedShape:
-    """Return a collision shape with what is needed to find its lowest points.
-
-    Args:
-        inspector: What knows the shape.
-        geometry: The shape.
-        X_BG: Its pose.
-    """
+    """Return a collision shape of pose X_BG, ready to find its lowest points."""
     shape = inspector.GetShape(geometry)
     corners = np.empty((0, 3))
     if not isinstance(shape, Sphere | Capsule | Cylinder | Ellipsoid):
@@ -175,9 +152,7 @@ def placed_shape(
 def lowest_points(placed: PlacedShape, up: Array) -> Array:
     """Return points of a shape, the lowest ones among them [m], shape (n, 3).
 
-    Args:
-        placed: The shape.
-        up: Direction away from the ground, of length 1.
+    `up` is the direction away from the ground, of length 1.
     """
     return np.array([placed.X_BG @ point for point in _points(placed, up)])
 

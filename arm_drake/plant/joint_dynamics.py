@@ -32,14 +32,8 @@ def sample_gravity(
 ) -> Array:
     """Return the efforts that hold the commanded joints against gravity.
 
-    Args:
-        plant: A finalized plant that holds this robot alone.
-        N: As for `sample_dynamics`.
-        num_samples: How many poses; the first one is the default configuration.
-        followers: The mimic joints.
-
-    Returns:
-        Efforts [N·m] or [N], shape (num_samples, n).
+    They are [N·m] or [N], shape (num_samples, n), of a finalized plant of this robot
+    alone; the first row is of the default configuration. N is that of `velocity_map`.
     """
     return np.array(
         [
@@ -80,10 +74,7 @@ def sample_dynamics(
 ) -> DynamicsSamples:
     """Return the dynamics of the commanded joints at random configurations.
 
-    Args:
-        plant: A finalized plant that holds this robot alone.
-        N: Velocities of all joints per velocity of a commanded joint, shape (m, n).
-        followers: The mimic joints.
+    The finalized plant holds this robot alone; N is that of `velocity_map`.
     """
     masses, gravities = [], []
     for context in _poses(plant, _NUM_SAMPLES, followers):
@@ -131,15 +122,10 @@ def sum_friction(
 def velocity_map(
     plant: MultibodyPlant, description: RobotDescription, joints: Sequence[JointInfo]
 ) -> np.ndarray:
-    """Return the velocities of all joints per velocity of a commanded joint.
+    """Return the velocities of all joints per velocity of a commanded joint: N.
 
-    Args:
-        plant: A finalized plant of the robot alone, with m velocities.
-        description: The robot.
-        joints: The n commanded joints.
-
-    Returns:
-        N, shape (m, n): 1 for the joint itself, the multiplier for its mimic joints.
+    Its shape is (m, n), for a finalized plant of the robot alone with m velocities and
+    n commanded joints: 1 for the joint itself, the multiplier for its mimic joints.
     """
     N = np.zeros((plant.num_velocities(), len(joints)))
     columns = {joint.name: column for column, joint in enumerate(joints)}

@@ -32,17 +32,7 @@ class PlantKinematics:
         joints: Sequence[str],
         base: str,
     ) -> None:
-        """Create it.
-
-        Args:
-            description: The robot.
-            initial_positions: Initial positions by joint [rad] or [m].
-            joints: Joints that move, n of them.
-            base: Link that everything is seen from.
-
-        Raises:
-            DescriptionError: If Drake refuses the description.
-        """
+        """Create it for n joints that move, with all seen from the link `base`."""
         self._description = description
         self._plant = plant = MultibodyPlant(0.0)
         model = add_robot_model(plant, description, "robot", None, is_reduced=True)
@@ -62,24 +52,15 @@ class PlantKinematics:
         self._v_at = [at - plant.num_positions() for at in v_at]
 
     def pose(self, q: Array, link: str) -> Array:
-        """Return the pose of a link in the base, shape (4, 4).
-
-        Args:
-            q: Positions of the joints [rad] or [m], shape (n,).
-            link: Name of the link.
-        """
+        """Return the pose of a link in the base at q [rad] or [m], shape (4, 4)."""
         self._set(q)
         pose = self._frames[link].CalcPose(self._context, self._base)
         return np.asarray(pose.GetAsMatrix4())
 
     def jacobian(self, q: Array, link: str) -> Array:
-        """Return what joint velocities move a link by, in the base, shape (6, n).
+        """Return what joint velocities move a link by at q, in the base, shape (6, n).
 
         Rows are the velocity along x, y and z [m/s], then about them [rad/s].
-
-        Args:
-            q: Positions of the joints [rad] or [m], shape (n,).
-            link: Name of the link.
         """
         self._set(q)
         J = self._plant.CalcJacobianSpatialVelocity(
@@ -144,12 +125,7 @@ class KinematicPlant(PythonSystem):
         plant: MultibodyPlant,
         robots: Mapping[str, tuple[ModelInstanceIndex, Sequence[str]]],
     ) -> None:
-        """Create the system.
-
-        Args:
-            plant: The finalized plant; it is kept as long as the system.
-            robots: Model instances and joints of the robots, by their names.
-        """
+        """Create it for a finalized plant, and the models and joints of its robots."""
         super().__init__()
         # What knows the robots; its own ports are not connected.
         self.plant = plant

@@ -40,13 +40,7 @@ _NEVER = 1e9
 def add_plant(
     builder: DiagramBuilder, time_step: float, options: SimulationOptions
 ) -> tuple[MultibodyPlant, SceneGraph]:
-    """Add an empty plant and its scene graph.
-
-    Args:
-        builder: Where to add them.
-        time_step: Step of the discrete plant [s].
-        options: What acts on the robots.
-    """
+    """Add an empty discrete plant of step `time_step` [s], and its scene graph."""
     # Sampled ports would delay every command by a step.
     config = MultibodyPlantConfig(time_step=time_step, use_sampled_output_ports=False)
     plant, scene_graph = AddMultibodyPlant(config, builder)
@@ -63,12 +57,8 @@ def add_visualizer(
 ) -> None:
     """Add what draws the robots' visual shapes.
 
-    Args:
-        builder: Where the scene graph is.
-        scene_graph: What to draw.
-        meshcat: Where to draw it.
-        frame_rate: Pictures per second of simulated time [Hz]; 0 draws at time 0 and
-            when the visualizer is told to.
+    `frame_rate` is pictures per second of simulated time [Hz]; 0 draws at time 0 and
+    when the visualizer is told to.
     """
     params = MeshcatVisualizerParams(
         publish_period=1.0 / frame_rate if frame_rate else _NEVER,
@@ -99,21 +89,11 @@ def add_robot_model(
     collides: bool = True,
     report: LoadReport | None = None,
 ) -> ModelInstanceIndex:
-    """Add a robot's bodies and joints.
+    """Add a robot's bodies and joints to a plant that isn't finalized.
 
-    Args:
-        plant: A plant that isn't finalized.
-        description: The robot.
-        name: Name of the model instance.
-        pose: Pose of the base in the world; None is the origin.
-        has_free_base: Whether its base moves freely, instead of being fixed.
-        is_reduced: Whether to leave out what is seen and what collides, and to fix
-            joints of several degrees of freedom: what a servo computes with.
-        collides: Whether it touches anything.
-        report: Where Drake's warnings are recorded.
-
-    Raises:
-        DescriptionError: If Drake refuses the description.
+    Its base is at a pose in the world, None is the origin. `is_reduced` leaves out what
+    is seen and what collides, and fixes joints of several degrees of freedom: what a
+    servo computes with. DescriptionError if Drake refuses it.
     """
     X_WB = transform_of(pose)
     root = copy.deepcopy(description.root)
@@ -179,11 +159,7 @@ def add_actuators(
 ) -> list[JointActuator]:
     """Add the command actuator of each joint, named as the joint.
 
-    Args:
-        plant: A plant that isn't finalized.
-        model: The robot's model instance.
-        joints: Commanded joints.
-        effort_limits: Their effort limits [N·m] or [N]; infinite where unset.
+    Effort limits are [N·m] or [N], infinite where unset.
     """
     return [
         plant.AddJointActuator(name, plant.GetJointByName(name, model), limit)

@@ -411,14 +411,9 @@ class ContactReadings(PythonSystem):
         model: ModelInstanceIndex,
         links: Collection[str],
     ) -> None:
-        """Create the system.
+        """Create the system for the links of a model in a finalized plant.
 
-        Args:
-            plant: The finalized plant.
-            scene_graph: Its scene graph.
-            model: The robot's model instance.
-            links: Its links; a body "<link>:..." that the plant has besides is part of
-                the link.
+        A body "<link>:..." that the plant has besides is part of the link.
         """
         super().__init__()
         self._shapes = _shapes(plant, scene_graph.model_inspector(), model, links)
@@ -536,12 +531,9 @@ def _normal(surface: ContactSurface) -> Array:
 def _state(
     touch: _Touch, sign: float, origin: Array
 ) -> tuple[tuple[Wrench], Wrench, tuple[Vector3], tuple[Vector3], tuple[float]]:
-    """Return a contact as one shape feels it.
+    """Return a contact as one shape feels it, whose link has its origin there [m].
 
-    Args:
-        touch: The contact.
-        sign: -1 for the first shape, 1 for the second one.
-        origin: Origin of the shape's link in the world [m].
+    The sign is -1 for the first shape, 1 for the second one.
     """
     force, torque = sign * touch.force, sign * touch.torque
     total = torque + np.cross(touch.point - origin, force)

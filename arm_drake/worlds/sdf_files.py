@@ -51,10 +51,7 @@ def read_sdf(path: Path, *, root_tag: str = "sdf") -> SdfFile:
     """Return the elements of an SDF file, whose topmost one is called `root_tag`.
 
     Nothing outside the file is read: a document type, which can name other files, is
-    refused.
-
-    Raises:
-        InputError: If it can't be read, is malformed, or is no SDF.
+    refused, as is what is malformed or no SDF: with InputError.
     """
     if path.exists() and not path.is_file():  # A pipe would never end.
         raise InputError("can't be read: it is no file", file=path)

@@ -127,11 +127,7 @@ class Cleaner:
         self.included: dict[str, str] = {}
 
     def clean(self, element: ET.Element) -> Cleaned | None:
-        """Return a model or an inclusion as Drake takes it, changed in place, or None.
-
-        Raises:
-            InputError: If a number in it is malformed.
-        """
+        """Return a model or an inclusion, changed in place for Drake, or None."""
         return self._clean(element, self._world, None, "", 0)
 
     def report_missing(self) -> None:

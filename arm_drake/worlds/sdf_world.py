@@ -117,9 +117,6 @@ def read_world(path: Path, package_paths: Sequence[Path] = ()) -> SdfWorld:
     """Return the world of an SDF file, with all that it includes.
 
     A file that has a model and no world is a world with this model.
-
-    Raises:
-        InputError: If the file can't be used.
     """
     file, notes = read_sdf(path), Notes()
     worlds = file.root.findall("world")

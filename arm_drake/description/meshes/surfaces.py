@@ -173,11 +173,7 @@ def _data_uri(kind: str, data: bytes) -> str:
 
 
 def encode_surface(surfaces: list[Surface]) -> bytes:
-    """Return an OBJ file of all triangles.
-
-    Args:
-        surfaces: The surfaces [m]; at least one has triangles.
-    """
+    """Return an OBJ file of all triangles, of which there is at least one."""
     lines, first = [], 1
     faces = []
     for surface in surfaces:
