@@ -7,9 +7,22 @@ with the parts that are known.
 import difflib
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Protocol
 
 # So many names that exist are listed in a message.
 _MAX_NAMES = 30
+
+
+class Located(Protocol):
+    """What stands in a file, such as a parameter."""
+
+    @property
+    def file(self) -> Path:
+        """The file."""
+
+    @property
+    def line(self) -> int:
+        """Line in the file, counted from 1."""
 
 
 class ArmDrakeError(Exception):
@@ -26,6 +39,7 @@ class InputError(ArmDrakeError, ValueError):
         file: str | Path | None = None,
         line: int | None = None,
         where: str | None = None,
+        at: Located | None = None,
     ) -> None:
         """Create the error.
 
@@ -34,7 +48,10 @@ class InputError(ArmDrakeError, ValueError):
             file: File that holds the input.
             line: Line in the file, counted from 1.
             where: Place in the file, such as a dotted path or a joint's name.
+            at: What is wrong, in place of file and line.
         """
+        if at is not None:
+            file, line = at.file, at.line
         self.problem = problem
         self.file = None if file is None else str(file)
         self.line = line

@@ -5,7 +5,7 @@ from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 
 from arm_drake.description.parameters import Parameter, Parameters, load_parameters
-from arm_drake.description.report import Kind, LoadReport
+from arm_drake.description.report import LoadReport
 from arm_drake.description.ros_parameters import Section
 from arm_drake.errors import ParameterError, suggest
 
@@ -36,6 +36,8 @@ _NEEDLESS = (
 # They change what a controller manager does, but not yet this one.
 _NOT_SIMULATED = ("defaults", "handle_exceptions")
 _SHUTDOWN = "hardware_components_initial_state.shutdown_on_initial_state_failure"
+
+_NO_EFFECT = "it has no effect"
 
 
 @dc.dataclass(frozen=True)
@@ -97,37 +99,34 @@ def load_manager_parameters(
     parameters: Parameters, node: str, report: LoadReport
 ) -> ControllerManagerParameters:
     """Return the parameters of a controller manager."""
-    rate = parameters.get("update_rate")
+    rate, where = parameters.get("update_rate"), f"{node}.update_rate"
     if rate is not None and isinstance(rate.value, float) and rate.value.is_integer():
         what = f"{rate.value} is a double; ros2_control refuses it for an integer"
         rate = dc.replace(rate, value=int(rate.value))
-        _report(
-            report, "repair", what, "taken as an integer", f"{node}.update_rate", rate
-        )
+        report.add("info", "repair", what, "taken as an integer", where=where, at=rate)
         parameters = {**parameters, "update_rate": rate}
     if rate is not None and (
         type(rate.value) is not int or not 0 < rate.value <= MAX_UPDATE_RATE
     ):
-        raise ParameterError(
-            f"expected an integer from 1 to {MAX_UPDATE_RATE} [Hz], got {rate.value!r}",
-            file=rate.file,
-            line=rate.line,
-            where=f"{node}.update_rate",
-        )
+        expected = f"expected an integer from 1 to {MAX_UPDATE_RATE} [Hz]"
+        problem = f"{expected}, got {rate.value!r}"
+        raise ParameterError(problem, where=where, at=rate)
     own = {k: p for k, p in parameters.items() if k.partition(".")[0] in _KNOWN}
     loaded = load_parameters(_Schema, own, node, Path(), report)
-    for key in parameters:
+    for key, parameter in parameters.items():
         if key.partition(".")[0] in _NOT_SIMULATED or key == _SHUTDOWN:
-            what, done = "it is not simulated", "it has no effect"
-            _report(report, "unsupported", what, done, f"{node}.{key}", parameters[key])
+            what, where = "it is not simulated", f"{node}.{key}"
+            report.add(
+                "info", "unsupported", what, _NO_EFFECT, where=where, at=parameter
+            )
     for old, new in (
         ("activate_components_on_start", "active"),
         ("configure_components_on_start", "inactive"),
     ):
         if old in parameters:
-            what = "this is Humble's name"
+            what, where = "this is Humble's name", f"{node}.{old}"
             done = f"taken as the {new} ones of hardware_components_initial_state"
-            _report(report, "repair", what, done, f"{node}.{old}", parameters[old])
+            report.add("info", "repair", what, done, where=where, at=parameters[old])
     states = loaded.hardware_components_initial_state
     return ControllerManagerParameters(
         update_rate=loaded.update_rate,
@@ -163,28 +162,8 @@ def report_foreign(
             what = f"no controller, for it has no 'type', only {listed}"
         else:
             what = f"unknown parameter; {suggest(group, _KNOWN)}"
-        first = next(iter(members.values()))
-        done = "it has no effect"
-        _report(report, "ignored", what, done, f"{node}.{group}", first)
-
-
-def _report(
-    report: LoadReport,
-    kind: Kind,
-    what: str,
-    done: str,
-    where: str,
-    parameter: Parameter,
-) -> None:
-    report.add(
-        "info",
-        kind,
-        what,
-        done,
-        where=where,
-        file=parameter.file,
-        line=parameter.line,
-    )
+        where, first = f"{node}.{group}", next(iter(members.values()))
+        report.add("info", "ignored", what, _NO_EFFECT, where=where, at=first)
 
 
 def texts_of(parameter: Parameter | None, where: str) -> tuple[str, ...]:
@@ -194,12 +173,8 @@ def texts_of(parameter: Parameter | None, where: str) -> tuple[str, ...]:
     value = parameter.value
     values = [value] if isinstance(value, str) else value
     if not isinstance(values, list) or not all(isinstance(v, str) for v in values):
-        raise ParameterError(
-            f"expected a text or a list of texts, got {value!r}",
-            file=parameter.file,
-            line=parameter.line,
-            where=where,
-        )
+        problem = f"expected a text or a list of texts, got {value!r}"
+        raise ParameterError(problem, where=where, at=parameter)
     return tuple(values)
 
 
@@ -253,18 +228,14 @@ class Nodes:
         for namespace in reversed(self._namespaces):
             parameters |= self.parameters(namespace, name)
         for section in self.sections:
-            keys = section.parameters if section.name == name else ()
+            keys = section.parameters if section.name == name else {}
             for key in keys:
                 if key.partition(".")[0] in (*PLUGIN_PARAMETERS, *_OF_ALL_NODES):
                     continue
+                what = f"unknown parameter; {suggest(key, PLUGIN_PARAMETERS)}"
+                where, parameter = f"{section.node.lstrip('/')}.{key}", keys[key]
                 report.add(
-                    "warning",
-                    "ignored",
-                    f"unknown parameter; {suggest(key, PLUGIN_PARAMETERS)}",
-                    "it has no effect",
-                    where=f"{section.node.lstrip('/')}.{key}",
-                    file=section.file,
-                    line=section.parameters[key].line,
+                    "warning", "ignored", what, _NO_EFFECT, where=where, at=parameter
                 )
         return parameters
 
@@ -291,15 +262,10 @@ class Nodes:
             sort, known = "controller", names
             if not heads.isdisjoint(PLUGIN_PARAMETERS):
                 sort, known = "node", PLUGIN_NODES
-            report.add(
-                "warning",
-                "ignored",
-                f"no {sort} of this name; {suggest(section.node.strip('/'), known)}",
-                "the section has no effect",
-                where=section.node.lstrip("/"),
-                file=section.file,
-                line=section.line,
-            )
+            where, done = section.node.lstrip("/"), "the section has no effect"
+            hint = suggest(section.node.strip("/"), known)
+            what = f"no {sort} of this name; {hint}"
+            report.add("warning", "ignored", what, done, where=where, at=section)
 
 
 def merge(sections: Iterable[Section]) -> dict[str, Parameter]:

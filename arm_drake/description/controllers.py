@@ -112,12 +112,8 @@ def load_controllers(
     _report_several(managers, report)
     _report_absent(files, managers, controllers, report)
     for name in reader.substitutions.unused:
-        report.add(
-            "warning",
-            "ignored",
-            f"no controllers YAML uses the variable {name!r}",
-            "it has no effect",
-        )
+        what = f"no controllers YAML uses the variable {name!r}"
+        report.add("warning", "ignored", what, "it has no effect")
     plugin_nodes = {
         name: nodes.plugin_parameters(name, report)
         for name in dict.fromkeys((*PLUGIN_NODES, *plugins))
@@ -303,23 +299,11 @@ class ManagedControllers:
         return self._packages.resolve(text, folder)
 
     def _complain(
-        self,
-        where: str,
-        parameter: Parameter,
-        what: str,
-        severity: Severity,
-        done: str,
+        self, where: str, parameter: Parameter, what: str, severity: Severity, done: str
     ) -> None:
         kinds: dict[Severity, Kind] = {"info": "unsupported", "warning": "missing"}
-        self._report.add(
-            severity,
-            kinds.get(severity, "invalid"),
-            what,
-            done,
-            where=where,
-            file=parameter.file,
-            line=parameter.line,
-        )
+        kind = kinds.get(severity, "invalid")
+        self._report.add(severity, kind, what, done, where=where, at=parameter)
 
 
 def _is_below(key: str, name: str) -> bool:
@@ -356,15 +340,9 @@ def _named_apart(
             while new in controllers or (new != name and new in counts):
                 new += "_"
             if new != name:
-                report.add(
-                    "warning",
-                    "repair",
-                    f"several controller managers have a controller {name!r}",
-                    f"this one is named {new!r}",
-                    where=f"{manager.node}.{name}",
-                    file=controller.file,
-                    line=controller.line,
-                )
+                what = f"several controller managers have a controller {name!r}"
+                done, where = f"this one is named {new!r}", f"{manager.node}.{name}"
+                report.add("warning", "repair", what, done, where=where, at=controller)
             fallback = tuple(names.get(n, n) for n in controller.fallback_controllers)
             controllers[new] = dc.replace(
                 controller, name=new, fallback_controllers=fallback
@@ -380,52 +358,28 @@ def _report_absent(
 ) -> None:
     """Record an update rate and controllers that files don't give."""
     if files and all("update_rate" not in m.parameters for m in managers):
-        report.add(
-            "info",
-            "missing",
-            f"{MANAGER}.update_rate is not given",
-            f"{DEFAULT_UPDATE_RATE} Hz is used",
-            file=files[0],
-        )
+        what = f"{MANAGER}.update_rate is not given"
+        done = f"{DEFAULT_UPDATE_RATE} Hz is used"
+        report.add("info", "missing", what, done, file=files[0])
     if files and not controllers:
-        report.add(
-            "warning",
-            "missing",
-            "no controller is configured",
-            "no controller runs",
-            file=files[0],
-        )
+        what, done = "no controller is configured", "no controller runs"
+        report.add("warning", "missing", what, done, file=files[0])
 
 
 def _report_several(managers: Sequence[ManagedControllers], report: LoadReport) -> None:
     first = managers[0]
     for manager in managers[1:]:
-        place = manager.section
-        report.add(
-            "warning",
-            "repair",
-            f"a further controller manager beside {first.node!r}",
-            f"its controllers run under {first.node!r}",
-            where=manager.node,
-            file=place.file,
-            line=place.line,
-        )
+        what = f"a further controller manager beside {first.node!r}"
+        done, where = f"its controllers run under {first.node!r}", manager.node
+        report.add("warning", "repair", what, done, where=where, at=manager.section)
         for name in ("update_rate", "enforce_command_limits"):
-            setting, used = (
-                getattr(manager.settings, name),
-                _first_setting(name, managers),
-            )
+            setting = getattr(manager.settings, name)
+            used = _first_setting(name, managers)
             parameter = manager.parameters.get(name)
             if setting != used and parameter is not None:
-                report.add(
-                    "warning",
-                    "ignored",
-                    f"{setting} differs from {used} of another controller manager",
-                    f"{used} is used",
-                    where=f"{manager.node}.{name}",
-                    file=parameter.file,
-                    line=parameter.line,
-                )
+                what = f"{setting} differs from {used} of another controller manager"
+                done, where = f"{used} is used", f"{manager.node}.{name}"
+                report.add("warning", "ignored", what, done, where=where, at=parameter)
 
 
 def _first_setting(name: str, managers: Sequence[ManagedControllers]) -> Any:

@@ -267,11 +267,9 @@ class _Finder:
         self, what: str, done: str, where: str, parameter: Parameter | None = None
     ) -> None:
         """Add a line about a place in the description, or about a parameter."""
-        file, line = self._robot.description.file, None
-        if parameter is not None:
-            file, line = parameter.file, parameter.line
+        file = self._robot.description.file
         self._report.add(
-            "warning", "invalid", what, done, where=where, file=file, line=line
+            "warning", "invalid", what, done, where=where, file=file, at=parameter
         )
 
 

@@ -14,7 +14,7 @@ from arm_drake.description.controller_manager_parameters import (
 from arm_drake.description.elements import parse_bool
 from arm_drake.description.gazebo import GazeboPlugin
 from arm_drake.description.parameters import Parameter, Parameters
-from arm_drake.description.report import LoadReport
+from arm_drake.description.report import LoadReport, Severity
 from arm_drake.description.robot import Robot
 from arm_drake.description.ros2_control import CLASSIC, SIMULATOR_PLUGINS, HardwareInfo
 from arm_drake.description.urdf import RobotDescription
@@ -99,15 +99,9 @@ def report_unread(robot: Robot, report: LoadReport) -> None:
                 what = f"no plugin has a node of this name; {suggest(node, simulators)}"
             else:
                 what = "no <ros2_control> block is for Gazebo"
-            report.add(
-                "warning" if simulators else "info",
-                "ignored",
-                what,
-                _NO_EFFECT,
-                where=f"{node}.{head}",
-                file=parameter.file,
-                line=parameter.line,
-            )
+            severity: Severity = "warning" if simulators else "info"
+            where = f"{node}.{head}"
+            report.add(severity, "ignored", what, _NO_EFFECT, where=where, at=parameter)
     _report_tags(robot.description, set(simulators.values()), report)
 
 

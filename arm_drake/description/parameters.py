@@ -68,26 +68,13 @@ class NodeParameters:
         self, name: str, severity: Severity, kind: Kind, what: str, done: str
     ) -> None:
         """Add a line about a given parameter to the report."""
-        parameter = self.by_name[name]
-        self._report.add(
-            severity,
-            kind,
-            what,
-            done,
-            where=f"{self.name}.{name}",
-            file=parameter.file,
-            line=parameter.line,
-        )
+        where, parameter = f"{self.name}.{name}", self.by_name[name]
+        self._report.add(severity, kind, what, done, where=where, at=parameter)
 
     def reject(self, name: str, problem: str) -> NoReturn:
         """Raise ParameterError for a given parameter."""
-        parameter = self.by_name[name]
-        raise ParameterError(
-            problem,
-            file=parameter.file,
-            line=parameter.line,
-            where=f"{self.name}.{name}",
-        )
+        where, parameter = f"{self.name}.{name}", self.by_name[name]
+        raise ParameterError(problem, where=where, at=parameter)
 
     def convert(self, expected: Any, parameter: Parameter, name: str) -> Any:
         """Return a value as the ``expected`` type, or raise ParameterError."""

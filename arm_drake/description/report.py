@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Literal
 
+from arm_drake.errors import Located
+
 Severity = Literal["info", "warning", "error"]
 # The order in which people read them.
 _ORDER = ("error", "warning", "info")
@@ -80,6 +82,7 @@ class LoadReport:
         where: str = "",
         file: str | Path | None = None,
         line: int | None = None,
+        at: Located | None = None,
     ) -> None:
         """Add a line, once, however often the same thing is found.
 
@@ -91,7 +94,10 @@ class LoadReport:
             where: Place in the file.
             file: File that it is in.
             line: Line in the file, counted from 1.
+            at: What is the matter with, in place of file and line.
         """
+        if at is not None:
+            file, line = at.file, at.line
         name = None if file is None else str(file)
         entry = ReportEntry(severity, kind, what, done, where, name, line)
         if entry not in self._seen:
