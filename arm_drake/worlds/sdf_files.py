@@ -1,7 +1,8 @@
-"""SDF files: their elements and lines, where files they name are, and notes."""
+"""SDF files: their elements and lines, what is reported of them, what they name."""
 
 import copy
 import dataclasses as dc
+import math
 import os
 import re
 import xml.etree.ElementTree as ET
@@ -10,6 +11,7 @@ from pathlib import Path
 from urllib.parse import unquote
 from xml.parsers import expat
 
+from arm_drake.description.elements import parse_float
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import Kind, LoadReport, Severity
 from arm_drake.errors import InputError, PackageError
@@ -34,10 +36,38 @@ class SdfFile:
     # Lines of the elements.
     lines: dict[ET.Element, int]
 
+    # What was not taken as written; files that belong together share one.
+    report: LoadReport
+
     def error(self, problem: str, element: ET.Element | None = None) -> InputError:
         """Return an error about the file, or about an element of it."""
         line = None if element is None else self.lines.get(element)
         return InputError(problem, file=self.path, line=line)
+
+    def note(
+        self,
+        severity: Severity,
+        kind: Kind,
+        what: str,
+        done: str,
+        element: ET.Element,
+        where: str = "",
+    ) -> None:
+        """Report something about an element; `where` is as `place_of` says it."""
+        line = self.lines.get(element)
+        self.report.add(
+            severity, kind, what, done, where=where, file=self.path, line=line
+        )
+
+    def remove(self, parent: ET.Element, tags: Collection[str], where: str) -> None:
+        """Remove children that have no effect here, with a line for each."""
+        for child in [child for child in parent if child.tag in tags]:
+            parent.remove(child)
+            name = child.get("filename") or child.get("name") or ""
+            what = f"<{child.tag}> {name!r}" if name else f"<{child.tag}>"
+            is_usual = child.tag in ("light", "self_collide")
+            severity: Severity = "info" if is_usual else "warning"
+            self.note(severity, "ignored", what, "it has no effect", child, where)
 
     def copy(self, element: ET.Element) -> ET.Element:
         """Return a copy of an element that has the same lines."""
@@ -47,7 +77,7 @@ class SdfFile:
         return copied
 
 
-def read_sdf(path: Path, *, root_tag: str = "sdf") -> SdfFile:
+def read_sdf(path: Path, report: LoadReport, *, root_tag: str = "sdf") -> SdfFile:
     """Return the elements of an SDF file, whose topmost one is called `root_tag`.
 
     Nothing outside the file is read: a document type, which can name other files, is
@@ -59,7 +89,7 @@ def read_sdf(path: Path, *, root_tag: str = "sdf") -> SdfFile:
         text = read_text(path, MAX_SIZE)
     except YamlError as error:
         raise InputError(str(error), file=path) from None
-    file = _parse(path, text)
+    file = SdfFile(path, *_parse(path, text), report)
     if file.root.tag != root_tag:
         problem = f"expected <{root_tag}> at the top, got <{file.root.tag}>"
         raise file.error(problem, file.root)
@@ -69,9 +99,10 @@ def read_sdf(path: Path, *, root_tag: str = "sdf") -> SdfFile:
     return file
 
 
-def _parse(path: Path, text: str) -> SdfFile:
-    """Return the elements of a text, with their lines."""
-    builder, lines, depth = ET.TreeBuilder(), {}, 0
+def _parse(path: Path, text: str) -> tuple[ET.Element, dict[ET.Element, int]]:
+    """Return the topmost element of a text, and the lines of all elements."""
+    builder, depth = ET.TreeBuilder(), 0
+    lines: dict[ET.Element, int] = {}
     # Names with prefixes, such as "drake:", stay as they are.
     parser = expat.ParserCreate()
 
@@ -103,12 +134,27 @@ def _parse(path: Path, text: str) -> SdfFile:
     except expat.ExpatError as error:
         problem = f"malformed XML: {expat.errors.messages[error.code]}"
         raise InputError(problem, file=path, line=error.lineno) from None
-    return SdfFile(path, builder.close(), lines)
+    return builder.close(), lines
 
 
 def text_of(element: ET.Element, tag: str) -> str:
     """Return the text of a child without white space around it, or ""."""
     return (element.findtext(tag) or "").strip()
+
+
+def replace_child(parent: ET.Element, tag: str, text: str | None = None) -> None:
+    """Remove the children of a name; with a text, add one that has it."""
+    for child in parent.findall(tag):
+        parent.remove(child)
+    if text is not None:
+        ET.SubElement(parent, tag).text = text
+
+
+def parse_floats(text: str) -> tuple[float, ...] | None:
+    """Return the finite numbers that a text consists of, or None."""
+    found = [parse_float(word) for word in text.split()]
+    known = tuple(x for x in found if x is not None and math.isfinite(x))
+    return known if len(known) == len(found) else None
 
 
 def is_true(text: str) -> bool:
@@ -120,6 +166,11 @@ def name_of(element: ET.Element) -> str:
     """Return what messages call an element, such as "model 'table'"."""
     name = element.get("name") or text_of(element, "name")
     return f"{element.tag} {name!r}" if name else f"<{element.tag}>"
+
+
+def place_of(element: ET.Element, parent: str = "") -> str:
+    """Return the place of an element in another place, such as "model 'table'"."""
+    return ", ".join(filter(None, (parent, name_of(element))))
 
 
 # Folders of models, as Gazebo's users name them.
@@ -263,7 +314,7 @@ def _file_of_model(folder: Path) -> Path | None:
 
 def _named_in(config: Path) -> Path | None:
     try:
-        root = read_sdf(config, root_tag="model").root
+        root = read_sdf(config, LoadReport(), root_tag="model").root
     except InputError:
         return None
     versions = {
@@ -279,55 +330,3 @@ def _named_in(config: Path) -> Path | None:
 
 def _version(text: str) -> tuple[int, ...]:
     return tuple(int(part) for part in re.findall("[0-9]+", text))
-
-
-class Notes:
-    """A load report of what was not taken as written of a world and its models."""
-
-    def __init__(self) -> None:
-        """Start an empty report."""
-        self.report = LoadReport()
-
-    def add(
-        self,
-        severity: Severity,
-        kind: Kind,
-        what: str,
-        done: str,
-        *,
-        file: SdfFile,
-        element: ET.Element,
-        where: str = "",
-    ) -> None:
-        """Add a line about an element; `where` is its place, as `place` says it."""
-        line = file.lines.get(element)
-        self.report.add(
-            severity, kind, what, done, where=where, file=file.path, line=line
-        )
-
-    def remove(
-        self,
-        parent: ET.Element,
-        tags: Collection[str],
-        *,
-        file: SdfFile,
-        where: str,
-    ) -> None:
-        """Remove children that have no effect here, with a line for each."""
-        for child in [child for child in parent if child.tag in tags]:
-            parent.remove(child)
-            what = child.get("filename") or child.get("name") or ""
-            self.add(
-                "info" if child.tag in ("light", "self_collide") else "warning",
-                "ignored",
-                f"<{child.tag}> {what!r}" if what else f"<{child.tag}>",
-                "it has no effect",
-                file=file,
-                element=child,
-                where=where,
-            )
-
-    @staticmethod
-    def place(parent: str, element: ET.Element) -> str:
-        """Return the place of an element in another place, such as "model 'table'"."""
-        return ", ".join(filter(None, (parent, name_of(element))))

@@ -16,14 +16,17 @@ from arm_drake.description.meshes.conversion import (
     convert_collision,
     convert_visual,
 )
+from arm_drake.description.report import Severity
 from arm_drake.errors import InputError
 from arm_drake.plant.contact import GROUND, GROUND_FRICTION
 from arm_drake.worlds.sdf_files import (
     ModelFinder,
-    Notes,
     SdfFile,
     is_true,
+    parse_floats,
+    place_of,
     read_sdf,
+    replace_child,
     text_of,
 )
 
@@ -110,13 +113,10 @@ class Cleaned:
 class Cleaner:
     """Cleans models and inclusions of one world."""
 
-    def __init__(
-        self, file: SdfFile, package_paths: Sequence[Path], notes: Notes
-    ) -> None:
+    def __init__(self, file: SdfFile, package_paths: Sequence[Path]) -> None:
         """Create it for the file of a world; `package_paths` are searched first."""
         self._world = file
         self._models = ModelFinder(file.path, package_paths)
-        self._notes = notes
         self._missing: dict[str, ET.Element] = {}
         self._names: dict[tuple[Path, bool | None], str] = {}
         self._files: dict[Path, SdfFile] = {}
@@ -134,18 +134,15 @@ class Cleaner:
         """Record the models that aren't there, in one line."""
         if self._missing:
             names = sorted(self._missing)
-            count = (
-                "no model" if len(names) == 1 else f"{len(names)} models aren't there:"
-            )
-            self._notes.add(
-                "error",
-                "missing",
-                f"{count} {', '.join(map(repr, names))}",
+            is_one = len(names) == 1
+            what = "no model" if is_one else f"{len(names)} models aren't there:"
+            what += f" {', '.join(map(repr, names))}"
+            done = (
                 "left out, nothing is downloaded; --package-path or GAZEBO_MODEL_PATH "
-                "can name a folder that holds models",
-                file=self._world,
-                element=next(iter(self._missing.values())),
+                "can name a folder that holds models"
             )
+            first = next(iter(self._missing.values()))
+            self._world.note("error", "missing", what, done, first)
 
     def _clean(
         self,
@@ -156,17 +153,14 @@ class Cleaner:
         depth: int,
     ) -> Cleaned | None:
         """Clean a model or an inclusion; without `is_static` it decides itself."""
-        place = self._notes.place(where, element)
+        place = place_of(element, where)
         if element.tag == "include":
             return self._include(element, file, is_static, place, depth)
         own = text_of(element, "static")
         if is_static is None and own:
             is_static = is_true(own)
-        for child in element.findall("static"):
-            element.remove(child)
-        if is_static:
-            ET.SubElement(element, "static").text = "true"
-        self._notes.remove(element, _OF_MODELS, file=file, where=place)
+        replace_child(element, "static", "true" if is_static else None)
+        file.remove(element, _OF_MODELS, place)
         is_level = (
             bool(is_static) and depth == 0 and not where and _is_flat(element, file)
         )
@@ -193,10 +187,19 @@ class Cleaner:
     def _clean_link(
         self, link: ET.Element, file: SdfFile, where: str, *, is_level: bool
     ) -> None:
-        place = self._notes.place(where, link)
-        self._notes.remove(link, _OF_LINKS, file=file, where=place)
+        """Make every `<visual>` and `<collision>` fit for Drake, or remove it."""
+        place = place_of(link, where)
+        file.remove(link, _OF_LINKS, place)
         ground = GROUND if is_level and _is_flat(link, file) else None
-        _clean_shapes(link, file, self._models, self._notes, where=place, ground=ground)
+        for index, element in enumerate(list(link)):
+            if element.tag in ("visual", "collision"):
+                element.attrib.setdefault("name", f"{element.tag}_{index}")
+                inside = f"{place}, {element.tag} {element.get('name')!r}"
+                shape = _Shape(element, file, self._models, inside, ground)
+                at = list(link).index(element)
+                link.remove(element)
+                for part in reversed(shape.clean()):
+                    link.insert(at, part)
 
     def _include(
         self,
@@ -206,15 +209,13 @@ class Cleaner:
         where: str,
         depth: int,
     ) -> Cleaned | None:
-        self._notes.remove(include, ("plugin",), file=file, where=where)
+        file.remove(include, ("plugin",), where)
         uri = text_of(include, "uri")
         name = uri.rstrip("/").rpartition("/")[2].replace("%20", " ")
         known = name.lower().replace("_", " ")
         if known == _SUN:
             what, done = "the model of the sun", "the page has its own lamps"
-            self._notes.add(
-                "info", "ignored", what, done, file=file, element=include, where=where
-            )
+            file.note("info", "ignored", what, done, include, where)
             return None
         if known == _GROUND_PLANE:
             return self._built_in_ground(include, file, depth)
@@ -226,7 +227,7 @@ class Cleaner:
         if is_static is None and own:
             is_static = is_true(own)
         try:
-            included = self._files.setdefault(path, read_sdf(path))
+            included = self._files.setdefault(path, read_sdf(path, file.report))
             model = included.root.find("model")
             if model is None:
                 raise included.error("<sdf> has no <model> to include", included.root)
@@ -234,25 +235,15 @@ class Cleaner:
                 is_static = is_true(text_of(model, "static"))
             target = self._keep(included, model, is_static, where, depth)
         except InputError as error:
-            done = "left out"
-            self._notes.report.add(
-                "error",
-                "invalid",
-                error.problem,
-                done,
-                where=where,
-                file=error.file,
-                line=error.line,
+            what, place, line = error.problem, error.file, error.line
+            file.report.add(
+                "error", "invalid", what, "left out", where=where, file=place, line=line
             )
             return None
         if target is None:
             return None
-        for tag in ("uri", "static"):
-            for child in include.findall(tag):
-                include.remove(child)
-        ET.SubElement(include, "uri").text = f"file://{FOLDER}/{target}"
-        if is_static:
-            ET.SubElement(include, "static").text = "true"
+        replace_child(include, "uri", f"file://{FOLDER}/{target}")
+        replace_child(include, "static", "true" if is_static else None)
         called = text_of(include, "name") or (model.get("name") or "")
         return Cleaned(include, called, bool(is_static))
 
@@ -268,8 +259,7 @@ class Cleaner:
         key = (file.path, is_static)
         if key not in self._names:
             copied = file.copy(model)
-            for child in copied.findall("static"):
-                copied.remove(child)
+            replace_child(copied, "static")
             if file.path in self._open:
                 raise file.error("the model includes itself", model)
             self._open.append(file.path)
@@ -314,62 +304,28 @@ def _clean_joint(model: ET.Element, joint: ET.Element, *, is_static: bool) -> No
         if limit is None:
             limit = ET.SubElement(axis, "limit")
         # Drake has an actuator for each joint whose effort limit isn't 0.
-        for effort in limit.findall("effort"):
-            limit.remove(effort)
-        ET.SubElement(limit, "effort").text = "0"
+        replace_child(limit, "effort", "0")
 
 
-def _clean_shapes(
-    link: ET.Element,
-    file: SdfFile,
-    models: ModelFinder,
-    notes: Notes,
-    *,
-    where: str,
-    ground: str | None,
-) -> None:
-    """Make every `<visual>` and `<collision>` of a link fit for Drake, or remove it.
-
-    Planes of the link that are the ground collide under the name `ground`, if there is
-    one, and aren't drawn.
-    """
-    for index, element in enumerate(list(link)):
-        if element.tag in ("visual", "collision"):
-            element.attrib.setdefault("name", f"{element.tag}_{index}")
-            place = f"{where}, {element.tag} {element.get('name')!r}"
-            shape = _Shape(element, file, models, notes, place, ground)
-            at = list(link).index(element)
-            link.remove(element)
-            for part in reversed(shape.clean()):
-                link.insert(at, part)
-
-
+@dc.dataclass(frozen=True, eq=False)
 class _Shape:
     """One `<visual>` or `<collision>` on its way to Drake."""
 
-    def __init__(
-        self,
-        element: ET.Element,
-        file: SdfFile,
-        models: ModelFinder,
-        notes: Notes,
-        where: str,
-        ground: str | None,
-    ) -> None:
-        self._element = element
-        self._file = file
-        self._models = models
-        self._notes = notes
-        self._where = where
-        self._ground = ground
+    element: ET.Element
+    file: SdfFile
+    models: ModelFinder
+    where: str
+
+    # Name under which a plane collides that is the ground; then it isn't drawn.
+    ground: str | None
 
     def clean(self) -> list[ET.Element]:
         """Return what takes its place: elements that Drake takes, or none."""
-        geometry = self._element.find("geometry")
+        geometry = self.element.find("geometry")
         shape = None if geometry is None else next(iter(geometry), None)
         if geometry is None or shape is None or shape.tag == "empty":
             return []
-        color = self._paint() if self._element.tag == "visual" else None
+        color = self._paint() if self.element.tag == "visual" else None
         self._limit_friction()
         if shape.tag == "mesh":
             return self._convert_mesh(shape, color)
@@ -378,40 +334,26 @@ class _Shape:
         if shape.tag not in _PRIMITIVES:
             return self._drop(f"a <{shape.tag}>, which Drake doesn't have")
         for child in shape:
-            sizes = [parse_float(word) for word in (child.text or "").split()]
-            if not all(x is not None and _SMALLEST <= x <= _LARGEST for x in sizes):
+            sizes = parse_floats(child.text or "")
+            if sizes is None or not all(_SMALLEST <= x <= _LARGEST for x in sizes):
                 bounds = f"{_SMALLEST:g} m to {_LARGEST:g} m"
                 return self._drop(f"a <{shape.tag}> with a size that isn't {bounds}")
-        return [self._element]
+        return [self.element]
 
     def _drop(self, what: str) -> list[ET.Element]:
-        is_visual = self._element.tag == "visual"
-        self._notes.add(
-            "warning" if is_visual else "error",
-            "unsupported",
-            what,
-            "it isn't drawn" if is_visual else "nothing collides with it",
-            file=self._file,
-            element=self._element,
-            where=self._where,
-        )
+        is_visual = self.element.tag == "visual"
+        severity: Severity = "warning" if is_visual else "error"
+        done = "it isn't drawn" if is_visual else "nothing collides with it"
+        self._say(what, done, severity)
         return []
 
-    def _say(self, what: str, done: str) -> None:
-        self._notes.add(
-            "info",
-            "unsupported",
-            what,
-            done,
-            file=self._file,
-            element=self._element,
-            where=self._where,
-        )
+    def _say(self, what: str, done: str, severity: Severity = "info") -> None:
+        self.file.note(severity, "unsupported", what, done, self.element, self.where)
 
     def _paint(self) -> tuple[float, float, float, float] | None:
         """Leave nothing but a diffuse colour of the material; return it."""
         color = None
-        for material in self._element.findall("material"):
+        for material in self.element.findall("material"):
             script = (material.findtext("script/name") or "").strip()
             text = text_of(material, "diffuse") or text_of(material, "ambient")
             if not text and script:
@@ -420,22 +362,22 @@ class _Shape:
                     self._say(f"material {script!r}", "it is drawn grey")
             if material.find(".//albedo_map") is not None:
                 self._say("a texture", "drawn without it")
-            self._element.remove(material)
+            self.element.remove(material)
             numbers = [parse_float(word) for word in text.split()]
             values = [float(np.clip(x, 0.0, 1.0)) for x in numbers if x is not None]
             if len(values) == len(numbers) and len(values) in (3, 4):
                 red, green, blue, alpha = [*values, 1.0][:4]
                 color = (red, green, blue, alpha)
-                painted = ET.SubElement(self._element, "material")
+                painted = ET.SubElement(self.element, "material")
                 diffuse = ET.SubElement(painted, "diffuse")
                 diffuse.text = " ".join(map(repr, color))
             elif text:
                 problem = f"expected red green blue alpha, got {text!r}"
-                raise self._file.error(f"<material>: {problem}", material)
+                raise self.file.error(f"<material>: {problem}", material)
         return color
 
     def _limit_friction(self) -> None:
-        for ode in self._element.iterfind("surface/friction/ode"):
+        for ode in self.element.iterfind("surface/friction/ode"):
             coefficients = [parse_float(text_of(ode, tag)) for tag in ("mu", "mu2")]
             found = [mu for mu in coefficients if mu is not None and mu >= 0.0]
             for child in list(ode):
@@ -449,33 +391,33 @@ class _Shape:
 
     def _thicken(self, geometry: ET.Element, plane: ET.Element) -> list[ET.Element]:
         """Make a plane a box below it, for Drake warns about half spaces."""
-        thickness = _THICKNESS[self._element.tag]
+        thickness = _THICKNESS[self.element.tag]
         normal = np.array(self._numbers(plane, "normal", (0.0, 0.0, 1.0)))
         size = self._numbers(plane, "size", _PLANE_SIZE)
         if not np.any(normal) or not min(size) > 0.0:
             return self._drop("a <plane> without a direction or a size")
-        X_LP = _pose_of(self._element, self._file)
+        X_LP = _pose_of(self.element, self.file)
         if normal[0] != 0.0 or normal[1] != 0.0 or normal[2] < 0.0:
             turn = RotationMatrix.MakeFromOneVector(normal, 2)
             X_LP = X_LP @ RigidTransform(turn, np.zeros(3))
-        if self._ground is not None and _keeps_plane(X_LP):
-            if self._element.tag == "visual":
+        if self.ground is not None and _keeps_plane(X_LP):
+            if self.element.tag == "visual":
                 self._say("the plane of the ground", "it isn't drawn")
                 return []
-            self._element.set("name", self._ground)
+            self.element.set("name", self.ground)
         X_LG = X_LP @ RigidTransform([0.0, 0.0, -thickness / 2.0])
         geometry.remove(plane)
         box = ET.SubElement(ET.SubElement(geometry, "box"), "size")
         box.text = f"{size[0]!r} {size[1]!r} {thickness!r}"
-        pose = self._element.find("pose")
+        pose = self.element.find("pose")
         if pose is None:
-            pose = ET.SubElement(self._element, "pose")
+            pose = ET.SubElement(self.element, "pose")
         for name in ("degrees", "rotation_format"):
             pose.attrib.pop(name, None)
         angles = RollPitchYaw(X_LG.rotation()).vector()
         values = [*X_LG.translation().tolist(), *angles.tolist()]
         pose.text = " ".join(map(repr, values))
-        return [self._element]
+        return [self.element]
 
     def _numbers(
         self, parent: ET.Element, tag: str, default: tuple[float, ...]
@@ -483,18 +425,17 @@ class _Shape:
         text = text_of(parent, tag)
         if not text:
             return default
-        found = [parse_float(word) for word in text.split()]
-        values = tuple(x for x in found if x is not None and np.isfinite(x))
-        if len(values) != len(found) or len(values) != len(default):
+        values = parse_floats(text)
+        if values is None or len(values) != len(default):
             problem = f"expected {len(default)} numbers, got {text!r}"
-            raise self._file.error(f"<{tag}>: {problem}", parent.find(tag))
+            raise self.file.error(f"<{tag}>: {problem}", parent.find(tag))
         return values
 
     def _convert_mesh(
         self, mesh: ET.Element, color: tuple[float, float, float, float] | None
     ) -> list[ET.Element]:
         uri = text_of(mesh, "uri")
-        path = self._models.find_file(uri, self._file.path.parent)
+        path = self.models.find_file(uri, self.file.path.parent)
         if path is None:
             return self._drop(f"no mesh file {uri!r}")
         x, y, z = self._numbers(mesh, "scale", (1.0, 1.0, 1.0))
@@ -507,7 +448,7 @@ class _Shape:
         elements = []
         for number, part in enumerate(parts, start=1):
             target.text = part.as_uri()
-            element = copy.deepcopy(self._element)
+            element = copy.deepcopy(self.element)
             if number > 1:
                 element.set("name", f"{element.get('name')}_{number}")
             elements.append(element)
@@ -519,13 +460,13 @@ class _Shape:
         scale: Scale,
         color: tuple[float, float, float, float] | None,
     ) -> tuple[Path, ...]:
-        report, where, file = self._notes.report, self._where, self._file.path
-        if self._element.tag == "collision":
+        report, where, file = self.file.report, self.where, self.file.path
+        if self.element.tag == "collision":
             return convert_collision(
                 path, scale, report, where=where, file=file, by_piece=True
             )
-        for material in self._element.findall("material"):
-            self._element.remove(material)  # Drake refuses it beside those of a glTF.
+        for material in self.element.findall("material"):
+            self.element.remove(material)  # Drake refuses it beside those of a glTF.
         drawn = convert_visual(path, scale, report, where=where, file=file, color=color)
         return () if drawn is None else (drawn,)
 
@@ -535,10 +476,9 @@ def _pose_of(element: ET.Element, file: SdfFile) -> RigidTransform:
     pose = element.find("pose")
     if pose is None or not (pose.text or "").strip():
         return RigidTransform()
-    found = [parse_float(word) for word in (pose.text or "").split()]
-    values = [x for x in found if x is not None and np.isfinite(x)]
+    values = parse_floats(pose.text or "")
     is_quaternion = pose.get("rotation_format") == "quat_xyzw"
-    if len(values) != len(found) or len(values) != (7 if is_quaternion else 6):
+    if values is None or len(values) != (7 if is_quaternion else 6):
         count = "7 numbers" if is_quaternion else "x y z roll pitch yaw"
         raise file.error(f"<pose>: expected {count}, got {pose.text!r}", pose)
     if is_quaternion:

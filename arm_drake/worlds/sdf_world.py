@@ -8,9 +8,15 @@ from pathlib import Path
 from pydrake.geometry import Meshcat
 from pydrake.multibody.plant import MultibodyPlant
 
-from arm_drake.description.elements import parse_float
-from arm_drake.description.report import LoadReport
-from arm_drake.worlds.sdf_files import Notes, SdfFile, name_of, read_sdf, text_of
+from arm_drake.description.report import LoadReport, Severity
+from arm_drake.worlds.sdf_files import (
+    SdfFile,
+    name_of,
+    parse_floats,
+    read_sdf,
+    replace_child,
+    text_of,
+)
 from arm_drake.worlds.sdf_models import Cleaner
 
 Vector = tuple[float, float, float]
@@ -70,11 +76,12 @@ _WITHOUT_EFFECT = {
     "atmosphere": "there is none",
     "magnetic_field": "sensors don't measure it",
     "spherical_coordinates": "they have no effect",
+}
+_LOST = {
     "actor": "it isn't shown",
     "population": "left out",
     "road": "it isn't shown",
 }
-_LOST = ("actor", "population", "road")
 
 # What Drake reads of a world beside models.
 _FRAMES = ("frame", "joint")
@@ -103,8 +110,6 @@ class SdfWorld:
     # Files that inclusions name, by their names in `FOLDER`.
     included: dict[str, str]
 
-    notes: Notes
-
     def text(self, elements: Iterable[ET.Element]) -> str:
         """Return an SDF text of some of its elements."""
         root = ET.Element("sdf", self.file.root.attrib)
@@ -118,7 +123,7 @@ def read_world(path: Path, package_paths: Sequence[Path] = ()) -> SdfWorld:
 
     A file that has a model and no world is a world with this model.
     """
-    file, notes = read_sdf(path), Notes()
+    file = read_sdf(path, LoadReport())
     worlds = file.root.findall("world")
     if worlds:
         world = worlds[0]
@@ -128,25 +133,19 @@ def read_world(path: Path, package_paths: Sequence[Path] = ()) -> SdfWorld:
         if not len(world):
             raise file.error("<sdf> has no <world>, and no model either", file.root)
     if len(worlds) > 1:
-        named = f"{len(worlds)} worlds in one file"
-        notes.add(
-            "warning",
-            "unsupported",
-            named,
-            f"the first, {world.get('name')!r}, is taken",
-            file=file,
-            element=worlds[1],
-        )
-    cleaner = Cleaner(file, package_paths, notes)
+        what = f"{len(worlds)} worlds in one file"
+        done = f"the first, {world.get('name')!r}, is taken"
+        file.note("warning", "unsupported", what, done, worlds[1])
+    cleaner = Cleaner(file, package_paths)
     _apply_state(world)
-    _report_rest(world, file, notes)
+    _report_rest(world, file)
     kept: dict[bool, list[ET.Element]] = {True: [], False: []}
     names: set[str] = set()
     for element in list(world):
         if element.tag in ("model", "include"):
             cleaned = cleaner.clean(element)
             if cleaned is not None:
-                _rename(cleaned.element, cleaned.name, names, element, file, notes)
+                _rename(cleaned.element, cleaned.name, names, element, file)
                 kept[cleaned.is_static].append(cleaned.element)
     cleaner.report_missing()
     scene = world.find("scene")
@@ -160,7 +159,6 @@ def read_world(path: Path, package_paths: Sequence[Path] = ()) -> SdfWorld:
         kept[False],
         [child for child in world if child.tag in _FRAMES],
         cleaner.included,
-        notes,
     )
 
 
@@ -174,18 +172,15 @@ def _apply_state(world: ET.Element) -> None:
     for model in world.iterfind("model"):
         saved = poses.get(model.get("name"))
         if saved is not None:
-            for pose in model.findall("pose"):
-                model.remove(pose)
-            ET.SubElement(model, "pose").text = saved.text
+            replace_child(model, "pose", saved.text or "")
 
 
-def _report_rest(world: ET.Element, file: SdfFile, notes: Notes) -> None:
+def _report_rest(world: ET.Element, file: SdfFile) -> None:
     lights = world.findall("light")
     if lights:
         names = ", ".join(repr(light.get("name", "")) for light in lights)
-        done = "the page has its own lamps"
-        what = f"lights {names}"
-        notes.add("info", "ignored", what, done, file=file, element=lights[0])
+        what, done = f"lights {names}", "the page has its own lamps"
+        file.note("info", "ignored", what, done, lights[0])
     seen: set[str] = set()
     for child in world:
         if child.tag == "plugin":
@@ -193,37 +188,27 @@ def _report_rest(world: ET.Element, file: SdfFile, notes: Notes) -> None:
             if name in seen:
                 continue
             seen.add(name)
-            is_built_in = any(word in name for word in _BUILT_IN)
-            notes.add(
-                "info" if is_built_in else "warning",
-                "ignored",
-                f"plugin {name!r}",
-                "what it does is there without it"
-                if is_built_in
-                else "it has no effect",
-                file=file,
-                element=child,
-            )
+            severity: Severity = "warning"
+            what, done = f"plugin {name!r}", "it has no effect"
+            if any(word in name for word in _BUILT_IN):
+                severity, done = "info", "what it does is there without it"
+            file.note(severity, "ignored", what, done, child)
         elif child.tag == "physics":
             step = text_of(child, "max_step_size")
             what = f"<physics>{f', max_step_size {step} s' if step else ''}"
             done = "the step of the physics is the option time_step"
-            notes.add("info", "ignored", what, done, file=file, element=child)
+            file.note("info", "ignored", what, done, child)
         elif child.tag == "scene":
             rest = {e.tag for e in child} - {"grid", "background"}
             if rest:
                 what = f"<scene>: {', '.join(sorted(rest))}"
-                done = "the page has its own light"
-                notes.add("info", "ignored", what, done, file=file, element=child)
+                file.note("info", "ignored", what, "the page has its own light", child)
+        elif child.tag in _LOST:
+            done = _LOST[child.tag]
+            file.note("warning", "unsupported", name_of(child), done, child)
         elif child.tag in _WITHOUT_EFFECT:
-            notes.add(
-                "warning" if child.tag in _LOST else "info",
-                "unsupported" if child.tag in _LOST else "ignored",
-                name_of(child),
-                _WITHOUT_EFFECT[child.tag],
-                file=file,
-                element=child,
-            )
+            done = _WITHOUT_EFFECT[child.tag]
+            file.note("info", "ignored", name_of(child), done, child)
 
 
 def _rename(
@@ -232,7 +217,6 @@ def _rename(
     names: set[str],
     original: ET.Element,
     file: SdfFile,
-    notes: Notes,
 ) -> None:
     """Give an element another name if one before it has that."""
     number, free = 1, name
@@ -243,13 +227,11 @@ def _rename(
     if free == name:
         return
     what, done = f"a second model is called {name!r}", f"called {free!r}"
-    notes.add("warning", "repair", what, done, file=file, element=original)
+    file.note("warning", "repair", what, done, original)
     if element.tag == "model":
         element.set("name", free)
-        return
-    for child in element.findall("name"):
-        element.remove(child)
-    ET.SubElement(element, "name").text = free
+    else:
+        replace_child(element, "name", free)
 
 
 def _read_gravity(world: ET.Element, file: SdfFile) -> Vector | None:
@@ -277,8 +259,8 @@ def _read_background(scene: ET.Element | None) -> Vector | None:
 
 
 def _vector(text: str) -> Vector | None:
-    values = [parse_float(word) for word in text.split()]
-    if len(values) != 3 or any(x is None or not abs(x) < float("inf") for x in values):
+    values = parse_floats(text)
+    if values is None or len(values) != 3:
         return None
-    x, y, z = (float(value or 0.0) for value in values)
-    return (x, y, z)
+    x, y, z = values
+    return x, y, z

@@ -142,7 +142,7 @@ def load_sdf_world(path: Path, package_paths: Sequence[Path] = ()) -> LoadedWorl
         gravity=world.gravity,
         has_grid=world.has_grid,
         background=world.background,
-        report=world.notes.report,
+        report=world.file.report,
     )
 
 
@@ -203,15 +203,8 @@ def _keep_what_drake_takes(
         except RuntimeError as error:
             elements.remove(element)
             refused += 1
-            world.notes.add(
-                "error",
-                "invalid",
-                f"Drake refuses it: {error}",
-                "left out",
-                file=world.file,
-                element=element,
-                where=name_of(element),
-            )
+            what, where = f"Drake refuses it: {error}", name_of(element)
+            world.file.note("error", "invalid", what, "left out", element, where)
     if not refused:
         raise world.file.error(f"Drake refuses the world: {problem}", world.file.root)
     return _keep_what_drake_takes(world, elements)
@@ -247,7 +240,7 @@ def _parse(plant: MultibodyPlant, world: SdfWorld, elements: Sequence[Element]) 
     for message in messages:
         what = _without_place(message)
         file = world.file.path
-        world.notes.report.add("info", "ignored", what, "so says Drake", file=file)
+        world.file.report.add("info", "ignored", what, "so says Drake", file=file)
 
 
 def _without_place(message: str) -> str:
@@ -276,13 +269,8 @@ def _add_standing(
             label = f"{model}::{name}::{last}"
             properties = inspector.GetProximityProperties(geometry)
             if properties is not None:
-                plant.RegisterCollisionGeometry(
-                    plant.world_body(),
-                    X_WG,
-                    inspector.GetShape(geometry),
-                    label,
-                    properties,
-                )
+                shape, owner = inspector.GetShape(geometry), plant.world_body()
+                plant.RegisterCollisionGeometry(owner, X_WG, shape, label, properties)
                 continue
             clone = inspector.CloneGeometryInstance(geometry)
             clone.set_pose(X_WG)
