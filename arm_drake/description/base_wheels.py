@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from arm_drake.description.controllers import ControllerManagerConfig
 from arm_drake.description.gazebo_plugins import DiffDrive, GazeboRosDiffDrive
-from arm_drake.description.inertia import link_solid
+from arm_drake.description.inertia import link_solid, take_mass, write_inertial
 from arm_drake.description.joints import JointInfo, last_master
 from arm_drake.description.links import read_link
 from arm_drake.description.parameters import Parameter
@@ -377,36 +377,46 @@ def with_axles(
         solid = link_solid(read_link(link))
         assert collision is not None
         assert solid is not None
-        mass = _TURNING * _halve(link) or _DENSITY * solid[0].mass
-        wheel = ET.SubElement(root, "link", name=axle.wheel)
+        mass = take_mass(link, _TURNING) or _DENSITY * solid[0].mass
         origin = collision.find("origin")
         link.remove(collision)
         if origin is not None:
             origin.set("xyz", "0 0 0")
-        wheel.append(collision)
-        inertial = ET.SubElement(wheel, "inertial")
-        ET.SubElement(inertial, "mass", value=repr(float(mass)))
         # In the link's axes, as `link_solid` gives it.
-        moments = solid[0].scaled(mass).inertia
-        ET.SubElement(
-            inertial,
-            "inertia",
-            {
-                f"i{a}{b}": repr(float(moments["xyz".index(a), "xyz".index(b)]))
-                for a, b in ("xx", "xy", "xz", "yy", "yz", "zz")
-            },
-        )
-        joint = ET.SubElement(
-            root, "joint", name=f"{axle.link}:axle", type="continuous"
-        )
-        ET.SubElement(joint, "parent", link=axle.link)
-        ET.SubElement(joint, "child", link=axle.wheel)
-        ET.SubElement(joint, "origin", xyz=format_vector(axle.center))
-        ET.SubElement(joint, "axis", xyz=format_vector(axle.axis))
+        inertia = solid[0].scaled(mass).inertia
+        add_turning_link(root, axle.wheel, collision, mass, inertia)
+        center, axis = {"xyz": format_vector(axle.center)}, format_vector(axle.axis)
+        ends = (axle.link, axle.wheel)
+        joint = add_axle(root, f"{axle.link}:axle", ends, center, axis)
         if axle.other:
             master = f"{axle.other}:axle"
             ET.SubElement(joint, "mimic", joint=master, multiplier="-1", offset="0")
     return dc.replace(description, root=root)
+
+
+def add_turning_link(
+    root: ET.Element, name: str, collision: ET.Element, mass: float, inertia: Array
+) -> None:
+    """Add a link about its centre of mass, with one shape, [kg] and [kg·m^2]."""
+    link = ET.SubElement(root, "link", name=name)
+    link.append(collision)
+    write_inertial(link, mass, inertia)
+
+
+def add_axle(
+    root: ET.Element,
+    name: str,
+    links: tuple[str, str],
+    origin: dict[str, str],
+    axis: str,
+) -> ET.Element:
+    """Add a continuous joint from one link to another."""
+    joint = ET.SubElement(root, "joint", name=name, type="continuous")
+    ET.SubElement(joint, "parent", link=links[0])
+    ET.SubElement(joint, "child", link=links[1])
+    ET.SubElement(joint, "origin", origin)
+    ET.SubElement(joint, "axis", xyz=axis)
+    return joint
 
 
 def report_axles(
@@ -415,31 +425,10 @@ def report_axles(
     """Record wheels that get an axle."""
     others = {axle.other for axle in axles}
     for axle in axles:
-        is_driven = bool(axle.other) or axle.link in others
-        report.add(
-            "info",
-            "repair",
-            "one joint drives two wheels of an axle"
-            if is_driven
-            else "a steered wheel without a joint to roll on",
-            "in the physics they have a differential"
-            if is_driven
-            else "in the physics it turns freely about its axis",
-            where=f"link {axle.link!r}",
-            file=description.file,
-        )
-
-
-def _halve(link: ET.Element) -> float:
-    """Take the wheel's part from a link's mass and inertia; return the whole mass."""
-    inertial = link.find("inertial")
-    mass = None if inertial is None else inertial.find("mass")
-    if inertial is None or mass is None:
-        return 0.0
-    whole = float(mass.get("value", "0"))
-    rest = 1.0 - _TURNING
-    mass.set("value", repr(rest * whole))
-    for inertia in inertial.iterfind("inertia"):
-        for name, value in inertia.items():
-            inertia.set(name, repr(rest * float(value)))
-    return whole
+        what = "a steered wheel without a joint to roll on"
+        done = "in the physics it turns freely about its axis"
+        if axle.other or axle.link in others:
+            what = "one joint drives two wheels of an axle"
+            done = "in the physics they have a differential"
+        where, file = f"link {axle.link!r}", description.file
+        report.add("info", "repair", what, done, where=where, file=file)

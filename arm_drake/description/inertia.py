@@ -486,11 +486,7 @@ class _Repair:
     def _set(
         self, name: str, link: ET.Element, inertial: Inertial, what: str, done: str
     ) -> None:
-        element = ET.SubElement(link, "inertial")
-        xyz = " ".join(repr(x) for x in inertial.center.tolist())
-        ET.SubElement(element, "origin", xyz=xyz)
-        ET.SubElement(element, "mass", value=repr(float(inertial.mass)))
-        _set_tensor(element, inertial.inertia)
+        write_inertial(link, inertial.mass, inertial.inertia, inertial.center)
         moments = _moments(inertial.inertia)
         done = f"it gets {inertial.mass:.3g} kg and the moments {moments}, {done}"
         self._add(name, what, done)
@@ -513,6 +509,31 @@ def _read_tensor(inertial: ET.Element) -> Array:
         for name, row, column in _PLACES:
             tensor[row, column] = tensor[column, row] = float(element.get(name, "0"))
     return tensor
+
+
+def write_inertial(
+    link: ET.Element, mass: float, inertia: Array, center: Array | None = None
+) -> None:
+    """Give a link that has none an `<inertial>` [kg], [kg·m^2], [m] in its axes."""
+    element = ET.SubElement(link, "inertial")
+    if center is not None:
+        xyz = " ".join(repr(x) for x in center.tolist())
+        ET.SubElement(element, "origin", xyz=xyz)
+    ET.SubElement(element, "mass", value=repr(float(mass)))
+    _set_tensor(element, inertia)
+
+
+def take_mass(link: ET.Element, part: float) -> float:
+    """Take a part of its mass and inertia from a link; return the mass [kg]."""
+    inertial, mass = link.find("inertial"), link.find("inertial/mass")
+    if inertial is None or mass is None:
+        return 0.0
+    whole, rest = float(mass.get("value", "0")), 1.0 - part
+    mass.set("value", repr(rest * whole))
+    for inertia in inertial.iterfind("inertia"):
+        for name, value in inertia.items():
+            inertia.set(name, repr(rest * float(value)))
+    return part * whole
 
 
 def _set_tensor(inertial: ET.Element, tensor: Array) -> None:

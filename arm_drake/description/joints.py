@@ -109,24 +109,18 @@ def check_structure(
     for kind, names in (("link", links), ("joint", [j.name for j in joints])):
         repeated = sorted({name for name in names if list(names).count(name) > 1})
         if repeated:
-            raise DescriptionError(
-                f"two {kind}s are called {repeated[0]!r}; names must be unique",
-                file=file,
-            )
+            problem = f"two {kind}s are called {repeated[0]!r}; names must be unique"
+            raise DescriptionError(problem, file=file)
     for joint in joints:
+        where = f"joint {joint.name!r}"
         for role, link in (("parent", joint.parent), ("child", joint.child)):
             if link not in links and link != WORLD:
-                raise DescriptionError(
-                    f"{role} link {link!r} doesn't exist; {suggest(link, links)}",
-                    file=file,
-                    where=f"joint {joint.name!r}",
-                )
+                problem = f"{role} link {link!r} doesn't exist; {suggest(link, links)}"
+                raise DescriptionError(problem, file=file, where=where)
         if joint.child == WORLD:
-            raise DescriptionError(
-                f"the child is {WORLD!r}, which nothing moves; it can only be a parent",
-                file=file,
-                where=f"joint {joint.name!r}",
-            )
+            problem = f"the child is {WORLD!r}, which nothing moves"
+            problem += "; it can only be a parent"
+            raise DescriptionError(problem, file=file, where=where)
     _check_tree(joints, file)
 
 
@@ -135,22 +129,18 @@ def _check_tree(joints: tuple[JointInfo, ...], file: Path) -> None:
     for joint in joints:
         other = holders.setdefault(joint.child, joint)
         if other is not joint:
-            raise DescriptionError(
-                f"joint {other.name!r} holds link {joint.child!r} already; "
-                "a link is the child of one joint",
-                file=file,
-                where=f"joint {joint.name!r}",
-            )
+            where, link = f"joint {joint.name!r}", joint.child
+            problem = f"joint {other.name!r} holds link {link!r} already"
+            problem += "; a link is the child of one joint"
+            raise DescriptionError(problem, file=file, where=where)
     is_tree: set[str] = set()
     for joint in joints:
         path, link = {joint.child}, joint.parent
         while link in holders and link not in is_tree:
             if link in path:
-                raise DescriptionError(
-                    f"link {link!r} hangs on itself; links and joints form a tree",
-                    file=file,
-                    where=f"joint {holders[link].name!r}",
-                )
+                where = f"joint {holders[link].name!r}"
+                problem = f"link {link!r} hangs on itself; links and joints form a tree"
+                raise DescriptionError(problem, file=file, where=where)
             path.add(link)
             link = holders[link].parent
         is_tree |= path
@@ -162,7 +152,9 @@ def drop_bad_mimics(
     """Return the joints without `<mimic>` tags that nothing can follow."""
     by_name = {joint.name: joint for joint in joints}
     for name, joint in by_name.items():
-        problem = _mimic_problem(joint, by_name)
+        if joint.mimic is None:
+            continue
+        problem = _mimic_problem(joint, joint.mimic.joint, by_name)
         if problem:
             by_name[name] = dc.replace(joint, mimic=None)
             is_fixed = joint.type == "fixed"
@@ -172,11 +164,10 @@ def drop_bad_mimics(
     return tuple(by_name.values())
 
 
-def _mimic_problem(joint: JointInfo, joints: dict[str, JointInfo]) -> str | None:
-    """Return why a joint can't follow its master, None if it can or has none."""
-    if joint.mimic is None:
-        return None
-    name = joint.mimic.joint
+def _mimic_problem(
+    joint: JointInfo, name: str, joints: Mapping[str, JointInfo]
+) -> str | None:
+    """Return why a joint can't follow the one of a name, None if it can."""
     if not joint.is_movable:
         return f"mimics {name!r}, but is {joint.type}"
     if name not in joints:
@@ -185,7 +176,7 @@ def _mimic_problem(joint: JointInfo, joints: dict[str, JointInfo]) -> str | None
         kind, expected = joints[name].type, ", ".join(MOVABLE_TYPES)
         return f"mimics {name!r}, which is {kind}; expected one of {expected}"
     # What is wrong with the masters of its master is their problem.
-    mimic: Mimic | None = joint.mimic
+    mimic: Mimic | None = Mimic(name)
     seen: set[str] = set()
     while mimic is not None and mimic.joint in joints and mimic.joint not in seen:
         if mimic.joint == joint.name:
@@ -323,18 +314,9 @@ class _Finder(ElementReader):
     ) -> Mimic | None:
         """Return the relation in the old form, or None if it is impossible."""
         master, multiplier = self._parameters(component, where)
-        problem, is_fixed = None, joint.type == "fixed"
-        if not joint.is_movable:
-            problem = f"mimics {master!r}, but is {joint.type}"
-        elif master not in joints:
-            problem = f"mimics {master!r}, which doesn't exist; "
-            problem += suggest(master, joints)
-        elif not joints[master].is_movable:
-            kind, expected = joints[master].type, ", ".join(MOVABLE_TYPES)
-            problem = f"mimics {master!r}, which is {kind}; expected one of {expected}"
-        elif component.name in _masters(master, joints):
-            problem = f"mimics itself, through {master!r}"
+        problem = _mimic_problem(joint, master, joints)
         if problem is not None:
+            is_fixed = joint.type == "fixed"
             done = "it is fixed" if is_fixed else "it moves on its own"
             self.note("error", "invalid", problem, done, where)
             return None
@@ -356,11 +338,3 @@ class _Finder(ElementReader):
         text = component.parameters.get("multiplier")
         multiplier = self.finite(text, "multiplier", where)
         return component.parameters["mimic"], 1.0 if multiplier is None else multiplier
-
-
-def _masters(name: str, joints: Mapping[str, JointInfo]) -> list[str]:
-    """Return a joint and those that it follows, the nearest first."""
-    found = [name]
-    while (mimic := joints[found[-1]].mimic) is not None:
-        found.append(mimic.joint)
-    return found

@@ -18,13 +18,16 @@ from numpy.typing import NDArray
 
 from arm_drake.description.base_wheels import (
     MobileBase,
+    add_axle,
+    add_turning_link,
     format_vector,
     link_orientation,
     rigid_links,
     unit_axis,
 )
 from arm_drake.description.controllers import ControllerManagerConfig
-from arm_drake.description.inertia import link_solid
+from arm_drake.description.inertia import link_solid, take_mass
+from arm_drake.description.joints import JointInfo
 from arm_drake.description.report import LoadReport
 from arm_drake.description.urdf import RobotDescription
 
@@ -104,7 +107,7 @@ def find_rollers(
     controller says.
     """
     types = {controller.name: controller for controller in config.controllers}
-    tree = _Tree(description)
+
     found: list[Rollers] = []
     for base in bases:
         controller = types[base.controller]
@@ -121,68 +124,65 @@ def find_rollers(
             base.driven, _TO_THE_RIGHT * len(base.driven), strict=False
         ):
             sideways = (1.0 if is_right else -1.0) if is_mecanum else 0.0
-            found += tree.rollers_of(base.link, joint, sideways, float(radius))
+            wheel = description.joint(joint)
+            found += _rollers_of(description, base.link, wheel, sideways, float(radius))
     return found
 
 
-class _Tree:
-    """Finds the wheels of a robot that lack rollers."""
+def _rollers_of(
+    description: RobotDescription,
+    base: str,
+    mover: JointInfo,
+    sideways: float,
+    radius: float,
+) -> Iterator[Rollers]:
+    """Yield the rollers of the wheel on a joint, if it lacks them."""
+    link = mover.child
+    parts = rigid_links(description, link)
+    below = [j for j in description.joints if j.parent in parts]
+    if sum(j.type != "fixed" for j in below) >= _FEWEST_ROLLERS:
+        return
+    rim = _find_rim(description, parts, radius)
+    if rim is None:
+        return
+    name, center, radius = rim
+    stand = link_orientation(description, base)
+    # Of the wheel, in the base.
+    R_BW = stand.T @ link_orientation(description, name)
+    R_BL = stand.T @ link_orientation(description, link)
+    axis = R_BL @ unit_axis(mover)
+    left = axis * (-1.0 if axis[1] < 0.0 else 1.0)
+    up = np.array([0.0, 0.0, 1.0])
+    forward = np.cross(left, up)
+    if radius <= 0.0 or np.linalg.norm(forward) < 0.5:
+        return
+    roller = forward / np.linalg.norm(forward) - sideways * left
+    roller /= np.linalg.norm(roller)
+    yield Rollers(name, radius, center, R_BW.T @ axis, R_BW.T @ -up, R_BW.T @ roller)
 
-    def __init__(self, description: RobotDescription) -> None:
-        self._description = description
 
-    def rollers_of(
-        self, base: str, joint: str, sideways: float, radius: float
-    ) -> Iterator[Rollers]:
-        """Yield the rollers of the wheel on a joint, if it lacks them."""
-        mover = self._description.joint(joint)
-        link = mover.child
-        parts = rigid_links(self._description, link)
-        below = [j for j in self._description.joints if j.parent in parts]
-        if sum(j.type != "fixed" for j in below) >= _FEWEST_ROLLERS:
-            return
-        rim = self._find_rim(parts, radius)
-        if rim is None:
-            return
-        name, center, radius = rim
-        stand = link_orientation(self._description, base)
-        # Of the wheel, in the base.
-        R_BW = stand.T @ link_orientation(self._description, name)
-        R_BL = stand.T @ link_orientation(self._description, link)
-        axis = R_BL @ unit_axis(mover)
-        left = axis * (-1.0 if axis[1] < 0.0 else 1.0)
-        up = np.array([0.0, 0.0, 1.0])
-        forward = np.cross(left, up)
-        if radius <= 0.0 or np.linalg.norm(forward) < 0.5:
-            return
-        roller = forward / np.linalg.norm(forward) - sideways * left
-        roller /= np.linalg.norm(roller)
-        yield Rollers(
-            name, radius, center, R_BW.T @ axis, R_BW.T @ -up, R_BW.T @ roller
-        )
+def _find_rim(
+    description: RobotDescription, parts: Sequence[str], radius: float
+) -> tuple[str, Array, float] | None:
+    """Return link, centre [m] and radius [m] of a wheel's largest shape.
 
-    def _find_rim(
-        self, parts: Sequence[str], radius: float
-    ) -> tuple[str, Array, float] | None:
-        """Return link, centre [m] and radius [m] of a wheel's largest shape.
-
-        That is a cylinder or sphere; else, with the radius that is given, the middle of
-        what its link collides with.
-        """
-        found: tuple[str, Array, float] | None = None
-        for name in parts:
-            for shape in self._description.link(name).collisions:
-                own = shape.wheel_radius
-                if own > 0.0 and (found is None or own > found[2]):
-                    found = (name, shape.origin.position, own)
-        if found is not None:
-            return found
-        for name in parts:
-            link = self._description.link(name)
-            solid = link_solid(link)
-            if link.collisions and solid is not None:
-                return name, solid[0].center, radius
-        return None
+    That is a cylinder or sphere; else, with the radius that is given, the middle of
+    what its link collides with.
+    """
+    found: tuple[str, Array, float] | None = None
+    for name in parts:
+        for shape in description.link(name).collisions:
+            own = shape.wheel_radius
+            if own > 0.0 and (found is None or own > found[2]):
+                found = (name, shape.origin.position, own)
+    if found is not None:
+        return found
+    for name in parts:
+        link = description.link(name)
+        solid = link_solid(link)
+        if link.collisions and solid is not None:
+            return name, solid[0].center, radius
+    return None
 
 
 # Part of the wheel's mass that its rollers have.
@@ -190,8 +190,6 @@ _PART: Final = 0.25
 
 # Mass of the rollers of a wheel without mass [kg].
 _SMALL: Final = 1e-2
-
-_MOMENTS: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 # URDF has no ellipsoid; Drake has one.
 _DRAKE: Final = "http://drake.mit.edu"
@@ -214,7 +212,7 @@ def with_rollers(
         for name in rigid_links(description, wheel.link):
             for collision in links[name].findall("collision"):
                 links[name].remove(collision)
-        mass = _take(links[wheel.link]) / NUM_ROLLERS
+        mass = (take_mass(links[wheel.link], _PART) or _SMALL) / NUM_ROLLERS
         for number, body in enumerate(wheel.wheels):
             angle = 2.0 * math.pi * number / NUM_ROLLERS
             _add_roller(root, wheel, body, angle, mass)
@@ -229,54 +227,27 @@ def _add_roller(
     axis, out = turn @ wheel.roller, turn @ wheel.down
     place = wheel.center + (wheel.radius - wheel.thickness) * out
     long, thick = wheel.semi_axis, wheel.thickness
-    link = ET.SubElement(root, "link", name=name)
-    collision = ET.SubElement(link, "collision")
+    collision = ET.Element("collision")
     geometry = ET.SubElement(collision, "geometry")
     sizes = {"a": repr(long), "b": repr(thick), "c": repr(thick)}
     ET.SubElement(geometry, f"{{{_DRAKE}}}ellipsoid", sizes)
-    inertial = ET.SubElement(link, "inertial")
-    ET.SubElement(inertial, "mass", value=repr(mass))
     along, across = 0.4 * mass * thick**2, 0.2 * mass * (thick**2 + long**2)
-    moments = {"ixx": along, "iyy": across, "izz": across}
-    values = {name: repr(moments.get(name, 0.0)) for name in _MOMENTS}
-    ET.SubElement(inertial, "inertia", values)
-    joint = ET.SubElement(root, "joint", name=f"{name}:axle", type="continuous")
-    ET.SubElement(joint, "parent", link=wheel.link)
-    ET.SubElement(joint, "child", link=name)
     # The ellipsoid's long axis is x.
     yaw, pitch = math.atan2(axis[1], axis[0]), math.asin(-max(-1.0, min(1.0, axis[2])))
-    rpy = f"0 {pitch!r} {yaw!r}"
-    ET.SubElement(joint, "origin", xyz=format_vector(place), rpy=rpy)
-    ET.SubElement(joint, "axis", xyz="1 0 0")
+    add_turning_link(root, name, collision, mass, np.diag([along, across, across]))
+    origin = {"xyz": format_vector(place), "rpy": f"0 {pitch!r} {yaw!r}"}
+    add_axle(root, f"{name}:axle", (wheel.link, name), origin, "1 0 0")
 
 
 def report_rollers(
     description: RobotDescription, rollers: Sequence[Rollers], report: LoadReport
 ) -> None:
     """Record wheels that get rollers."""
+    what = "a wheel of a base that goes sideways, without rollers"
+    done = f"in the physics it has {NUM_ROLLERS} that turn freely"
     for wheel in rollers:
-        report.add(
-            "info",
-            "repair",
-            "a wheel of a base that goes sideways, without rollers",
-            f"in the physics it has {NUM_ROLLERS} that turn freely",
-            where=f"link {wheel.link!r}",
-            file=description.file,
-        )
-
-
-def _take(link: ET.Element) -> float:
-    """Take the rollers' part from a wheel's mass and inertia; return it [kg]."""
-    inertial = link.find("inertial")
-    mass = None if inertial is None else inertial.find("mass")
-    if inertial is None or mass is None:
-        return _SMALL
-    whole = float(mass.get("value", "0"))
-    mass.set("value", repr((1.0 - _PART) * whole))
-    for inertia in inertial.iterfind("inertia"):
-        for name, value in inertia.items():
-            inertia.set(name, repr((1.0 - _PART) * float(value)))
-    return _PART * whole or _SMALL
+        where, file = f"link {wheel.link!r}", description.file
+        report.add("info", "repair", what, done, where=where, file=file)
 
 
 def _rotation(axis: Array, angle: float) -> Array:

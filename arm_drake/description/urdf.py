@@ -188,20 +188,16 @@ def parse_urdf(
 def _link_names(root: ET.Element, file: Path) -> tuple[str, ...]:
     """Return the names of the links of what is a robot, else raise."""
     if root.tag != "robot":
-        raise DescriptionError(
-            f"the root element is <{root.tag}>; expected <robot>", file=file
-        )
+        problem = f"the root element is <{root.tag}>; expected <robot>"
+        raise DescriptionError(problem, file=file)
     links = tuple(link.get("name", "") for link in root.iterfind("link"))
     if "" in links:
-        raise DescriptionError(
-            'a link has no name; expected <link name="...">', file=file
-        )
+        problem = 'a link has no name; expected <link name="...">'
+        raise DescriptionError(problem, file=file)
     if not links:
-        raise DescriptionError(
-            "no robot was instantiated: the file has no <link>; a file that only "
-            "defines macros needs one that calls them",
-            file=file,
-        )
+        problem = "no robot was instantiated: the file has no <link>; "
+        problem += "a file that only defines macros needs one that calls them"
+        raise DescriptionError(problem, file=file)
     return links
 
 
@@ -260,45 +256,39 @@ def _report_loose(robot: RobotDescription, report: LoadReport) -> None:
     """Record several roots, which are fixed to the world."""
     is_attached = any(joint.parent == WORLD for joint in robot.joints)
     if len(robot.roots) + (WORLD in robot.links or is_attached) > 1:
-        report.add(
-            "warning",
-            "repair",
-            f"links {sorted(robot.roots)} are attached to nothing",
-            "they are fixed to the world",
-            file=robot.file,
-        )
+        what = f"links {sorted(robot.roots)} are attached to nothing"
+        done = "they are fixed to the world"
+        report.add("warning", "repair", what, done, file=robot.file)
 
 
 def _joint(element: ET.Element, file: Path, report: LoadReport) -> JointInfo:
     name = element.get("name")
     if not name:
-        raise DescriptionError(
-            'a joint has no name; expected <joint name="...">', file=file
-        )
+        problem = 'a joint has no name; expected <joint name="...">'
+        raise DescriptionError(problem, file=file)
     where = f"joint {name!r}"
     joint_type = element.get("type", "")
     if joint_type not in JOINT_TYPES:
-        raise DescriptionError(
-            f"type {joint_type!r}; expected one of {', '.join(JOINT_TYPES)}",
-            file=file,
-            where=where,
-        )
+        problem = f"type {joint_type!r}; expected one of {', '.join(JOINT_TYPES)}"
+        raise DescriptionError(problem, file=file, where=where)
+    reader = ElementReader(where, report, file)
+    limit, dynamics = element.find("limit"), element.find("dynamics")
     mimic = element.find("mimic")
     try:
-        _order_limits(element.find("limit"), joint_type, where, file, report)
-        _drop_negative(element.find("dynamics"), where, file, report)
+        _order_limits(limit, joint_type, reader)
+        _drop_negative(dynamics, reader)
         if joint_type in FREE_TYPES:
             what = f"the joint is {joint_type}"
             done = "it moves freely, no controller moves it"
-            report.add("info", "unsupported", what, done, where=where, file=file)
+            reader.note("info", "unsupported", what, done)
         return JointInfo(
             name=name,
             type=joint_type,
             parent=_child_attribute(element, "parent", "link"),
             child=_child_attribute(element, "child", "link"),
-            limits=_limits(element.find("limit"), joint_type),
-            damping=_number(element.find("dynamics"), "damping", 0.0),
-            friction=_number(element.find("dynamics"), "friction", 0.0),
+            limits=_limits(limit, joint_type),
+            damping=_number(dynamics, "damping", 0.0),
+            friction=_number(dynamics, "friction", 0.0),
             mimic=None
             if mimic is None
             else Mimic(
@@ -306,20 +296,19 @@ def _joint(element: ET.Element, file: Path, report: LoadReport) -> JointInfo:
                 multiplier=_number(mimic, "multiplier", 1.0),
                 offset=_number(mimic, "offset", 0.0),
             ),
-            safety_controller=_safety_controller(element, where, file, report),
+            safety_controller=_safety_controller(element, reader),
         )
     except ValueError as error:
         raise DescriptionError(str(error), file=file, where=where) from None
 
 
 def _safety_controller(
-    joint: ET.Element, where: str, file: Path, report: LoadReport
+    joint: ET.Element, reader: ElementReader
 ) -> SafetyController | None:
     """Return the soft limits of a joint; a malformed one is left out, not the robot."""
     element = joint.find("safety_controller")
     if element is None:
         return None
-    reader = ElementReader(where, report, file)
     names = [field.name for field in dc.fields(SafetyController)]
     values = {name: reader.finite(element.get(name), name) for name in names}
     return SafetyController(**{n: v for n, v in values.items() if v is not None})
@@ -334,11 +323,7 @@ def _child_attribute(element: ET.Element, tag: str, attribute: str) -> str:
 
 
 def _order_limits(
-    limit: ET.Element | None,
-    joint_type: str,
-    where: str,
-    file: Path,
-    report: LoadReport,
+    limit: ET.Element | None, joint_type: str, reader: ElementReader
 ) -> None:
     """Swap a lower and an upper limit that are the wrong way round."""
     lower, upper = (_number(limit, end, 0.0) for end in ("lower", "upper"))
@@ -346,18 +331,15 @@ def _order_limits(
         limit.set("lower", repr(upper))
         limit.set("upper", repr(lower))
         what = f"the lower limit {lower} is above the upper one, {upper}"
-        report.add("warning", "repair", what, "swapped", where=where, file=file)
+        reader.note("warning", "repair", what, "swapped")
 
 
-def _drop_negative(
-    dynamics: ET.Element | None, where: str, file: Path, report: LoadReport
-) -> None:
+def _drop_negative(dynamics: ET.Element | None, reader: ElementReader) -> None:
     """Remove a damping or friction that would drive the joint."""
     for name in ("damping", "friction"):
         if dynamics is not None and _number(dynamics, name, 0.0) < 0.0:
             what = f"{name} {dynamics.attrib.pop(name)} is negative"
-            done = "taken as 0"
-            report.add("warning", "repair", what, done, where=where, file=file)
+            reader.note("warning", "repair", what, "taken as 0")
 
 
 def _limits(element: ET.Element | None, joint_type: str) -> JointLimits:
