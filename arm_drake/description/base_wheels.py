@@ -10,7 +10,6 @@ stays as it is.
 
 import copy
 import dataclasses as dc
-import functools
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
@@ -189,27 +188,21 @@ def report_bases(
     report: LoadReport,
 ) -> None:
     """Record driven wheels that can't touch the ground, or have no friction."""
-
-    def add(what: str, done: str, where: str) -> None:
-        report.add("error", "invalid", what, done, where=where, file=description.file)
-
+    file = description.file
     for joint in dict.fromkeys(joint for base in bases for joint in base.driven):
         links = wheel_links(description, joint)
         touching = [name for name in links if description.link(name).collisions]
         if not touching:
-            add(
-                "a driven wheel without a collision shape",
-                "it doesn't touch the ground; expected <collision> in link "
-                f"{' or '.join(map(repr, links))}",
-                f"joint {joint!r}",
-            )
+            what, where = "a driven wheel without a collision shape", f"joint {joint!r}"
+            done = "it doesn't touch the ground; expected <collision> in link "
+            done += " or ".join(map(repr, links))
+            report.add("error", "invalid", what, done, where=where, file=file)
         for link in touching:
             if description.friction.get(link) == 0.0:
-                add(
-                    "a driven wheel without friction, <mu1> is 0",
-                    "it spins and drives nothing; expected more than 0, such as 1",
-                    f"link {link!r}",
-                )
+                what = "a driven wheel without friction, <mu1> is 0"
+                done = "it spins and drives nothing; expected more than 0, such as 1"
+                where = f"link {link!r}"
+                report.add("error", "invalid", what, done, where=where, file=file)
 
 
 Array = NDArray[Any]
@@ -295,17 +288,19 @@ def find_axles(
     return free + [axle for name in driven for axle in tree.differential(name)]
 
 
+@dc.dataclass(frozen=True)
 class _Tree:
     """Finds the wheels of a robot that lack an axle."""
 
-    def __init__(self, description: RobotDescription) -> None:
-        self._description = description
-        self._rotation = functools.partial(link_orientation, description)
+    description: RobotDescription
+
+    def _rotation(self, link: str) -> Array:
+        return link_orientation(self.description, link)
 
     def steered_axles(self, joint: JointInfo) -> Iterator[Axle]:
         """Yield the axles that wheels below a steering joint lack."""
-        parts = rigid_links(self._description, joint.child)
-        below = [j for j in self._description.joints if j.parent in parts]
+        parts = rigid_links(self.description, joint.child)
+        below = [j for j in self.description.joints if j.parent in parts]
         if any(j.type != "fixed" for j in below):
             return
         up = self._direction(joint)
@@ -323,7 +318,7 @@ class _Tree:
     def differential(self, joint: str) -> list[Axle]:
         """Return the axles of two wheels that one joint drives, if it is two."""
         found = []
-        for moved in moved_joints(self._description, joint):
+        for moved in moved_joints(self.description, joint):
             shape = self._shape(moved.child)
             axis = self._direction(moved)
             if shape is not None and (
@@ -346,7 +341,7 @@ class _Tree:
 
         The axis is None for a sphere, and all is None for what is no wheel.
         """
-        shapes = self._description.link(name).collisions
+        shapes = self.description.link(name).collisions
         if len(shapes) != 1 or shapes[0].geometry is None:
             return None
         origin, form = shapes[0].origin, shapes[0].geometry.type

@@ -160,15 +160,15 @@ class _InvalidEntryError(ValueError):
         self.node = node
 
 
+@dc.dataclass(frozen=True)
 class _Bridge:
     """Makes aliases of the entries of one file."""
 
-    def __init__(self, file: Path, report: LoadReport) -> None:
-        self._file = file
-        self._report = report
+    file: Path
+    report: LoadReport
 
     def aliases(self) -> list[TopicAlias]:
-        root = yaml_files.compose(text_of(self._file))
+        root = yaml_files.compose(text_of(self.file))
         assert isinstance(root, yaml.SequenceNode)
         found = []
         for index, node in enumerate(root.value):
@@ -215,7 +215,7 @@ class _Bridge:
             problem = f"{ros_type} is bridged with {expected}, not with {gz_type}"
             raise _InvalidEntryError(problem)
         line = node.start_mark.line + 1
-        return TopicAlias(ros, gz, _DIRECTIONS[direction], self._file, line)
+        return TopicAlias(ros, gz, _DIRECTIONS[direction], self.file, line)
 
     def _report_unknown(self, index: int, values: Mapping[str, yaml.Node]) -> None:
         for key, value in values.items():
@@ -233,8 +233,8 @@ class _Bridge:
         node: yaml.Node,
     ) -> None:
         where, line = f"[{index}]", node.start_mark.line + 1
-        self._report.add(
-            severity, kind, what, done, where=where, file=self._file, line=line
+        self.report.add(
+            severity, kind, what, done, where=where, file=self.file, line=line
         )
 
 

@@ -79,13 +79,9 @@ def hardware_from_controllers(
         f"{name} ({count} joint{'s' if count > 1 else ''})"
         for name, count in counts.items()
     )
-    report.add(
-        "info",
-        "missing",
-        "the description has no <ros2_control>",
-        f"joints take the commands that controllers claim, else positions: {listed}",
-        file=file,
-    )
+    what = "the description has no <ros2_control>"
+    done = f"joints take the commands that controllers claim, else positions: {listed}"
+    report.add("info", "missing", what, done, file=file)
     states = tuple(InterfaceInfo(name) for name in interfaces.STATE_INTERFACES)
     return (
         HardwareInfo(

@@ -81,10 +81,8 @@ def _find_named(
         report.add("error", "missing", what, done, file=file)
         return None
     if is_elsewhere:
-        what, done = (
-            f"<parameters>: {text!r} does not exist",
-            f"taken from {str(path)!r}",
-        )
+        what = f"<parameters>: {text!r} does not exist"
+        done = f"taken from {str(path)!r}"
         report.add("warning", "repair", what, done, file=file)
     return path.resolve()
 
@@ -103,26 +101,18 @@ def _controllers_in_package(
     if moving_plugins(description) and not description.hardware:
         # Gazebo runs no controllers beside them, unless it is told to.
         if candidates:
-            report.add(
-                "info",
-                "ignored",
-                f"controllers YAML {', '.join(map(str, candidates))}",
-                "Gazebo's own plugins move the joints; --controllers FILE takes it",
-                file=description.file,
-            )
+            what = f"controllers YAML {', '.join(map(str, candidates))}"
+            done = "Gazebo's own plugins move the joints; --controllers FILE takes it"
+            report.add("info", "ignored", what, done, file=description.file)
         return None
     if len(candidates) == 1:
         return candidates
     if not candidates and not description.hardware:
         return None
     listed = ", ".join(map(str, candidates or _candidates(description, packages)))
-    report.add(
-        "warning",
-        "missing",
-        f"the description names no controllers YAML; candidates: {listed or 'none'}",
-        "no controller runs; --controllers FILE gives one",
-        file=description.file,
-    )
+    what = f"the description names no controllers YAML; candidates: {listed or 'none'}"
+    done = "no controller runs; --controllers FILE gives one"
+    report.add("warning", "missing", what, done, file=description.file)
     return []
 
 
@@ -184,11 +174,7 @@ def default_controllers(
         )
         for (name, type_), values in zip(_NAMES.items(), ({}, parameters), strict=True)
     )
-    report.add(
-        "info",
-        "missing",
-        "neither <ros2_control> tags nor a controllers YAML",
-        f"one joint_trajectory_controller moves its {len(joints)} independent joints",
-        file=file,
-    )
+    what = "neither <ros2_control> tags nor a controllers YAML"
+    done = f"one joint_trajectory_controller moves its {len(joints)} independent joints"
+    report.add("info", "missing", what, done, file=file)
     return ControllerManagerConfig(controllers=(broadcaster, trajectory))

@@ -100,13 +100,10 @@ def find_initial_positions(
             lower, upper = ranges[name]
             positions[name] = min(max(position, lower), upper)
             if positions[name] != position:
+                what = f"initial position {position} is outside [{lower}, {upper}]"
+                done, where = f"it starts at {positions[name]}", f"joint {name!r}"
                 report.add(
-                    "warning",
-                    "repair",
-                    f"initial position {position} is outside [{lower}, {upper}]",
-                    f"it starts at {positions[name]}",
-                    where=f"joint {name!r}",
-                    file=description.file,
+                    "warning", "repair", what, done, where=where, file=description.file
                 )
     for name, joint in movable.items():
         if joint.mimic is None:

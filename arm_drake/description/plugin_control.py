@@ -105,21 +105,17 @@ def find_carrier(
     return joint.name
 
 
+@dc.dataclass(frozen=True)
 class PluginSorter:
     """Decides which plugin moves which joint."""
 
-    def __init__(
-        self,
-        movable: Mapping[str, JointInfo],
-        taken: Mapping[str, str],
-        report: LoadReport,
-        file: Path,
-    ) -> None:
-        """Create it."""
-        self._movable = movable
-        self._taken = taken
-        self._report = report
-        self._file = file
+    movable: Mapping[str, JointInfo]
+
+    # Joints that controllers command, and which.
+    taken: Mapping[str, str]
+
+    report: LoadReport
+    file: Path
 
     def sort(self, plugins: Sequence[RunPlugin]) -> list[PluginTag]:
         """Return the plugins that are left, with the joints that they get.
@@ -127,12 +123,12 @@ class PluginSorter:
         A joint follows the last plugin that commands it. A drive follows one system: of
         those that command it the last one gets it, with all its tags.
         """
-        requested = [_joints_of(plugin, self._movable) for plugin in plugins]
+        requested = [_joints_of(plugin, self.movable) for plugin in plugins]
         last: dict[str, int] = {}
         owner: dict[str, object] = {}
         for at, (plugin, names) in enumerate(zip(plugins, requested, strict=True)):
             for name in names:
-                carrier = find_carrier(self._movable, name, interface_of(plugin))
+                carrier = find_carrier(self.movable, name, interface_of(plugin))
                 if carrier is not None:
                     last[name], owner[carrier] = at, _system(plugin, at)
         tags = []
@@ -173,11 +169,11 @@ class PluginSorter:
         owner: Mapping[str, object],
     ) -> tuple[str, str] | None:
         """Return why a plugin doesn't get a joint, and what happens instead."""
-        carrier = find_carrier(self._movable, name, interface_of(plugin))
+        carrier = find_carrier(self.movable, name, interface_of(plugin))
         if carrier is None:
             done = "it moves with the joint that it follows"
             return f"mimic joint {name!r} is commanded", done
-        controller = self._taken.get(name) or self._taken.get(carrier)
+        controller = self.taken.get(name) or self.taken.get(carrier)
         if controller:
             what = f"controller {controller!r} commands joint {carrier!r} too"
             return what, f"the plugin leaves {name!r} alone"
@@ -191,13 +187,9 @@ class PluginSorter:
         # That of a trajectory of all joints is no mistake.
         is_of_all = isinstance(plugin, GazeboRosJointPoseTrajectory)
         if not (is_of_all and what.startswith("mimic")):
-            self._report.add(
-                "warning",
-                "ignored",
-                what,
-                done,
-                where=f"Gazebo plugin {type(plugin).__name__}",
-                file=self._file,
+            where = f"Gazebo plugin {type(plugin).__name__}"
+            self.report.add(
+                "warning", "ignored", what, done, where=where, file=self.file
             )
         return False
 
@@ -329,13 +321,9 @@ def _without_limits(
     }
     if placed:
         what = f"gazebo_ros_joint_pose_trajectory sets the positions of {len(placed)}"
-        report.add(
-            "info",
-            "ignored",
-            f"{what} joints, whatever it takes",
-            "their effort and velocity limits don't hold",
-            file=description.file,
-        )
+        what += " joints, whatever it takes"
+        done = "their effort and velocity limits don't hold"
+        report.add("info", "ignored", what, done, file=description.file)
     return tuple(
         dc.replace(j, limits=dc.replace(j.limits, effort=None, velocity=None))
         if j.name in placed
@@ -414,14 +402,10 @@ def _controllers(
         while name in names:
             name, number = f"{kind.__name__}_{number}", number + 1
         names.add(name)
+        plugins = tuple(tag.plugin for tag in group)
+        joints = frozenset(n for tag in group for n in tag.joints)
         yield ControllerConfig(
-            name,
-            PLUGIN_TYPES[kind],
-            {},
-            file,
-            1,
-            plugins=tuple(tag.plugin for tag in group),
-            plugin_joints=frozenset(n for tag in group for n in tag.joints),
+            name, PLUGIN_TYPES[kind], {}, file, 1, plugins=plugins, plugin_joints=joints
         )
 
 
@@ -475,14 +459,12 @@ def _at_rate(
     factor = max(1, round(GAZEBO_RATE / old))
     if factor == 1:
         return config
-    report.add(
-        "info",
-        "repair",
-        f"update_rate {old} Hz beside Gazebo's plugins, which act in every step",
-        f"the manager runs at {old * factor} Hz, controllers at {old} Hz or their own",
-        where=MANAGER,
-        file=next(iter(config.files), file),
+    what = f"update_rate {old} Hz beside Gazebo's plugins, which act in every step"
+    done = (
+        f"the manager runs at {old * factor} Hz, controllers at {old} Hz or their own"
     )
+    first = next(iter(config.files), file)
+    report.add("info", "repair", what, done, where=MANAGER, file=first)
     rate = Parameter(old, file, 1)
     controllers = tuple(
         c

@@ -9,6 +9,7 @@ kind of change is recorded once. What bodies weigh is in `inertia`.
 
 import collections
 import copy
+import dataclasses as dc
 import math
 import os
 import xml.etree.ElementTree as ET
@@ -134,9 +135,8 @@ def repair_materials(
                 material.remove(rgba)
         for texture in material.findall("texture"):
             material.remove(texture)
-            mean = _mean_color(
-                texture.get("filename", ""), name, file, packages, report
-            )
+            uri = texture.get("filename", "")
+            mean = _mean_color(uri, name, file, packages, report)
             if mean is not None and material.find("color") is None:
                 ET.SubElement(material, "color", rgba=mean)
             colors.setdefault(name, mean or "")
@@ -249,11 +249,8 @@ def _check_numbers(parent: ET.Element, file: Path, where: str) -> None:
             if is_right and max(map(abs, found)) > _LARGEST:
                 is_right, numeral = False, f"{numeral} of at most {_LARGEST:g}"
             if not is_right:
-                raise DescriptionError(
-                    f"<{tag} {attribute}>: expected {numeral}, got {text!r}",
-                    file=file,
-                    where=where,
-                )
+                problem = f"<{tag} {attribute}>: expected {numeral}, got {text!r}"
+                raise DescriptionError(problem, file=file, where=where)
 
 
 def _repair_joint(joint: ET.Element, file: Path, report: LoadReport) -> None:
@@ -350,30 +347,21 @@ def repair_geometry(
                     link.insert(at, part)
 
 
+@dc.dataclass(frozen=True, eq=False)
 class _Shape:
     """One `<visual>` or `<collision>` on its way to Drake."""
 
-    def __init__(
-        self,
-        element: ET.Element,
-        file: Path,
-        where: str,
-        packages: PackageFinder,
-        report: LoadReport,
-        decompose: bool,
-        max_faces: int | None,
-    ) -> None:
-        self._element = element
-        self._file = file
-        self._where = where
-        self._packages = packages
-        self._report = report
-        self._decompose = decompose
-        self._max_faces = max_faces
+    element: ET.Element
+    file: Path
+    where: str
+    packages: PackageFinder
+    report: LoadReport
+    decompose: bool
+    max_faces: int | None
 
     def repair(self) -> list[ET.Element]:
         """Return what takes its place: elements that Drake takes, or none."""
-        geometry = self._element.find("geometry")
+        geometry = self.element.find("geometry")
         shape = None if geometry is None else next(iter(geometry), None)
         if shape is None:
             return self._drop("no geometry")
@@ -382,25 +370,25 @@ class _Shape:
         if shape.tag not in _SIZES:
             return self._drop(f"<{shape.tag}>, which is no geometry of a URDF")
         for name, count in _SIZES[shape.tag].items():
-            sizes = numbers(shape.get(name, ""), self._file, self._where)
+            sizes = numbers(shape.get(name, ""), self.file, self.where)
             if len(sizes) != count or not all(0.0 < size < math.inf for size in sizes):
                 return self._drop(f"<{shape.tag}> without a positive size")
             if not all(_SMALLEST_SIZE <= size <= _LARGEST_SIZE for size in sizes):
                 bounds = f"{_SMALLEST_SIZE:g} m to {_LARGEST_SIZE:g} m"
                 return self._drop(f"<{shape.tag}> with a size that isn't {bounds}")
-        return [self._element]
+        return [self.element]
 
     def _drop(self, problem: str) -> list[ET.Element]:
         self._add("warning", "invalid", problem, "left out")
         return []
 
     def _add(self, severity: Severity, kind: Kind, what: str, done: str) -> None:
-        where, file = self._where, self._file
-        self._report.add(severity, kind, what, done, where=where, file=file)
+        where, file = self.where, self.file
+        self.report.add(severity, kind, what, done, where=where, file=file)
 
     def _find(self, uri: str) -> Path:
         """Return the path of a mesh, also if it lies elsewhere in the package."""
-        path, is_elsewhere = self._packages.locate(uri, self._file.parent)
+        path, is_elsewhere = self.packages.locate(uri, self.file.parent)
         if is_elsewhere:
             done = f"taken from {str(path)!r}"
             self._add("warning", "repair", f"no file {uri!r}", done)
@@ -409,18 +397,14 @@ class _Shape:
     def _convert_mesh(self, shape: ET.Element) -> list[ET.Element]:
         if not shape.get("filename"):
             return self._drop("<mesh> without a filename")
-        is_visual = self._element.tag == "visual"
+        is_visual = self.element.tag == "visual"
         try:
             path = self._find(shape.attrib["filename"])
         except PackageError as error:
-            self._add(
-                "warning" if is_visual else "error",
-                "missing",
-                error.problem,
-                "the mesh is left out",
-            )
+            severity: Severity = "warning" if is_visual else "error"
+            self._add(severity, "missing", error.problem, "the mesh is left out")
             return []
-        scale = numbers(shape.get("scale", "1 1 1"), self._file, self._where)
+        scale = numbers(shape.get("scale", "1 1 1"), self.file, self.where)
         if len(scale) == 1:
             scale *= 3
         if len(scale) != 3:
@@ -433,27 +417,27 @@ class _Shape:
         converted = convert_visual(
             path,
             scale,
-            self._report,
-            where=self._where,
-            file=self._file,
+            self.report,
+            where=self.where,
+            file=self.file,
             color=self._color(),
-            max_faces=self._max_faces,
+            max_faces=self.max_faces,
         )
         if converted is None:
             return []
         shape.set("filename", converted.as_uri())
-        for material in self._element.findall("material"):
-            self._element.remove(material)  # Drake refuses it beside those of a glTF.
-        return [self._element]
+        for material in self.element.findall("material"):
+            self.element.remove(material)  # Drake refuses it beside those of a glTF.
+        return [self.element]
 
     def _collide(self, shape: ET.Element, path: Path, scale: Scale) -> list[ET.Element]:
         parts = convert_collision(
             path,
             scale,
-            self._report,
-            where=self._where,
-            file=self._file,
-            decompose=self._decompose,
+            self.report,
+            where=self.where,
+            file=self.file,
+            decompose=self.decompose,
         )
         elements = []
         if len(parts) == 1:
@@ -462,14 +446,14 @@ class _Shape:
             shape.set(SOURCE_SCALE, " ".join(map(repr, scale)))
         for part in parts:
             shape.set("filename", part.as_uri())
-            elements.append(copy.deepcopy(self._element))
+            elements.append(copy.deepcopy(self.element))
         for index, element in enumerate(elements[1:], start=2):
             if "name" in element.attrib:
                 element.set("name", f"{element.get('name')}_{index}")
         return elements
 
     def _color(self) -> _Color | None:
-        color = self._element.find("material/color")
+        color = self.element.find("material/color")
         if color is None:
             return None
         red, green, blue, alpha = map(float, color.attrib["rgba"].split())

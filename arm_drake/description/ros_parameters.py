@@ -153,33 +153,22 @@ class Substitutions:
         result = task.visit(root)
         self._used |= task.used
         if task.aliases:
-            self._report.add(
-                "info",
-                "repair",
+            what, line = (
                 "aliases and merges (`*`, `<<`) are refused by rcl",
-                "they are taken",
-                file=file,
-                line=task.aliases[0],
+                task.aliases[0],
+            )
+            self._report.add(
+                "info", "repair", what, "they are taken", file=file, line=line
             )
         for template, line in task.templates.items():
-            self._report.add(
-                "warning",
-                "missing",
-                f"the template {template!r} has no value",
-                f"it stays as it is; variables={{{_TEMPLATE.sub(_name, template)!r}: "
-                "...} fills it",
-                file=file,
-                line=line,
-            )
+            what = f"the template {template!r} has no value"
+            variable = _TEMPLATE.sub(_name, template)
+            done = f"it stays as it is; variables={{{variable!r}: ...}} fills it"
+            self._report.add("warning", "missing", what, done, file=file, line=line)
         for text, (name, line) in task.missing.items():
-            self._report.add(
-                "error",
-                "missing",
-                f"package {name!r} not found",
-                f"{text} stays as it is; --package-path names the package's folder",
-                file=file,
-                line=line,
-            )
+            what = f"package {name!r} not found"
+            done = f"{text} stays as it is; --package-path names the package's folder"
+            self._report.add("error", "missing", what, done, file=file, line=line)
         if task.unresolved:
             raise _unresolved(task.unresolved, file)
         return result
@@ -489,12 +478,8 @@ class _File:
             if name and not entries:
                 self._warn(node, f"{path}.{name}", "it is empty", "it has no effect")
         elif _is_empty(node):
-            self._warn(
-                node,
-                f"{path}.{name}",
-                "it has no value; rcl refuses the file",
-                "taken as not given",
-            )
+            what = "it has no value; rcl refuses the file"
+            self._warn(node, f"{path}.{name}", what, "taken as not given")
         elif isinstance(node, yaml.SequenceNode) and any(
             isinstance(item, yaml.MappingNode) for item in node.value
         ):
@@ -530,22 +515,14 @@ class _File:
         return values
 
     def _misplaced(self, node: yaml.Node, expected: str, where: str) -> ParameterError:
-        return ParameterError(
-            f"expected {expected}, got {_SHORT.repr(_plain(node))}",
-            file=self._file,
-            line=node.start_mark.line + 1,
-            where=where.lstrip("/"),
-        )
+        problem = f"expected {expected}, got {_SHORT.repr(_plain(node))}"
+        place, line = where.lstrip("/"), node.start_mark.line + 1
+        return ParameterError(problem, file=self._file, line=line, where=place)
 
     def _warn(self, node: yaml.Node, where: str, what: str, done: str) -> None:
+        place, line = where.lstrip("/"), node.start_mark.line + 1
         self._report.add(
-            "warning",
-            "repair",
-            what,
-            done,
-            where=where.lstrip("/"),
-            file=self._file,
-            line=node.start_mark.line + 1,
+            "warning", "repair", what, done, where=place, file=self._file, line=line
         )
 
 

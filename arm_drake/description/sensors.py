@@ -9,6 +9,7 @@ gazebo_plugins/src/gazebo_ros_bumper.cpp.
 """
 
 import dataclasses as dc
+import functools
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 
@@ -16,7 +17,7 @@ from arm_drake import interfaces
 from arm_drake.description.controllers import ControllerConfig, ControllerManagerConfig
 from arm_drake.description.gazebo import CONTACT, GazeboSensor, referred_link
 from arm_drake.description.gazebo_plugins import ContactSensorTag, shape_name
-from arm_drake.description.report import LoadReport
+from arm_drake.description.report import LoadReport, Severity
 from arm_drake.description.ros2_control import ComponentInfo
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.errors import suggest
@@ -108,67 +109,56 @@ class _Place(NamedTuple):
     source: str = ""
     file: str | None = None
 
+    @property
+    def problem(self) -> str:
+        """What is wrong with it, if there is no such link."""
+        return f"{self.source} names no link: {self.link!r}"
 
+
+@dc.dataclass(frozen=True)
 class _Places:
     """Finds out where sensors are."""
 
-    def __init__(
-        self,
-        description: RobotDescription,
-        config: ControllerManagerConfig,
-        report: LoadReport,
-    ) -> None:
-        self._description = description
-        self._config = config
-        self._report = report
-        self._carriers = {
-            joint.child: joint.name
-            for joint in description.joints
-            if joint.type != "floating"
-        }
+    description: RobotDescription
+    config: ControllerManagerConfig
+    report: LoadReport
+
+    @functools.cached_property
+    def _carriers(self) -> Mapping[str, str]:
+        """The joints that carry links, by these."""
+        joints = self.description.joints
+        return {j.child: j.name for j in joints if j.type != "floating"}
 
     def place(self, sensor: ComponentInfo, names: tuple[str, ...]) -> SensorInfo | None:
         """Return a sensor with its place, or None and a line in the report."""
         where = f"sensor {sensor.name!r}"
-        links, file = self._description.links, str(self._description.file)
+        links, file = self.description.links, str(self.description.file)
         wrong: list[_Place] = []
         for place in self._candidates(sensor):
-            if place.link not in links:
-                wrong.append(place)
-                continue
-            break
+            if place.link in links:
+                break
+            wrong.append(place)
         else:
-            what = "nothing says which link it is on"
+            severity: Severity = "error" if wrong else "warning"
+            what, first = "nothing says which link it is on", sensor.name
             if wrong:
-                what = f"{wrong[0].source} names no link: {wrong[0].link!r}"
+                what, first = wrong[0].problem, wrong[0].link
                 file = wrong[0].file or file
-            first = wrong[0].link if wrong else sensor.name
-            known = suggest(first, links)
-            right = (
-                'expected a <gazebo> sensor of its name, <param name="frame_id">, or '
-                f"the frame_id of a controller that reads it; {known}"
+            what += (
+                '; expected a <gazebo> sensor of its name, <param name="frame_id">, or '
+                f"the frame_id of a controller that reads it; {suggest(first, links)}"
             )
-            self._report.add(
-                "error" if wrong else "warning",
-                "missing",
-                f"{what}; {right}",
-                _STORED,
-                where=where,
-                file=file,
-            )
+            self.report.add(severity, "missing", what, _STORED, where=where, file=file)
             return None
         for other in wrong:
-            what = f"{other.source} names no link: {other.link!r}"
             done = f"it is measured in {place.link!r}, as {place.source} has it"
-            self._report.add(
-                "warning", "invalid", what, done, where=where, file=other.file or file
-            )
+            at, what = other.file or file, other.problem
+            self.report.add("warning", "invalid", what, done, where=where, file=at)
         joint = self._carriers.get(place.link, "")
         if not joint and any(name in interfaces.FORCES for name in names):
             what = f"link {place.link!r} is held by no joint that carries a load"
-            self._report.add(
-                "error", "invalid", what, _STORED, where=where, file=place.file or file
-            )
+            at = place.file or file
+            self.report.add("error", "invalid", what, _STORED, where=where, file=at)
             return None
         return SensorInfo(
             sensor.name,
@@ -182,13 +172,13 @@ class _Places:
 
     def _candidates(self, sensor: ComponentInfo) -> Iterator[_Place]:
         """Yield where a sensor may be, the surest place first."""
-        name, links = sensor.name, self._description.links
-        for tag in self._description.gazebo_sensors:
+        name, links = sensor.name, self.description.links
+        for tag in self.description.gazebo_sensors:
             if tag.name == name and _measures_like(tag, sensor):
                 yield self._of_tag(tag)
         if frame := sensor.parameters.get("frame_id", ""):
             yield _Place(frame, source="its parameter frame_id")
-        for controller in self._config.controllers:
+        for controller in self.config.controllers:
             yield from _frames(controller, name)
         for ending in _ENDINGS:
             if name + ending in links:
@@ -196,7 +186,7 @@ class _Places:
 
     def _of_tag(self, tag: GazeboSensor) -> _Place:
         # Classic's sensors of forces refer to a joint.
-        robot = self._description
+        robot = self.description
         link = referred_link(tag.reference, robot.links, robot.joints)
         pose = tag.pose
         if tag.type == _FORCE_TYPE:
@@ -209,10 +199,10 @@ class _Places:
         """Return the link in which a pose is given."""
         if not any(n in interfaces.POSITIONS for n in names):
             return ""
-        for controller in self._config.controllers:
+        for controller in self.config.controllers:
             values = _values(controller)
             frame = values.get(_POSE_FRAME, "")
-            if values.get(_POSE_NAME) == name and frame in self._description.links:
+            if values.get(_POSE_NAME) == name and frame in self.description.links:
                 return frame
         return ""
 
@@ -317,11 +307,9 @@ def _make_tag(
     where, file = f"contact sensor {sensor.name!r}", description.file
     link = referred_link(sensor.reference, description.links, description.joints)
     if link not in description.links:
-        what = f"its reference is no link, {sensor.reference!r}"
-        right = suggest(sensor.reference, description.links)
-        report.add(
-            "error", "missing", f"{what}; {right}", "left out", where=where, file=file
-        )
+        what = f"its reference is no link, {sensor.reference!r}; "
+        what += suggest(sensor.reference, description.links)
+        report.add("error", "missing", what, "left out", where=where, file=file)
         return None
     every = {shape: owner for owner, names in shapes.items() for shape in names}
     own = shapes.get(link, ())
@@ -332,12 +320,10 @@ def _make_tag(
     felt = tuple(f"{every[name]}::{name}" for name in named)
     for name in sensor.collisions:
         if name not in every:
-            what = f"the robot has no collision shape {name!r}"
-            right = f"link {link!r} has {', '.join(own) or 'none'}"
+            what = f"the robot has no collision shape {name!r}; "
+            what += f"link {link!r} has {', '.join(own) or 'none'}"
             done = "it feels with these" if not felt else "it feels with the others"
-            report.add(
-                "warning", "missing", f"{what}; {right}", done, where=where, file=file
-            )
+            report.add("warning", "missing", what, done, where=where, file=file)
     felt = felt or tuple(f"{link}::{name}" for name in own)
     if not felt:
         what = f"link {link!r} has no <collision>; it has nothing to feel with"

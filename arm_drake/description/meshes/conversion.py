@@ -566,27 +566,19 @@ class _Conversion:
     def _add_notes(self, notes: Iterable[ReportEntry]) -> None:
         for note in notes:
             what = f"{self._mesh}: {note.what}"
-            self.report.add(
-                note.severity,
-                note.kind,
-                what,
-                note.done,
-                where=self.where,
-                file=self.file,
-            )
+            self._add(note.severity, note.kind, what, note.done)
+
+    def _add(self, severity: Severity, kind: Kind, what: str, done: str) -> None:
+        where, file = self.where, self.file
+        self.report.add(severity, kind, what, done, where=where, file=file)
 
     def _lose(
         self, kind: Kind, problem: str, severity: Severity | None = None
     ) -> _Paths:
         is_visual = self.mode == "visual"
-        self.report.add(
-            severity or ("warning" if is_visual else "error"),
-            kind,
-            f"{self._mesh} {problem}",
-            "it isn't drawn" if is_visual else "nothing collides with it",
-            where=self.where,
-            file=self.file,
-        )
+        severity = severity or ("warning" if is_visual else "error")
+        done = "it isn't drawn" if is_visual else "nothing collides with it"
+        self._add(severity, kind, f"{self._mesh} {problem}", done)
         return ()
 
     @property
