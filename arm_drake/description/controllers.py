@@ -192,7 +192,8 @@ class ManagedControllers:
         parameters = {k: p for k, p in own.items() if not self._is_own(k, p)}
         type_, where = self._choose(name, "type", parameters.pop("type", None))
         if type_ is None:
-            members = (p for k, p in self.parameters.items() if _is_below(k, name))
+            start = f"{name}."
+            members = (p for k, p in self.parameters.items() if k.startswith(start))
             what, where = "no 'type' is given", f"{self.node}.{name}"
             self._complain(where, next(members), what, "warning", "it is not spawned")
             return None
@@ -304,10 +305,6 @@ class ManagedControllers:
         kinds: dict[Severity, Kind] = {"info": "unsupported", "warning": "missing"}
         kind = kinds.get(severity, "invalid")
         self._report.add(severity, kind, what, done, where=where, at=parameter)
-
-
-def _is_below(key: str, name: str) -> bool:
-    return key.startswith(f"{name}.")
 
 
 def _renamed(section: Section, manager: str) -> Section:

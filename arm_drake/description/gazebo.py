@@ -14,9 +14,9 @@ import dataclasses as dc
 import math
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, Final, Literal, get_args
+from typing import Any, Final
 
 from arm_drake.description.elements import (
     ElementReader,
@@ -26,32 +26,17 @@ from arm_drake.description.elements import (
     text_of,
 )
 from arm_drake.description.gazebo_plugins import (
+    KINDS,
     DiffDrive,
     GazeboRosDiffDrive,
-    GazeboRosJointPoseTrajectory,
-    GazeboRosJointStatePublisher,
-    JointController,
+    JointPlugin,
     JointPositionController,
     JointStatePublisher,
     JointTrajectoryController,
-    Ros2ControlPlugin,
 )
 from arm_drake.description.joints import JointInfo
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import suggest
-
-GazeboPluginKind = Literal[
-    "ros2_control",
-    "joint_position_controller",
-    "joint_controller",
-    "joint_trajectory_controller",
-    "joint_state_publisher",
-    "diff_drive",
-    "gazebo_ros_joint_state_publisher",
-    "gazebo_ros_joint_pose_trajectory",
-    "gazebo_ros_diff_drive",
-    "other",
-]
 
 # Libraries, without "lib" and ".so".
 _ROS2_CONTROL = re.compile(r"gazebo_ros2_control|(ign|gz)_ros2_control-system")
@@ -92,8 +77,8 @@ class GazeboPlugin:
         return library.removesuffix(".so").removeprefix("lib")
 
     @property
-    def kind(self) -> GazeboPluginKind:
-        """What the plugin is for; "other" if it neither moves nor reports joints."""
+    def kind(self) -> str:
+        """Its key in `KINDS`; "other" if it neither moves nor reports joints."""
         library = self._library
         if _ROS2_CONTROL.fullmatch(library):
             return "ros2_control"
@@ -103,7 +88,7 @@ class GazeboPlugin:
             kind = re.sub(r"(?<=.)(?=[A-Z])", "_", match["kind"]).lower()
         else:
             kind = library if library.startswith("gazebo_ros_") else "other"
-        return next((k for k in get_args(GazeboPluginKind) if k == kind), "other")
+        return kind if kind in KINDS else "other"
 
 
 def read_gazebo_plugins(root: ET.Element) -> tuple[GazeboPlugin, ...]:
@@ -132,15 +117,15 @@ def report_gazebo(
     report: LoadReport,
     file: Path,
     *,
-    simulated: Collection[str] = ("ros2_control",),
     sensors: Collection[str] = (),
 ) -> None:
     """Report the content of `<gazebo>` tags that has no effect, in two lines."""
+    holders = {f"sensor {name!r}" for name in sensors}
     plugins = collections.Counter(
         repr(plugin.filename or plugin.name)
         for plugin in read_gazebo_plugins(root)
-        if plugin.kind not in simulated
-        and not (plugin.is_bumper and plugin.holder in map(_holder, sensors))
+        if plugin.kind == "other"
+        and not (plugin.is_bumper and plugin.holder in holders)
     )
     tags = collections.Counter(
         f"<{child.tag.rpartition('}')[2]}>" + _sensor_type(child)
@@ -157,11 +142,6 @@ def report_gazebo(
         if names:
             what = f"{sort} {names}"
             report.add("info", "ignored", what, "they have no effect", file=file)
-
-
-def _holder(sensor: str) -> str:
-    """Return what the plugins of a sensor say of their holder."""
-    return f"sensor {sensor!r}"
 
 
 def _sensor_type(element: ET.Element) -> str:
@@ -187,33 +167,6 @@ def _fields(parent: ET.Element, path: str) -> Iterator[tuple[str, str]]:
             yield f"{name}@{key}", value.strip()
         yield from _fields(child, f"{name}/")
 
-
-JointPlugin = (
-    Ros2ControlPlugin
-    | JointPositionController
-    | JointController
-    | JointTrajectoryController
-    | JointStatePublisher
-    | DiffDrive
-    | GazeboRosJointStatePublisher
-    | GazeboRosJointPoseTrajectory
-    | GazeboRosDiffDrive
-)
-
-_CLASSES: Mapping[GazeboPluginKind, type[JointPlugin]] = {
-    "ros2_control": Ros2ControlPlugin,
-    "joint_position_controller": JointPositionController,
-    "joint_controller": JointController,
-    "joint_trajectory_controller": JointTrajectoryController,
-    "joint_state_publisher": JointStatePublisher,
-    "diff_drive": DiffDrive,
-    "gazebo_ros_joint_state_publisher": GazeboRosJointStatePublisher,
-    "gazebo_ros_joint_pose_trajectory": GazeboRosJointPoseTrajectory,
-    "gazebo_ros_diff_drive": GazeboRosDiffDrive,
-}
-
-# Kinds that the simulator stands in for.
-SIMULATED: frozenset[GazeboPluginKind] = frozenset(_CLASSES)
 
 # Those that take all joints where they name none.
 _ALL_BY_DEFAULT = (JointTrajectoryController, JointStatePublisher)
@@ -243,10 +196,10 @@ class _FieldReader(ElementReader):
         self, plugin: GazeboPlugin, joint_names: Collection[str]
     ) -> JointPlugin | None:
         """Return a plugin with its fields, or None and a line in the report."""
-        fields = dc.fields(_CLASSES[plugin.kind])
+        make: Any = KINDS[plugin.kind]
         values: dict[str, Any] = {}
         known: set[str] = set()
-        for field in fields:
+        for field in dc.fields(make):
             tags = field.metadata.get("tags", (field.name,))
             known.update(tags)
             entries = [(tag, text) for tag in tags for text in plugin.texts(tag)]
@@ -260,9 +213,7 @@ class _FieldReader(ElementReader):
         if unread:
             what = f"unknown tags: {', '.join(unread)}"
             self.note("info", "ignored", what, "they have no effect")
-        typed = _CLASSES[plugin.kind](
-            **{name: value for name, value in values.items() if value is not None}
-        )
+        typed: JointPlugin = make(**{n: v for n, v in values.items() if v is not None})
         problem = self._problem(plugin, typed)
         if problem is not None:
             self.note("error", "invalid", problem, "the plugin is left out")
@@ -459,24 +410,23 @@ def _says(element: ET.Element, tag: str, value: str) -> bool:
 def _pose(
     element: ET.Element, report: LoadReport, file: Path
 ) -> tuple[float, float, float, float, float, float]:
-    tag = element.find("pose")
-    text = text_of(element, "pose")
+    tag, text = element.find("pose"), text_of(element, "pose")
+    if tag is None:
+        return (0.0,) * 6
     numbers = [parse_number(part) for part in text.split()]
     known = [n for n in numbers if n is not None and math.isfinite(n)]
-    if not text:
+    where = f"sensor {attribute(element, 'name')!r}"
+    if len(numbers) != 6 or len(known) != 6:
         known = [0.0] * 6
-    elif len(numbers) != 6 or len(known) != 6:
-        what = f"pose: expected x, y, z, roll, pitch, yaw, got {text!r}"
-        where = f"sensor {attribute(element, 'name')!r}"
-        done = "it is where its link is"
-        report.add("warning", "invalid", what, done, where=where, file=file)
-        known = [0.0] * 6
-    if tag is not None and attribute(tag, "relative_to"):
-        what = f"pose: relative_to {attribute(tag, 'relative_to')!r}"
-        where = f"sensor {attribute(element, 'name')!r}"
+        if text:
+            what = f"pose: expected x, y, z, roll, pitch, yaw, got {text!r}"
+            done = "it is where its link is"
+            report.add("warning", "invalid", what, done, where=where, file=file)
+    if other := attribute(tag, "relative_to"):
+        what = f"pose: relative_to {other!r}"
         done = "it is taken as relative to the link"
         report.add("warning", "ignored", what, done, where=where, file=file)
-    if tag is not None and parse_bool(attribute(tag, "degrees")):
+    if parse_bool(attribute(tag, "degrees")):
         known[3:] = map(math.radians, known[3:])
     x, y, z, roll, pitch, yaw = known
     return (x, y, z, roll, pitch, yaw)

@@ -18,6 +18,7 @@ Sources of the fields and of their defaults:
 
 import dataclasses as dc
 import math
+from collections.abc import Mapping
 from typing import Any
 
 
@@ -32,7 +33,12 @@ def joint_tags(*names: str) -> Any:
 
 
 @dc.dataclass(frozen=True)
-class Ros2ControlPlugin:
+class JointPlugin:
+    """A plugin that moves or reports joints."""
+
+
+@dc.dataclass(frozen=True)
+class Ros2ControlPlugin(JointPlugin):
     """Runs the controller manager inside Gazebo."""
 
     # Controllers YAML files.
@@ -68,7 +74,7 @@ class Ros2ControlPlugin:
 
 
 @dc.dataclass(frozen=True)
-class JointPositionController:
+class JointPositionController(JointPlugin):
     """Holds joints at a commanded position, by the force of a PID controller."""
 
     joint_names: tuple[str, ...] = joint_tags("joint_name")
@@ -100,7 +106,7 @@ class JointPositionController:
 
 
 @dc.dataclass(frozen=True)
-class JointController:
+class JointController(JointPlugin):
     """Moves joints at a commanded velocity."""
 
     joint_names: tuple[str, ...] = joint_tags("joint_name")
@@ -134,7 +140,7 @@ class JointController:
 
 
 @dc.dataclass(frozen=True)
-class JointTrajectoryController:
+class JointTrajectoryController(JointPlugin):
     """Moves joints along trajectories, by the forces of PID controllers.
 
     The n-th value of a tuple is that of the n-th joint. Where it is missing, gains,
@@ -172,7 +178,7 @@ class JointTrajectoryController:
 
 
 @dc.dataclass(frozen=True)
-class JointStatePublisher:
+class JointStatePublisher(JointPlugin):
     """Publishes the states of joints in every step."""
 
     # Empty: all joints.
@@ -183,7 +189,7 @@ class JointStatePublisher:
 
 
 @dc.dataclass(frozen=True)
-class GazeboRosJointStatePublisher:
+class GazeboRosJointStatePublisher(JointPlugin):
     """Publishes the states of joints on "joint_states", in Gazebo Classic."""
 
     joint_names: tuple[str, ...] = joint_tags("joint_name")
@@ -196,7 +202,7 @@ class GazeboRosJointStatePublisher:
 
 
 @dc.dataclass(frozen=True)
-class GazeboRosJointPoseTrajectory:
+class GazeboRosJointPoseTrajectory(JointPlugin):
     """Sets joints to the points of "set_joint_trajectory", in Gazebo Classic."""
 
     # [Hz]; 0 is every step.
@@ -207,7 +213,7 @@ class GazeboRosJointPoseTrajectory:
 
 
 @dc.dataclass(frozen=True)
-class DiffDrive:
+class DiffDrive(JointPlugin):
     """Drives wheels on two sides by velocity commands."""
 
     left_joints: tuple[str, ...] = joint_tags("left_joint")
@@ -256,7 +262,7 @@ class DiffDrive:
 
 
 @dc.dataclass(frozen=True)
-class GazeboRosDiffDrive:
+class GazeboRosDiffDrive(JointPlugin):
     """Drives pairs of wheels by "cmd_vel", in Gazebo Classic.
 
     The n-th value of a tuple is that of the n-th pair; where it is missing, the
@@ -313,6 +319,20 @@ class GazeboRosDiffDrive:
     def _per_pair(self, values: tuple[float, ...], default: float) -> tuple[float, ...]:
         pairs = max(1, self.num_wheel_pairs)
         return (*values, *(default,) * pairs)[:pairs]
+
+
+# Those that the simulator stands in for, by what they are for.
+KINDS: Mapping[str, type[JointPlugin]] = {
+    "ros2_control": Ros2ControlPlugin,
+    "joint_position_controller": JointPositionController,
+    "joint_controller": JointController,
+    "joint_trajectory_controller": JointTrajectoryController,
+    "joint_state_publisher": JointStatePublisher,
+    "diff_drive": DiffDrive,
+    "gazebo_ros_joint_state_publisher": GazeboRosJointStatePublisher,
+    "gazebo_ros_joint_pose_trajectory": GazeboRosJointPoseTrajectory,
+    "gazebo_ros_diff_drive": GazeboRosDiffDrive,
+}
 
 
 @dc.dataclass(frozen=True)

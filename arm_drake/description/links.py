@@ -116,19 +116,16 @@ def read_axis(joint: ET.Element) -> Vector:
 
 
 def _read_shape(element: ET.Element) -> ShapeInfo:
-    shape = element.find("geometry/*")
-    geometry = None if shape is None else _read_geometry(shape)
+    shape, geometry = element.find("geometry/*"), None
+    if shape is not None:
+        geometry = Geometry(
+            shape.tag,
+            size=_vector(shape.get("size", "0 0 0")),
+            radius=float(shape.get("radius", "0")),
+            length=float(shape.get("length", "0")),
+            filename=shape.get("filename", ""),
+        )
     return ShapeInfo(read_origin(element), geometry)
-
-
-def _read_geometry(shape: ET.Element) -> Geometry:
-    return Geometry(
-        shape.tag,
-        size=_vector(shape.get("size", "0 0 0")),
-        radius=float(shape.get("radius", "0")),
-        length=float(shape.get("length", "0")),
-        filename=shape.get("filename", ""),
-    )
 
 
 def _vector(text: str) -> Vector:

@@ -19,7 +19,7 @@ import dataclasses as dc
 import difflib
 import math
 import typing
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -400,44 +400,40 @@ class _Loader:
 _LONGEST = 2.0**63 / 1e9
 
 
-def check_finite(owner: Any, *names: str) -> None:
-    """Raise ValueError for a number that isn't finite."""
+def _require(
+    owner: Any, names: Iterable[str], is_right: Callable[[float], bool], rule: str
+) -> None:
+    """Raise ValueError for a number that isn't right."""
     for name in names:
         value = getattr(owner, name)
-        if not math.isfinite(value):
-            raise ValueError(f"{name} must be a finite number, got {value}")
+        if not is_right(value):
+            raise ValueError(f"{name} must be {rule}, got {value}")
+
+
+def check_finite(owner: Any, *names: str) -> None:
+    """Raise ValueError for a number that isn't finite."""
+    _require(owner, names, math.isfinite, "a finite number")
 
 
 def check_at_least(owner: Any, low: float, *names: str) -> None:
     """Raise ValueError for a number that isn't finite and at least ``low``."""
-    for name in names:
-        value = getattr(owner, name)
-        if not low <= value < math.inf:
-            raise ValueError(f"{name} must be at least {low:g}, got {value}")
+    _require(owner, names, lambda x: low <= x < math.inf, f"at least {low:g}")
 
 
 def check_above(owner: Any, low: float, *names: str) -> None:
     """Raise ValueError for a number that isn't finite and above ``low``."""
-    for name in names:
-        value = getattr(owner, name)
-        if not low < value < math.inf:
-            raise ValueError(f"{name} must be above {low:g}, got {value}")
+    _require(owner, names, lambda x: low < x < math.inf, f"above {low:g}")
 
 
 def check_not_zero(owner: Any, *names: str) -> None:
     """Raise ValueError for a number that is 0 or isn't finite."""
-    for name in names:
-        value = getattr(owner, name)
-        if not math.isfinite(value) or value == 0.0:
-            raise ValueError(f"{name} must be a finite number and not 0, got {value}")
+    rule = "a finite number and not 0"
+    _require(owner, names, lambda x: math.isfinite(x) and x != 0.0, rule)
 
 
 def check_duration(owner: Any, *names: str) -> None:
     """Raise ValueError for a duration [s] that doesn't fit in 64 bit nanoseconds."""
-    for name in names:
-        value = getattr(owner, name)
-        if not abs(value) < _LONGEST:
-            raise ValueError(f"{name} must be a number of seconds, got {value}")
+    _require(owner, names, lambda x: abs(x) < _LONGEST, "a number of seconds")
 
 
 def check_within(owner: Any, low: float, high: float, *names: str) -> None:

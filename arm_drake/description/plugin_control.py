@@ -14,13 +14,13 @@ from arm_drake import interfaces
 from arm_drake.description.claimed_hardware import claimed_joints
 from arm_drake.description.controller_manager_parameters import MANAGER
 from arm_drake.description.controllers import ControllerConfig, ControllerManagerConfig
-from arm_drake.description.gazebo import JointPlugin
 from arm_drake.description.gazebo_plugins import (
     DiffDrive,
     GazeboRosDiffDrive,
     GazeboRosJointPoseTrajectory,
     GazeboRosJointStatePublisher,
     JointController,
+    JointPlugin,
     JointPositionController,
     JointStatePublisher,
     JointTrajectoryController,
@@ -460,9 +460,8 @@ def _at_rate(
     if factor == 1:
         return config
     what = f"update_rate {old} Hz beside Gazebo's plugins, which act in every step"
-    done = (
-        f"the manager runs at {old * factor} Hz, controllers at {old} Hz or their own"
-    )
+    new = old * factor
+    done = f"the manager runs at {new} Hz, controllers at {old} Hz or their own"
     first = next(iter(config.files), file)
     report.add("info", "repair", what, done, where=MANAGER, file=first)
     rate = Parameter(old, file, 1)
@@ -472,4 +471,4 @@ def _at_rate(
         else dc.replace(c, parameters={**c.parameters, "update_rate": rate})
         for c in config.controllers
     )
-    return dc.replace(config, update_rate=old * factor, controllers=controllers)
+    return dc.replace(config, update_rate=new, controllers=controllers)

@@ -287,7 +287,8 @@ def _repair_limit(
     for attribute in ("effort", "velocity"):
         text = limit.get(attribute)
         found = numbers(text or "", file, where)
-        if text is not None and not any(map(_is_limit, found)):
+        is_limit = any(math.isfinite(number) and number != 0.0 for number in found)
+        if text is not None and not is_limit:
             del limit.attrib[attribute]
             add(f"{attribute} limit {text}", "taken as unset")
         elif text is not None and found[0] < 0.0:
@@ -301,10 +302,6 @@ def _repair_limit(
             map(math.isfinite, numbers(limit.attrib[end], file, where))
         ):
             del limit.attrib[end]
-
-
-def _is_limit(number: float) -> bool:
-    return math.isfinite(number) and number != 0.0
 
 
 # Attributes of primitives, and how many numbers each holds.

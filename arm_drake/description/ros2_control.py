@@ -102,15 +102,8 @@ class TransmissionJointInfo:
     read_only: bool = False
 
 
-@dc.dataclass(frozen=True)
-class ActuatorInfo:
-    """An `<actuator>` of a transmission; fields as those of TransmissionJointInfo."""
-
-    name: str
-    role: str
-    mechanical_reduction: float = 1.0
-    offset: float = 0.0
-    read_only: bool = False
+class ActuatorInfo(TransmissionJointInfo):
+    """An `<actuator>` of a transmission."""
 
 
 @dc.dataclass(frozen=True)
@@ -205,13 +198,8 @@ def _ends(
             what = "mechanical_reduction: expected a number other than 0"
             reader.note("warning", "invalid", what, "taken as not given", where)
         is_read_only = reader.boolean(end, "read_only", where) or False
-        yield (
-            name,
-            attribute(end, "role"),
-            reduction or 1.0,
-            offset or 0.0,
-            is_read_only,
-        )
+        role = attribute(end, "role")
+        yield name, role, reduction or 1.0, offset or 0.0, is_read_only
 
 
 def _problem(
@@ -222,9 +210,8 @@ def _problem(
         return "a <transmission> has no name"
     if not transmission.type:
         return "no <plugin>"
-    names = [(end.name, end.role) for end in transmission.joints]
-    names += [(end.name, end.role) for end in transmission.actuators]
-    if not all(name and role for name, role in names):
+    ends = (*transmission.joints, *transmission.actuators)
+    if not all(end.name and end.role for end in ends):
         return "each joint and actuator needs a name and a role"
     for end in transmission.joints:
         if end.name not in joints:
@@ -237,18 +224,10 @@ def _problem(
 _TYPES = ("system", "actuator", "sensor")
 
 _BLOCK_ATTRIBUTES = ("name", "type", "rw_rate", "is_async", "thread_priority")
-_BLOCK_CHILDREN = (
-    "hardware",
-    "properties",
-    "joint",
-    "sensor",
-    "gpio",
-    "transmission",
-)
+_BLOCK_CHILDREN = ("hardware", "properties", "joint", "sensor", "gpio", "transmission")
 _INTERFACES = ("command_interface", "state_interface")
 
 # Command interfaces of Gazebo Classic, and the names under which it offers them.
-_CLASSIC = "gazebo_ros2_control/GazeboSystem"
 _PID_INTERFACES = {"position_pid": "position", "velocity_pid": "velocity"}
 
 
@@ -385,7 +364,8 @@ class _BlockReader(ElementReader):
                 what = f"a <{tag}> has no name"
                 self.note("error", "invalid", what, "it is left out", where)
                 continue
-            if self._plugin == _CLASSIC and tag == "command_interface":
+            is_classic = SIMULATOR_PLUGINS.get(self._plugin) == CLASSIC
+            if is_classic and tag == "command_interface":
                 name = _PID_INTERFACES.get(name, name)
             full = f"{tag} {attribute(component, 'name')}/{name}"
             if full in self._owners:
@@ -471,18 +451,13 @@ SIMULATOR_PLUGINS = {
     "fake_components/GenericSystem": "mock hardware",
 }
 
-_NUMBERS = ("initial_position", "initial_velocity", "initial_effort")
-_GAINS = ("kp", "ki", "kd", "max_integral_error", "min_integral_error")
-
 # Parameters of joints that are read.
-_READ = {"mimic", "multiplier", *_NUMBERS}
-_READ |= {prefix + gain for prefix in ("pos_", "vel_") for gain in _GAINS}
+_READ = {"mimic", "multiplier"}
+_READ |= {f"initial_{name}" for name in interfaces.STATE_INTERFACES}
+_READ |= {f"{kind}_{f.name}" for kind in ("pos", "vel") for f in dc.fields(PidGains)}
 
-# What a joint can be commanded.
-_COMMANDS = (*interfaces.STATE_INTERFACES, interfaces.ACCELERATION)
-
-# What it can report.
-_STATES = _COMMANDS
+# What a joint can be commanded and can report.
+_STANDARD = (*interfaces.STATE_INTERFACES, interfaces.ACCELERATION)
 
 
 def report_hardware(
@@ -517,51 +492,36 @@ def _remarks(block: HardwareInfo) -> Iterable[tuple[str, str]]:
     custom = {
         interface.name
         for joint in block.joints
-        for names, known in (
-            (joint.command_interfaces, _COMMANDS),
-            (joint.state_interfaces, _STATES),
-        )
-        for interface in names
-        if interface.name not in known
+        for interface in (*joint.command_interfaces, *joint.state_interfaces)
+        if interface.name not in _STANDARD
     }
     if custom:
         yield f"interfaces {_listed(sorted(custom))}", kept
     # Of the others `find_sensors` says what becomes of them.
-    stored = [s for s in block.sensors if not _is_measured(s)]
+    stored = [
+        sensor
+        for sensor in block.sensors
+        if not any(i.name in interfaces.MEASURED for i in sensor.state_interfaces)
+    ]
     for kind, components in (("sensors", stored), ("gpios", block.gpios)):
         if components:
             yield f"{kind} {_listed(c.name for c in components)}", kept
     if block.transmissions:
         names = _listed(transmission.name for transmission in block.transmissions)
         yield f"transmissions {names}", "joints are driven without them"
-    gains = [joint.name for joint in block.joints if _has_gains(joint)]
+    gains = [j.name for j in block.joints if j.position_pid or j.velocity_pid]
     # Those of Gazebo Classic drive the joints, see drive_gains.
     if gains and SIMULATOR_PLUGINS.get(block.plugin) != CLASSIC:
         yield f"PID gains of joints {_listed(gains)}", "the joint servo has its own"
     others = {name for joint in block.joints for name in joint.parameters} - _READ
     if others:
         yield f"joint parameters {_listed(sorted(others))}", kept
-    timing = [
-        name
-        for name, is_given in (
-            ("rw_rate", block.rw_rate != 0),
-            ("is_async", block.is_async),
-            ("thread_priority", block.thread_priority != 50),
-            ("group", bool(block.group)),
-        )
-        if is_given
-    ]
-    if timing:
+    usual = HardwareInfo(block.name, block.type, block.plugin)
+    timing = ("rw_rate", "is_async", "thread_priority", "group")
+    given = [name for name in timing if getattr(block, name) != getattr(usual, name)]
+    if given:
         done = "the hardware is read and written at every tick of the manager"
-        yield ", ".join(timing), done
-
-
-def _is_measured(sensor: ComponentInfo) -> bool:
-    return any(i.name in interfaces.MEASURED for i in sensor.state_interfaces)
-
-
-def _has_gains(joint: ComponentInfo) -> bool:
-    return joint.position_pid is not None or joint.velocity_pid is not None
+        yield ", ".join(given), done
 
 
 def _listed(names: Iterable[str]) -> str:

@@ -153,10 +153,8 @@ class Substitutions:
         result = task.visit(root)
         self._used |= task.used
         if task.aliases:
-            what, line = (
-                "aliases and merges (`*`, `<<`) are refused by rcl",
-                task.aliases[0],
-            )
+            what = "aliases and merges (`*`, `<<`) are refused by rcl"
+            line = task.aliases[0]
             self._report.add(
                 "info", "repair", what, "they are taken", file=file, line=line
             )
@@ -182,30 +180,27 @@ def _name(match: re.Match[str]) -> str:
 _Unresolved = dict[str, tuple[str, int]]
 
 
+@dc.dataclass
 class _Task:
     """Replaces the substitutions of one file."""
 
-    def __init__(
-        self,
-        variables: Mapping[str, str],
-        packages: PackageFinder | None,
-        loader: type[yaml_files.Loader],
-    ) -> None:
-        self._variables = variables
-        self._packages = packages
-        self._loader = loader
-        # What has been visited, and what replaces it; an alias is a second visit.
-        self._visited: dict[int, tuple[yaml.Node, yaml.Node]] = {}
-        self.used: set[str] = set()
-        self.unresolved: _Unresolved = {}
-        self.missing: _Unresolved = {}
-        self.templates: dict[str, int] = {}
-        self.aliases: list[int] = []
+    variables: Mapping[str, str]
+    packages: PackageFinder | None
+    loader: type[yaml_files.Loader]
+
+    # What has been visited, and what replaces it; an alias is a second visit.
+    visited: dict[int, tuple[yaml.Node, yaml.Node]] = dc.field(default_factory=dict)
+
+    used: set[str] = dc.field(default_factory=set)
+    unresolved: _Unresolved = dc.field(default_factory=dict)
+    missing: _Unresolved = dc.field(default_factory=dict)
+    templates: dict[str, int] = dc.field(default_factory=dict)
+    aliases: list[int] = dc.field(default_factory=list)
 
     def visit(self, node: yaml.Node) -> yaml.Node:
-        if id(node) in self._visited:
+        if id(node) in self.visited:
             self.aliases.append(node.start_mark.line + 1)
-            return self._visited[id(node)][1]
+            return self.visited[id(node)][1]
         result = node
         if isinstance(node, yaml.ScalarNode):
             result = self._replace(node)
@@ -213,7 +208,7 @@ class _Task:
             node.value = [self.visit(item) for item in node.value]
         else:
             node.value = [(self.visit(key), self.visit(v)) for key, v in node.value]
-        self._visited[id(node)] = node, result
+        self.visited[id(node)] = node, result
         return result
 
     def _replace(self, node: yaml.ScalarNode) -> yaml.Node:
@@ -226,7 +221,7 @@ class _Task:
         if node.style is None and node.value.startswith(("[", "{")):
             # The empty lines give its nodes their lines.
             text = "\n" * line + node.value
-            return yaml_files.compose(text, self._loader) or node
+            return yaml_files.compose(text, self.loader) or node
         return node
 
     def _expand(self, text: str, line: int) -> str:
@@ -251,9 +246,9 @@ class _Task:
         if kind in _WITH_DEFAULT:
             first, *rest = argument.split(maxsplit=1) or [""]
             name, default = _unquote(first), _unquote(rest[0]) if rest else None
-        if name in self._variables:
+        if name in self.variables:
             self.used.add(name)
-            return self._variables[name]
+            return self.variables[name]
         if kind == "env" and name in os.environ:
             return os.environ[name]
         if default is not None:
@@ -262,9 +257,9 @@ class _Task:
         if kind not in _OF_PACKAGES:
             self.unresolved.setdefault(text, (name, line))
             return ""
-        if self._packages is not None:
+        if self.packages is not None:
             try:
-                return str(self._packages.find(name))
+                return str(self.packages.find(name))
             except PackageError:
                 pass
         self.missing.setdefault(text, (name, line))

@@ -15,16 +15,15 @@ from typing import NamedTuple
 from arm_drake.description.elements import ElementReader, parse_float, parse_xml
 from arm_drake.description.gazebo import (
     CONTACT,
-    SIMULATED,
     GazeboPlugin,
     GazeboSensor,
-    JointPlugin,
     read_friction,
     read_gazebo_plugins,
     read_gazebo_sensors,
     read_joint_plugins,
     report_gazebo,
 )
+from arm_drake.description.gazebo_plugins import JointPlugin
 from arm_drake.description.joints import (
     FREE_TYPES,
     JOINT_TYPES,
@@ -211,7 +210,7 @@ def _read_sensors(
     sensors = read_gazebo_sensors(root, report, file)
     components = {sensor.name for block in hardware for sensor in block.sensors}
     measuring = components.union(s.name for s in sensors if s.type == CONTACT)
-    report_gazebo(root, report, file, simulated=SIMULATED, sensors=measuring)
+    report_gazebo(root, report, file, sensors=measuring)
     return sensors
 
 

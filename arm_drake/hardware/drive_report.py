@@ -79,18 +79,14 @@ def _report_rotors(drive: RobotDrive, report: LoadReport) -> None:
     if drive.rotor_inertia.any():
         step = f"{1e3 * drive.plant.time_step():.3g} ms"
         rotors = ", ".join(f"{name} {inertia:.2g}" for name, inertia in light.items())
-        _note(
-            report,
-            f"steps are {step}, links much lighter than drives of their efforts",
-            f"the drives have rotors of their own [kg·m² or kg]: {rotors}",
-        )
+        what = f"steps are {step}, links much lighter than drives of their efforts"
+        done = f"the drives have rotors of their own [kg·m² or kg]: {rotors}"
+        _note(report, what, done)
     elif light:
-        _note(
-            report,
-            f"links are much lighter than drives of {_listed(light)}",
-            "they get no rotors; with SimulationOptions(reflected_inertia=True) they "
-            "do, and carry heavier payloads",
-        )
+        what = f"links are much lighter than drives of {_listed(light)}"
+        done = "they get no rotors; with SimulationOptions(reflected_inertia=True) "
+        done += "they do, and carry heavier payloads"
+        _note(report, what, done)
 
 
 def _report_gains(drive: RobotDrive, report: LoadReport) -> None:
@@ -98,18 +94,14 @@ def _report_gains(drive: RobotDrive, report: LoadReport) -> None:
     if drive.pid is not None:
         pairs = zip(drive.names, drive.pid.position, drive.pid.velocity, strict=True)
         own = [name for name, *gains in pairs if any(gains)]
-        _note(
-            report,
-            f"PID gains of the description drive {_listed(own)}",
-            "as under Gazebo Classic, which knows nothing of the robot's weight",
-        )
+        what = f"PID gains of the description drive {_listed(own)}"
+        done = "as under Gazebo Classic, which knows nothing of the robot's weight"
+        _note(report, what, done)
         _report_stiff(drive, report)
     if drive.rated:
-        _note(
-            report,
-            f"position_proportional_gain drives {_listed(drive.rated)}",
-            "velocities become gain x update_rate x error, as in Gazebo Sim",
-        )
+        what = f"position_proportional_gain drives {_listed(drive.rated)}"
+        done = "velocities become gain x update_rate x error, as in Gazebo Sim"
+        _note(report, what, done)
 
 
 def _report_unlimited(
@@ -145,15 +137,10 @@ def _report_stiff(drive: RobotDrive, report: LoadReport) -> None:
             (velocity and velocity.kp, "kp of velocities"),
         ):
             if gain and gain * h / inertia > _UNSTABLE:
-                largest = f"{_UNSTABLE * inertia / h:.3g}"
-                report.add(
-                    "warning",
-                    "invalid",
-                    f"{label}, {gain:g}, is too much for steps of {1e3 * h:.3g} ms: "
-                    f"it may be {largest} at most",
-                    "the joint swings from step to step",
-                    where=f"joint {name!r}",
-                )
+                what = f"{label}, {gain:g}, is too much for steps of {1e3 * h:.3g} ms: "
+                what += f"it may be {_UNSTABLE * inertia / h:.3g} at most"
+                done, where = "the joint swings from step to step", f"joint {name!r}"
+                report.add("warning", "invalid", what, done, where=where)
 
 
 def report_friction(
@@ -189,14 +176,10 @@ def report_friction(
         if name not in unopposed or deflection <= largest:
             continue
         enough = 1e3 * step * (largest / deflection) ** 0.5
-        report.add(
-            "warning",
-            "unsupported",
-            f"steps of {1e3 * step:.3g} ms are large for its friction: it gives way "
-            f"by {deflection:.2g} {unit} before it holds",
-            f"it may creep; steps of {enough:.2g} ms are small enough",
-            where=f"joint {name!r}",
-        )
+        what = f"steps of {1e3 * step:.3g} ms are large for its friction: "
+        what += f"it gives way by {deflection:.2g} {unit} before it holds"
+        done = f"it may creep; steps of {enough:.2g} ms are small enough"
+        report.add("warning", "unsupported", what, done, where=f"joint {name!r}")
 
 
 def report_times(
@@ -206,26 +189,18 @@ def report_times(
     largest = options.largest_step
     is_requested = options.time_step is not None or options.preset != "fast"
     if is_requested and step < _MUCH_LESS * largest:
-        report.add(
-            "info",
-            "repair",
-            f"steps of {1e3 * largest:.4g} ms don't fit into the controller "
-            f"manager's period of {1e3 * period:.4g} ms",
-            f"the physics takes steps of {1e3 * step:.4g} ms",
-            where="time_step",
-        )
+        what = f"steps of {1e3 * largest:.4g} ms don't fit into the controller "
+        what += f"manager's period of {1e3 * period:.4g} ms"
+        done = f"the physics takes steps of {1e3 * step:.4g} ms"
+        report.add("info", "repair", what, done, where="time_step")
     if options.log_rate is None:
         return
     steps = 1.0 / options.log_rate / step
     if steps < 1.0 - _TOLERANCE or abs(steps - round(steps)) > _TOLERANCE * steps:
-        report.add(
-            "info",
-            "repair",
-            f"{options.log_rate:.6g} Hz is no whole number of steps of "
-            f"{1e3 * step:.4g} ms",
-            "a row shows the state after the last step",
-            where="log_rate",
-        )
+        what = f"{options.log_rate:.6g} Hz is no whole number of steps of "
+        what += f"{1e3 * step:.4g} ms"
+        done = "a row shows the state after the last step"
+        report.add("info", "repair", what, done, where="log_rate")
 
 
 def _listed(names: Iterable[str]) -> str:

@@ -29,7 +29,7 @@ from arm_drake.description.base_wheels import (
     with_axles,
 )
 from arm_drake.description.contact_surfaces import for_drake
-from arm_drake.description.report import LoadReport
+from arm_drake.description.report import LoadReport, Severity
 from arm_drake.description.robot import Robot
 from arm_drake.description.rollers import (
     Rollers,
@@ -385,15 +385,11 @@ def _report_ground(
                 gaps[wheel.joint] = min(map(lowest_height, own)) - lowest
         off = {joint: gap for joint, gap in gaps.items() if gap > _GAP}
         for joint, gap in off.items():
-            drives_nothing = len(off) == len(wheels)
-            report.add(
-                "error" if drives_nothing else "warning",
-                "invalid",
-                f"a driven wheel ends {gap:.3g} m above what the robot stands on",
-                "it turns in the air; expected a wheel that reaches the ground",
-                where=f"joint {joint!r}",
-                file=file,
-            )
+            severity: Severity = "error" if len(off) == len(wheels) else "warning"
+            what = f"a driven wheel ends {gap:.3g} m above what the robot stands on"
+            done = "it turns in the air; expected a wheel that reaches the ground"
+            where = f"joint {joint!r}"
+            report.add(severity, "invalid", what, done, where=where, file=file)
 
 
 def _report_height(robot: Robot, lowest: float, report: LoadReport) -> None:
@@ -402,14 +398,10 @@ def _report_height(robot: Robot, lowest: float, report: LoadReport) -> None:
         z = 0.0 if robot.pose is None else robot.pose[2]
         is_above = lowest > 0.0
         side, does = ("above", "falls") if is_above else ("below", "is pushed out")
-        report.add(
-            "warning",
-            "invalid",
-            f"the base starts {abs(lowest):.3g} m {side} the ground",
-            f"it {does}; expected z = {z - lowest:.3g} m",
-            where="pose",
-            file=robot.description.file,
-        )
+        what = f"the base starts {abs(lowest):.3g} m {side} the ground"
+        done = f"it {does}; expected z = {z - lowest:.3g} m"
+        file = robot.description.file
+        report.add("warning", "invalid", what, done, where="pose", file=file)
 
 
 def _what_stands(

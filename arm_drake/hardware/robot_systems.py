@@ -146,14 +146,10 @@ class RobotSystems:
         """Report a manager whose cycles don't come at its rate."""
         rate = self.robot.controllers.update_rate
         if not has_rate(self.period, rate):
-            report.add(
-                "warning",
-                "repair",
-                f"update_rate {rate} Hz doesn't fit those of the other robots",
-                f"its cycles come at {1.0 / self.period:.6g} Hz",
-                where=MANAGER,
-                file=next(iter(self.robot.controllers.files), None),
-            )
+            what = f"update_rate {rate} Hz doesn't fit those of the other robots"
+            done = f"its cycles come at {1.0 / self.period:.6g} Hz"
+            file = next(iter(self.robot.controllers.files), None)
+            report.add("warning", "repair", what, done, where=MANAGER, file=file)
 
     def _connect(self, manager: ControllerManager, hardware: Hardware) -> None:
         """Connect the manager with the hardware."""

@@ -144,13 +144,13 @@ def test_what_has_no_effect_is_reported_by_sort_with_its_count():
 
 
 def test_plugins_that_are_simulated_need_no_line():
-    body = (
-        "<gazebo><plugin filename='gz_ros2_control-system'/>"
-        "<plugin filename='gz-sim-joint-controller-system'/></gazebo>"
+    simulated = (
+        "<plugin filename='gz_ros2_control-system'/>"
+        "<plugin filename='gz-sim-joint-controller-system'/>"
     )
+    other = "<plugin filename='gz-sim-buoyancy-system'/>"
 
-    assert lines_of(body) == [
-        "info: arm.urdf: Gazebo plugins 'gz-sim-joint-controller-system'; "
-        "they have no effect"
+    assert lines_of(f"<gazebo>{simulated}</gazebo>") == []
+    assert lines_of(f"<gazebo>{simulated}{other}</gazebo>") == [
+        "info: arm.urdf: Gazebo plugins 'gz-sim-buoyancy-system'; they have no effect"
     ]
-    assert lines_of(body, simulated=("ros2_control", "joint_controller")) == []
