@@ -11,55 +11,25 @@ stays as it is.
 import copy
 import dataclasses as dc
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_drake.description.claimed_hardware import (
+    STEERING,
+    WHEEL_PARAMETERS,
+    humble_wheel_parameters,
+    texts_of,
+)
 from arm_drake.description.controllers import ControllerManagerConfig
 from arm_drake.description.gazebo_plugins import DiffDrive, GazeboRosDiffDrive
 from arm_drake.description.inertia import link_solid, take_mass, write_inertial
-from arm_drake.description.joints import JointInfo, last_master
+from arm_drake.description.joints import JointInfo, joints_above, last_master
 from arm_drake.description.links import read_link
-from arm_drake.description.parameters import Parameter
 from arm_drake.description.report import LoadReport
 from arm_drake.description.urdf import RobotDescription, total_mass
-
-# Parameters of the types that name driven joints, and those that name steered ones.
-_STEERING = (("traction_joints_names",), ("steering_joints_names",))
-_PARAMETERS: Mapping[str, tuple[Sequence[str], Sequence[str]]] = {
-    "diff_drive_controller/DiffDriveController": (
-        ("left_wheel_names", "right_wheel_names"),
-        (),
-    ),
-    "mecanum_drive_controller/MecanumDriveController": (
-        tuple(
-            f"{end}_{side}_wheel_command_joint_name"
-            for end, side in (
-                ("front", "left"),
-                ("front", "right"),
-                ("rear", "right"),
-                ("rear", "left"),
-            )
-        ),
-        (),
-    ),
-    "omni_wheel_drive_controller/OmniWheelDriveController": (("wheel_names",), ()),
-    "tricycle_controller/TricycleController": (
-        ("traction_joint_name",),
-        ("steering_joint_name",),
-    ),
-    "ackermann_steering_controller/AckermannSteeringController": _STEERING,
-    "bicycle_steering_controller/BicycleSteeringController": _STEERING,
-    "tricycle_steering_controller/TricycleSteeringController": _STEERING,
-}
-
-# Humble's names of the driven and of the steered joints, by `front_steering`.
-_OF_HUMBLE = {
-    True: ("rear_wheels_names", "front_wheels_names"),
-    False: ("front_wheels_names", "rear_wheels_names"),
-}
 
 
 @dc.dataclass(frozen=True)
@@ -97,37 +67,22 @@ def find_bases(
             driven = tuple(n for n in dict.fromkeys(names) if n in joints)
             link = tags[0].base_link or description.base
             bases.append(MobileBase(controller.name, driven, (), link))
-        if controller.type not in _PARAMETERS:
+        if controller.type not in WHEEL_PARAMETERS:
             continue
-        parameters = controller.parameters
-        driving, steering = _PARAMETERS[controller.type]
-        if _PARAMETERS[controller.type] is _STEERING:
-            steers_front = parameters.get("front_steering")
-            is_front = steers_front is None or bool(steers_front.value)
-            older = _OF_HUMBLE[is_front]
-            driving, steering = (*driving, older[0]), (*steering, older[1])
-        frame = parameters.get("base_frame_id")
-        link = "base_link" if frame is None else str(frame.value)
-        bases.append(
-            MobileBase(
-                controller.name,
-                tuple(n for n in _names(parameters, driving) if n in joints),
-                tuple(n for n in _names(parameters, steering) if n in joints),
-                link if link in description.links else description.base,
-            )
+        parameters = WHEEL_PARAMETERS[controller.type]
+        if parameters is STEERING:
+            older = humble_wheel_parameters(controller)
+            parameters = tuple((*a, b) for a, b in zip(STEERING, older, strict=True))
+        driven, steered = (
+            tuple(n for n in dict.fromkeys(texts_of(controller, *names)) if n in joints)
+            for names in parameters
         )
+        frame = controller.parameters.get("base_frame_id")
+        link = "base_link" if frame is None else str(frame.value)
+        if link not in description.links:
+            link = description.base
+        bases.append(MobileBase(controller.name, driven, steered, link))
     return tuple(bases)
-
-
-def _names(values: Mapping[str, Parameter], parameters: Iterable[str]) -> list[str]:
-    """Return the texts that parameters have, each once."""
-    found: list[str] = []
-    for name in parameters:
-        value = values[name].value if name in values else ()
-        texts = [value] if isinstance(value, str) else value
-        if isinstance(texts, Sequence):
-            found += [text for text in texts if isinstance(text, str)]
-    return list(dict.fromkeys(found))
 
 
 def moved_joints(description: RobotDescription, joint: str) -> list[JointInfo]:
@@ -210,12 +165,9 @@ Array = NDArray[Any]
 
 def link_orientation(description: RobotDescription, link: str) -> Array:
     """Return the orientation of a link in its root, joints at 0, shape (3, 3)."""
-    carriers = {joint.child: joint for joint in description.joints}
     R = np.eye(3)
-    while link in carriers:
-        carrier = carriers[link]
+    for carrier in joints_above(description.joints, link):
         R = carrier.origin.rotation @ R
-        link = carrier.parent
     return R
 
 

@@ -1,7 +1,7 @@
 """Hardware from controllers' claims, for descriptions without `<ros2_control>`."""
 
 import collections
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from arm_drake import interfaces
@@ -24,24 +24,38 @@ _INTERFACES = (
     "interface_name",
 )
 
+# Parameters of bases that name driven joints, and those that name steered ones.
+STEERING = (("traction_joints_names",), ("steering_joints_names",))
+WHEEL_PARAMETERS: Mapping[str, Sequence[Sequence[str]]] = {
+    "diff_drive_controller/DiffDriveController": (
+        ("left_wheel_names", "right_wheel_names"),
+        (),
+    ),
+    "mecanum_drive_controller/MecanumDriveController": (
+        (
+            "front_left_wheel_command_joint_name",
+            "front_right_wheel_command_joint_name",
+            "rear_right_wheel_command_joint_name",
+            "rear_left_wheel_command_joint_name",
+        ),
+        (),
+    ),
+    "omni_wheel_drive_controller/OmniWheelDriveController": (("wheel_names",), ()),
+    "tricycle_controller/TricycleController": (
+        ("traction_joint_name",),
+        ("steering_joint_name",),
+    ),
+    "ackermann_steering_controller/AckermannSteeringController": STEERING,
+    "bicycle_steering_controller/BicycleSteeringController": STEERING,
+    "tricycle_steering_controller/TricycleSteeringController": STEERING,
+}
+
 # Parameters that name joints, and what is claimed of them. None is what the parameters
 # above say, or else the controller's type.
 _JOINTS: Mapping[str, str | None] = {
-    "command_joints": None,
-    "joints": None,
-    "joint": None,
-    "dof_names": None,
-    "left_wheel_names": _VELOCITY,
-    "right_wheel_names": _VELOCITY,
-    "wheel_names": _VELOCITY,
-    "traction_joints_names": _VELOCITY,
-    "traction_joint_name": _VELOCITY,
-    "steering_joints_names": _POSITION,
-    "steering_joint_name": _POSITION,
-    "front_left_wheel_command_joint_name": _VELOCITY,
-    "front_right_wheel_command_joint_name": _VELOCITY,
-    "rear_left_wheel_command_joint_name": _VELOCITY,
-    "rear_right_wheel_command_joint_name": _VELOCITY,
+    **dict.fromkeys(("command_joints", "joints", "joint", "dof_names")),
+    **{name: _VELOCITY for driven, _ in WHEEL_PARAMETERS.values() for name in driven},
+    **{name: _POSITION for _, steered in WHEEL_PARAMETERS.values() for name in steered},
 }
 
 # The package of a type says what it claims, where no parameter does.
@@ -82,18 +96,17 @@ def hardware_from_controllers(
     what = "the description has no <ros2_control>"
     done = f"joints take the commands that controllers claim, else positions: {listed}"
     report.add("info", "missing", what, done, file=file)
-    states = tuple(InterfaceInfo(name) for name in interfaces.STATE_INTERFACES)
-    return (
-        HardwareInfo(
-            name="hardware",
-            type="system",
-            plugin="",
-            joints=tuple(
-                ComponentInfo(name, tuple(map(InterfaceInfo, names)), states)
-                for name, names in claims.items()
-            ),
-        ),
+    return (make_block("hardware", claims),)
+
+
+def make_block(name: str, claims: Mapping[str, Iterable[str]]) -> HardwareInfo:
+    """Return a block of joints with the command interfaces that are claimed of them."""
+    states = tuple(InterfaceInfo(state) for state in interfaces.STATE_INTERFACES)
+    joints = tuple(
+        ComponentInfo(joint, tuple(map(InterfaceInfo, commands)), states)
+        for joint, commands in claims.items()
     )
+    return HardwareInfo(name, "system", "", joints)
 
 
 def _claims_of(
@@ -127,42 +140,40 @@ def _claims(controller: ControllerConfig) -> Iterator[tuple[str, str]]:
     package, _, name = controller.type.partition("/")
     if name.endswith("Broadcaster"):
         return
-    declared = tuple(
-        interface
-        for parameter in _INTERFACES
-        for interface in _texts(controller, parameter)
-    )
-    implied = declared or (_PACKAGES.get(package, _POSITION),)
-    parameters = [name for name in _JOINTS if _texts(controller, name)]
+    implied = texts_of(controller, *_INTERFACES) or (_PACKAGES.get(package, _POSITION),)
+    parameters = [name for name in _JOINTS if texts_of(controller, name)]
     if "command_joints" in parameters and "joints" in parameters:
         parameters.remove("joints")
     for parameter in parameters:
         fixed = _JOINTS[parameter]
-        for joint in _texts(controller, parameter):
+        for joint in texts_of(controller, parameter):
             for interface in implied if fixed is None else (fixed,):
                 yield joint, interface
     # A passthrough controller's are whole names.
-    for text in _texts(controller, "interfaces"):
+    for text in texts_of(controller, "interfaces"):
         joint, _, interface = text.rpartition("/")
         yield joint, interface
-    yield from _steering_claims(controller)
+    for parameter, interface in zip(
+        humble_wheel_parameters(controller), (_VELOCITY, _POSITION), strict=True
+    ):
+        for joint in texts_of(controller, parameter):
+            yield joint, interface
 
 
-def _steering_claims(controller: ControllerConfig) -> Iterator[tuple[str, str]]:
-    """Yield the claims of a steering controller in the form up to Humble."""
+def humble_wheel_parameters(controller: ControllerConfig) -> tuple[str, str]:
+    """Return the parameters of driven and of steered joints up to Humble."""
     steers_front = controller.parameters.get("front_steering")
     is_front = steers_front is None or bool(steers_front.value)
-    for parameter, is_steering in (
-        ("front_wheels_names", is_front),
-        ("rear_wheels_names", not is_front),
-    ):
-        for joint in _texts(controller, parameter):
-            yield joint, _POSITION if is_steering else _VELOCITY
+    names = ("rear_wheels_names", "front_wheels_names")
+    return names if is_front else names[::-1]
 
 
-def _texts(controller: ControllerConfig, name: str) -> tuple[str, ...]:
-    """Return a parameter's text or texts; what is neither is the controller's error."""
-    parameter = controller.parameters.get(name)
-    value = None if parameter is None else parameter.value
-    values = value if isinstance(value, list | tuple) else [value]
-    return tuple(text for text in values if isinstance(text, str) and text)
+def texts_of(controller: ControllerConfig, *names: str) -> tuple[str, ...]:
+    """Return the texts of parameters; what is none is the controller's error."""
+    found: list[str] = []
+    for name in names:
+        parameter = controller.parameters.get(name)
+        value = None if parameter is None else parameter.value
+        values = value if isinstance(value, list | tuple) else [value]
+        found += [text for text in values if isinstance(text, str) and text]
+    return tuple(found)

@@ -138,14 +138,6 @@ def _candidates(description: RobotDescription, packages: PackageFinder) -> list[
     return found[:_MAX_CANDIDATES]
 
 
-_NAMES = {
-    "joint_state_broadcaster": "joint_state_broadcaster/JointStateBroadcaster",
-    "joint_trajectory_controller": (
-        "joint_trajectory_controller/JointTrajectoryController"
-    ),
-}
-
-
 def default_controllers(
     description: RobotDescription, report: LoadReport
 ) -> ControllerManagerConfig:
@@ -164,15 +156,13 @@ def default_controllers(
         "command_interfaces": ["position"],
         "state_interfaces": ["position", "velocity"],
     }
+    placed = {key: Parameter(value, file, 1) for key, value in parameters.items()}
     broadcaster, trajectory = (
-        ControllerConfig(
-            name,
-            type_,
-            {key: Parameter(value, file, 1) for key, value in values.items()},
-            file,
-            1,
+        ControllerConfig(package, f"{package}/{type_}", values, file, 1)
+        for package, type_, values in (
+            ("joint_state_broadcaster", "JointStateBroadcaster", {}),
+            ("joint_trajectory_controller", "JointTrajectoryController", placed),
         )
-        for (name, type_), values in zip(_NAMES.items(), ({}, parameters), strict=True)
     )
     what = "neither <ros2_control> tags nor a controllers YAML"
     done = f"one joint_trajectory_controller moves its {len(joints)} independent joints"

@@ -198,17 +198,19 @@ def links_on(joints: Sequence[JointInfo], link: str) -> set[str]:
     return found
 
 
+def joints_above(joints: Sequence[JointInfo], link: str) -> list[JointInfo]:
+    """Return the joints that carry a link, the nearest first."""
+    carriers = {joint.child: joint for joint in joints}
+    found = []
+    while link in carriers:
+        found.append(carriers[link])
+        link = carriers[link].parent
+    return found
+
+
 def from_the_root(joints: Sequence[JointInfo]) -> list[JointInfo]:
     """Return the joints so that each comes after those that carry it."""
-    carriers = {joint.child: joint.parent for joint in joints}
-
-    def depth(joint: JointInfo) -> int:
-        count, link = 0, joint.parent
-        while link in carriers:
-            count, link = count + 1, carriers[link]
-        return count
-
-    return sorted(joints, key=depth)
+    return sorted(joints, key=lambda joint: len(joints_above(joints, joint.parent)))
 
 
 def last_master(

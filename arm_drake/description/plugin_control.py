@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 from arm_drake import interfaces
-from arm_drake.description.claimed_hardware import claimed_joints
+from arm_drake.description.claimed_hardware import claimed_joints, make_block
 from arm_drake.description.controller_manager_parameters import MANAGER
 from arm_drake.description.controllers import ControllerConfig, ControllerManagerConfig
 from arm_drake.description.gazebo_plugins import (
@@ -28,11 +28,7 @@ from arm_drake.description.gazebo_plugins import (
 from arm_drake.description.joints import WORLD, JointInfo, JointLimits
 from arm_drake.description.parameters import Parameter
 from arm_drake.description.report import LoadReport
-from arm_drake.description.ros2_control import (
-    ComponentInfo,
-    HardwareInfo,
-    InterfaceInfo,
-)
+from arm_drake.description.ros2_control import HardwareInfo
 from arm_drake.description.urdf import RobotDescription, total_mass
 
 OneOfJoints: TypeAlias = (
@@ -430,20 +426,9 @@ def _hardware(
                 claims.setdefault(carrier, {})[interface] = None
     if not claims:
         return None
-    states = tuple(InterfaceInfo(name) for name in interfaces.STATE_INTERFACES)
-    read = [n for n in movable if n not in claims and n in plugin_joints(description)]
-    return HardwareInfo(
-        "Gazebo plugins",
-        "system",
-        "",
-        joints=(
-            *(
-                ComponentInfo(name, tuple(map(InterfaceInfo, names)), states)
-                for name, names in claims.items()
-            ),
-            *(ComponentInfo(name, (), states) for name in read),
-        ),
-    )
+    moved = plugin_joints(description)
+    claims |= {n: {} for n in movable if n not in claims and n in moved}
+    return make_block("Gazebo plugins", claims)
 
 
 def _at_rate(

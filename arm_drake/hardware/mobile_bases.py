@@ -29,6 +29,7 @@ from arm_drake.description.base_wheels import (
     with_axles,
 )
 from arm_drake.description.contact_surfaces import for_drake
+from arm_drake.description.joints import joints_above
 from arm_drake.description.report import LoadReport, Severity
 from arm_drake.description.robot import Robot
 from arm_drake.description.rollers import (
@@ -430,12 +431,12 @@ def _is_at_zero(shape: PlacedShape) -> bool:
 
 def _is_sprung(robot: Robot, joint: str, base: str) -> bool:
     """Return whether another joint than its own lets a wheel move up and down."""
-    carriers = {j.child: j for j in robot.description.joints}
     link = robot.description.joint(joint).parent
-    while link in carriers and link != base:
-        if carriers[link].type not in ("fixed", "revolute", "continuous"):
+    for carrier in joints_above(robot.description.joints, link):
+        if carrier.child == base:
+            return False
+        if carrier.type not in ("fixed", "revolute", "continuous"):
             return True
-        link = carriers[link].parent
     return False
 
 

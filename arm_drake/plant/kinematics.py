@@ -12,7 +12,7 @@ from pydrake.systems.framework import Context, DiagramBuilder, InputPort
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
 from arm_drake.arrays import Array
-from arm_drake.description.joints import MOVABLE_TYPES, WORLD, JointInfo
+from arm_drake.description.joints import MOVABLE_TYPES, WORLD, joints_above
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.plant.plant import add_robot_model, set_initial_positions, state_indices
 from arm_drake.python_system import PythonSystem
@@ -75,21 +75,13 @@ class PlantKinematics:
 
     def joints_to(self, link: str) -> tuple[str, ...]:
         """Return the movable joints between the base and a link, in that order."""
-        up, down = self._joints_above(self._name), self._joints_above(link)
+        joints = self._description.joints
+        up, down = joints_above(joints, self._name), joints_above(joints, link)
         while up and down and up[-1] == down[-1]:
             up.pop()
             down.pop()
         path = (*up, *reversed(down))
         return tuple(joint.name for joint in path if joint.type in MOVABLE_TYPES)
-
-    def _joints_above(self, link: str) -> list[JointInfo]:
-        """Return the joints from a link to its root."""
-        parents = {joint.child: joint for joint in self._description.joints}
-        path = []
-        while (joint := parents.get(link)) is not None:
-            path.append(joint)
-            link = joint.parent
-        return path
 
     def _set(self, q: Array) -> None:
         positions = self._q.copy()
