@@ -13,12 +13,7 @@ from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
-from pydrake.systems.primitives import (
-    Adder,
-    ConstantVectorSource,
-    MatrixGain,
-    Multiplexer,
-)
+from pydrake.systems.primitives import Adder, ConstantVectorSource, Multiplexer
 
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
@@ -26,7 +21,7 @@ from arm_drake.description.sensors import accelerating_joints
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.hardware.drives import RobotDrive, add_rotors
 from arm_drake.hardware.joint_friction import make_robot_friction
-from arm_drake.hardware.servo import make_joint_servo
+from arm_drake.hardware.servo import Wiring, make_joint_servo
 from arm_drake.options import SimulationOptions
 from arm_drake.plant.plant import state_indices
 from arm_drake.plant.sensor_readings import ContactReadings, SensorReadings
@@ -116,11 +111,11 @@ def add_hardware(
             ),
         )
         D = _reduced_state(plant, model, alone, description)
-        reduced = _gain(builder, f"{prefix}servo_state", D, state)
+        reduced = Wiring(builder).times(f"{prefix}servo_state", D, state)
         builder.Connect(reduced, servo.GetInputPort("state"))
         if known is not None:
             D = _picked_velocities(plant, model, names)
-            braked = _gain(builder, f"{prefix}servo_friction", D, known)
+            braked = Wiring(builder).times(f"{prefix}servo_friction", D, known)
             builder.Connect(braked, servo.GetInputPort("friction"))
         effort, command = servo.GetOutputPort("effort"), servo.GetInputPort("command")
         builder.Connect(effort, plant.get_actuation_input_port(model))
@@ -171,7 +166,7 @@ def connect_forces(
             plant.SetVelocitiesInArray(model, unit, v)
             D[:, column] = v
         name = f"{plant.GetModelInstanceName(model)}:forces"
-        ports.append(_gain(builder, name, D, port))
+        ports.append(Wiring(builder).times(name, D, port))
     if len(ports) > 1:
         total = builder.AddNamedSystem(
             "plant:generalized_forces", Adder(len(ports), plant.num_velocities())
@@ -181,20 +176,6 @@ def connect_forces(
         ports = [total.get_output_port()]
     for port in ports:
         builder.Connect(port, plant.get_applied_generalized_force_input_port())
-
-
-def _gain(
-    builder: DiagramBuilder, name: str, D: np.ndarray, port: OutputPort
-) -> OutputPort:
-    """Return D times a port; the port itself if D changes nothing."""
-    if not len(D):
-        nothing = builder.AddNamedSystem(name, ConstantVectorSource(np.zeros(0)))
-        return nothing.get_output_port()
-    if D.shape[0] == D.shape[1] and np.array_equal(D, np.eye(len(D))):
-        return port
-    gain = builder.AddNamedSystem(name, MatrixGain(D))
-    builder.Connect(port, gain.get_input_port())
-    return gain.get_output_port()
 
 
 def add_state_interfaces(
@@ -214,7 +195,7 @@ def add_state_interfaces(
     for row in range(J):
         D[row, q_at[row]] = D[J + row, v_at[row]] = 1.0
     state = plant.get_state_output_port(model)
-    motions = _gain(builder, f"{prefix}joint_motions", D, state)
+    motions = Wiring(builder).times(f"{prefix}joint_motions", D, state)
     states = builder.AddNamedSystem(f"{prefix}joint_states", Multiplexer([2 * J, J]))
     builder.Connect(motions, states.get_input_port(0))
     if effort is None:
@@ -226,7 +207,7 @@ def add_state_interfaces(
         E = np.zeros((J, len(commanded)))
         for column, name in enumerate(commanded):
             E[names.index(name), column] = 1.0
-        efforts = _gain(builder, f"{prefix}joint_efforts", E, effort)
+        efforts = Wiring(builder).times(f"{prefix}joint_efforts", E, effort)
         builder.Connect(efforts, states.get_input_port(1))
     return motions, states.get_output_port()
 

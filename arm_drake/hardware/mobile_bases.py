@@ -255,24 +255,17 @@ class BaseTruth(PythonSystem):
         known = Odometry()
         if self._odometry.HasValue(context):
             known = self._odometry.Eval(context)
-        output.set_value(
-            Odometry(
-                Header.from_nanoseconds(
-                    round(context.get_time() * NANOSECONDS),
-                    known.header.frame_id or "odom",
-                ),
-                known.child_frame_id or self._link,
-                PoseWithCovariance(
-                    Pose(
-                        Point(*map(float, X_OB.translation())),
-                        Quaternion(q.x(), q.y(), q.z(), q.w()),
-                    )
-                ),
-                TwistWithCovariance(
-                    Twist(Vector3(*map(float, v)), Vector3(*map(float, w)))
-                ),
-            )
+        time, frame = round(context.get_time() * NANOSECONDS), known.header.frame_id
+        position = Point(*map(float, X_OB.translation()))
+        pose = Pose(position, Quaternion(q.x(), q.y(), q.z(), q.w()))
+        twist = Twist(Vector3(*map(float, v)), Vector3(*map(float, w)))
+        truth = Odometry(
+            Header.from_nanoseconds(time, frame or "odom"),
+            known.child_frame_id or self._link,
+            PoseWithCovariance(pose),
+            TwistWithCovariance(twist),
         )
+        output.set_value(truth)
 
 
 def _slip(

@@ -112,16 +112,10 @@ class MockHardware(PythonSystem):
         self._state = self.DeclareAbstractState(
             AbstractValue.Make(self._start(robot.initial_positions, measured))
         )
+        tickets = {self.time_ticket(), self.xa_ticket()}
+        tickets |= {self._values.ticket(), self._claimed.ticket()}
         self._read = self.DeclareAbstractOutputPort(
-            "read",
-            lambda: AbstractValue.Make(()),
-            self._calc_read,
-            {
-                self.time_ticket(),
-                self.xa_ticket(),
-                self._values.ticket(),
-                self._claimed.ticket(),
-            },
+            "read", lambda: AbstractValue.Make(()), self._calc_read, tickets
         )
         for name, size in (
             ("joint_motions", 2 * len(self._joints)),

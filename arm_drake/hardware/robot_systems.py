@@ -4,7 +4,7 @@ import dataclasses as dc
 from collections.abc import Mapping, Sequence
 
 from pydrake.systems.framework import DiagramBuilder, OutputPort
-from pydrake.systems.primitives import Multiplexer, VectorLogSink, ZeroOrderHold
+from pydrake.systems.primitives import VectorLogSink, ZeroOrderHold
 
 from arm_drake import interfaces
 from arm_drake.control.drive_commands import DriveCommands
@@ -15,6 +15,7 @@ from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.hardware.drives import make_command_limits
 from arm_drake.hardware.hardware import Hardware
+from arm_drake.hardware.servo import Wiring
 from arm_drake.manager import MANAGER, STORED_PORT, SWITCH_PORT, ControllerManager
 from arm_drake.manager.connections import (
     SampledStates,
@@ -213,15 +214,7 @@ class RobotSystems:
             ports.append(readings)
         if manager.HasOutputPort(STORED_PORT):
             ports.append(manager.GetOutputPort(STORED_PORT))
-        if len(ports) == 1:
-            return joint_states
-        total = self.builder.AddNamedSystem(
-            f"{self.prefix}state_interfaces",
-            Multiplexer([port.size() for port in ports]),
-        )
-        for index, port in enumerate(ports):
-            self.builder.Connect(port, total.get_input_port(index))
-        return total.get_output_port()
+        return Wiring(self.builder).join(f"{self.prefix}state_interfaces", ports)
 
     def _record(self, joint_states: OutputPort) -> None:
         """Record the state of the joints at every tick, with the efforts it causes."""

@@ -537,7 +537,7 @@ def make_joint_servo(
     h = control_plant.time_step()
     layout = Layout(2 * len(N), positions_at, velocities_at, has_modes, has_limits)
     laws = EffortLaws(gains, layout, knows_friction=knows_friction)
-    wiring = _Wiring()
+    wiring = Wiring(DiagramBuilder())
     state = wiring.source("state", layout.num_states)
     command = wiring.source("command", layout.num_commands)
     if pid is not None:
@@ -568,7 +568,7 @@ def make_joint_servo(
 
 
 def _add_efforts(
-    wiring: "_Wiring",
+    wiring: "Wiring",
     laws: EffortLaws,
     layout: Layout,
     plant: MultibodyPlant,
@@ -603,11 +603,11 @@ def _add_efforts(
     return [*scale, *free]
 
 
-class _Wiring:
+@dc.dataclass(frozen=True)
+class Wiring:
     """Adds systems to a builder, connected to what they read."""
 
-    def __init__(self) -> None:
-        self.builder = DiagramBuilder()
+    builder: DiagramBuilder
 
     def source(self, name: str, size: int) -> OutputPort:
         """Return an input of the diagram, for several systems to read."""
@@ -637,6 +637,8 @@ class _Wiring:
     def times(self, name: str, matrix: Array, port: OutputPort) -> OutputPort:
         """Return a matrix times a port; the port itself if that changes nothing."""
         rows, columns = matrix.shape
+        if not rows:
+            return self.add(name, ConstantVectorSource(np.zeros(0)))
         if rows == columns and np.array_equal(matrix, np.eye(rows)):
             return port
         return self.add(name, MatrixGain(matrix), port)

@@ -1,5 +1,6 @@
 """Sensor readings from the plant: forces, motions, poses, distances."""
 
+import dataclasses as dc
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Final, NamedTuple
@@ -95,38 +96,37 @@ _PLANT: Final = {
 _QUERY: Final = "geometry_query"
 
 
+@dc.dataclass(frozen=True)
 class PlantPorts:
     """Declares input ports of a system as they are needed, each once."""
 
-    def __init__(
-        self, system: LeafSystem, plant: MultibodyPlant, scene_graph: SceneGraph
-    ) -> None:
-        """Create it."""
-        self._system = system
-        self._plant = plant
-        self._scene_graph = scene_graph
-        self._ports: dict[str, tuple[InputPort, OutputPort]] = {}
+    system: LeafSystem
+    plant: MultibodyPlant
+    scene_graph: SceneGraph
+
+    # The ports so far, with those that they are connected to.
+    ports: dict[str, tuple[InputPort, OutputPort]] = dc.field(default_factory=dict)
 
     def take(self, name: str) -> InputPort:
         """Return the input port for something that the plant tells."""
-        if name not in self._ports:
+        if name not in self.ports:
             source = self._source(name)
             if source.size():
-                target = self._system.DeclareVectorInputPort(name, source.size())
+                target = self.system.DeclareVectorInputPort(name, source.size())
             else:
-                target = self._system.DeclareAbstractInputPort(name, source.Allocate())
-            self._ports[name] = (target, source)
-        return self._ports[name][0]
+                target = self.system.DeclareAbstractInputPort(name, source.Allocate())
+            self.ports[name] = (target, source)
+        return self.ports[name][0]
 
     def connect(self, builder: DiagramBuilder) -> None:
         """Connect the system, which is in a builder with the plant."""
-        for target, source in self._ports.values():
+        for target, source in self.ports.values():
             builder.Connect(source, target)
 
     def _source(self, name: str) -> OutputPort:
         if name == _QUERY:
-            return self._scene_graph.GetOutputPort("query")
-        return self._plant.GetOutputPort(_PLANT[name])
+            return self.scene_graph.GetOutputPort("query")
+        return self.plant.GetOutputPort(_PLANT[name])
 
 
 class _Mount(NamedTuple):
@@ -258,7 +258,7 @@ class SensorReadings(PythonSystem):
         return self._plant.GetBodyByName(link, model)
 
     def _measure_load(
-        self, sensor: SensorInfo, model: ModelInstanceIndex, mount: "_Mount"
+        self, sensor: SensorInfo, model: ModelInstanceIndex, mount: _Mount
     ) -> Callable[[Context], Array]:
         forces = self._ports.take("reaction_forces")
         joint = self._plant.GetJointByName(sensor.joint, model)
@@ -272,7 +272,7 @@ class SensorReadings(PythonSystem):
 
         return measure
 
-    def _measure_rate(self, mount: "_Mount") -> Callable[[Context], Array]:
+    def _measure_rate(self, mount: _Mount) -> Callable[[Context], Array]:
         poses = self._ports.take("body_poses")
         velocities = self._ports.take("spatial_velocities")
 
@@ -283,7 +283,7 @@ class SensorReadings(PythonSystem):
 
         return measure
 
-    def _measure_acceleration(self, mount: "_Mount") -> Callable[[Context], Array]:
+    def _measure_acceleration(self, mount: _Mount) -> Callable[[Context], Array]:
         poses = self._ports.take("body_poses")
         velocities = self._ports.take("spatial_velocities")
         accelerations = self._ports.take("spatial_accelerations")
@@ -304,7 +304,7 @@ class SensorReadings(PythonSystem):
         return measure
 
     def _measure_pose(
-        self, mount: "_Mount", reference: int
+        self, mount: _Mount, reference: int
     ) -> Callable[[Context], Array]:
         poses = self._ports.take("body_poses")
 
@@ -317,7 +317,7 @@ class SensorReadings(PythonSystem):
         return measure
 
     def _measure_range(
-        self, mount: "_Mount", body: RigidBody
+        self, mount: _Mount, body: RigidBody
     ) -> Callable[[Context], Array]:
         poses = self._ports.take("body_poses")
         query = self._ports.take("geometry_query")
@@ -431,10 +431,7 @@ class ContactReadings(PythonSystem):
             lambda: AbstractValue.Make(ContactsState()),
             self._calc_contacts,
             # The time is in the header.
-            prerequisites_of_calc={
-                self.time_ticket(),
-                self.all_input_ports_ticket(),
-            },
+            {self.time_ticket(), self.all_input_ports_ticket()},
         )
 
     def connect(self, builder: DiagramBuilder) -> None:
