@@ -103,6 +103,11 @@ class MissingExtraError(ArmDrakeError, ImportError):
         super().__init__(f"{feature} needs `pip install 'arm-drake[{extra}]'`")
 
 
+def quoted(names: Iterable[str]) -> str:
+    """Return names as a message lists them."""
+    return ", ".join(map(repr, names))
+
+
 def suggest(name: str, known: Iterable[str]) -> str:
     """Return the end of a message about a name that isn't one of the known ones."""
     names = sorted(set(known))

@@ -20,7 +20,7 @@ from arm_drake.description.elements import (
     text_of,
 )
 from arm_drake.description.report import LoadReport
-from arm_drake.errors import suggest
+from arm_drake.errors import quoted, suggest
 
 
 @dc.dataclass(frozen=True)
@@ -483,7 +483,7 @@ def _report_plugin(block: HardwareInfo, reader: ElementReader) -> None:
     if block.plugin in SIMULATOR_PLUGINS:
         what += f" ({SIMULATOR_PLUGINS[block.plugin]})"
     if block.parameters:
-        done += f", without its parameters {_listed(block.parameters)}"
+        done += f", without its parameters {quoted(block.parameters)}"
     reader.note("info", "ignored", what, done)
 
 
@@ -496,7 +496,7 @@ def _remarks(block: HardwareInfo) -> Iterable[tuple[str, str]]:
         if interface.name not in _STANDARD
     }
     if custom:
-        yield f"interfaces {_listed(sorted(custom))}", kept
+        yield f"interfaces {quoted(sorted(custom))}", kept
     # Of the others `find_sensors` says what becomes of them.
     stored = [
         sensor
@@ -505,24 +505,20 @@ def _remarks(block: HardwareInfo) -> Iterable[tuple[str, str]]:
     ]
     for kind, components in (("sensors", stored), ("gpios", block.gpios)):
         if components:
-            yield f"{kind} {_listed(c.name for c in components)}", kept
+            yield f"{kind} {quoted(c.name for c in components)}", kept
     if block.transmissions:
-        names = _listed(transmission.name for transmission in block.transmissions)
+        names = quoted(transmission.name for transmission in block.transmissions)
         yield f"transmissions {names}", "joints are driven without them"
     gains = [j.name for j in block.joints if j.position_pid or j.velocity_pid]
     # Those of Gazebo Classic drive the joints, see drive_gains.
     if gains and SIMULATOR_PLUGINS.get(block.plugin) != CLASSIC:
-        yield f"PID gains of joints {_listed(gains)}", "the joint servo has its own"
+        yield f"PID gains of joints {quoted(gains)}", "the joint servo has its own"
     others = {name for joint in block.joints for name in joint.parameters} - _READ
     if others:
-        yield f"joint parameters {_listed(sorted(others))}", kept
+        yield f"joint parameters {quoted(sorted(others))}", kept
     usual = HardwareInfo(block.name, block.type, block.plugin)
     timing = ("rw_rate", "is_async", "thread_priority", "group")
     given = [name for name in timing if getattr(block, name) != getattr(usual, name)]
     if given:
         done = "the hardware is read and written at every tick of the manager"
         yield ", ".join(given), done
-
-
-def _listed(names: Iterable[str]) -> str:
-    return ", ".join(map(repr, names))

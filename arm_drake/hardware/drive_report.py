@@ -1,6 +1,6 @@
 """Lines of the load report about drives, dry friction, and times of a simulation."""
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Sequence
 from typing import Final
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from arm_drake import interfaces
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
+from arm_drake.errors import quoted
 from arm_drake.hardware.drives import RobotDrive, claimed_interfaces
 from arm_drake.hardware.joint_friction import find_friction
 from arm_drake.manager.loaded_controllers import LoadedController
@@ -47,7 +48,7 @@ def report_drive(
     left = [name for name in drive.names if name not in claimed]
     if left:
         done = "they hold their positions" if holds else "they swing freely"
-        _note(report, f"no active controller commands {_listed(left)}", done)
+        _note(report, f"no active controller commands {quoted(left)}", done)
     locked = [
         name
         for name, lower, upper in zip(
@@ -56,7 +57,7 @@ def report_drive(
         if lower == upper
     ]
     if locked:
-        what = f"no room between its limits: {_listed(locked)}"
+        what = f"no room between its limits: {quoted(locked)}"
         _note(report, what, "they can't move")
     passive = [
         joint.name
@@ -64,7 +65,7 @@ def report_drive(
         if joint.mimic is None and joint.name not in drive.names
     ]
     if passive:
-        _note(report, f"no command interface: {_listed(passive)}", "they swing freely")
+        _note(report, f"no command interface: {quoted(passive)}", "they swing freely")
     _report_unlimited(drive, claimed_interfaces(robot, controllers), report)
 
 
@@ -83,7 +84,7 @@ def _report_rotors(drive: RobotDrive, report: LoadReport) -> None:
         done = f"the drives have rotors of their own [kg·m² or kg]: {rotors}"
         _note(report, what, done)
     elif light:
-        what = f"links are much lighter than drives of {_listed(light)}"
+        what = f"links are much lighter than drives of {quoted(light)}"
         done = "they get no rotors; with SimulationOptions(reflected_inertia=True) "
         done += "they do, and carry heavier payloads"
         _note(report, what, done)
@@ -94,12 +95,12 @@ def _report_gains(drive: RobotDrive, report: LoadReport) -> None:
     if drive.pid is not None:
         pairs = zip(drive.names, drive.pid.position, drive.pid.velocity, strict=True)
         own = [name for name, *gains in pairs if any(gains)]
-        what = f"PID gains of the description drive {_listed(own)}"
+        what = f"PID gains of the description drive {quoted(own)}"
         done = "as under Gazebo Classic, which knows nothing of the robot's weight"
         _note(report, what, done)
         _report_stiff(drive, report)
     if drive.rated:
-        what = f"position_proportional_gain drives {_listed(drive.rated)}"
+        what = f"position_proportional_gain drives {quoted(drive.rated)}"
         done = "velocities become gain x update_rate x error, as in Gazebo Sim"
         _note(report, what, done)
 
@@ -116,7 +117,7 @@ def _report_unlimited(
         if np.isinf(limit) and name in commanded
     ]
     if unlimited:
-        what = f"no velocity limit: {_listed(unlimited)}"
+        what = f"no velocity limit: {quoted(unlimited)}"
         _note(report, what, "velocity commands are followed whatever they are")
 
 
@@ -201,7 +202,3 @@ def report_times(
         what += f"{1e3 * step:.4g} ms"
         done = "a row shows the state after the last step"
         report.add("info", "repair", what, done, where="log_rate")
-
-
-def _listed(names: Iterable[str]) -> str:
-    return ", ".join(map(repr, names))

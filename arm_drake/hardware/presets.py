@@ -1,6 +1,6 @@
 """Reasons why a robot can't have the preset "fast", and their report."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 from pydrake.geometry import Role, SceneGraph
@@ -10,6 +10,7 @@ from arm_drake import interfaces
 from arm_drake.description.drive_gains import find_drive_gains, holds_joints
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
+from arm_drake.errors import quoted
 from arm_drake.hardware.drives import can_move, claimed_interfaces, commanded_joints
 from arm_drake.manager.loaded_controllers import LoadedController
 from arm_drake.options import SimulationOptions
@@ -58,9 +59,9 @@ def find_obstacles(
     facts = {
         "its base stands on the ground, or links are free": bool(robot.free_links),
         "self_collision is contact": options.self_collision,
-        f"{_listed(ranging)} measures distances to links": bool(ranging),
+        f"{quoted(ranging)} measures distances to links": bool(ranging),
         "joints are coupled by mimic": any(joint.mimic for joint in movable),
-        f"nothing drives {_listed(passive)}": bool(passive),
+        f"nothing drives {quoted(passive)}": bool(passive),
         f"controllers command {', '.join(others)}": bool(others),
         "a gripper has limits at run time": any(s.limit_interfaces for s in systems),
         "joints that nobody commands are not held": not holds_joints(
@@ -69,7 +70,7 @@ def find_obstacles(
         "effort limits don't bear its weight and friction": not can_move(
             robot, options
         ),
-        f"gains of the description drive {_listed(declared_gains)}": bool(
+        f"gains of the description drive {quoted(declared_gains)}": bool(
             declared_gains
         ),
         "weight that the drives don't know needs their observer": (
@@ -80,7 +81,3 @@ def find_obstacles(
         ),
     }
     return [text for text, applies in facts.items() if applies]
-
-
-def _listed(names: Iterable[str]) -> str:
-    return ", ".join(map(repr, names))
