@@ -199,16 +199,14 @@ def add_state_interfaces(
     states = builder.AddNamedSystem(f"{prefix}joint_states", Multiplexer([2 * J, J]))
     builder.Connect(motions, states.get_input_port(0))
     if effort is None:
-        nothing = builder.AddNamedSystem(
-            f"{prefix}joint_efforts", ConstantVectorSource(np.zeros(J))
-        )
-        builder.Connect(nothing.get_output_port(), states.get_input_port(1))
+        nothing = ConstantVectorSource(np.zeros(J))
+        efforts = Wiring(builder).add(f"{prefix}joint_efforts", nothing)
     else:
         E = np.zeros((J, len(commanded)))
         for column, name in enumerate(commanded):
             E[names.index(name), column] = 1.0
         efforts = Wiring(builder).times(f"{prefix}joint_efforts", E, effort)
-        builder.Connect(efforts, states.get_input_port(1))
+    builder.Connect(efforts, states.get_input_port(1))
     return motions, states.get_output_port()
 
 

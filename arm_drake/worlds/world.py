@@ -1,5 +1,6 @@
 """Worlds by name, by file and by function, and how they are added to plants."""
 
+import dataclasses as dc
 import functools
 import os
 import re
@@ -146,23 +147,19 @@ def load_sdf_world(path: Path, package_paths: Sequence[Path] = ()) -> LoadedWorl
     )
 
 
+@dc.dataclass(frozen=True, eq=False)
 class _AddSdfWorld:
     """Adds the world of an SDF file to plants; elsewhere its file is read again."""
 
-    def __init__(
-        self,
-        add_to: Callable[[MultibodyPlant], None],
-        path: Path,
-        package_paths: tuple[Path, ...],
-    ) -> None:
-        self._add_to = add_to
-        self._source = (path, package_paths)
+    add_to: Callable[[MultibodyPlant], None]
+    path: Path
+    package_paths: tuple[Path, ...]
 
     def __call__(self, plant: MultibodyPlant) -> None:
-        self._add_to(plant)
+        self.add_to(plant)
 
     def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
-        return _read_again, self._source
+        return _read_again, (self.path, self.package_paths)
 
 
 def _read_again(
