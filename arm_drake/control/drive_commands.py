@@ -159,11 +159,9 @@ class DriveCommands:
     def mode(
         self, claims: Mapping[str, float], limits: Mapping[str, str] | None = None
     ) -> DriveMode:
-        """Return the mode in which the joints are.
+        """Return the mode of joints whose interfaces are claimed, at rates [Hz].
 
-        Args:
-            claims: Claimed command interfaces, and the rate of their controller [Hz].
-            limits: Those of them that limit, "effort" or "velocity", by name.
+        `limits` are those of them that limit, "effort" or "velocity", by name.
         """
         limits = limits or {}
         claims = {name: rate for name, rate in claims.items() if name not in limits}
@@ -227,14 +225,8 @@ class DriveCommands:
         A joint that comes to follow a position starts where it comes to rest or is
         held, and without a velocity; one that follows a velocity with its own, one that
         follows an acceleration with none, one that follows an effort with that which it
-        applies.
-
-        Args:
-            old: Mode before the switch.
-            new: Mode after it.
-            values: Values of the command interfaces, shape (k,).
-            drive: Drive vector, shape (8 n,).
-            measured: Positions, velocities and efforts of the joints, each (n,).
+        applies. `values` are of shape (k,), `drive` (8 n,), `measured` positions,
+        velocities and efforts, each (n,).
         """
         values, drive = values.copy(), drive.copy()
         n = len(self.joints)
@@ -268,14 +260,9 @@ class DriveCommands:
 
         With limits it has 2 n more, 0 where there is none. The velocity of a joint that
         is commanded positions alone is their rate of change; after a switch and at a
-        step it is 0, for a jump is no speed.
-
-        Args:
-            mode: Which commands are followed.
-            values: Values of the command interfaces, shape (k,).
-            last: Drive vector of the last cycle.
-            fresh: Joints whose controller starts, shape (n,); None is none.
-            skipped: Joints whose controller doesn't tick in this cycle, likewise.
+        step it is 0, for a jump is no speed. `values` have the shape (k,); `fresh` are
+        joints whose controller starts, `skipped` those whose controller doesn't tick,
+        shape (n,); None is none.
         """
         is_steady = fresh is None and skipped is None and not self.has_limits
         if mode.is_plain and is_steady:

@@ -351,15 +351,10 @@ class GenericSystem:
     ) -> Self:
         """Return the hardware that a `<ros2_control>` block describes.
 
-        Args:
-            block: The block.
-            joints: Joints of the robot, with the mimic that holds.
-            humble: Whether the rules are Humble's: positions are integrated with the
-                velocity before the step, the following offset counts in each such step
-                but not at the start, and efforts of mimic joints follow too.
-
-        Raises:
-            DescriptionError: If a parameter of the hardware has no valid value.
+        Of humble, positions are integrated with the velocity before the step, the
+        following offset counts in each such step but not at the start, and efforts of
+        mimic joints follow too. A parameter without a valid value is a
+        DescriptionError.
         """
         parameters = Parameters.of(block, humble=humble)
         commands, initial = find_interfaces(block, parameters)
@@ -446,18 +441,11 @@ class GenericSystem:
     def read(
         self, state: GenericSystemState, commands: Array, period: float
     ) -> GenericSystemState:
-        """Return the state after a read.
+        """Return the state after a read, a period after the last [s].
 
-        A command of NaN is none: it leaves the state. So does an infinite one where
-        positions, or dynamics, are calculated; elsewhere it is an error, as upstream.
-
-        Args:
-            state: State after the last read.
-            commands: Commands, shape (m,).
-            period: Time since the last read [s], above 0.
-
-        Raises:
-            InfiniteCommandError: If an infinite command were to become a state.
+        A command, shape (m,), of NaN is none: it leaves the state. So does an infinite
+        one where positions, or dynamics, are calculated; elsewhere it is an
+        InfiniteCommandError, as upstream.
         """
         if self._parameters.disable_commands:
             return state

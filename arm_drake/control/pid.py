@@ -143,16 +143,11 @@ class Pid(Message):
 
     @classmethod
     def from_gains(cls, gains: Sequence[Any], *, is_humble: bool = False) -> Self:
-        """Return PIDs with these gains.
+        """Return PIDs with the gains of n objects, or raise ValueError.
 
-        Args:
-            gains: One object for each of the n PIDs, with the attributes p, i, d,
-                u_clamp_max, u_clamp_min, i_clamp_max, i_clamp_min, error_deadband,
-                tracking_time_constant, antiwindup_strategy and antiwindup.
-            is_humble: Whether they behave as those of ROS 2 Humble.
-
-        Raises:
-            ValueError: If a PID can't have its gains.
+        They have the attributes p, i, d, u_clamp_max, u_clamp_min, i_clamp_max,
+        i_clamp_min, error_deadband, tracking_time_constant, antiwindup_strategy and
+        antiwindup.
         """
         for k, one in enumerate(gains):
             fault = find_fault(one, is_humble=is_humble)
@@ -204,23 +199,14 @@ class Pid(Message):
     ) -> PidState:
         """Return the state after one step; it holds the command.
 
-        Where the error or its rate isn't finite, the command is NaN, of humble 0, and
-        the integral stays. With a `dt` of 0 nothing changes; of humble the command is
-        0.
+        Where the error, shape (n,), or its rate isn't finite, the command is NaN, of
+        humble 0, and the integral stays. With a `dt` of 0 [s] nothing changes; of
+        humble the command is 0; a negative one is a ValueError. Without a rate [1/s] it
+        is the difference to the error of the last step without one, over `dt`. `where`
+        says which PIDs step; None is all.
 
         As upstream, "back_calculation" with an integral gain, but neither another gain
         nor a time constant, makes integral and command NaN.
-
-        Args:
-            state: Where the PIDs are.
-            error: Reference minus measurement, shape (n,).
-            dt: Time since the last step [s].
-            error_rate: Rate of the error [1/s], shape (n,). None takes the difference
-                to the error of the last step without a rate, over `dt`.
-            where: Which PIDs step, shape (n,), the others stay; None is all.
-
-        Raises:
-            ValueError: If `dt` is negative or NaN.
         """
         if not dt > EPSILON:
             return self._hold(state, dt, where)

@@ -273,12 +273,7 @@ class KeptTicks(Generic[S]):
     def at(
         self, context: Context, cycle: Cycle | None
     ) -> tuple[Cycle, UpdateResult[S]]:
-        """Return a cycle, and what the tick before it left behind.
-
-        Args:
-            context: Context of the controller.
-            cycle: What its manager says; None without one.
-        """
+        """Return a cycle, without one None, and what the tick before it left behind."""
         assert cycle is not None
         return cycle, cycle.ticks[self._name]
 
@@ -351,11 +346,7 @@ class TickReader(ControllerInterface, Generic[S]):
         self._ticks: KeptTicks[S] = make(self, params, self.first_result)
 
     def add_command_values(self, order: Sequence[str]) -> InputPort:
-        """Declare the port of what all command interfaces hold.
-
-        Args:
-            order: Their names, in the order of the port.
-        """
+        """Declare the port of what all command interfaces hold, in an order."""
         at = {name: index for index, name in enumerate(order)}
         port = self.DeclareVectorInputPort(interfaces.VALUES_PORT, len(order))
         self._values.append(port)
@@ -365,11 +356,7 @@ class TickReader(ControllerInterface, Generic[S]):
         return port
 
     def add_predecessor(self, controller: "ControllerInterface") -> InputPort:
-        """Declare the port of a controller that commands references of this one.
-
-        Args:
-            controller: One whose command interfaces are among the references.
-        """
+        """Declare the port of a controller that commands references of this one."""
         names = controller.command_interfaces
         target_indices = [
             i for i, ref in enumerate(self.reference_interfaces) if ref in names

@@ -119,11 +119,7 @@ def last_cycle(context: Context, period: float) -> int:
 
 
 def messages_on(port: InputPort, context: Context, expected: type[M]) -> tuple[M, ...]:
-    """Return the messages on an abstract port: one, a tuple of them, or nothing.
-
-    Raises:
-        TypeError: If something else is there.
-    """
+    """Return the messages on an abstract port: one, a tuple of them, or nothing."""
     if not port.HasValue(context):
         return ()
     value = port.Eval(context)

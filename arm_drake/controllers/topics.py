@@ -50,10 +50,7 @@ def new_messages(
 
     A message is new if it is another object than those of the last tick, `seen`, which
     is returned itself if it is still there. On the port is a message, a tuple of
-    messages, or nothing.
-
-    Raises:
-        TypeError: If something else is there.
+    messages, or nothing; anything else is a TypeError.
     """
     if not port.HasValue(context):
         return (), seen if not seen else ()

@@ -145,9 +145,7 @@ class ParameterGroup:
     def replace(self, old: str, new: Mapping[str, Any]) -> None:
         """Put newer parameters in the place of a given one, with a line in the report.
 
-        Args:
-            old: Name of the given one.
-            new: Values by newer names. One that is given itself stays as it is.
+        A newer one that is given itself stays as it is.
         """
         parameters = self._node.by_name
         taken = {n: v for n, v in new.items() if n == old or n not in self}
@@ -240,12 +238,7 @@ class Rule:
 
 
 def per_element_of(parameter: str) -> Any:
-    """Return a field: a group of parameters per element of a string list.
-
-    Args:
-        parameter: Name of the list at the top of the schema, such as "joints", or of a
-            single string.
-    """
+    """Return a field: a group of parameters per element of a list, as "joints"."""
     return dc.field(default_factory=dict, metadata={"per_element_of": parameter})
 
 

@@ -310,13 +310,7 @@ def add_rotors(
     inertias: Mapping[str, float],
     model: ModelInstanceIndex | None = None,
 ) -> None:
-    """Give actuators more rotor inertia, as seen behind their gears.
-
-    Args:
-        plant: A plant with the actuators.
-        inertias: Inertia about the joint [kg·m^2], by actuator.
-        model: Model instance of the actuators, if there are several.
-    """
+    """Give actuators more rotor inertia about their joint [kg·m^2], behind gears."""
     for name, inertia in inertias.items():
         actuator = (
             plant.GetJointActuatorByName(name)

@@ -37,10 +37,6 @@ def connect_chains(
     As in ros2_control, who commands comes before the commanded, and who exports before
     the reader; so all of them see this very tick. Where both can't be, because who
     exports is commanded by the reader, the reader sees the tick before.
-
-    Args:
-        builder: Where the controllers are.
-        systems: The controllers of a robot; they don't command each other in a circle.
     """
     # Whose ticks a controller's tick waits for.
     waits: dict[str, set[str]] = {system.get_name(): set() for system in systems}
@@ -108,13 +104,7 @@ class SampledStates(PythonSystem):
     """
 
     def __init__(self, controller: str, num_measured: int, period: float) -> None:
-        """Create the system.
-
-        Args:
-            controller: Name of the controller.
-            num_measured: Size m of what is measured.
-            period: Period of the manager in Drake's time [s].
-        """
+        """Create it for m measured numbers and the manager's period [s]."""
         super().__init__()
         self._controller = controller
         self._manager = self.DeclareAbstractInputPort(
@@ -143,14 +133,8 @@ class SampledStates(PythonSystem):
 def exported_name(port: str, controller: str) -> str:
     """Return what a port is called in the diagram, without its robot's prefix.
 
-    A name with a slash in front, as Gazebo's topics have, is its own.
-
-    Args:
-        port: Name of a controller's port.
-        controller: Name of the controller.
-
-    Returns:
-        The name; empty if the port is no topic.
+    A name with a slash in front, as Gazebo's topics have, is its own. It is empty if
+    the port is no topic.
     """
     if interfaces.is_internal(port):
         return ""
@@ -246,13 +230,8 @@ def log_references(
 ) -> None:
     """Record what trajectory controllers want that command efforts or velocities.
 
-    Of others it is what they command, which is recorded anyway.
-
-    Args:
-        builder: Where the controllers are.
-        systems: The controllers.
-        prefix: Start of the names of their robot's systems.
-        period: Period of the log [s].
+    Of others it is what they command, which is recorded anyway. `period` [s] is the
+    log's.
     """
     for system in systems:
         if joints := wanted_joints(system):

@@ -243,12 +243,7 @@ class StoredStates:
         self._source_indices = [commands.index(name) for name in mirrored]
 
     def update(self, stored: Array, values: Array) -> Array:
-        """Return the states after commands; what was never commanded stays.
-
-        Args:
-            stored: The states before.
-            values: Command values, shape (k,).
-        """
+        """Return the states after commands, shape (k,); others stay."""
         new, stored = values[self._source_indices], stored.copy()
         stored[self._target_indices] = np.where(
             np.isnan(new), stored[self._target_indices], new

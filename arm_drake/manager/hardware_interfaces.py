@@ -98,13 +98,8 @@ def find_hardware_interfaces(
 ) -> HardwareInterfaces:
     """Return the joints and interfaces of a robot.
 
-    Args:
-        description: The robot.
-        initial_positions: Initial positions by joint [rad] or [m].
-        blocks: Hardware that mirrors commands, if that is what it has.
-        sensors: Its sensors; hardware that mirrors commands has none.
-        robot_name: Name of the robot.
-        world_name: Name of the world that it is in.
+    Initial positions are in [rad] or [m]. `blocks` is hardware that mirrors commands,
+    if that is what it has; then it has no sensors.
     """
     joints = description.movable_joints
     movable = {joint.name: joint.type for joint in joints}

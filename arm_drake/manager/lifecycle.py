@@ -47,19 +47,12 @@ from arm_drake.messages import NANOSECONDS, SwitchController, SwitchControllerRe
 
 
 def effective_rate(requested: int, manager_rate: int, *, distro: str = "jazzy") -> int:
-    """Return the rate [Hz] that a controller gets.
+    """Return the rate [Hz] that a controller gets for what its YAML requests; 0 is all.
 
     It is never above the manager's. From kilted on, one that doesn't divide the
     manager's is the manager's divided by a whole number, cut to whole Hz; up to jazzy
-    it stays as it is, and the controller runs in the nearest ticks.
-
-    Args:
-        requested: The controller's parameter `update_rate` [Hz]; 0 is the manager's.
-        manager_rate: Update rate of the manager [Hz].
-        distro: Distribution whose rule holds.
-
-    Raises:
-        ParameterError: If ``requested`` is negative.
+    it stays as it is, and the controller runs in the nearest ticks. A negative one is a
+    ParameterError.
     """
     if requested < 0:
         problem = f"expected a rate above 0, or 0 for the manager's, got {requested}"
@@ -129,14 +122,9 @@ class Lifecycle:
     ) -> None:
         """Create it.
 
-        Args:
-            infos: What is to be known of the controllers, by name.
-            rates: Rates of those that are configured [Hz].
-            fallback: Controllers that start when one fails, by its name.
-            drive: What follows the commands.
-            update_rate: Rate of the manager [Hz].
-            distro: Distribution whose behaviour holds.
-            refuse: Tells why the hardware can't switch, if it ever does.
+        `infos` are of all controllers, `rates` [Hz] of those that are configured, by
+        name; `fallback` has those that start when one fails. `refuse` tells why the
+        hardware can't switch, if it ever does.
         """
         self._refuse = refuse
         self._infos = infos
@@ -160,11 +148,7 @@ class Lifecycle:
     ) -> ManagerState:
         """Return the state before the first cycle, in which controllers start.
 
-        Args:
-            started: Names of the controllers.
-            values: Values of the command interfaces, shape (k,).
-            drive: What the drive is told.
-            ticks: What there is of the controllers' ticks.
+        `values` are those of the command interfaces, shape (k,).
         """
         active = {name: number for number, name in enumerate(started)}
         return ManagerState(
@@ -220,11 +204,6 @@ class Lifecycle:
         """Return the time since the last tick of controllers with their own rate [ns].
 
         It is 0 for those that don't tick.
-
-        Args:
-            state: State after the last cycle.
-            active: Which controllers are active in this one.
-            time_ns: Its time [ns].
         """
         periods = {}
         for name in self.slow & active.keys():
@@ -376,13 +355,7 @@ class TickKeeper:
         motions: InputPort,
         declare: Callable[[str], InputPort],
     ) -> None:
-        """Create it.
-
-        Args:
-            systems: The controllers, by name.
-            motions: Where positions and velocities of all joints come in.
-            declare: Declares an abstract input port of the manager.
-        """
+        """Create it; `motions` brings positions and velocities of all joints."""
         self._motions = motions
         self._members = {
             name: _Member(
@@ -487,13 +460,7 @@ class Claimants:
         order: Sequence[str],
         joints: Sequence[str],
     ) -> None:
-        """Create it.
-
-        Args:
-            systems: The controllers, by name.
-            order: Names of the command values.
-            joints: Joints of the drive, n of them.
-        """
+        """Create it for controllers, names of values, and the drive's n joints."""
         self._joints = tuple(joints)
         at = {name: index for index, name in enumerate(order)}
         self._claimants = []
@@ -514,18 +481,11 @@ class Claimants:
     def write(
         self, ticks: UpdateResults, cycle: Cycle, last: Cycle, values: Array
     ) -> dict[str, str]:
-        """Write what controllers command in a cycle; return those that failed.
+        """Write what controllers command in a cycle; return those that failed, and why.
 
         A controller that doesn't tick leaves what it wrote, which may be limited since.
-
-        Args:
-            ticks: What the controllers' ticks leave behind.
-            cycle: The cycle.
-            last: The one before; what a controller commands when it ends counts too.
-            values: Command values, shape (k,), changed in place.
-
-        Returns:
-            Names of controllers whose update failed, and why.
+        What one commands when it ends in the `last` cycle counts too. `values`, shape
+        (k,), are changed in place.
         """
         failed = {}
         claimants: Iterable[_Claimant] = self._claimants
@@ -549,13 +509,7 @@ class Claimants:
         return failed
 
     def restore(self, values: Array, before: Array, names: Collection[str]) -> None:
-        """Undo what controllers have written.
-
-        Args:
-            values: Command values, shape (k,), changed in place.
-            before: Command values before the cycle.
-            names: The controllers.
-        """
+        """Undo in `values`, shape (k,), what controllers wrote since `before`."""
         for claimant in self._claimants:
             if claimant.name in names:
                 values[claimant.at] = before[claimant.at]
@@ -588,13 +542,7 @@ class Claimants:
         return skipped
 
     def forget(self, previous: Previous, cycle: Cycle, last: Cycle) -> Previous:
-        """Return what is remembered of joints that keep their controller.
-
-        Args:
-            previous: What is remembered, by joint.
-            cycle: The cycle.
-            last: The one before.
-        """
+        """Return what is remembered, by joint, of those that keep their controller."""
         new = {
             joint
             for claimant in self._claimants

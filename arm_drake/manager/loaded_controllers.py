@@ -41,12 +41,7 @@ class LoadedController:
 def list_states(
     controllers: Iterable[LoadedController], active: Collection[str]
 ) -> tuple[ControllerState, ...]:
-    """Return the states of controllers when some of them are active.
-
-    Args:
-        controllers: The controllers, in the order of the YAML.
-        active: Names of those that are active.
-    """
+    """Return the states of controllers, in the YAML's order, when some are active."""
     return tuple(
         ControllerState(
             c.name,

@@ -540,19 +540,10 @@ def load_controllers(
 ) -> tuple[LoadedController, ...]:
     """Load the controllers of a robot and choose those that start.
 
-    Args:
-        config: What the YAML configures.
-        hardware_interfaces: What the robot offers.
-        report: Where controllers that don't load or start are recorded.
-        period: Period of the manager in Drake's time [s].
-        active: Controllers to start before the others.
-        inactive: Controllers not to start.
-        judges_claims: Whether a controller whose interfaces are claimed stays inactive.
-        distro: Distribution whose parameters and defaults hold.
-        controller_types: Types of this robot alone, by name.
-
-    Raises:
-        InputError: If ``active`` or ``inactive`` names no controller.
+    What doesn't load or start is in the report. `period` [s] is the manager's in
+    Drake's time; `active` start before the others, and where `judges_claims`, one whose
+    interfaces are claimed stays inactive. A name that is no controller's is an
+    InputError.
     """
     names = [controller.name for controller in config.controllers]
     for name in (*active, *inactive):
@@ -593,12 +584,8 @@ def load_controllers_of(
 ) -> tuple[tuple[LoadedController, ...], LoadReport]:
     """Return the controllers of a robot, and its report with what they lack.
 
-    Args:
-        robot: The robot; its own report stays as it is.
-        period: Period of its controller manager in Drake's time [s].
-        options: Which controllers to start or not.
-        hardware_interfaces: What the robot offers them, if not what its description
-            says.
+    The robot's own report stays as it is. `period` [s] is that of its manager in
+    Drake's time. The interfaces are those of its description, if not others are given.
     """
     options = SimulationOptions() if options is None else options
     report = LoadReport(robot.report)

@@ -47,12 +47,7 @@ class ControllerInfo:
 def activation_order(
     controllers: Mapping[str, ControllerInfo], names: Iterable[str]
 ) -> tuple[str, ...]:
-    """Return names so that each comes after those that it needs to be active.
-
-    Args:
-        controllers: All controllers that are loaded, by name.
-        names: Controllers to activate.
-    """
+    """Return names so that each comes after those that it needs to be active."""
     owners = interface_owners(controllers)
     return order(names, {n: needs_of(c, owners) for n, c in controllers.items()})
 
@@ -60,13 +55,7 @@ def activation_order(
 def chain_of(
     controllers: Mapping[str, ControllerInfo], active: Collection[str], name: str
 ) -> tuple[str, ...]:
-    """Return a controller and the active ones that it is chained with.
-
-    Args:
-        controllers: All controllers that are loaded, by name.
-        active: Names of those that are active.
-        name: Name of the controller.
-    """
+    """Return a controller and the active ones that it is chained with."""
     before = _predecessors(controllers)
     chain, waiting = [name], [name]
     while waiting:
@@ -84,9 +73,6 @@ def find_cycle(controllers: Mapping[str, ControllerInfo]) -> str:
 
     None of them could be activated, for each needs the next one to be active. It is ""
     if there is no circle.
-
-    Args:
-        controllers: All controllers that are loaded, by name.
     """
     owners = interface_owners(controllers)
     needs = {name: needs_of(info, owners) for name, info in controllers.items()}
@@ -133,12 +119,7 @@ def _describe_cycle(
 def chained(
     controllers: Mapping[str, ControllerInfo], active: Collection[str]
 ) -> frozenset[str]:
-    """Return those active controllers that another active one commands.
-
-    Args:
-        controllers: All controllers that are loaded, by name.
-        active: Names of those that are active.
-    """
+    """Return those active controllers that another active one commands."""
     return frozenset(
         name
         for name, predecessors in _predecessors(controllers).items()
@@ -237,14 +218,8 @@ def plan_switch(
     done. Of two that claim the same interface the first gets it.
 
     A follower can be deactivated only if none of its predecessors stays active, also if
-    it is activated again in the same switch. Nothing asked for is ok.
-
-    Args:
-        controllers: All controllers that are loaded, by name.
-        active: Names of those that are active.
-        activate: Names of those to activate.
-        deactivate: Names of those to deactivate; one that is in both restarts.
-        strict: Whether all or nothing is to be done; else best effort.
+    it is activated again in the same switch: one that is in both lists restarts.
+    Nothing asked for is ok.
     """
     switch = _Switch(controllers, active, activate, deactivate)
     if strict:

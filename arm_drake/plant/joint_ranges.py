@@ -82,23 +82,14 @@ def joint_ranges(description: RobotDescription) -> tuple[JointRange, ...]:
 
 
 def center(ranges: Iterable[JointRange]) -> dict[str, float]:
-    """Return the centers of independent joints [rad] or [m] by name.
-
-    Args:
-        ranges: Ranges of joints; those that follow are left out.
-    """
+    """Return the centers of independent joints [rad] or [m] by name."""
     return {r.name: r.center for r in ranges if r.follows is None}
 
 
 def randomize(
     ranges: Iterable[JointRange], rng: np.random.Generator
 ) -> dict[str, float]:
-    """Return random positions of independent joints [rad] or [m], by name.
-
-    Args:
-        ranges: Ranges of joints; those that follow are left out.
-        rng: Where the numbers come from; each joint's are uniform in its range.
-    """
+    """Return positions of independent joints [rad, m], uniform in their ranges."""
     return {
         r.name: r.fit(float(rng.uniform(r.lower, r.upper)))
         for r in ranges

@@ -441,12 +441,7 @@ def input_type(port: TopicPort) -> type[Message]:
 
 
 def list_topics(names: TopicNames, eval_output: Callable[[str], Any]) -> TopicList:
-    """Return the topics, with the classes of their messages.
-
-    Args:
-        names: The topics.
-        eval_output: Returns the value of an output port of the diagram.
-    """
+    """Return the topics, with the classes of their messages."""
     rows = TopicList()
     for topic in names.all():
         bridged_to = tuple(alias.gz_name for alias in topic.aliases)

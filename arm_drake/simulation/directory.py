@@ -74,14 +74,7 @@ class Directory:
     """
 
     def __init__(self, diagram: Diagram) -> None:
-        """Create it.
-
-        Args:
-            diagram: Diagram of `build_diagram`.
-
-        Raises:
-            InputError: If there is no robot in the diagram.
-        """
+        """Create it for a diagram; without a robot it is an InputError."""
         self.managers: Mapping[str, ControllerManager] = {
             system.robot.name: system
             for system in diagram.GetSystems()
@@ -137,13 +130,8 @@ class Directory:
     ) -> tuple[ControllerManager, SwitchController]:
         """Return whom a request is for, and a new one with the names known there.
 
-        Args:
-            request: Names are those of this robot, without it those of `find`, or else
-                of the first robot.
-            robot: Name of the robot.
-
-        Raises:
-            InputError: If there is no such robot, or it is no such request.
+        Its names are those of this robot, without it those of `find`, or else of the
+        first robot. If there is none, or it is no such request, it is an InputError.
         """
         if not isinstance(request, SwitchController):
             raise InputError(f"expected a SwitchController, got {request!r}")

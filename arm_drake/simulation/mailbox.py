@@ -212,10 +212,7 @@ class Mailbox:
     def publish(self, port: str, message: Message, period: float) -> None:
         """Put a message on a port; those of before stay while they may be unseen.
 
-        Args:
-            port: Input port of the diagram.
-            message: What to put there.
-            period: Period of who reads it [s].
+        `period` [s] is that of who reads it.
         """
         context = self.simulator.get_mutable_context()
         time, input_port = context.get_time(), self.diagram.GetInputPort(port)
@@ -238,11 +235,7 @@ class Mailbox:
         return self.diagram.GetOutputPort(port).Eval(self.simulator.get_context())
 
     def forget_before(self, time: float) -> None:
-        """Forget what was sent before a time, and the feedback of goals that ended.
-
-        Args:
-            time: The time [s].
-        """
+        """Forget what was sent before a time [s], and feedback of ended goals."""
         self.sent = [sent for sent in self.sent if sent.time >= time]
         for goal in self.goals:
             if goal.ended_at is not None and goal.ended_at < time:

@@ -715,26 +715,16 @@ _AFTER_MOTION = 1.0
 
 
 def default_duration(motion: Motion | None) -> float:
-    """Return how long to simulate where nobody says it [s].
-
-    Args:
-        motion: What is played, if anything; of one that repeats it is one round.
-    """
+    """Return how long to simulate where nobody says it [s]: one round of a motion."""
     return _WITHOUT_MOTION if motion is None else motion.duration + _AFTER_MOTION
 
 
 def find_motion(
     name: str | Path, robot: Robot, parameters: Mapping[str, Any] | None = None
 ) -> Motion:
-    """Return the motion of a name or a file.
+    """Return the motion of a name that comes with a robot, or of a file.
 
-    Args:
-        name: Name of a motion that comes with a bundled robot, or a file.
-        robot: The robot.
-        parameters: Values of its parameters, in place of their defaults.
-
-    Raises:
-        MotionError: If there is no such motion, or its file can't be used.
+    Parameters replace their defaults. What can't be used is a MotionError.
     """
     known = bundled_motions(robot.bundled) if robot.bundled else {}
     if str(name) in known:

@@ -50,13 +50,8 @@ class Player:
     ) -> None:
         """Create it, with nothing sent; times count from now.
 
-        Args:
-            simulation: What runs the motion.
-            motion: The motion; None is one without steps.
-            tolerance: How much before its time a step is sent [s].
-
-        Raises:
-            MotionError: As `check_motion`.
+        A step may be sent `tolerance` [s] before its time. It may raise MotionError, as
+        `check_motion`.
         """
         self._simulation = simulation
         self._motion = Motion(None, ()) if motion is None else motion
@@ -71,11 +66,9 @@ class Player:
     def play(
         self, duration: float, progress: Callable[[float], None] | None = None
     ) -> None:
-        """Simulate for a while and send what is due.
+        """Simulate for a while [s] and send what is due.
 
-        Args:
-            duration: How long [s].
-            progress: Called with the simulated time [s], ten times a second of it.
+        `progress` is called with the simulated time [s], ten times a second of it.
         """
         simulation = self._simulation
         end, report_at = simulation.time + duration, simulation.time

@@ -218,15 +218,7 @@ def _read_commands(
     time: Array,
     since: float,
 ) -> _Commanded:
-    """Return what was commanded.
-
-    Args:
-        diagram: The diagram.
-        context: Its context.
-        manager: The robot's controller manager.
-        time: When [s], shape (N,).
-        since: From when on rows are wanted [s].
-    """
+    """Return what was commanded at times [s], shape (N,), as of `since` [s]."""
     # A command acts after its tick.
     wanted_at = _ticks_before(time, manager.period)
 
@@ -416,14 +408,7 @@ def collect_rollout(
     motions: Sequence[Motion],
     since: float = -math.inf,
 ) -> Rollout:
-    """Return what was recorded of a robot so far.
-
-    Args:
-        mailbox: Of the simulation.
-        manager: The robot's controller manager.
-        motions: What was played, in order.
-        since: From when on rows and messages are wanted [s], as `read_rollout`.
-    """
+    """Return what was recorded of a robot, rows and messages since a time [s]."""
     diagram, context = mailbox.diagram, mailbox.simulator.get_context()
     sent = (each for each in mailbox.sent if each.time >= since)
     return dc.replace(
@@ -498,13 +483,7 @@ class History:
     """Keeps the logs of a simulation from growing for ever."""
 
     def __init__(self, mailbox: Mailbox, duration: float) -> None:
-        """Create it.
-
-        Args:
-            mailbox: Of the simulation.
-            duration: How much of the past is kept at least [s], and no more than twice
-                as much.
-        """
+        """Create it, to keep a duration [s] at least, at most twice as much."""
         self._mailbox = mailbox
         self._duration = duration
         self._start = mailbox.time

@@ -103,11 +103,7 @@ class Recorder:
             self.flush()
 
     def flush(self) -> None:
-        """Write what is new.
-
-        Raises:
-            OutputError: If it can't be written.
-        """
+        """Write what is new, or raise OutputError."""
         # The last row may have been at the very time of the last write.
         simulation, since = self._simulation, self._written - PERIOD
         find = simulation.directory.manager
@@ -147,9 +143,6 @@ class Recorder:
         """Return how long joints were at their effort limit [s], by joint.
 
         It is as that of the Rollout, also of rows that are no longer in memory.
-
-        Args:
-            robot: Name of the robot.
         """
         return {joint: time for joint, time in self._saturation[robot].items() if time}
 

@@ -79,11 +79,7 @@ class ControllerTopics:
         return with_prefix(self.name.removesuffix(own), exported_name(port, own))
 
     def find_action(self) -> str:
-        """Return the port of the controller's action.
-
-        Raises:
-            InputError: If it has none.
-        """
+        """Return the port of the controller's action, or raise InputError."""
         for port in ACTIONS:
             if self.system.HasInputPort(port):
                 return port
@@ -95,11 +91,8 @@ class ControllerTopics:
     ) -> tuple[str, Goal]:
         """Return the port of the controller's action, and a goal as it takes it.
 
-        Args:
-            requested: A goal, or its trajectory or command alone.
-
-        Raises:
-            InputError: If it has no action, or one of another kind.
+        A goal may be its trajectory or command alone. What it can't take is an
+        InputError.
         """
         goal: Any = requested
         if isinstance(requested, JointTrajectory):
@@ -125,12 +118,8 @@ class ControllerTopics:
     ) -> tuple[str, Float64MultiArray | MultiDOFCommand]:
         """Return the port on which the controller takes commands, and the message.
 
-        Args:
-            values: Commands of its interfaces, or references, in its order.
-            values_dot: Rates of change of references, or none.
-
-        Raises:
-            InputError: If it takes none, others, or another number of them.
+        The values are of its interfaces, or references, in its order; references may
+        have rates of change. What it can't take is an InputError.
         """
         system = self.system
         if self._takes(COMMANDS, Float64MultiArray):
@@ -160,11 +149,7 @@ class ControllerTopics:
     def make_velocity(self, twist: Twist) -> tuple[str, Twist | TwistStamped]:
         """Return the port on which a base takes velocities, and the message.
 
-        Args:
-            twist: Velocity of the base, as of the tick that takes it.
-
-        Raises:
-            InputError: If it takes none.
+        If it takes none, it is an InputError.
         """
         message = TwistStamped(twist=twist)
         types = getattr(self.system, "message_types", {})
@@ -183,8 +168,7 @@ class ControllerTopics:
     ) -> tuple[str, JointTrajectory]:
         """Return the port on which the controller takes trajectories, and a new one.
 
-        Raises:
-            InputError: If it takes none.
+        If it takes none, it is an InputError.
         """
         self.check(TOPIC)
         # A copy: the same message once more is a new one.
@@ -198,11 +182,7 @@ class ControllerTopics:
     def make_speed_scaling(self, factor: float) -> tuple[str, SpeedScalingFactor]:
         """Return the port on which the controller is told how fast time passes, and it.
 
-        Args:
-            factor: How fast time passes, at least 0.
-
-        Raises:
-            InputError: If the controller has no such port, or it is something else.
+        The factor is at least 0. Without such a port it is an InputError.
         """
         self.check(SPEED_SCALING)
         if not _is_finite(factor) or factor < 0.0:
@@ -251,12 +231,7 @@ def describe_grip(
     result: GripperCommandResult | ParallelGripperCommandResult,
     position: Sequence[float],
 ) -> str:
-    """Return how a gripper's motion ended, if it did by itself.
-
-    Args:
-        result: Result of the action.
-        position: Where it ended [rad] or [m].
-    """
+    """Return how a gripper's motion ended, at [rad] or [m], if it did by itself."""
     if not (result.stalled or result.reached_goal):
         return ""
     how = "stalled" if result.stalled else "reached the goal"
@@ -344,18 +319,13 @@ class TopicNames:
     """
 
     def __init__(self, managers: Mapping[str, ControllerManager]) -> None:
-        """Create it.
-
-        Args:
-            managers: Controller managers of all robots.
-        """
+        """Create it for the controller managers of all robots."""
         self._robots = [_RobotTopics(manager) for manager in managers.values()]
 
     def find(self, name: str) -> Topic:
         """Return the topic of a name; a slash in front may be left out.
 
-        Raises:
-            InputError: If there is none, or several robots have it.
+        If there is none, or several robots have it, it is an InputError.
         """
         if not isinstance(name, str) or not name.strip("/"):
             raise InputError(f"expected the name of a topic, got {name!r}")
@@ -523,11 +493,6 @@ def _own_name(port: str, controller: str) -> str:
 
 
 def message_type(system: ControllerInterface, port: str) -> type[Message] | None:
-    """Return what a controller says that it expects on a port, if it does.
-
-    Args:
-        system: The controller.
-        port: Name of one of its input ports.
-    """
+    """Return what a controller says that it expects on an input port, if it does."""
     types: Mapping[str, type[Message]] = getattr(system, "message_types", {})
     return types.get(port)

@@ -22,15 +22,8 @@ def plot_comparison(
 ) -> None:
     """Draw quantities of two rollouts: each with both, and what B has more than A.
 
-    Args:
-        path: Picture to write.
-        names: What is drawn, with units.
-        a: Times [s], shape (N,), and values of each quantity, of the same shape.
-        b: Those of the other rollout.
-        remark: What stands there if nothing is drawn.
-
-    Raises:
-        OutputError: If the picture can't be written.
+    `names` have units. `a` and `b` are times [s], shape (N,), and values of each
+    quantity; `remark` stands there if nothing is drawn. It may raise OutputError.
     """
     check_plot_path(path)
     # Not at the top: a comparison without a picture must not wait for matplotlib.

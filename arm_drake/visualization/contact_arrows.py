@@ -22,14 +22,7 @@ class ContactArrows:
     """Draws a rod for each force; its ball is where the force acts."""
 
     def __init__(self, meshcat: Meshcat, name: str, *, force: float, length: float):
-        """Create it; there is nothing to be seen yet.
-
-        Args:
-            meshcat: Where to draw.
-            name: Name of the robot.
-            force: A force that is expected, such as the robot's weight [N].
-            length: How long it is drawn [m].
-        """
+        """Create it, unseen; an expected `force` [N] has a `length` [m]."""
         self._meshcat = meshcat
         self._path = f"{_PATH}/{name.replace('/', '|')}"
         self._force = force

@@ -43,20 +43,11 @@ def run_drawing(
     realtime_rate: float = 0.0,
     progress: Callable[[float], None] | None = None,
 ) -> None:
-    """Simulate for a while and draw at equal times.
+    """Simulate for a while [s] and draw at equal times, and at once.
 
-    Args:
-        simulation: What to simulate. Its diagram draws when it is told to, see
-            `SimulationOptions.frame_rate`.
-        duration: How long [s].
-        motion: What to send, its times counted from now.
-        draw: Draws the simulation as it is; called at once, and for each picture.
-        frame_rate: Pictures per simulated second [Hz].
-        realtime_rate: Simulated seconds per second; 0 is as fast as it goes.
-        progress: Called with the simulated time [s] for each picture.
-
-    Raises:
-        MotionError: As `Simulation.run`.
+    The diagram draws when it is told to, see `SimulationOptions.frame_rate`. Times of
+    the motion are counted from now. `frame_rate` is in pictures per simulated second,
+    `realtime_rate` in simulated seconds per second; 0 is as fast as it goes.
     """
     player = Player(simulation, motion, TICK_TOLERANCE * simulation.period)
     draw()

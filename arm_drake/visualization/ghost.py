@@ -66,16 +66,9 @@ class Ghost:
     ) -> None:
         """Create it; nothing is shown yet.
 
-        Args:
-            meshcat: Where to draw.
-            plant: The finalized plant.
-            scene_graph: Its scene graph.
-            model: The robot's model instance.
-            name: Name of the ghost.
-            description: The robot.
-            base_context: Context of the plant whose positions hold, as they are now,
-                where nothing else is said; by default the default one.
-            color: Red, green and blue from 0 to 1.
+        Where nothing else is said, positions are those of `base_context` as they are
+        now, by default of the plant's default one. `color` is red, green and blue from
+        0 to 1.
         """
         self._meshcat = meshcat
         self._plant = plant
@@ -122,20 +115,12 @@ class Ghost:
         time: float | None = None,
         hidden_at: Mapping[str, RigidTransform] | None = None,
     ) -> None:
-        """Show the robot at joint positions.
+        """Show the robot at joint positions [rad] or [m], or raise InputError.
 
-        Args:
-            positions: Positions [rad] or [m] by joint; those left out stay as they are
-                in the base context. A mimic joint follows its master if that is given
-                and it isn't itself.
-            base_pose: Where the base is, in the world, with all that it carries; by
-                default as in the base context.
-            time: Time in the recording, if there is one [s].
-            hidden_at: Poses of links in the world at which they are left out: there
-                something else is, and two shapes in one place are hard to look at.
-
-        Raises:
-            InputError: If there is no such joint, or a position isn't finite.
+        Joints that are left out, and the base, stay as in the base context; a mimic
+        joint follows its master if that is given and it isn't itself. `time` [s] is
+        that in the recording, if there is one. Links at the poses `hidden_at` are left
+        out: there something else is, and two shapes in one place are hard to look at.
         """
         q = self._resolve(positions)
         if self._bodies is None:

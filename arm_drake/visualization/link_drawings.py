@@ -78,14 +78,7 @@ class DrawnRobot:
         model: ModelInstanceIndex,
         description: RobotDescription,
     ) -> None:
-        """Create it.
-
-        Args:
-            plant: The finalized plant; it is kept.
-            scene_graph: Its scene graph; it is kept.
-            model: The robot's model instance.
-            description: The robot.
-        """
+        """Create it with a finalized plant, which is kept, as its scene graph is."""
         self.plant = plant
         self.model = model
         self.description = description
@@ -188,15 +181,10 @@ _HARDLY_TRANSPARENT = 0.99
 def draw_solid(
     meshcat: Meshcat, path: str, solid: Solid, rgba: Rgba, *, is_on_top: bool = False
 ) -> None:
-    """Draw a solid; what was at its path is replaced.
+    """Draw a solid in place of what was at its path.
 
-    Args:
-        meshcat: Where to draw it.
-        path: Its path.
-        solid: What to draw.
-        rgba: Its colour.
-        is_on_top: Whether it is seen through all that is before it; then the colour's
-            alpha isn't used.
+    One that is on top is seen through all that is before it; then the colour's alpha
+    isn't used.
     """
     if is_on_top:
         rgba = Rgba(rgba.r(), rgba.g(), rgba.b(), _HARDLY_TRANSPARENT)
@@ -209,16 +197,9 @@ def draw_solid(
 
 
 def visual_solid(inspector: SceneGraphInspector, geometry: GeometryId) -> Solid | None:
-    """Return a visual shape, such that its colour can be chosen.
+    """Return a visual shape whose colour can be chosen, or None: a half space.
 
     Meshcat draws a glTF file in the file's own colours, so here it becomes triangles.
-
-    Args:
-        inspector: The scene.
-        geometry: The shape.
-
-    Returns:
-        What to draw, None if Meshcat can't: a half space.
     """
     shape = inspector.GetShape(geometry)
     if isinstance(shape, HalfSpace):
@@ -467,15 +448,7 @@ class LinkDrawings:
         models: Mapping[str, ModelInstanceIndex],
         descriptions: Mapping[str, RobotDescription],
     ) -> None:
-        """Create it; nothing is shown yet, and links are where they are by default.
-
-        Args:
-            meshcat: Where to draw.
-            plant: The finalized plant.
-            scene_graph: Its scene graph.
-            models: Model instances by the robots' names.
-            descriptions: The same robots, by their names.
-        """
+        """Create it; nothing is shown yet, and links are where they are by default."""
         self._meshcat = meshcat
         self._robots = {
             name: DrawnRobot(plant, scene_graph, model, descriptions[name])
@@ -496,15 +469,7 @@ class LinkDrawings:
         return tuple(kind for kind in KINDS if kind in self._shown)
 
     def show(self, kind: str, is_shown: bool = True) -> None:
-        """Show or hide a kind of drawing.
-
-        Args:
-            kind: One of `KINDS`.
-            is_shown: Whether it is to be seen.
-
-        Raises:
-            InputError: If there is no such kind.
-        """
+        """Show or hide one of `KINDS`; raise InputError if it is none."""
         if kind not in KINDS:
             raise InputError(f"no drawing {kind!r}; {suggest(kind, KINDS)}")
         if is_shown == (kind in self._shown):
@@ -525,14 +490,11 @@ class LinkDrawings:
         poses: Mapping[str, Mapping[str, RigidTransform]],
         time: float | None = None,
     ) -> None:
-        """Move what is shown along with the links.
+        """Move what is shown along with the links, whose poses in the world are given.
 
-        Only links that moved since the last call are sent, or all to a recording.
-
-        Args:
-            poses: Poses of links in the world, by robot and link; what is left out
-                stays where it was, and what isn't drawn is ignored.
-            time: Time in the recording, if there is one [s].
+        Only links that moved since the last call are sent, or all to a recording, at
+        its `time` [s]. What is left out stays where it was, and what isn't drawn is
+        ignored.
         """
         moved = []
         for robot, of_links in poses.items():

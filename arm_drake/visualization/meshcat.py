@@ -70,10 +70,9 @@ class View:
         )
 
     def camera_for(self, points: Array) -> Camera:
-        """Return the closest camera that sees all points, with the margin around them.
+        """Return the closest camera that sees all points [m], with the margin.
 
-        Args:
-            points: At least one point in the world [m], shape (n, 3).
+        There is at least one point in the world, shape (n, 3).
         """
         right, up, forward = self._axes()
         # The camera lies in each side of its own pyramid, and the points inside.
@@ -108,10 +107,9 @@ class View:
 
 
 def round_number(value: float) -> float:
-    """Return the largest of 1, 2, 5, 10, 20, ... that is not above a number.
+    """Return the largest of 1, 2, 5, 10, 20, ... not above a positive number.
 
-    Args:
-        value: The number, positive; the others go on below 1 as well.
+    The others go on below 1 as well.
     """
     power = 10.0 ** np.floor(np.log10(value))
     return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= value))
@@ -209,14 +207,9 @@ def frame_shapes(
     """Point the camera so that it sees all that is drawn of a scene, or of robots.
 
     Robots without shapes are framed by their links' origins. The grid gets finer cells
-    for what is much smaller than they are.
-
-    Args:
-        meshcat: Whose camera to move.
-        query: The scene.
-        models: Names of the model instances that count, such as those of the robots; by
-            default all. A house around a robot would be all that is seen of it.
-        room: How far they may move sideways, in parts of their diameter.
+    for what is much smaller than they are. `models` are the model instances that count,
+    by default all: a house around a robot would be all that is seen of it. They may
+    move sideways by `room`, in parts of their diameter.
     """
     inspector = query.inspector()
     corners, origins = [], []
@@ -268,12 +261,7 @@ def save_html(meshcat: Meshcat, path: Path) -> None:
 
 
 def start_recording(meshcat: Meshcat, frame_rate: float) -> None:
-    """Record what is drawn from now on, and nothing of before.
-
-    Args:
-        meshcat: Where robots are drawn, at this rate.
-        frame_rate: Pictures per second [Hz].
-    """
+    """Record what is drawn from now on, at a rate [Hz], and nothing of before."""
     meshcat.DeleteRecording()
     # Meshcat rounds a time down to a picture's: 0.9999... pictures would be none.
     rate = frame_rate * (1.0 + 1e-9)

@@ -80,11 +80,7 @@ def make_picture(width: float, height: float) -> Picture:
 
 
 def make_time_panels(titles: Sequence[str]) -> tuple[Picture, list[Axes]]:
-    """Return a picture with a panel over time for each title.
-
-    Args:
-        titles: What stands above the panels, such as "joint1 [rad]".
-    """
+    """Return a picture with a panel over time for each title, as "joint1 [rad]"."""
     num_columns, width, height = choose_grid(_GRIDS, _LARGEST, len(titles))
     picture, panels = make_panels(titles, num_columns, (width, height), sharex=True)
     num_rows = -(-len(panels) // num_columns)
@@ -114,14 +110,7 @@ def make_panels(
     *,
     sharex: bool = False,
 ) -> tuple[Picture, list[Axes]]:
-    """Return a picture with a panel for each title, one column after the other.
-
-    Args:
-        titles: What stands above the panels.
-        num_columns: Number of columns.
-        size: Width and height of a panel [inch].
-        sharex: Whether all have the same x axis.
-    """
+    """Return a picture with a panel of a size [inch] for each title, in columns."""
     num_rows = max(1, -(-len(titles) // num_columns))
     width, height = size[0] * num_columns, size[1] * num_rows + 0.8
     picture = make_picture(max(width, 4.0), height)
@@ -150,11 +139,8 @@ def shorten(text: str, width: float) -> str:
 def draw_line(panel: Axes, x: Array, y: Array, **style: Any) -> Line2D:
     """Draw a line; of very many points those that are seen, of one a dot.
 
-    Args:
-        panel: Where to draw.
-        x: Where the points are, shape (N,); not finite where there is none.
-        y: The same.
-        style: As `Axes.plot` takes it.
+    `x` and `y` have the shape (N,); they aren't finite where there is no point. The
+    style is as `Axes.plot` takes it.
     """
     rows = np.union1d(_seen(x), _seen(y))
     x, y = x[rows], y[rows]

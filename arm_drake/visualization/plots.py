@@ -127,14 +127,8 @@ _WANTED: dict[str, Any] = {
 def plot_path(rollout: Rollout, link: str | None) -> Picture:
     """Return the way of a link's origin in the world, in space and over time.
 
-    Where joints had references, it shows where these would have had it.
-
-    Args:
-        rollout: A rollout with a description.
-        link: The link; None is the end effector.
-
-    Raises:
-        InputError: If the rollout has no description, or there is no such link.
+    None is the end effector. Where joints had references, it shows where these would
+    have had it. Without a description, or such a link, it is an InputError.
     """
     link = rollout.find_tip() if link is None else link
     way, wanted = find_way(rollout, link)
@@ -265,14 +259,6 @@ def plot_overview(rollout: Rollout, joints: Sequence[str], link: str | None) -> 
     """Return positions, errors, efforts and the end effector's way on one page.
 
     In each panel the joints that stand out most are named.
-
-    Args:
-        rollout: The rollout.
-        joints: Which joints.
-        link: Whose way is drawn; None is the end effector.
-
-    Raises:
-        InputError: If there is no such link.
     """
     picture = make_picture(*_OVERVIEW_SIZE)
     grid = picture.add_gridspec(2, 2)
@@ -410,12 +396,7 @@ _MAX_GROWTH = 0.5
 
 
 def plot_phase(rollout: Rollout, joints: Sequence[str]) -> Picture:
-    """Return velocity over position, a panel for each joint, with its limits.
-
-    Args:
-        rollout: The rollout; limits of position and velocity are of its description.
-        joints: Which joints.
-    """
+    """Return velocity over position, a panel for each joint, with its limits."""
     num_columns, width, height = choose_grid(_GRIDS, _LARGEST, len(joints))
     limits = read_limits(rollout.description)
     units = [

@@ -138,12 +138,7 @@ class Photographer:
         self._thread = concurrent.futures.ThreadPoolExecutor(1)
 
     def __enter__(self) -> "Photographer":
-        """Start the browser.
-
-        Raises:
-            MissingExtraError: If the extra `browser` isn't installed.
-            BrowserError: If there is no Chromium, or it doesn't start.
-        """
+        """Start the browser, or raise MissingExtraError or BrowserError."""
         try:
             self._browser = self._thread.submit(
                 self._stack.enter_context, open_browser()
@@ -168,16 +163,9 @@ class Photographer:
     ) -> tuple[bytes, Camera]:
         """Return a picture of a scene, a PNG file, and where it was taken from.
 
-        The camera goes where it sees all that is to be seen, in this picture only.
-
-        Args:
-            meshcat: The scene.
-            size: Width and height [pixels].
-            paths: What must be in the picture, as paths of the scene.
-            direction: From what is seen to the camera, any length; not vertical.
-
-        Raises:
-            BrowserError: If the browser doesn't draw the scene, or there is nothing.
+        The camera goes where it sees all below `paths`, in this picture only, of a size
+        [pixels]. `direction` is from what is seen to the camera, of any length; not
+        vertical. It raises BrowserError if the scene isn't drawn, or there is nothing.
         """
         view = View(FIELD_OF_VIEW, size[0] / size[1], direction=direction)
 
@@ -191,12 +179,9 @@ class Photographer:
     def begin(
         self, meshcat: Meshcat, work: Callable[["Page"], Result], size: tuple[int, int]
     ) -> "concurrent.futures.Future[Result]":
-        """Begin to work with a page that shows a scene; `wait` ends it.
+        """Begin to work with a page of a size [pixels]; `wait` ends it.
 
-        Args:
-            meshcat: The scene.
-            work: Called in the browser's thread when all of the scene is drawn.
-            size: Width and height of the page [pixels].
+        The work is called in the browser's thread when all of the scene is drawn.
         """
         url = meshcat.web_url()
         return self._thread.submit(_work, self._browser, url, work, size)
@@ -207,15 +192,9 @@ class Photographer:
         task: "concurrent.futures.Future[Result]",
         tell: Callable[[], None] = lambda: None,
     ) -> Result:
-        """Return what work with a page has come to.
+        """Return what the task of `begin` has come to, telling until it is done.
 
-        Args:
-            meshcat: The scene.
-            task: What `begin` returned.
-            tell: Called again and again until it is done.
-
-        Raises:
-            BrowserError: If the browser doesn't draw the scene.
+        It raises BrowserError if the browser doesn't draw the scene.
         """
         while not task.done():
             # A page that isn't connected yet misses it; later it comes after all else.
@@ -258,18 +237,9 @@ def save_screenshot(
 
 
 def find_extremes(page: "Page", view: View, paths: Sequence[str]) -> Array:
-    """Return what decides where a camera must be, as points in the world [m].
+    """Return what decides where a camera must be: the farthest points, shape (6, 3).
 
-    Args:
-        page: A page that shows a scene.
-        view: How the camera looks at it.
-        paths: What must be in the picture, as paths of the scene.
-
-    Returns:
-        The farthest points that are drawn, shape (6, 3).
-
-    Raises:
-        BrowserError: If there is nothing to be seen.
+    They are in the world [m]. It is a BrowserError if there is nothing to be seen.
     """
     extremes = page.evaluate(
         "([paths, directions]) => arm_drake.find_extremes(paths, directions)",
@@ -283,11 +253,7 @@ def find_extremes(page: "Page", view: View, paths: Sequence[str]) -> Array:
 def set_up(page: "Page", view: View, points: Array, size: tuple[int, int]) -> Camera:
     """Make camera, lamps and grid of a page suit some points, once.
 
-    Args:
-        page: A page that shows a scene.
-        view: How the camera is to look at it.
-        points: What must be in the picture, in the world [m], shape (n, 3).
-        size: Width and height of the picture [pixels].
+    The points are what must be in the picture, in the world [m], shape (n, 3).
     """
     camera = view.camera_for(points)
     diameter = max(float(np.linalg.norm(np.ptp(points, axis=0))), _SMALLEST)

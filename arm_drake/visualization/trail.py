@@ -49,14 +49,10 @@ class Trail:
         min_distance: float = 1e-3,
         color: tuple[float, float, float] = _PINK,
     ) -> None:
-        """Create it; there is nothing to be seen yet.
+        """Create it with nothing to be seen; a relative path is below "/drake".
 
-        Args:
-            meshcat: Where to draw.
-            path: Its path; a relative one is below "/drake".
-            duration: How long a point is seen [s].
-            min_distance: Points closer than this to the last one are left out [m].
-            color: Red, green and blue from 0 to 1.
+        A point is seen for a duration [s]; one closer than `min_distance` [m] to the
+        last one is left out. `color` is red, green and blue from 0 to 1.
         """
         self._meshcat = meshcat
         self._path = path
@@ -69,14 +65,10 @@ class Trail:
     def append(
         self, time: float, point: ArrayLike, *, is_recorded: bool = False
     ) -> None:
-        """Let the line go on to a point.
+        """Let the line go on to a point in the world [m], shape (3,), at a time [s].
 
-        Args:
-            time: When the point is there [s]; if it is earlier than before, a new line
-                begins.
-            point: Where it is in the world [m], shape (3,).
-            is_recorded: Whether it goes to a recording at that time, too; there a piece
-                comes as a whole.
+        An earlier time than before begins a new line. In a recording a piece comes as a
+        whole.
         """
         # A copy: Drake may compute the next point in the same place.
         place = np.array(point, dtype=float)

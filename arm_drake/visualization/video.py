@@ -78,25 +78,13 @@ def save_video(
     progress: Callable[[int, int], None] | None = None,
     photographer: Photographer | None = None,
 ) -> Film:
-    """Write a film of the recording that a Meshcat scene has published.
+    """Write an MP4 film of the recording that a Meshcat scene has published.
 
-    The camera stands still, where it sees all that is to be seen from the first to the
-    last moment. What is filmed until Ctrl-C is kept.
-
-    Args:
-        meshcat: The scene.
-        path: MP4 file to write; it appears when it is complete.
-        frame_rate: Pictures per second of simulated time.
-        size: Width and height, even numbers [pixels].
-        paths: What must be in the picture, as paths of the scene.
-        progress: Called with the number of pictures taken, and of all.
-        photographer: Who films, for several films; by default a new one.
-
-    Raises:
-        MissingExtraError: If the extra `video` isn't installed.
-        BrowserError: If there is no browser, or it doesn't draw the scene.
-        InputError: If nothing was recorded, or the size can't be.
-        OutputError: If the film can't be written.
+    The camera stands still, where it sees all below `paths` from the first to the last
+    moment. The file appears when it is complete; what is filmed until Ctrl-C is kept.
+    `frame_rate` is in pictures per simulated second, `size` in even numbers of pixels;
+    `progress` hears how many pictures of how many are taken. It may raise
+    MissingExtraError, BrowserError, InputError (nothing was recorded) and OutputError.
     """
     check_video_installed()
     check_suffix(path, "a film", VIDEO_SUFFIXES)

@@ -69,11 +69,7 @@ class RealtimePacer:
         return self._played + running
 
     def start(self, simulated: float) -> None:
-        """Let real time count from now.
-
-        Args:
-            simulated: Simulated time [s].
-        """
+        """Let real time count from now, at a simulated time [s]."""
         now = time.perf_counter()
         self._since, self._is_started = now, True
         self._anchor = (now, simulated)
@@ -89,11 +85,7 @@ class RealtimePacer:
         self._played = other.wall_time
 
     def target(self, simulated: float) -> float:
-        """Return the time to simulate up to now [s].
-
-        Args:
-            simulated: Simulated time [s].
-        """
+        """Return the time to simulate up to now [s], from a simulated time [s]."""
         target = math.inf
         if self.rate > 0.0:
             now = time.perf_counter()
@@ -105,13 +97,7 @@ class RealtimePacer:
         return min(target, simulated + self._step)
 
     def note(self, simulated: float, step: float, took: float) -> None:
-        """Take note of how long a step took.
-
-        Args:
-            simulated: Simulated time after it [s].
-            step: How far it went [s].
-            took: Its wall time [s].
-        """
+        """Take note of the wall time of a step, the time after it, its length [s]."""
         if step > 0.0:
             # As long as the page may wait, but not all at once.
             longest = step * _LONGEST_STEP / max(took, 1e-6)
@@ -438,13 +424,7 @@ class LogLines:
 def do_events(page: Page, events: Iterable[Event], do: Callable[[Event], None]) -> None:
     """Do what was clicked, and say on the page what can't be done.
 
-    Args:
-        page: The page.
-        events: What happened on it, in order.
-        do: Does one thing.
-
-    Raises:
-        SimulationError: If a simulation can't go on.
+    It raises SimulationError if a simulation can't go on.
     """
     problems = []
     for event in (happened := list(events)):

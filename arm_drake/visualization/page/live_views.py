@@ -41,14 +41,8 @@ class LiveViews:
     ) -> None:
         """Create it, and point the camera at the robots.
 
-        Args:
-            scene: Where to draw.
-            simulation: A simulation, whose diagram draws there.
-            shown: What is shown at first, as `LinkViews`.
-            is_recorded: Whether all of it goes to a recording, too.
-
-        Raises:
-            InputError: If something of it isn't known.
+        The simulation's diagram draws on the scene. `shown` is what is shown at first,
+        as in `LinkViews`.
         """
         self._scene = scene
         self._simulation = simulation
@@ -104,11 +98,8 @@ class LiveViews:
     def set_fixed_frame(self, frame: str) -> None:
         """Let a link stay where it is, and all else move around it, as in RViz.
 
-        Args:
-            frame: "world" or a link; with several robots, `<robot>/<link>`.
-
-        Raises:
-            InputError: If there is no such link.
+        It is "world" or a link; with several robots, `<robot>/<link>`; else an
+        InputError.
         """
         self._fixed_frame = self._find(frame, "fixed frame", self._frames)
         self._scene.patch({"fixed_frame": {"value": frame}})
@@ -117,13 +108,9 @@ class LiveViews:
             self._draw_links()
 
     def set_trail(self, frame: str | None) -> None:
-        """Draw the way of a link's origin in the last 20 s.
+        """Draw the way of a link's origin in the last 20 s, or none.
 
-        Args:
-            frame: The link, named as for `set_fixed_frame`; None for none.
-
-        Raises:
-            InputError: If there is no such link.
+        It is named as for `set_fixed_frame`; else it is an InputError.
         """
         if self._trail is not None:
             self._trail.clear()

@@ -50,15 +50,9 @@ _PLAIN = re.compile(
 
 
 def pose_yaml(positions: Mapping[str, float], ranges: Iterable[JointRange]) -> str:
-    """Return a pose as YAML: a line `joint: value` for each independent joint.
+    """Return a pose [rad, m] as YAML: a line for each independent joint, in order.
 
-    Args:
-        positions: Positions [rad] or [m] by joint; others than the independent joints
-            are left out.
-        ranges: Ranges of the joints, in the order of the lines.
-
-    Raises:
-        InputError: If an independent joint has no finite position.
+    One without a finite position is an InputError.
     """
     texts = _texts(positions, ranges)
     return "".join(f"{_key(name)}: {number}\n" for name, number in texts.items())
@@ -120,16 +114,7 @@ def make_viewer_sections(
     has_ghost: bool,
     shown: Sequence[Widget],
 ) -> list[Section]:
-    """Return the panel of `arm-drake view`.
-
-    Args:
-        robot: The robot.
-        ranges: Ranges of its joints.
-        positions: Where they are [rad] or [m].
-        states: The poses of its SRDF.
-        has_ghost: Whether there is a ghost.
-        shown: What says what is shown.
-    """
+    """Return the panel of `arm-drake view`, with positions [rad] or [m]."""
     look = Buttons((Button("frame", "look at all", "all of the robot (f)", key="f"),))
     sections = [
         make_joints(ranges, positions),
@@ -144,12 +129,7 @@ def make_viewer_sections(
 def make_pose_changes(
     positions: Mapping[str, float], ranges: Sequence[JointRange]
 ) -> dict[str, dict[str, Any]]:
-    """Return what a pose changes in the panel of `arm-drake view`.
-
-    Args:
-        positions: Where the joints are [rad] or [m].
-        ranges: Their ranges.
-    """
+    """Return what a pose [rad, m] changes in the panel of `arm-drake view`."""
     sliders = {f"joint:{name}": {"value": q} for name, q in positions.items()}
     texts = {
         "pose": {"value": pose_yaml(positions, ranges)},
@@ -273,15 +253,7 @@ class LinkViews:
     """Shows and hides what moves with links."""
 
     def __init__(self, scene: Scene, shown: Sequence[str] = (VISUAL,)) -> None:
-        """Create it; there are no links yet.
-
-        Args:
-            scene: Where to show it.
-            shown: What is shown at first, see `VIEWS`.
-
-        Raises:
-            InputError: If something of it isn't known.
-        """
+        """Create it with what is shown at first, of `VIEWS`; there are no links yet."""
         self._scene = scene
         for what in shown:
             _check(what)
@@ -317,16 +289,9 @@ class LinkViews:
         self._label()
 
     def show(self, what: str, is_shown: bool = True) -> None:
-        """Show something, or hide it.
+        """Show or hide one of `VIEWS`; raise InputError if it is none.
 
         The names of frames are shown beside frames.
-
-        Args:
-            what: One of `VIEWS`.
-            is_shown: Whether it is to be seen.
-
-        Raises:
-            InputError: If there is no such thing.
         """
         _check(what)
         changed = {what}
@@ -348,12 +313,7 @@ class LinkViews:
         poses: Mapping[str, Mapping[str, RigidTransform]],
         time: float | None = None,
     ) -> None:
-        """Move all along with the links.
-
-        Args:
-            poses: Poses of links in the world, by robot and link.
-            time: Time in the recording, if there is one [s].
-        """
+        """Move all along with the links, at a time in the recording [s], if any."""
         if self._drawings is not None:
             self._drawings.update(poses, time)
 

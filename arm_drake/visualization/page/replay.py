@@ -104,11 +104,7 @@ class Replay:
         return float(self.rollout.time[-1])
 
     def show(self, time: float) -> None:
-        """Draw the robot where it was at a time, between rows in between.
-
-        Args:
-            time: When [s].
-        """
+        """Draw the robot where it was at a time [s], between rows in between."""
         rollout = self.rollout
         at = min(max(time, self.start), self.end)
         after = min(int(np.searchsorted(rollout.time, at)), len(rollout.time) - 1)
@@ -183,11 +179,7 @@ class ReplayPage:
         self.is_playing = False
 
     def seek(self, time: float) -> None:
-        """Go to a time.
-
-        Args:
-            time: When [s]; what is beyond the log is taken as its end.
-        """
+        """Go to a time [s]; what is beyond the log is taken as its end."""
         self.time = min(max(time, self.replay.start), self.replay.end)
 
     def set_rate(self, rate: float) -> None:
@@ -218,11 +210,7 @@ class ReplayPage:
         self.page.call(lambda: None)  # It may wait for a click.
 
     def handle(self, events: Iterable[Event]) -> None:
-        """Do what was clicked.
-
-        Args:
-            events: What happened on the page, in order.
-        """
+        """Do what was clicked, in order."""
         do_events(self.page, events, self._do)
 
     def _do(self, event: Event) -> None:

@@ -55,11 +55,7 @@ class RobotScene:
         return port.Eval(self.scene_graph.GetMyContextFromRoot(self._context))
 
     def set_positions(self, positions: Mapping[str, float]) -> None:
-        """Put joints somewhere.
-
-        Args:
-            positions: Positions [rad] or [m] by joint, those that follow among them.
-        """
+        """Put joints somewhere [rad] or [m], those that follow among them."""
         q = self.plant.GetPositions(self.context)
         for name, position in positions.items():
             joint = self.plant.GetJointByName(name, self.model)
@@ -94,10 +90,6 @@ class RobotScene:
         self.plant.SetFloatingBaseBodyPoseInWorldFrame(self.context, body, X_WL)
 
     def publish(self, time: float = 0.0) -> None:
-        """Draw the robot's visual shapes where they are now.
-
-        Args:
-            time: When that is [s], for recordings.
-        """
+        """Draw visual shapes where they are now, at a recording's time [s]."""
         self._context.SetTime(time)
         self._diagram.ForcedPublish(self._context)

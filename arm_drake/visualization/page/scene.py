@@ -119,11 +119,7 @@ class Scene:
 
     @contextlib.contextmanager
     def drawing(self) -> Iterator[None]:
-        """Say in one sentence why nothing can be drawn, if Meshcat ends.
-
-        Raises:
-            SimulationError: If it does.
-        """
+        """Make one SimulationError of whatever ends because Meshcat has ended."""
         try:
             yield
         except (RuntimeError, SimulationError) as error:
@@ -132,50 +128,24 @@ class Scene:
             raise SimulationError(_DIED) from error
 
     def patch(self, changes: Mapping[str, Mapping[str, Any]]) -> None:
-        """Change fields of widgets, where there is a panel.
-
-        Args:
-            changes: New values of fields, by the widget's name.
-        """
+        """Change fields of widgets, by the widgets' names, where there is a panel."""
 
     def set_panel(self, title: str, sections: Sequence[Section]) -> None:
-        """Replace the panel, where there is one.
-
-        Args:
-            title: What stands above it.
-            sections: What it consists of.
-        """
+        """Replace the panel, where there is one."""
 
     def say(self, text: str, severity: str = "info") -> None:
-        """Show a message, where there is a page.
-
-        Args:
-            text: The message.
-            severity: "info", "warning" or "error".
-        """
+        """Show an "info", "warning" or "error", where there is a page."""
 
     def call(self, function: Callable[[], None]) -> None:
-        """Have something done by the thread of the page; without a page, nobody does.
-
-        Args:
-            function: Does it.
-        """
+        """Have something done by the thread of the page, if there is one."""
 
     def events(self, timeout: float) -> list[Event]:
-        """Return what happened in browsers.
-
-        Args:
-            timeout: How long to wait for the first [s].
-        """
+        """Return what happened in browsers; wait so long for the first [s]."""
         time.sleep(timeout)
         return []
 
     def set_labels(self, labels: Mapping[str, str]) -> None:
-        """Write names beside things of the scene, where there is a page.
-
-        Args:
-            labels: Names by Meshcat path.
-        """
+        """Write names beside things, by their paths, where there is a page."""
 
     def close(self) -> None:
         """End it: what is drawn goes."""

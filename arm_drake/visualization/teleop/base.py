@@ -31,12 +31,7 @@ class Remote(ABC):
     """
 
     def __init__(self, simulation: Simulation, controller: str) -> None:
-        """Create it; `find_remotes` does that.
-
-        Args:
-            simulation: Where the controller runs.
-            controller: Its name; `<robot>/<name>` where there are several robots.
-        """
+        """Create it, as `find_remotes` does, for `<name>` or `<robot>/<name>`."""
         self._manager, loaded, self._system = simulation.directory.find(controller)
         self.controller = controller
         self.title = controller
@@ -89,15 +84,9 @@ class Remote(ABC):
         return {name: new for name, new in changed.items() if new}
 
     def handle(self, event_id: str, value: Any = None) -> None:
-        """Do what somebody did in the browser.
+        """Do what somebody did in the browser, or raise InputError.
 
-        Args:
-            event_id: Id of the widget.
-            value: Value of a slider, which is kept within its range; None of a button.
-
-        Raises:
-            InputError: If the controller isn't active, or there is no such widget or
-                value.
+        The value of a slider is kept within its range; that of a button is None.
         """
         # The browser shows another value than it was told.
         self._published.get(event_id, {}).pop("value", None)
@@ -114,11 +103,7 @@ class Remote(ABC):
         self._act(event_id.removeprefix(self._id("")), value)
 
     def tick(self, time: float) -> None:
-        """Send what must be repeated; to be called ten times a second of its time.
-
-        Args:
-            time: Simulated time [s].
-        """
+        """Send what must be repeated; to be called ten times a second of its time."""
         del time
         self._renew()
 
@@ -206,11 +191,7 @@ class GrippingRemote(Remote):
         """Send positions of the gripper, by what moves it."""
 
     def open(self) -> None:
-        """Open the gripper that is among the joints.
-
-        Raises:
-            InputError: If there is none, or the controller takes nothing now.
-        """
+        """Open the gripper among the joints; raise InputError if there is none."""
         self._grip(0)
 
     def close(self) -> None:
@@ -224,12 +205,7 @@ class GrippingRemote(Remote):
 
 
 def find_plugins(manager: ControllerManager, name: str) -> tuple[Any, ...]:
-    """Return the tags of Gazebo's plugins that a controller stands for.
-
-    Args:
-        manager: Its manager.
-        name: Its name there.
-    """
+    """Return the tags of Gazebo's plugins that a controller stands for."""
     for controller in manager.robot.controllers.controllers:
         if controller.name == name:
             return controller.plugins
@@ -285,12 +261,7 @@ class Axis:
         return math.remainder(value, 2.0 * math.pi) if self.wraps else value
 
     def nearest(self, value: float, present: float) -> float:
-        """Return what is the same as a value, and nearest to the present one.
-
-        Args:
-            value: What is wanted.
-            present: What is the case.
-        """
+        """Return what is the same as a value, and nearest to the present one."""
         if not self.wraps:
             return value
         return present + math.remainder(value - present, 2.0 * math.pi)
@@ -301,13 +272,8 @@ def find_axis(robot: Robot, params: ControllerInterfaceParams, name: str) -> Axi
 
     Its range is that of the joint, within the limits that the hardware's description
     gives the interface. A joint without a velocity limit is taken to reach 1 rad/s or
-    0.1 m/s; other limits that are missing are -1 and 1.
-
-    Args:
-        robot: The robot.
-        params: What the controller knows of it.
-        name: The interface; one of another controller stands for the joint that its
-            name tells.
+    0.1 m/s; other limits that are missing are -1 and 1. An interface of another
+    controller stands for the joint that its name tells.
     """
     owner, _, interface = name.rpartition("/")
     joint = owner if owner in params.joint_types else owner.rpartition("/")[2]

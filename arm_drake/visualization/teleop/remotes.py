@@ -82,14 +82,8 @@ class BaseRemote(Remote):
     def drive(self, forward: float, sideways: float = 0.0, turn: float = 0.0) -> None:
         """Move at a velocity from now on, as long as `tick` is called.
 
-        Args:
-            forward: Along the base's x axis [m/s].
-            sideways: Along its y axis, to the left [m/s].
-            turn: About its z axis, to the left [rad/s].
-
-        Raises:
-            InputError: If the controller isn't active, if a number isn't finite, or if
-                the base can't go sideways.
+        It is along the base's x and y axes [m/s], and about z [rad/s]. It is an
+        InputError if the controller isn't active, or the base can't do that.
         """
         values = {"forward": forward, "sideways": sideways, "turn": turn}
         new = {name: self._number(value, name) for name, value in values.items()}
@@ -114,11 +108,7 @@ class BaseRemote(Remote):
             self._handle.send_velocity(twist)
 
     def tick(self, time: float) -> None:
-        """Send the velocity once more, unless it is 0: controllers wait for 0.5 s.
-
-        Args:
-            time: Simulated time [s].
-        """
+        """Send the velocity once more, unless it is 0: controllers wait for 0.5 s."""
         super().tick(time)
         if self.is_active and any(self._velocity.values()):
             self._send(self._velocity)
@@ -225,17 +215,12 @@ class CommandRemote(GrippingRemote):
         """Send numbers, by name."""
 
     def command(self, values: Mapping[str, float]) -> None:
-        """Send numbers; they hold until others come.
+        """Send numbers in their units, by name ("joint1/position"), until others come.
 
-        Args:
-            values: By name, such as "joint1/position", in their units. The position of
-                a joint that turns without end is the same angle nearest to the present
-                one. Those that are left out are as they were sent last; if they
-                never were and must be, positions as measured, the rest 0.
-
-        Raises:
-            InputError: If the controller isn't active, if it takes no such number, or
-                if one isn't finite.
+        The position of a joint that turns without end is the same angle nearest to the
+        present one. Those that are left out are as they were sent last; if they never
+        were and must be, positions as measured, the rest 0. It is an InputError if the
+        controller isn't active, or takes no such number.
         """
         for name, value in values.items():
             if name not in self._axes:
@@ -414,11 +399,7 @@ class GripperRemote(Remote):
         return goal
 
     def open(self) -> GoalHandle:
-        """Open it.
-
-        Raises:
-            InputError: As `move_to`, and if it isn't known where it is open.
-        """
+        """Open it, as `move_to`; not knowing where it is open is an InputError."""
         return self._grip(0)
 
     def close(self) -> GoalHandle:
@@ -638,11 +619,9 @@ class TrajectoryRemote(GrippingRemote):
 def find_remotes(simulation: Simulation) -> list[Remote]:
     """Return what a person can command, one for each controller that takes commands.
 
-    They are found by what a controller takes, not by its type: active or not, but none
-    that could not be loaded. What publishes alone has none.
-
-    Args:
-        simulation: Where the controllers are; those of the list, in its order.
+    They are in the order of the list, and found by what a controller takes, not by its
+    type: active or not, but none that could not be loaded. What publishes alone has
+    none.
     """
     remotes = (
         _make_remote(simulation, row.name)
