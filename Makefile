@@ -29,6 +29,9 @@ demo: setup
 	@mkdir -p out
 	$(BIN)/arm-drake sim $(DEMO) $(ARGS)
 
+# Else every worker, and every process that a test starts, compiles all modules anew.
+test quick: export PYTHONDONTWRITEBYTECODE :=
+
 test: setup
 	$(BIN)/python -m pytest -n auto $(ARGS)
 

@@ -18,6 +18,14 @@ def pytest_configure() -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    # To read their cases takes longer than many tests.
+    wanted = config.option.markexpr
+    leaves_out_slow = " or " not in wanted and "not slow" in wanted.split(" and ")
+    is_slow = collection_path.parent == _HERE and collection_path.name in _SLOW
+    return True if leaves_out_slow and is_slow else None
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.path.relative_to(_HERE).parts[0] in _SLOW:
