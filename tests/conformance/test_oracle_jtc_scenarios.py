@@ -132,10 +132,26 @@ def replay(distro: str, name: str) -> Player:
     return player
 
 
+def are_close(actual: list[Any], expected: list[Any]) -> bool:
+    """Return whether rows are, all at once; no, where they differ in length."""
+    count = min(len(actual), len(expected))
+    try:
+        ours, theirs = np.array(actual[:count]), np.array(expected[:count], float)
+    except ValueError:
+        return False
+    return (
+        ours.dtype.kind in "fi"
+        and ours.shape == theirs.shape
+        and np.allclose(ours, theirs, 1e-9, 1e-12, equal_nan=True)
+    )
+
+
 def assert_rows(name: str, actual: list[Any], expected: list[Any]) -> None:
     """Compare a column; one element stands for all rows."""
     if len(expected) == 1:
         expected = expected * len(actual)
+    if are_close(actual, expected):
+        return
     for k, (ours, theirs) in enumerate(zip(actual, expected, strict=False)):
         theirs = np.array(theirs, float)
         assert np.shape(ours) == theirs.shape, f"{name} in row {k}: {ours}, {theirs}"
