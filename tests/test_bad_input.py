@@ -151,6 +151,7 @@ def check_the_others(sim: ad.Simulation, *bad: str) -> None:
             assert abs(error) < 0.02, name
 
 
+@pytest.mark.slow
 def test_without_bad_input_all_of_them_run(tmp_path: Path) -> None:
     sim = simulate(tmp_path)
 
@@ -436,6 +437,7 @@ def test_what_is_sent_to_an_inactive_controller_is_refused(
     check_the_others(sim, controller)
 
 
+@pytest.mark.slow
 def test_a_switch_of_an_unknown_controller_changes_nothing(tmp_path: Path) -> None:
     sim = simulate(tmp_path)
 

@@ -623,6 +623,7 @@ def test_commands_for_a_controller_that_was_deactivated_are_refused(rrbot, tmp_p
     ]
 
 
+@pytest.mark.slow
 def test_a_goal_for_a_controller_that_was_deactivated_is_rejected(run, tmp_path):
     motion = goal_file(tmp_path)
     switch = f"- {{switch_controllers: {{deactivate: [{JTC}]}}}}\n"

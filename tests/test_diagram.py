@@ -288,6 +288,7 @@ def test_two_runs_are_identical_to_the_last_bit() -> None:
     assert runs[0] == runs[1]
 
 
+@pytest.mark.slow
 # A tick, a step between ticks, and a time between steps.
 @pytest.mark.parametrize("time", [0.3, 0.304, 0.3042])
 def test_a_cloned_context_runs_on_to_the_same_bits(time: float) -> None:

@@ -547,6 +547,7 @@ def test_mycobot_has_the_published_masses_and_inertias(
     assert sum(link[0] for link in ours.values()) == pytest.approx(1.2549, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_mycobot_poses_all_links_like_the_published_arm(
     mycobots: tuple[str, str],
 ) -> None:

@@ -203,6 +203,7 @@ def test_in_a_notebook_the_page_is_in_the_cell(pages) -> None:
     assert shown.startswith(f'<iframe src="{page.url}" ')
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", notebook._REMOTE_VARIABLES)
 def test_where_the_browser_is_elsewhere_the_cell_has_all_it_needs(
     pages, monkeypatch, name

@@ -71,6 +71,7 @@ def test_sim_prints_what_its_schema_says(capsys: Any, robot: str) -> None:
     assert content["final"].keys() == set(content["joints"])
 
 
+@pytest.mark.slow
 def test_failing_goals_are_what_the_schema_says(capsys: Any, tmp_path: Path) -> None:
     motion = tmp_path / "motion.yaml"
     motion.write_text(FAILING, encoding="utf-8")

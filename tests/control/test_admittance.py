@@ -148,6 +148,7 @@ def test_a_step_of_force_is_answered_as_by_mass_damper_and_spring(
     assert bound[-1] < 0.2 * F / K
 
 
+@pytest.mark.slow
 def test_the_error_of_the_integration_is_proportional_to_the_period() -> None:
     rule = make_rule(stiffness=np.full(6, 200.0))
     D = float(rule.damping[0])

@@ -490,6 +490,7 @@ MIXED = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("is_humble", [False, True])
 @pytest.mark.parametrize("has_rate", [False, True])
 def test_channels_do_not_touch_each_other(has_rate: bool, is_humble: bool) -> None:

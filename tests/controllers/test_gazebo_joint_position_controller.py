@@ -228,6 +228,7 @@ def test_without_an_integral_the_sag_is_load_over_gain() -> None:
     assert path[-1] == pytest.approx([-3.0 / 100.0, 0.0], abs=1e-12)
 
 
+@pytest.mark.slow
 def test_an_integral_takes_off_no_more_than_its_limit() -> None:
     # At its limit the integral is worth 1 N, and the rest is left to p.
     driven = drive(make_tag("a", i_gain=200.0, **STIFF), joints=("a",), rate=500)

@@ -103,6 +103,7 @@ def test_wheels_are_told_at_the_update_rate(rate: float, ticks: int) -> None:
     assert speeds == pytest.approx([0.0] * (ticks - 1) + [0.5] * (ticks + 1), **EXACT)
 
 
+@pytest.mark.slow
 def test_the_last_command_holds() -> None:
     driven = drive()
 

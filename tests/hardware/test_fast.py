@@ -81,6 +81,7 @@ def test_it_says_what_it_leaves_out(
     assert f"preset fast: {reported['fast']}\n" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("h", STEPS)
 def test_friction_and_damping_change_efforts_and_not_the_motion(
     tmp_path: Path, h: float

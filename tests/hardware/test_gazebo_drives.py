@@ -287,6 +287,7 @@ def test_of_two_plugins_on_the_same_wheels_the_last_one_drives(tmp_path: Path) -
     assert {"/two"} == {"/one", "/two"} & set(topics(sim))
 
 
+@pytest.mark.slow
 def test_plugins_of_other_wheels_drive_together(tmp_path: Path) -> None:
     # As a base with four driven wheels may have it: a plugin for each axle.
     second = (

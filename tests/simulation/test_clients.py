@@ -77,6 +77,7 @@ def parameters_of(sim: ad.Simulation, controller: str):
 # Commands
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("values", [[0.3, -0.2], (0.3, -0.2), np.array([0.3, -0.2])])
 def test_commands_move_a_real_robot(sim, values):
     sim.controller(FORWARD).command(values)
@@ -106,6 +107,7 @@ def test_a_pid_controller_holds_its_reference(servoed):
     assert (dof.name, dof.reference) == ("swing", 0.5)
 
 
+@pytest.mark.slow
 def test_the_same_values_once_more_are_a_new_message(sim):
     controller = sim.controller(FORWARD)
     for values in ([0.2, 0.2], [0.0, 0.0], [0.2, 0.2]):
@@ -240,6 +242,7 @@ def test_an_inactive_controller_rejects_a_goal(sim):
     assert goal.result.error_string
 
 
+@pytest.mark.slow
 def test_speed_scaling_stretches_a_trajectory(following):
     controller = following.controller(JTC)
     controller.set_speed_scaling(0.5)

@@ -233,6 +233,7 @@ def test_a_diagram_without_a_robot_is_refused():
     )
 
 
+@pytest.mark.slow
 def test_two_robots_have_names_of_their_own():
     robots = [
         ad.load_robot("doosan_a0912", name="left", pose=[0, 0.5, 0, 0, 0, 0]),
@@ -379,6 +380,7 @@ def test_building_a_diagram_leaves_the_robots_report_alone(tmp_path):
     assert len(robot.report) == 0
 
 
+@pytest.mark.slow
 def test_messages_wait_for_the_tick_of_a_slower_controller(robot, tmp_path):
     (published,) = robot.controllers.files
     yaml = tmp_path / "controllers.yaml"

@@ -179,6 +179,7 @@ def test_the_order_of_triangles_does_not_matter(converter):
     assert paths[0].read_bytes() == paths[1].read_bytes()
 
 
+@pytest.mark.slow
 def test_parts_of_a_decomposition_are_thinned(converter, monkeypatch):
     monkeypatch.setattr(mut, "decompose", lambda surfaces: [ball(), prism(1000)])
     source = converter.write("box.stl", binary_stl())

@@ -291,6 +291,7 @@ def test_nodes_in_nodes_in_nodes_are_refused(converter):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("depth", [2_000, 200_000])
 def test_deep_nodes_do_not_crash(converter, depth):
     text = dae().replace(b'<node id="n0">', b"<node>" * depth + b'<node id="n0">')

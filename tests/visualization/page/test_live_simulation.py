@@ -336,6 +336,7 @@ def test_the_rate_is_kept(
     assert live.realtime_factor == pytest.approx(rate, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_simulation_that_is_too_slow_leaves_the_page_alive(
     page: Page, robot: ad.Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -206,6 +206,7 @@ def test_the_command_records_a_page(tmp_path: Path, capsys, recorded) -> None:
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_a_named_robot_takes_the_place_of_the_recorded_one(
     tmp_path: Path, capsys, recorded
 ) -> None:

@@ -270,6 +270,7 @@ def commands(sim: ad.Simulation) -> dict[str, float]:
     return dict(zip(manager.commands, values, strict=True))
 
 
+@pytest.mark.slow
 def test_a_position_of_a_joint_without_end_is_the_nearest(tmp_path: Path) -> None:
     yaml = FORWARD.format(joints="swing", interface="position")
     urdf = models.pendulum(limit='effort="100" velocity="10"').replace(

@@ -52,6 +52,7 @@ def test_every_controller_that_commands_has_a_remote(name: str) -> None:
         assert all(w.lower < w.upper and np.isfinite(w.value) for w in sliders)
 
 
+@pytest.mark.slow
 def test_ids_are_unique_and_begin_with_the_controller() -> None:
     sim = panel.simulate(ad.load_robot("mycobot_280"))
 
@@ -186,6 +187,7 @@ arm:
     assert state.reference == 0.5
 
 
+@pytest.mark.slow
 def test_of_several_robots_each_moves_its_own(tmp_path: Path) -> None:
     yaml = models.trajectory_controllers({"arm": ["swing"]})
     robots = [
