@@ -523,8 +523,17 @@ class TickingController(TickReader[S]):
             cycle: A cycle with the `inputs` of the last tick.
             hardware: What there is to read.
         """
-        return self._run(
-            None, cycle.ticks[self.params.controller_name], cycle, hardware
+        name = self.params.controller_name
+        last: UpdateResult[S] = cycle.ticks[name]
+        activation = cycle.active.get(name)
+        goes_on = activation is not None and activation == last.activation
+        if not goes_on or cycle.periods or self.can_fail:
+            return self._run(None, last, cycle, hardware)
+        now = UpdateContext(None, cycle.time_ns, cycle.period_ns, cycle, True, hardware)
+        state = self._update(now, last.state)
+        command = self._command(state)
+        return UpdateResult(
+            cycle.number, activation, state, command, inputs=last.inputs
         )
 
     @abstractmethod

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial
 from types import MappingProxyType
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from pydrake.common.value import AbstractValue
@@ -25,7 +25,7 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     TickingController,
 )
-from arm_drake.controllers.cycles import Cycle, messages_on
+from arm_drake.controllers.cycles import Cycle, HardwareValues, messages_on
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.manager.hardware_interfaces import HardwareInterfaces
@@ -74,6 +74,19 @@ class Readings(NamedTuple):
         return state.active is not state.cycle.active or (
             self.inputs.requests is not state.requests and bool(self.new_requests)
         )
+
+
+class QuietPlan(NamedTuple):
+    """Who ticks in cycles in which nothing comes and nothing switches.
+
+    It follows from the state of which it holds these very objects, and isn't state.
+    """
+
+    active: Mapping[str, int] | None = None
+    asleep: frozenset[str] = frozenset()
+
+    # None where such a cycle is as any other.
+    controllers: Collection[tuple[str, TickingController[Any]]] | None = None
 
 
 _NO_PERIODS: Mapping[str, int] = MappingProxyType({})
@@ -185,6 +198,34 @@ class Loop:
             previous,
             all_limited,
             failing,
+        )
+
+    @property
+    def has_quiet_cycles(self) -> bool:
+        """Whether `finish_quietly` does for a cycle in which nothing comes."""
+        return self._limits is None and not self._lifecycle.slow
+
+    def finish_quietly(
+        self, ticks: UpdateResults, cycle: Cycle, state: ManagerState
+    ) -> ManagerState:
+        """Return what `finish` does if nothing has come, switches or can fail."""
+        values = state.values.copy()
+        self._claimants.write(ticks, cycle, state.cycle, values)
+        return ManagerState(
+            cycle,
+            state.active,
+            state.chained,
+            state.mode,
+            state.next_activation,
+            values,
+            self._drive.write(state.mode, values, state.drive),
+            state.last_ns,
+            ticks,
+            state.asleep,
+            state.requests,
+            state.events,
+            state.previous,
+            state.limited,
         )
 
     def _limit(
@@ -365,12 +406,15 @@ class ControllerManager(PythonSystem):
         self._loop = Loop(
             self._lifecycle, claimants, drive, limits, hardware_interfaces
         )
+        self._plan = QuietPlan()
         state = self._start(hardware_interfaces)
         kept = self.DeclareAbstractState(AbstractValue.Make(state))
         self._state_index = int(kept)
         self._cycle = self._declare_read("cycle", self._calc_cycle, is_of_now=True)
         flags = [float(c.name in state.active) for c in self.controllers]
-        start = (state.values, drive.servo_input(state.drive), flags)
+        told = drive.servo_input(state.drive)
+        self._num_servo = len(told)
+        start = (state.values, told, flags)
         numbers = [self.DeclareDiscreteState(x) for x in start]
         self._values, self._drive_state, self._flags = map(int, numbers)
         self._stored = None
@@ -507,24 +551,66 @@ class ControllerManager(PythonSystem):
         readings = Readings(state, inputs, partial(self._measured.Eval, context))
         return self._loop.begin(readings, number, *times)
 
-    def _update(self, context: Context, state: State) -> None:
-        old: ManagerState = context.get_abstract_state(self._state_index).get_value()
+    def _tick_quietly(self, context: Context, old: ManagerState) -> ManagerState | None:
+        """Return what a cycle leads to in which nothing comes; None for all others.
+
+        It is what `_tick` would return, without a way through Drake for what can't be.
+        """
+        inputs, last = self._inputs.Eval(context), old.cycle
+        if inputs is not last.inputs or old.active is not last.active or old.failing:
+            return None
+        plan = self._plan
+        if plan.active is not old.active or plan.asleep is not old.asleep:
+            plan = self._plan = self._make_plan(old)
+        number = cycle_at(context.get_time(), self.period)
+        if plan.controllers is None or number is None or number == last.number:
+            return None
+        cycle = Cycle(
+            number,
+            *cycle_times(number, self.period, self._update_rate),
+            old.active,
+            old.chained,
+            _NO_PERIODS,
+            None,
+            old.ticks,
+            inputs,
+        )
+        hardware = HardwareValues(self._keeper.motions.Eval(context), old.values)
+        ticks = {**old.ticks}
+        for name, controller in plan.controllers:
+            ticks[name] = controller.tick(cycle, hardware)
+        return self._loop.finish_quietly(ticks, cycle, old)
+
+    def _make_plan(self, state: ManagerState) -> QuietPlan:
+        controllers = None
+        if self._loop.has_quiet_cycles:
+            controllers = self._keeper.quiet_controllers(state)
+        return QuietPlan(state.active, state.asleep, controllers)
+
+    def _tick(self, context: Context, old: ManagerState) -> ManagerState:
+        """Return what a cycle leads to; the old state between two cycles."""
         if self._keeper.are_direct:
             cycle = self._find_cycle(context, old)
         else:  # Others ask for it too, and the port remembers it.
             cycle = self._cycle.Eval(context)
         if cycle.number == old.cycle.number:
-            return
+            return old
         inputs = cast(ManagerInputs, cycle.inputs)
         readings = Readings(old, inputs, partial(self._measured.Eval, context))
         ticks, asleep = self._keeper.run(context, cycle, old)
-        new = self._loop.finish(ticks, asleep, readings, cycle)
+        return self._loop.finish(ticks, asleep, readings, cycle)
+
+    def _update(self, context: Context, state: State) -> None:
+        old: ManagerState = context.get_abstract_state(self._state_index).get_value()
+        new = self._tick_quietly(context, old) or self._tick(context, old)
+        if new is old:
+            return
         state.get_mutable_abstract_state(self._state_index).set_value(new)
         numbers = state.get_mutable_discrete_state()
         numbers.set_value(self._values, new.values)
-        numbers.set_value(self._drive_state, self._drive.servo_input(new.drive))
-        if cycle.commands is not None:
-            flags = [float(c.name in cycle.active) for c in self.controllers]
+        numbers.set_value(self._drive_state, new.drive[: self._num_servo])
+        if new.cycle.active is not old.cycle.active:
+            flags = [float(c.name in new.cycle.active) for c in self.controllers]
             numbers.set_value(self._flags, flags)
         if self._stored is not None:
             stored = context.get_discrete_state(self._stored).value()

@@ -355,8 +355,8 @@ class TickKeeper:
         motions: InputPort,
         declare: Callable[[str], InputPort],
     ) -> None:
-        """Create it; `motions` brings positions and velocities of all joints."""
-        self._motions = motions
+        """Create it; direct controllers read positions and velocities from `motions`."""
+        self.motions = motions
         self._members = {
             name: _Member(
                 name,
@@ -413,7 +413,7 @@ class TickKeeper:
                 ):
                     if hardware is None:
                         hardware = HardwareValues(
-                            self._motions.Eval(context), state.values
+                            self.motions.Eval(context), state.values
                         )
                     result = member.system.tick(cycle, hardware)
                 else:
@@ -422,6 +422,20 @@ class TickKeeper:
         if ticks.keys() - cycle.active.keys() - asleep:
             asleep = self._find_asleep(ticks, cycle.active)
         return ticks, asleep
+
+    def quiet_controllers(
+        self, state: ManagerState
+    ) -> tuple[tuple[str, TickingController[Any]], ...] | None:
+        """Return who ticks while nothing comes or switches; all others sleep then.
+
+        None if one of them needs its port or can fail.
+        """
+        awake = [m for name, m in self._members.items() if name not in state.asleep]
+        for member in awake:
+            is_simple = member.is_direct and not member.system.can_fail
+            if not is_simple or member.name not in state.active:
+                return None
+        return tuple((member.name, member.system) for member in awake)
 
     def _find_asleep(
         self, ticks: UpdateResults, active: Collection[str]

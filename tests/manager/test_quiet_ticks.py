@@ -1,0 +1,287 @@
+"""A quiet cycle, in which nothing comes, leaves what any other way would, bit by bit.
+
+Both ways are functions of one Context, so every cycle that is taken quietly is computed
+in full, too, and compared. How many were quiet is counted.
+"""
+
+import dataclasses as dc
+import functools
+from collections import defaultdict
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from pydrake.common.value import AbstractValue
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+import arm_drake as ad
+from arm_drake import interfaces
+from arm_drake.control.drive_commands import DriveCommands
+from arm_drake.control.trajectory import Sample
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.joint_trajectory.controller import JointTrajectoryController
+from arm_drake.description.report import LoadReport
+from arm_drake.manager import ControllerManager
+from arm_drake.manager.controller_manager import SWITCH_PORT
+from arm_drake.manager.hardware_interfaces import HardwareInterfaces
+from arm_drake.manager.loaded_controllers import LoadedController
+from arm_drake.messages import JointTrajectory, JointTrajectoryPoint, SwitchController
+from tests.conformance.jtc_players import NAME, Dict, Player, flatten, load
+from tests.conformance.test_oracle_jtc_scenarios import INPUTS, OUTPUTS, REPLAYED
+
+JOINTS = tuple(f"joint{i}" for i in range(1, 7))
+PERIOD = 0.01
+
+
+@dc.dataclass
+class Count:
+    """How many cycles there were, and how many of them were quiet."""
+
+    num_quiet: int = 0
+    num_full: int = 0
+
+    @property
+    def share(self) -> float:
+        return self.num_quiet / (self.num_quiet + self.num_full)
+
+
+def find_difference(one: Any, other: Any, where: str = "") -> str:
+    """Return where two values differ in a bit; empty if they don't."""
+    if one is other:
+        return ""
+    if type(one) is not type(other):
+        return f"{where}: {one!r} and {other!r}"
+    parts: list[tuple[Any, Any, Any]] = []
+    if isinstance(one, np.ndarray | float):
+        a, b = np.asarray(one), np.asarray(other)
+        is_same = (a.dtype, a.shape, a.tobytes()) == (b.dtype, b.shape, b.tobytes())
+        return "" if is_same else f"{where}: {one!r} and {other!r}"
+    if isinstance(one, Sample):
+        names = ("position", "velocity", "acceleration", "effort")
+        names += ("segment_start", "segment_end")
+        parts = [(n, getattr(one, n), getattr(other, n)) for n in names]
+    elif isinstance(one, functools.partial):
+        parts = [("function", one.func, other.func), ("args", one.args, other.args)]
+    elif isinstance(one, dict):
+        if list(one) != list(other):
+            return f"{where}: {list(one)} and {list(other)}"
+        parts = [(key, one[key], other[key]) for key in one]
+    elif isinstance(one, tuple):
+        if len(one) != len(other):
+            return f"{where}: {one!r} and {other!r}"
+        names = getattr(one, "_fields", range(len(one)))
+        parts = list(zip(names, one, other, strict=True))
+    elif dc.is_dataclass(one):
+        fields = [field.name for field in dc.fields(one)]
+        parts = [(n, getattr(one, n), getattr(other, n)) for n in fields]
+    elif one != other:
+        return f"{where}: {one!r} and {other!r}"
+    differences = (find_difference(a, b, f"{where}.{name}") for name, a, b in parts)
+    return next(filter(None, differences), "")
+
+
+@pytest.fixture
+def count(monkeypatch: pytest.MonkeyPatch) -> Count:
+    """Compare both ways in each cycle."""
+    counted, tick_quietly = Count(), ControllerManager._tick_quietly
+
+    def tick(manager: ControllerManager, context: Any, old: Any) -> Any:
+        new = tick_quietly(manager, context, old)
+        if new is None:
+            counted.num_full += 1
+            return None
+        counted.num_quiet += 1
+        assert not find_difference(new, manager._tick(context, old))
+        return new
+
+    monkeypatch.setattr(ControllerManager, "_tick_quietly", tick)
+    return counted
+
+
+class ManagedPlayer(Player):
+    """Replays a scenario with a controller and its manager.
+
+    Times are those of the manager's clock.
+    """
+
+    def __init__(self, distro: str, inputs: Dict, output: Dict) -> None:
+        super().__init__(distro, inputs, output)
+        rate = inputs["update_rate"]
+        self.period = 1.0 / rate
+        basic = interfaces.interface_names(
+            self.joint_types, interfaces.STATE_INTERFACES
+        )
+        others = [n for n in output["state_interfaces"] if n not in basic]
+        params = ControllerInterfaceParams(
+            controller_name=NAME,
+            update_rate=rate,
+            period=self.period,
+            joint_types=self.joint_types,
+            command_interfaces=frozenset(self.claimed),
+            state_interfaces=frozenset(output["state_interfaces"]),
+            measured=(*basic, *others),
+            distro=distro,
+            velocity_limits=self.velocity_limits,
+            is_managed=True,
+        )
+        self.system = JointTrajectoryController(load(self.flat, distro), params)
+        status = "active" if self.is_active else "inactive"
+        robot: Any = SimpleNamespace(
+            controllers=SimpleNamespace(update_rate=rate, controllers=()), distro=distro
+        )
+        joints = tuple(self.joint_types)
+        offered = HardwareInterfaces(
+            self.joint_types,
+            tuple(self.claimed),
+            tuple(output["state_interfaces"]),
+            dict.fromkeys(joints, 0.0),
+            sensed=tuple(others),
+        )
+        builder = DiagramBuilder()
+        manager = ControllerManager(
+            robot,
+            [LoadedController(NAME, "", status, self.system)],
+            LoadReport(),
+            prefix="",
+            period=self.period,
+            log_period=self.period,
+            drive=DriveCommands(joints, tuple(self.claimed), velocity_lead=0.05),
+            hardware_interfaces=offered,
+        )
+        self.manager = builder.AddSystem(manager)
+        builder.AddSystem(self.system)
+        manager.add_controller(builder, self.system)
+        for system in (manager, self.system):
+            for index in range(system.num_input_ports()):
+                port = system.get_input_port(index)
+                if not builder.IsConnectedOrExported(port):
+                    name = f"{system.get_name()}.{port.get_name()}"
+                    builder.ExportInput(port, name)
+        manager.set_name("manager")
+        self.diagram = builder.Build()
+        self.simulator = Simulator(self.diagram)
+        self.simulator.Initialize()
+
+    def fix(self, system: Any, port: str, value: Any) -> None:
+        context = system.GetMyMutableContextFromRoot(
+            self.simulator.get_mutable_context()
+        )
+        if system.HasInputPort(port):
+            system.GetInputPort(port).FixValue(context, value)
+
+    def run(self, k: int, time_ns: int, events: list[Dict]) -> None:
+        inputs: defaultdict[str, list[Any]] = defaultdict(list)
+        for event in events:
+            names = (NAME,)
+            if event["type"] == "activate":
+                inputs["switch"].append(SwitchController(names, ()))
+            elif event["type"] == "deactivate":
+                inputs["switch"].append(SwitchController((), names))
+            elif event["type"] == "set_params":
+                self.flat.update(flatten(event["params"]))
+                parameters = load(self.flat, self.distro)
+                self.fix(self.system, "parameters", AbstractValue.Make(parameters))
+            else:
+                message = self.message_of(event)
+                if message is not None:
+                    inputs[message[0]].append(message[1])
+        for field, system, port in (
+            ("switch", self.manager, SWITCH_PORT),
+            ("topics", self.system, "joint_trajectory"),
+            ("requests", self.system, "follow_joint_trajectory"),
+            ("scaling_factors", self.system, "speed_scaling_input"),
+        ):
+            if field in inputs:
+                self.fix(system, port, AbstractValue.Make(tuple(inputs[field])))
+        state, order = self.measured(k), self.system.params.measured
+        measured = [state.get(name, 0.0) for name in order]
+        J = len(self.joint_types)
+        size = self.system.GetInputPort(interfaces.STATE_PORT).size()
+        self.fix(self.system, interfaces.STATE_PORT, measured[:size])
+        self.fix(self.manager, interfaces.STATE_PORT, measured[: 3 * J])
+        self.fix(self.manager, interfaces.MOTIONS_PORT, measured[: 2 * J])
+        self.simulator.AdvanceTo((k + 0.5) * self.period)
+
+
+@pytest.mark.parametrize(
+    ("distro", "part"),
+    [
+        ("jazzy", slice(None, None, 10)),
+        pytest.param("jazzy", slice(None), marks=pytest.mark.slow),
+        pytest.param("rolling", slice(None), marks=pytest.mark.slow),
+    ],
+)
+def test_scenarios_of_upstream_are_the_same_both_ways(
+    count: Count, distro: str, part: slice
+) -> None:
+    names = [name for d, name in REPLAYED if d == distro][part]
+    if not names:
+        pytest.skip("the files of the scenarios aren't there")
+    for name in names:
+        ManagedPlayer(distro, INPUTS[name], OUTPUTS[distro, name]).play()
+
+    assert count.share > 0.6, count
+    assert count.num_quiet > 20 * len(names)
+
+
+def simulate() -> ad.Simulation:
+    robot = ad.load_robot("doosan_a0912")
+    options = ad.SimulationOptions(preset="fast", time_step=PERIOD)
+    return ad.Simulation(ad.build_diagram(robot, options=options))
+
+
+def motion(*positions: float) -> JointTrajectory:
+    points = [
+        JointTrajectoryPoint(6 * [q], 6 * [0.0], time_from_start=0.3 * (1 + k))
+        for k, q in enumerate(positions)
+    ]
+    return JointTrajectory(joint_names=JOINTS, points=points)
+
+
+def test_an_arm_that_holds_and_moves_ticks_quietly_and_is_heard(count: Count) -> None:
+    sim = simulate()
+    arm = sim.controller("joint_trajectory_controller")
+    sim.run(0.2)
+    goal = arm.send_goal(motion(0.1, 0.2))
+    sim.run(0.35)
+    num_full = count.num_full
+    # Comes to a tick that would have been quiet.
+    arm.send_trajectory(motion(0.3))
+    sim.run(0.5)
+
+    assert goal.status.is_terminal
+    assert len(goal.feedback) > 5
+    assert count.num_full == num_full + 1
+    assert count.share > 0.9
+    np.testing.assert_allclose(sim.joint_states().position[:6], 0.3, atol=1e-3)
+
+
+def test_a_context_goes_on_from_the_middle_of_quiet_ticks(count: Count) -> None:
+    sim = simulate()
+    sim.controller("joint_trajectory_controller").send_goal(motion(0.1, 0.2))
+    sim.advance_to(0.253)
+    saved, num_full = sim.simulator.get_context().Clone(), count.num_full
+    sim.advance_to(0.953)
+    expected = read_state(sim.simulator)
+
+    sim.simulator.reset_context(saved.Clone())
+    sim.advance_to(0.953)
+    assert read_state(sim.simulator) == expected
+    # What lies on the ports is a copy.
+    assert count.num_full == num_full + 1
+
+    # There the ports are others, with nothing on them.
+    rebuilt = Simulator(simulate().diagram)
+    rebuilt.get_mutable_context().SetTimeStateAndParametersFrom(saved)
+    rebuilt.AdvanceTo(0.953)
+    assert read_state(rebuilt) == expected
+    assert count.num_full == num_full + 2
+
+
+def read_state(simulator: Simulator) -> list[Any]:
+    context = simulator.get_context()
+    state = context.get_discrete_state()
+    vectors = [state.value(i).tobytes() for i in range(state.num_groups())]
+    return [context.get_time(), *vectors]
