@@ -65,11 +65,4 @@ class PythonSystem(LeafSystem, metaclass=_metaclass):
             argument
         )  # There are weak references to all of these.
         self.__dict__.setdefault("_held", []).append(reference)
-        find = weakref.ref(reference)
-
-        def call(*args: Any) -> Any:
-            function = find()
-            assert function is not None, "an output port outlived its system"
-            return function(*args)
-
-        return call
+        return weakref.proxy(reference)
