@@ -5,6 +5,7 @@ of the plant and the ticks of a manager meet only if their periods are exact mul
 of each other; else a command acts a step late now and then.
 """
 
+import functools
 import math
 from collections.abc import Sequence
 from fractions import Fraction
@@ -109,6 +110,7 @@ def cycle_times(number: int, period: float, rate: int) -> tuple[int, int]:
     return time_ns, time_ns - round((number - 1) * period * _NANOSECONDS)
 
 
+@functools.cache
 def has_rate(period: float, rate: int) -> bool:
     """Return whether cycles of a period [s] come at a rate [Hz], but for rounding."""
     return abs(rate * period - 1.0) < _TOLERANCE
