@@ -604,10 +604,11 @@ class TickingController(TickReader[S]):
         self, name: str, calc: Callable[[S], Any], *, default: Any = ()
     ) -> OutputPort:
         """Declare an abstract output port that shows something of the state."""
+        last = self._ticks.last
         return self.DeclareAbstractOutputPort(
             name,
             lambda: AbstractValue.Make(default),
-            lambda context, output: output.set_value(calc(self._state(context))),
+            lambda context, output: output.set_value(calc(last(context).state)),
             prerequisites_of_calc={self._ticks.ticket},
         )
 

@@ -1,6 +1,7 @@
 """The controller manager's read-update-write loop, as a system of the diagram."""
 
 import math
+import operator
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial
 from types import MappingProxyType
@@ -495,7 +496,7 @@ class ControllerManager(PythonSystem):
         self._declare(
             "controllers", lambda state: list_states(self.controllers, state.active)
         )
-        self._declare("events", lambda state: state.events)
+        self._declare("events", operator.attrgetter("events"))
         claimed = self._lifecycle.claimed
         self._declare(interfaces.CLAIMED_PORT, lambda state: claimed(state.active))
         names = (interfaces.VALUES_PORT, "drive", "active")

@@ -394,16 +394,17 @@ class Simulation:
             SimulationError: If Drake can't go on, as with a state beyond all numbers.
             ValueError: If the time is past, or no number.
         """
-        if not time >= self.time or not math.isfinite(time):
-            raise ValueError(f"can't go from {self.time} s to {time} s")
-        while self.time < time:
-            chunk = self.time + _TICKS_AT_A_TIME * self.period
-            advance(self.simulator, min(chunk, time))
+        now = self.time
+        if not time >= now or not math.isfinite(time):
+            raise ValueError(f"can't go from {now} s to {time} s")
+        while now < time:
+            advance(self.simulator, min(now + _TICKS_AT_A_TIME * self.period, time))
             for event in self.mailbox.collect():
                 for callback in self._on_event:
                     callback(event)
             for recorder in self.recorders:
                 recorder.update()
+            now = self.time
 
     def run(
         self,

@@ -13,6 +13,7 @@ One quirk is kept: when `cmd_timeout` stops a motion with a goal, the goal succe
 
 import functools
 import math
+import operator
 from typing import NamedTuple
 
 import numpy as np
@@ -614,7 +615,7 @@ class JointTrajectoryController(
         )
         self._parameters = self._declare_input(interfaces.PARAMETERS_PORT)
         self._declare_topic("controller_state", self._describe)
-        self._declare_topic("events", lambda state: state.control.events)
+        self._declare_topic("events", operator.attrgetter("control.plan.events"))
         self._unknown = np.full(self._num_commands, np.nan)
 
     def query_state(self, context: Context, time: TimeLike) -> QueryTrajectoryState:
@@ -712,7 +713,11 @@ class JointTrajectoryController(
 
     def _sense(self, now: UpdateContext) -> TickInputs:
         """Return what the tick reads besides messages."""
-        measured = self._measured_now(now)
+        given = now.given
+        if given is None:
+            measured = self._read(now.context)
+        else:
+            measured = given.motions[self._read_at]
         velocity_at, acceleration_at = self._velocity_at, self._acceleration_at
         return TickInputs(
             now.time_ns,
