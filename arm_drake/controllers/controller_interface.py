@@ -533,7 +533,7 @@ class TickingController(TickReader[S]):
         state = self._update(now, last.state)
         command = self._command(state)
         return UpdateResult(
-            cycle.number, activation, state, command, inputs=last.inputs
+            cycle.number, activation, state, command, True, "", last.inputs
         )
 
     @abstractmethod

@@ -726,7 +726,10 @@ class JointTrajectoryController(
             None if velocity_at is None else measured[velocity_at],
             None if acceleration_at is None else measured[acceleration_at],
             lambda: self._read_commands(now)[: self._num_commands],
-            scaling_state=float(measured[-1]) if self._has_scaling_state else None,
+            (),
+            (),
+            (),
+            float(measured[-1]) if self._has_scaling_state else None,
         )
 
     def _command(self, state: JointTrajectoryControllerSystemState) -> Array:
