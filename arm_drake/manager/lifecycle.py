@@ -355,7 +355,7 @@ class TickKeeper:
         motions: InputPort,
         declare: Callable[[str], InputPort],
     ) -> None:
-        """Create it; direct controllers read positions and velocities from `motions`."""
+        """Create it; direct controllers read all joints from `motions`."""
         self.motions = motions
         self._members = {
             name: _Member(
