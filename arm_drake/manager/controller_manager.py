@@ -77,17 +77,28 @@ class Readings(NamedTuple):
         )
 
 
-class QuietPlan(NamedTuple):
+class QuietTicks:
     """Who ticks in cycles in which nothing comes and nothing switches.
 
-    It follows from the state of which it holds these very objects, and isn't state.
+    That follows from the state alone; for the latest state it is remembered.
     """
 
-    active: Mapping[str, int] | None = None
-    asleep: frozenset[str] = frozenset()
+    def __init__(self, keeper: TickKeeper | None) -> None:
+        """Create it; without a keeper such a cycle is as any other."""
+        self._keeper = keeper
+        self._active: object = None
+        self._asleep: object = None
+        self._controllers: Collection[tuple[str, TickingController[Any]]] | None = None
 
-    # None where such a cycle is as any other.
-    controllers: Collection[tuple[str, TickingController[Any]]] | None = None
+    def controllers(
+        self, state: ManagerState
+    ) -> Collection[tuple[str, TickingController[Any]]] | None:
+        """Return them by name; None where such a cycle is as any other."""
+        if self._active is not state.active or self._asleep is not state.asleep:
+            self._active, self._asleep = state.active, state.asleep
+            if self._keeper is not None:
+                self._controllers = self._keeper.quiet_controllers(state)
+        return self._controllers
 
 
 _NO_PERIODS: Mapping[str, int] = MappingProxyType({})
@@ -407,7 +418,7 @@ class ControllerManager(PythonSystem):
         self._loop = Loop(
             self._lifecycle, claimants, drive, limits, hardware_interfaces
         )
-        self._plan = QuietPlan()
+        self._quiet = QuietTicks(self._keeper if self._loop.has_quiet_cycles else None)
         state = self._start(hardware_interfaces)
         kept = self.DeclareAbstractState(AbstractValue.Make(state))
         self._state_index = int(kept)
@@ -418,17 +429,23 @@ class ControllerManager(PythonSystem):
         start = (state.values, told, flags)
         numbers = [self.DeclareDiscreteState(x) for x in start]
         self._values, self._drive_state, self._flags = map(int, numbers)
-        self._stored = None
-        if hardware_interfaces.stored:
-            self._stored_states = StoredStates(hardware_interfaces, self.commands)
-            self._stored = self.DeclareDiscreteState(
-                list(hardware_interfaces.stored.values())
-            )
-            self.DeclareStateOutputPort(STORED_PORT, self._stored)
+        self._stored_states = StoredStates(hardware_interfaces, self.commands)
+        self._stored = self._declare_stored(hardware_interfaces)
         self._declare_shown(kept, numbers)
         # Computed anew only when something is put on a port.
         self._inputs = self._declare_read("inputs", self._calc_inputs)
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
+
+    def _declare_stored(
+        self, hardware_interfaces: HardwareInterfaces
+    ) -> DiscreteStateIndex | None:
+        """Declare the states that mirror commands, and their port, if there are any."""
+        if not hardware_interfaces.stored:
+            return None
+        values = list(hardware_interfaces.stored.values())
+        index = self.DeclareDiscreteState(values)
+        self.DeclareStateOutputPort(STORED_PORT, index)
+        return index
 
     def _make_keeper(
         self, systems: Mapping[str, ControllerInterface], J: int
@@ -560,11 +577,9 @@ class ControllerManager(PythonSystem):
         inputs, last = self._inputs.Eval(context), old.cycle
         if inputs is not last.inputs or old.active is not last.active or old.failing:
             return None
-        plan = self._plan
-        if plan.active is not old.active or plan.asleep is not old.asleep:
-            plan = self._plan = self._make_plan(old)
+        controllers = self._quiet.controllers(old)
         number = cycle_at(context.get_time(), self.period)
-        if plan.controllers is None or number is None or number == last.number:
+        if controllers is None or number is None or number == last.number:
             return None
         cycle = Cycle(
             number,
@@ -578,15 +593,9 @@ class ControllerManager(PythonSystem):
         )
         hardware = HardwareValues(self._keeper.motions.Eval(context), old.values)
         ticks = {**old.ticks}
-        for name, controller in plan.controllers:
+        for name, controller in controllers:
             ticks[name] = controller.tick(cycle, hardware)
         return self._loop.finish_quietly(ticks, cycle, old)
-
-    def _make_plan(self, state: ManagerState) -> QuietPlan:
-        controllers = None
-        if self._loop.has_quiet_cycles:
-            controllers = self._keeper.quiet_controllers(state)
-        return QuietPlan(state.active, state.asleep, controllers)
 
     def _tick(self, context: Context, old: ManagerState) -> ManagerState:
         """Return what a cycle leads to; the old state between two cycles."""
