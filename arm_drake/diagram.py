@@ -71,6 +71,7 @@ from arm_drake.plant.plant import (
     filter_self_collision,
     link_bodies,
     set_initial_positions,
+    trial_plant,
 )
 from arm_drake.simulation.recording import BuildInfo, add_build_info
 from arm_drake.timing import choose_time_step, has_rate
@@ -390,6 +391,7 @@ def _add_drives(
         grippers={joint.name for joint in find_gripper_joints(robot)},
         load_inertia=base.load_inertia,
         period=system.period,
+        trial=trial_plant(robot),
     )
     commands = make_drive_commands(
         robot, hardware_interfaces, controllers, drive, holds=holds

@@ -3,17 +3,20 @@
 import contextlib
 import math
 import os
+import pickle
 import random
 import shutil
 from pathlib import Path
 from typing import Any
 
 import pytest
+from pydrake.multibody.parsing import Parser
 
 import arm_drake as ad
 from arm_drake.bundled import bundled_robots, configs_folder, models_folder
 from arm_drake.description import entry
 from arm_drake.errors import ArmDrakeError
+from arm_drake.plant import plant as plant_module
 from tests.models import TWO_LINKS, load, trajectory_controllers
 
 KNOWN_ROBOTS = ", ".join(bundled_robots())
@@ -731,3 +734,50 @@ def test_a_damaged_plain_urdf_gives_no_error_but_ours(tmp_path):
         path.write_bytes(content)
         with contextlib.suppress(ArmDrakeError):
             ad.load_robot(path)
+
+
+# Work done once
+
+
+@pytest.fixture
+def parsed(monkeypatch):
+    """Models that Drake has parsed, by their texts."""
+    texts = []
+
+    class CountingParser(Parser):
+        def AddModelsFromString(self, text, kind):
+            texts.append(text)
+            return super().AddModelsFromString(text, kind)
+
+    monkeypatch.setattr(plant_module, "Parser", CountingParser)
+    return texts
+
+
+@pytest.mark.parametrize("name", ["doosan_a0912", "lab5_arm"])
+def test_drake_parses_a_robot_twice_on_trial_and_in_earnest(name, parsed):
+    robot = ad.load_robot(name)
+
+    ad.build_diagram(robot)
+
+    trial, real = parsed
+    assert "<visual" not in trial
+    assert "<visual" in real
+
+
+def test_another_diagram_of_a_robot_takes_the_same_trial(parsed):
+    robot = ad.load_robot("doosan_a0912")
+    ad.build_diagram(robot)
+    parsed.clear()
+
+    ad.build_diagram(robot)
+
+    assert len(parsed) == 1
+
+
+def test_a_robot_that_was_on_trial_can_be_pickled():
+    robot = ad.load_robot("doosan_a0912")
+
+    again = pickle.loads(pickle.dumps(robot))  # noqa: S301
+
+    assert again.description == robot.description
+    assert ad.build_diagram(again).num_output_ports()

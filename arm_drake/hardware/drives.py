@@ -43,10 +43,11 @@ from arm_drake.plant.joint_dynamics import (
     velocity_map,
 )
 from arm_drake.plant.plant import (
-    add_actuators,
-    add_robot_model,
+    make_reduced_plant,
     set_gravity,
     set_initial_positions,
+    simple_joints,
+    trial_plant,
 )
 
 # Standard gravity [m/s^2].
@@ -132,16 +133,17 @@ def make_robot_drive(
     grippers: Collection[str] = (),
     load_inertia: Mapping[str, float] | None = None,
     period: float = 0.0,
+    trial: MultibodyPlant | None = None,
 ) -> RobotDrive:
     """Return what drives a robot's commanded joints.
 
     `declared_gains`: the description's, by joint; `effort_only` joints follow nothing
     but efforts, and get no rotor; `lets_go`: joints may move freely besides; `grippers`
     press against things and let go; `load_inertia` is of what wheels move on the ground
-    [kg·m^2]; `period` is that of commands [s].
+    [kg·m^2]; `period` is that of commands [s]; `trial` is for `make_servo_plant`.
     """
     joints = commanded_joints(description)
-    plant = make_servo_plant(description, pose, options, time_step)
+    plant = make_servo_plant(description, pose, options, time_step, trial)
     N, n = velocity_map(plant, description, joints), len(joints)
     samples = sample_dynamics(plant, N, find_followers(plant, description))
     limits = drive_limits(joints)
@@ -283,25 +285,24 @@ def make_servo_plant(
     pose: Pose | None,
     options: SimulationOptions,
     time_step: float,
-    report: LoadReport | None = None,
+    trial: MultibodyPlant | None = None,
 ) -> MultibodyPlant:
     """Return a plant that a servo computes with: one robot on a fixed base.
 
+    It is a clone of the robot's plant on trial, if that has the same step.
     Drake's discrete step treats damping D implicitly, that is, it moves M + h D: each
     joint has the inertia h D besides.
     """
-    plant = MultibodyPlant(time_step)
+    if trial is not None and trial.time_step() == time_step:
+        plant = trial.Clone()
+    else:
+        plant = make_reduced_plant(description, pose, time_step)
     set_gravity(plant, options)
-    model = add_robot_model(
-        plant, description, "robot", pose, is_reduced=True, report=report
-    )
-    joints = [plant.get_joint(index) for index in plant.GetJointIndices(model)]
-    movable = [joint for joint in joints if joint.num_velocities() == 1]
-    names = [joint.name() for joint in movable]
-    add_actuators(plant, model, names, [math.inf] * len(names))
-    plant.Finalize()
-    damping = [time_step * joint.default_damping_vector()[0] for joint in movable]
-    add_rotors(plant, dict(zip(names, damping, strict=True)))
+    damping = {
+        joint.name(): time_step * joint.default_damping_vector()[0]
+        for joint in simple_joints(plant)
+    }
+    add_rotors(plant, damping)
     return plant
 
 
@@ -412,7 +413,8 @@ def check_model(robot: Robot) -> None:
     """
     description, options = robot.description, SimulationOptions()
     joints = commanded_joints(description)
-    efforts, frictions = _loads(robot, options, robot.report)
+    trial_plant(robot, robot.report)
+    efforts, frictions = _loads(robot, options)
     for joint, at_start, anywhere, friction, limit in zip(
         joints,
         efforts[0],
@@ -455,18 +457,15 @@ def can_move(robot: Robot, options: SimulationOptions) -> bool:
     return bool((efforts.max(axis=0) + frictions <= np.array(limits)).all())
 
 
-def _loads(
-    robot: Robot, options: SimulationOptions, report: LoadReport | None = None
-) -> tuple[np.ndarray, np.ndarray]:
+def _loads(robot: Robot, options: SimulationOptions) -> tuple[np.ndarray, np.ndarray]:
     """Return what holds n joints in some poses, the first one first, and friction.
 
     Both are of the commanded joints [N·m], of shapes (poses, n) and (n,).
     """
     description = robot.description
     joints = commanded_joints(description)
-    plant = make_servo_plant(
-        description, robot.pose, options, options.largest_step, report
-    )
+    plant = trial_plant(robot).Clone()
+    set_gravity(plant, options)
     model = plant.GetModelInstanceByName("robot")
     set_initial_positions(plant, model, dict(robot.initial_positions))
     N = velocity_map(plant, description, joints)

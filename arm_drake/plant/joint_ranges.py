@@ -23,7 +23,7 @@ from arm_drake.description.srdf import GroupState, find_group_states
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.errors import InputError, suggest
 from arm_drake.interfaces import POSITION
-from arm_drake.plant.plant import add_robot_model
+from arm_drake.plant.plant import make_reduced_plant, trial_plant
 
 # How far a joint without limits goes, to either side [rad] and [m].
 _TURN, _SLIDE = math.pi, 1.0
@@ -201,9 +201,12 @@ def find_gripper_ranges(robot: Robot) -> dict[str, tuple[float, float]]:
     if not limited:
         return {}
     states = find_group_states(robot)
-    plant = MultibodyPlant(0.0)
-    model = add_robot_model(plant, robot.description, "robot", None, is_reduced=True)
-    plant.Finalize()
+    # Which gap is wider may hang on rounding, which the base's pose must not change.
+    if robot.pose is None:
+        plant = trial_plant(robot).Clone()
+    else:
+        plant = make_reduced_plant(robot.description, None, 0.0)
+    model = plant.GetModelInstanceByName("robot")
     ranges = {}
     for name, (lower, upper) in limited.items():
         declared = [

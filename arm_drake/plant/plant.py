@@ -1,6 +1,8 @@
 """A robot's model in a MultibodyPlant, with one actuator per commanded joint."""
 
 import copy
+import math
+import weakref
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Sequence
 
@@ -21,20 +23,26 @@ from pydrake.multibody.plant import (
     MultibodyPlant,
     MultibodyPlantConfig,
 )
-from pydrake.multibody.tree import JointActuator, ModelInstanceIndex
+from pydrake.multibody.tree import Joint, JointActuator, ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder
 
 from arm_drake.description.joints import FREE_TYPES, WORLD
 from arm_drake.description.links import Origin
 from arm_drake.description.report import LoadReport
-from arm_drake.description.robot import Pose
+from arm_drake.description.robot import Pose, Robot
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.errors import DescriptionError
 from arm_drake.options import SimulationOptions
 from arm_drake.plant.drake_log import drake_messages
+from arm_drake.timing import choose_time_step
 
 # Drake wants a period for what is drawn on demand [s].
 _NEVER = 1e9
+
+# Plants on trial. A Drake plant can't be pickled, so it is no part of its Robot.
+_trials: "weakref.WeakKeyDictionary[Robot, MultibodyPlant]" = (
+    weakref.WeakKeyDictionary()
+)
 
 
 def add_plant(
@@ -125,6 +133,47 @@ def add_robot_model(
             what, file = message.partition("warning: ")[2] or message, description.file
             report.add("warning", "ignored", what, "so says Drake", file=file)
     return model
+
+
+def make_reduced_plant(
+    description: RobotDescription,
+    pose: Pose | None,
+    time_step: float,
+    report: LoadReport | None = None,
+) -> MultibodyPlant:
+    """Return a finalized plant of one robot on a fixed base, without geometry.
+
+    Each joint has an actuator without limits.
+    """
+    plant = MultibodyPlant(time_step)
+    model = add_robot_model(
+        plant, description, "robot", pose, is_reduced=True, report=report
+    )
+    names = [joint.name() for joint in simple_joints(plant)]
+    add_actuators(plant, model, names, [math.inf] * len(names))
+    plant.Finalize()
+    return plant
+
+
+def simple_joints(plant: MultibodyPlant) -> list[Joint]:
+    """Return the joints of one degree of freedom."""
+    joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
+    return [joint for joint in joints if joint.num_velocities() == 1]
+
+
+def trial_plant(robot: Robot, report: LoadReport | None = None) -> MultibodyPlant:
+    """Return a robot's reduced plant, made once; take a clone of it to change it.
+
+    Its step is that of a diagram of this robot alone with default options. Where it is
+    made, the report learns what Drake warns about.
+    """
+    plant = _trials.get(robot)
+    if plant is None:
+        options, rate = SimulationOptions(), robot.controllers.update_rate
+        step, _ = choose_time_step(options.largest_step, [rate], options.log_rate)
+        plant = make_reduced_plant(robot.description, robot.pose, step, report)
+        _trials[robot] = plant
+    return plant
 
 
 def _move_what_is_on_the_world(
