@@ -7,6 +7,7 @@ Newer ros2_control takes the URDF's `<mimic>`, unless the joint in the block has
 
 import dataclasses as dc
 import xml.etree.ElementTree as ET
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -107,14 +108,15 @@ def check_structure(
 ) -> None:
     """Raise DescriptionError if links and joints make no trees."""
     for kind, names in (("link", links), ("joint", [j.name for j in joints])):
-        repeated = sorted({name for name in names if list(names).count(name) > 1})
+        repeated = sorted(name for name, n in Counter(names).items() if n > 1)
         if repeated:
             problem = f"two {kind}s are called {repeated[0]!r}; names must be unique"
             raise DescriptionError(problem, file=file)
+    known = {*links, WORLD}
     for joint in joints:
         where = f"joint {joint.name!r}"
         for role, link in (("parent", joint.parent), ("child", joint.child)):
-            if link not in links and link != WORLD:
+            if link not in known:
                 problem = f"{role} link {link!r} doesn't exist; {suggest(link, links)}"
                 raise DescriptionError(problem, file=file, where=where)
         if joint.child == WORLD:

@@ -49,6 +49,9 @@ from arm_drake.description.ros2_control import (
 )
 from arm_drake.errors import DescriptionError
 
+# Shapes of a kind that one link may have.
+_MOST_SHAPES = 1000
+
 
 @dc.dataclass(frozen=True)
 class RobotDescription:
@@ -190,6 +193,15 @@ def _link_names(root: ET.Element, file: Path) -> tuple[str, ...]:
         problem = f"the root element is <{root.tag}>; expected <robot>"
         raise DescriptionError(problem, file=file)
     links = tuple(link.get("name", "") for link in root.iterfind("link"))
+    for link in root.iterfind("link"):
+        for tag in ("visual", "collision"):
+            if (count := len(link.findall(tag))) > _MOST_SHAPES:
+                problem = (
+                    f"{count} <{tag}> of one link; expected {_MOST_SHAPES} at most, "
+                    "for Drake's time grows with their square: one mesh may hold all"
+                )
+                where = f"link {link.get('name', '')!r}"
+                raise DescriptionError(problem, file=file, where=where)
     if "" in links:
         problem = 'a link has no name; expected <link name="...">'
         raise DescriptionError(problem, file=file)

@@ -137,10 +137,9 @@ def make_robot_drive(
 ) -> RobotDrive:
     """Return what drives a robot's commanded joints.
 
-    `declared_gains`: the description's, by joint; `effort_only` joints follow nothing
-    but efforts, and get no rotor; `lets_go`: joints may move freely besides; `grippers`
-    press against things and let go; `load_inertia` is of what wheels move on the ground
-    [kg·m^2]; `period` is that of commands [s]; `trial` is for `make_servo_plant`.
+    `declared_gains` are by joint; `effort_only` joints follow nothing but efforts, and
+    get no rotor; `lets_go`: joints may move freely besides; `grippers` press and let
+    go; wheels move `load_inertia` [kg·m^2]; `period` [s] is that of commands.
     """
     joints = commanded_joints(description)
     plant = make_servo_plant(description, pose, options, time_step, trial)
@@ -150,7 +149,7 @@ def make_robot_drive(
     is_driven = np.array([j.name not in effort_only for j in joints], dtype=bool)
     strength = _strength(description, limits, samples)
     lacking = compute_rotor_inertia(samples, limits, strength, time_step) * is_driven
-    rotors = lacking if _gets_rotors(options, time_step) else np.zeros(n)
+    rotors = lacking * _gets_rotors(options, time_step)
     add_rotors(plant, dict(zip([j.name for j in joints], rotors, strict=True)))
     if not options.gravity_compensation:
         plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, 0.0])

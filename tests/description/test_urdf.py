@@ -164,6 +164,16 @@ def test_a_text_that_is_no_robot_is_an_error(text, message):
             '<link name="a"/><link name="a"/>',
             "two links are called 'a'; names must be unique",
         ),
+        (
+            f'<link name="a">{"<visual/>" * 1001}</link>',
+            "link 'a': 1001 <visual> of one link; expected 1000 at most, for Drake's "
+            "time grows with their square: one mesh may hold all",
+        ),
+        (
+            f'<link name="a">{"<collision/>" * 1001}</link>',
+            "link 'a': 1001 <collision> of one link; expected 1000 at most, for "
+            "Drake's time grows with their square: one mesh may hold all",
+        ),
         (LINKS + "<joint/>", 'a joint has no name; expected <joint name="...">'),
         (LINKS + joint() * 2, "two joints are called 'j'; names must be unique"),
         (
