@@ -497,7 +497,11 @@ def _report_overlaps(
     """Let links that overlap at the start pass through each other, and report them."""
     free = [base.free_links for base in bases]
     links = dict(zip(models, free, strict=True))
-    overlaps = separate(diagram, plant, scene_graph, links)
+    overlaps, things = separate(diagram, plant, scene_graph, links)
+    if things:
+        what = f"things of the world are in one place: {', '.join(things)}"
+        done = "they pass through each other"
+        parts[0].report.add("warning", "repair", what, done)
     for part, model in zip(parts, models, strict=True):
         if overlaps[model]:
             part.report.add(

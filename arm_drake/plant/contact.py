@@ -1,6 +1,6 @@
 """Contact: forces between bodies, friction, and overlaps before anything moves."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 from pydrake.common.value import AbstractValue
@@ -29,6 +29,9 @@ from arm_drake.python_system import PythonSystem
 
 # What overlaps less than this only touches [m].
 _SMALLEST_OVERLAP = 1e-3
+
+# Things of one size are in one place if they are closer than this part of it.
+_SAME_PLACE = 0.1
 
 # Hydroelastic modulus of things [Pa]: hard rubber. A gripper of 400 N presses its pads
 # 0.1 mm into a box; at 1e7 it would be 1 mm, and while the effort grows the joint would
@@ -102,8 +105,10 @@ def separate(
     plant: MultibodyPlant,
     scene_graph: SceneGraph,
     free_links: Mapping[ModelInstanceIndex, Collection[str]],
-) -> dict[ModelInstanceIndex, list[str]]:
+) -> tuple[dict[ModelInstanceIndex, list[str]], list[str]]:
     """Let bodies pass through each other that overlap in the initial pose.
+
+    Return what overlaps of each robot, and things of the world in one place.
 
     Before that, things of the world are made fit to be held, see
     `make_things_compliant`. Contact would throw them apart: hulls are larger than
@@ -115,6 +120,12 @@ def separate(
     port = plant.get_geometry_query_input_port()
     query = port.Eval(plant.GetMyContextFromRoot(context))
     inspector = query.inspector()
+    merged: list[str] = []
+    if has_things:
+        merged = _part_things(plant, scene_graph, query, free_links)
+    if merged:  # With what they are told now.
+        context = diagram.CreateDefaultContext()
+        query = port.Eval(plant.GetMyContextFromRoot(context))
     found: dict[ModelInstanceIndex, set[str]] = {model: set() for model in free_links}
     for pair in _overlapping_pairs(query, has_things=has_things):
         geometries = (pair.id_A, pair.id_B)
@@ -126,15 +137,56 @@ def separate(
             continue  # Things of the world, or what they stand on.
         if pair.depth < _SMALLEST_OVERLAP or _is_free_link_on_world(bodies, free_links):
             continue
-        declaration = CollisionFilterDeclaration()
-        declaration.ExcludeBetween(*(GeometrySet([g]) for g in geometries))
-        scene_graph.collision_filter_manager().Apply(declaration)
+        _part(scene_graph, geometries)
         for body, other in (bodies, bodies[::-1]):
             model = body.model_instance()
             if model in found:
                 name = "the world" if other.index() == world_index() else other.name()
                 found[model].add(f"{body.name()} and {name}")
-    return {model: sorted(texts) for model, texts in found.items()}
+    return {model: sorted(texts) for model, texts in found.items()}, merged
+
+
+def _part(scene_graph: SceneGraph, geometries: Iterable[GeometryId]) -> None:
+    """Let two shapes pass through each other."""
+    declaration = CollisionFilterDeclaration()
+    declaration.ExcludeBetween(*(GeometrySet([g]) for g in geometries))
+    scene_graph.collision_filter_manager().Apply(declaration)
+
+
+def _part_things(
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    query: QueryObject,
+    robots: Collection[ModelInstanceIndex],
+) -> list[str]:
+    """Let things pass through each other that are in one place; return their names.
+
+    Compliant bodies that are in one place meet in all of their volumes, which takes
+    Drake seconds for each step. Hulls of meshes may be in one place where they aren't.
+    """
+    inspector = query.inspector()
+    names: set[str] = set()
+    for pair in query.ComputePointPairPenetration():
+        geometries = (pair.id_A, pair.id_B)
+        boxes = [inspector.GetObbInGeometryFrame(g) for g in geometries]
+        bodies = [plant.GetBodyFromFrameId(inspector.GetFrameId(g)) for g in geometries]
+        if None in boxes or any(
+            body.model_instance() in robots or body.index() == world_index()
+            for body in bodies
+        ):
+            continue
+        one, other = (np.sort(box.half_width()) for box in boxes)
+        places = [
+            query.GetPoseInWorld(g).multiply(box.center())
+            for g, box in zip(geometries, boxes, strict=True)
+        ]
+        apart = np.linalg.norm(places[0] - places[1])
+        is_near = apart < _SAME_PLACE * min(one[0], other[0])
+        if is_near and np.allclose(one, other, rtol=_SAME_PLACE):
+            _part(scene_graph, geometries)
+            scoped = sorted(body.scoped_name().get_full() for body in bodies)
+            names.add(" and ".join(scoped))
+    return sorted(names)
 
 
 def _overlapping_pairs(
