@@ -228,6 +228,7 @@ def test_a0912_keeps_the_published_collisions(
     assert collisions(a0912, link) == collisions(published_a0912, link)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("q", "origin"), A0912_GOLDEN)
 def test_a0912_flange_is_where_drake_found_the_published_one(
     a0912: str, q: list[float], origin: list[float]

@@ -66,6 +66,7 @@ def test_no_runs_have_no_results(backend) -> None:
     assert ad.run_many([], functions.square, backend=backend).values == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_an_error_is_in_the_place_of_its_value(backend) -> None:
     results = ad.run_many(range(5), functions.fail_at_three, backend=backend, workers=2)
@@ -240,6 +241,7 @@ def test_a_worker_that_grows_is_replaced() -> None:
     assert fourth == fifth != first
 
 
+@pytest.mark.slow
 def test_nested_calls_take_no_more_cores() -> None:
     for backend in ("threads", "processes"):
         results = ad.run_many([1, 2], functions.run_nested, backend=backend, workers=2)

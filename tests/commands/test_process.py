@@ -155,6 +155,7 @@ def test_numbers_beyond_all_bounds_are_no_warnings_of_numpy(
     assert code in (0, 1), capfd.readouterr().err
 
 
+@pytest.mark.slow
 def test_sigterm_is_what_it_was_afterwards(robot: str) -> None:
     before = signal.getsignal(signal.SIGTERM)
 

@@ -338,6 +338,7 @@ def test_a_robot_that_needs_more_takes_the_others_with_it(tmp_path: Path) -> Non
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rates", [(250, 333), (333, 100), (97, 101), (30, 125)])
 def test_several_robots_tick_at_their_own_rates(
     tmp_path: Path, rates: tuple[int, int]

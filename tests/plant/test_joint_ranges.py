@@ -287,6 +287,7 @@ def test_real_robots_are_centered_and_randomized_within_their_limits(robot):
                 assert limits[name].lower <= position <= limits[name].upper
 
 
+@pytest.mark.slow
 def test_real_robots_start_where_their_completed_pose_is(robot):
     own = [r.name for r in joint_ranges(robot.description) if r.follows is None]
     inputs = {name: robot.initial_positions[name] for name in own}

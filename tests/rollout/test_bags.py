@@ -153,6 +153,7 @@ def test_goals_are_told_as_trajectories_and_in_the_log(doosan: Any) -> None:
     assert line.msg.startswith("goal SUCCEEDED, error code 0")
 
 
+@pytest.mark.slow
 def test_the_metadata_is_that_of_ros_2(doosan: Any) -> None:
     _, path = doosan
     with path.open("rb") as file:

@@ -333,6 +333,7 @@ def test_a_tolerance_that_does_not_hold_is_noted(sim):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["servo", "plant", "frames", "joint_states"])
 def test_a_controller_may_have_any_name(tmp_path, name):
     yaml = tmp_path / "controllers.yaml"

@@ -420,6 +420,7 @@ def test_the_same_message_once_more_is_a_new_one(sim, message):
     assert [h.message.data for h in heard(sim)] == [1.0] * 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("topic", "data", "problem"),
     [

@@ -46,6 +46,7 @@ def rounded(kind: str, X: RigidTransform) -> tuple[object, ...]:
     return (kind, *np.round(X.translation(), 6).tolist(), *angles.tolist())
 
 
+@pytest.mark.slow
 def test_every_piece_of_the_tutorials_house_is_at_its_place(
     scene: tuple[MultibodyPlant, SceneGraph],
 ) -> None:

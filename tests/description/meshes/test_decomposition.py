@@ -85,6 +85,7 @@ def test_parts_leave_the_notch_free_and_cover_the_rest(converter, source, shared
     assert converter.lines == []
 
 
+@pytest.mark.slow
 def test_parts_are_convex_closed_and_face_outward(converter, source, shared):
     for path in converter.parts(source, cache_dir=shared):
         points, faces = obj_arrays(path)

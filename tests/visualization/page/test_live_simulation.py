@@ -221,6 +221,7 @@ def test_a_step_goes_to_the_next_cycle(
     assert live.simulation.time == pytest.approx((before + 13) * PERIOD)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("until", [0.0, 0.3, 0.6789])
 def test_after_a_reset_the_same_comes_again(
     page: Page, robot: ad.Robot, expected: ad.Rollout, until: float

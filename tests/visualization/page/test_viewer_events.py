@@ -59,6 +59,7 @@ def test_a_click_is_a_method(
     assert calls == [call]
 
 
+@pytest.mark.slow
 def test_of_a_sliders_way_the_end_counts_up_to_the_next_click(
     viewer: RobotViewer, calls: list[Any]
 ) -> None:
