@@ -53,7 +53,7 @@ _KEPT = 3_000
 _ROUNDS = 5
 
 # A message that nobody would read is none [characters].
-_LONGEST_MESSAGE = 20_000
+_LONGEST_MESSAGE = 100_000
 
 CLASSES = ("ok", "clean error", "traceback", "death", "limit")
 
@@ -319,6 +319,8 @@ def _be_child(words: list[str], folder: Path, output: Path) -> None:
     code = 70
     try:
         os.chdir(folder)
+        # Else a mesh that was read once would not be read again.
+        os.environ["ARM_DRAKE_CACHE"] = str(folder / "cache")
         with _quiet(output):
             data = re.search(r"VmData:\s+(\d+)", Path("/proc/self/status").read_text())
             memory = int(data[1]) * 1024 + MEMORY if data else -1

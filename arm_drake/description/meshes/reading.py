@@ -11,6 +11,7 @@ import errno
 import functools
 import io
 import json
+import logging
 import math
 import re
 import warnings
@@ -35,6 +36,9 @@ from arm_drake.description.report import ReportEntry
 
 # Nodes can be used in nodes that are used in nodes.
 _MAX_NODES = 20_000
+
+# Else Python prints the tracebacks that trimesh logs of files that it can read.
+logging.getLogger("trimesh").addHandler(logging.NullHandler())
 
 
 class _PrologEnd(Exception):
