@@ -1,252 +1,29 @@
 """Expansion of xacro files with the `xacro` package, without a ROS installation.
 
-xacro keeps its arguments and its stacks of files in module globals and asks
-`ament_index_python` for packages. Both are replaced for the time of one expansion, so
-that nothing leaks from one load into the next.
-
-So is the evaluation of expressions, for a description must not run programs. xacro
-looks for names with two underscores in the outermost code alone, and `$(eval)` has all
-of Python's functions. Here the whole expression is searched, and what can reach such
-names by other ways is replaced: `vars`, `type`, `str.format`.
+xacro runs in a process of its own (`xacro_process`): it keeps its arguments and its
+stacks of files in module globals, and what a description can have evaluated is bounded
+by what a process may take alone.
 
 xacro stops at the first thing that is missing. To list everything in one message, the
 files that can be reached are read without expanding them, too.
 """
 
-import ast
-import builtins
 import contextlib
 import dataclasses as dc
 import errno
-import functools
-import io
+import json
 import os
 import re
-import string
-import threading
-import types
-import xml.parsers.expat
-from collections.abc import Callable, Iterator, Mapping
+import signal
+import subprocess
+import sys
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
-
-import xacro
-from xacro import substitution_args
 
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import ArmDrakeError, DescriptionError, PackageError, suggest
-
-# Attributes of frames, generators and code, which lead to everything else.
-_INNER = {
-    name
-    for kind in (
-        types.AsyncGeneratorType,
-        types.CodeType,
-        types.CoroutineType,
-        types.FrameType,
-        types.GeneratorType,
-        types.TracebackType,
-    )
-    for name in dir(kind)
-    if re.match("(ag|co|cr|f|gi|tb)_", name)
-} | {"mro"}
-
-# What `$(eval ...)` may call.
-_FUNCTIONS = [
-    "abs",
-    "all",
-    "any",
-    "bool",
-    "complex",
-    "dict",
-    "divmod",
-    "enumerate",
-    "filter",
-    "float",
-    "frozenset",
-    "int",
-    "isinstance",
-    "len",
-    "list",
-    "map",
-    "max",
-    "min",
-    "ord",
-    "range",
-    "repr",
-    "reversed",
-    "round",
-    "set",
-    "sorted",
-    "str",
-    "sum",
-    "tuple",
-    "zip",
-]
-
-# Larger numbers [bits] and longer texts and lists are a mistake, or meant to last.
-_MAX_BITS = 100_000
-_MAX_LENGTH = 10_000_000
-
-
-def eval_expression(
-    expression: str,
-    symbols: dict[str, Any],
-    local_symbols: Mapping[str, Any] | None = None,
-) -> Any:
-    """Return what `${expression}` stands for; takes the place of `xacro.safe_eval`."""
-    code = _compile(expression)
-    symbols.update(__builtins__=dict(_HELPERS))
-    return eval(code, symbols, local_symbols)  # noqa: S307 What it reaches is checked.
-
-
-def eval_argument(
-    expression: str, symbols: dict[str, Any], local_symbols: Mapping[str, Any]
-) -> Any:
-    """Return what `$(eval expression)` stands for; takes the place of `eval`."""
-    functions = {name: getattr(builtins, name) for name in _FUNCTIONS}
-    symbols.update(__builtins__=functions | _HELPERS)
-    return eval(_compile(expression), symbols, local_symbols)  # noqa: S307
-
-
-def make_symbols() -> dict[str, Any]:
-    """Return what the names in `${}` stand for at first, as xacro defines it."""
-    symbols: dict[str, Any] = xacro.create_global_symbols()
-    # What it returns holds names with underscores.
-    del symbols["python"]["vars"]
-    # With more arguments it makes classes.
-    symbols["python"]["type"] = lambda value: type(value)
-    return symbols
-
-
-def open_regular(path: str | Path, mode: str = "r") -> Any:
-    """Open a file; refuse a pipe or device, which would be read for ever."""
-    if os.path.exists(path) and not (os.path.isfile(path) or os.path.isdir(path)):
-        raise OSError(errno.EINVAL, "Not a regular file", str(path))
-    return open(path, mode)
-
-
-@contextlib.contextmanager
-def replaced(names: dict[str, Any], **values: Any) -> Iterator[None]:
-    """Give names other values for a while."""
-    saved = {name: names[name] for name in values if name in names}
-    names.update(values)
-    try:
-        yield
-    finally:
-        for name in values:
-            del names[name]
-        names.update(saved)
-
-
-# A macro's expressions are the same at every call.
-@functools.lru_cache(maxsize=1000)
-def _compile(expression: str) -> types.CodeType:
-    tree = ast.parse(expression.strip(), "<expression>", "eval")
-    names = dict.fromkeys(name for node in ast.walk(tree) for name in _names(node))
-    if refused := [name for name in names if name.startswith("__")]:
-        raise xacro.XacroException("Use of invalid name(s): ", ", ".join(refused))
-    attributes = [node for node in ast.walk(tree) if isinstance(node, ast.Attribute)]
-    for node in attributes:
-        # One that is stored is the target of a comprehension.
-        if _is_inner(node.attr) or isinstance(node.ctx, ast.Store):
-            raise xacro.XacroException("Use of invalid name(s): ", node.attr)
-    tree = ast.fix_missing_locations(_Guard().visit(tree))
-    code: types.CodeType = compile(tree, "<expression>", "eval")
-    return code
-
-
-def _names(node: ast.AST) -> list[str]:
-    match node:
-        case ast.Name(id=name) | ast.Attribute(attr=name) | ast.arg(arg=name):
-            return [name]
-    return []
-
-
-def _is_inner(name: str) -> bool:
-    return name.startswith("__") or name in _INNER
-
-
-class _Guard(ast.NodeTransformer):
-    """Lets helpers do what may lead out of an expression, or never end."""
-
-    def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
-        self.generic_visit(node)
-        helpers = {ast.Pow: "__pow", ast.Mult: "__mul", ast.LShift: "__lshift"}
-        name = helpers.get(type(node.op))
-        if name is None:
-            return node
-        return ast.copy_location(_call(name, node.left, node.right), node)
-
-    def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
-        self.generic_visit(node)
-        if node.attr not in ("format", "format_map"):
-            return node
-        call = _call("__format", node.value, ast.Constant(node.attr))
-        return ast.copy_location(call, node)
-
-
-def _call(helper: str, *arguments: ast.expr) -> ast.Call:
-    return ast.Call(ast.Name(helper, ast.Load()), list(arguments), [])
-
-
-class _Formatter(string.Formatter):
-    """Formats texts without names that an expression may not have."""
-
-    def get_field(self, field_name: str, args: Any, kwargs: Any) -> Any:
-        if any(map(_is_inner, re.split(r"[.\[\]]", field_name))):
-            raise xacro.XacroException("Use of invalid name(s): ", field_name)
-        return super().get_field(field_name, args, kwargs)
-
-
-def _format(owner: Any, name: str) -> Any:
-    """Return the `format` or `format_map` of a value."""
-    formatter = _Formatter()
-    # As in `map(str.format, texts)`.
-    if isinstance(owner, type) and issubclass(owner, str):
-        return lambda text, *args, **kwargs: _format(text, name)(*args, **kwargs)
-    if not isinstance(owner, str):
-        return getattr(owner, name)
-    if name == "format_map":
-        return lambda mapping: formatter.vformat(owner, (), mapping)
-    return lambda *args, **kwargs: formatter.format(owner, *args, **kwargs)
-
-
-def _pow(base: Any, exponent: Any) -> Any:
-    if isinstance(base, int) and isinstance(exponent, int) and abs(base) > 1:
-        _check_bits(base.bit_length() * exponent)
-    return base**exponent
-
-
-def _lshift(value: Any, shift: Any) -> Any:
-    if isinstance(value, int) and isinstance(shift, int):
-        _check_bits(value.bit_length() + shift)
-    return value << shift
-
-
-def _mul(left: Any, right: Any) -> Any:
-    if isinstance(left, int) and isinstance(right, int):
-        _check_bits(left.bit_length() + right.bit_length())
-    for value, times in ((left, right), (right, left)):
-        is_repeated = isinstance(value, str | bytes | list | tuple)
-        if is_repeated and isinstance(times, int) and len(value) * times > _MAX_LENGTH:
-            raise ValueError(f"more than {_MAX_LENGTH} items or characters")
-    return left * right
-
-
-def _check_bits(number: int) -> None:
-    if number > _MAX_BITS:
-        raise OverflowError(f"a number of more than {_MAX_BITS} bits")
-
-
-_HELPERS: dict[str, Callable[..., Any]] = {
-    "__format": _format,
-    "__lshift": _lshift,
-    "__mul": _mul,
-    "__pow": _pow,
-}
-
 
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 _ARGUMENT = re.compile(r"<xacro:arg\s([^>]*)>")
@@ -363,8 +140,17 @@ def _attributes(text: str) -> dict[str, str]:
     return {name: double or single for name, double, single in _ATTRIBUTE.findall(text)}
 
 
-# xacro's globals serve one expansion at a time.
-_LOCK = threading.RLock()
+def _open_regular(path: Path) -> Any:
+    """Open a file; refuse a pipe or device, which would be read for ever."""
+    if os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path):
+        raise OSError(errno.EINVAL, "Not a regular file", str(path))
+    return open(path, "rb")
+
+
+# What an expansion may take: processor time [s], memory [bytes]. Robots take below a
+# second and 100 MB.
+CPU_TIME = 10
+MEMORY = 2**30
 
 # More than any robot has: a file of this size is no description [bytes].
 MAX_SIZE = 64 * 2**20
@@ -385,60 +171,71 @@ def expand_xacro(
     files = set() if files is None else files
     files.add(path)
     text = _read(path)
-    values = _Arguments({name: str(value) for name, value in args.items()})
     if "xacro" not in text and "$(" not in text:
-        _check_unused(values, path, text, packages, report)
+        _check_unused(args, path, text, packages, report)
         return text
-    stderr, opened = io.StringIO(), set[str]()
-    with _LOCK, _our_own(packages.find, opened), contextlib.redirect_stderr(stderr):
-        try:
-            document = xacro.process_file(str(path), mappings=values, verbosity=0)
-        except xacro.XacroException as error:
-            raise _explain(error, path, packages) from None
-        except xml.parsers.expat.ExpatError as error:
-            reason = xml.parsers.expat.errors.messages[error.code]
-            raise DescriptionError(
-                f"malformed XML: {reason}",
-                file=_current_file(path, packages),
-                line=error.lineno,
-            ) from None
-        # xacro evaluates what a file says, and answers a bad one with any exception.
-        except Exception as error:
-            problem = f"xacro: {type(error).__name__}: {error}"
-            if isinstance(error, RecursionError):
-                problem = _explain_recursion(packages)
-            raise DescriptionError(
-                problem, file=_current_file(path, packages)
-            ) from None
-        finally:
-            xacro.substitution_args_context["arg"] = {}
-            files.update(packages.real(Path(name)) for name in opened)
+    told = _run(path, args, packages)
+    files.update(packages.real(Path(name)) for name in told["opened"])
+    if "error" in told:
+        raise _explain(told, path, packages)
     if report is not None:
-        for line in stderr.getvalue().splitlines():
+        for line in told["said"].splitlines():
             what = line.strip().removeprefix("warning: ")
             report.add("info", "ignored", what, "so says xacro", file=path)
-    _check_unused(values, path, text, packages, report)
-    return packages.real_paths(str(document.toxml()))
+    _check_unused(told["unused"], path, text, packages, report)
+    return packages.real_paths(told["text"])
 
 
-class _Arguments(dict[str, str]):
-    """Values of xacro arguments, which remember whether anything asked for them."""
+def _run(path: Path, args: Mapping[str, str], packages: PackageFinder) -> Any:
+    """Return what `xacro_process` tells of a file."""
+    # Modules lie where they lie for this process; of ours it needs one.
+    folders = [os.path.abspath(folder) for folder in sys.path]
+    folders.append(str(Path(__file__).parent))
+    code = f"import sys; sys.path[:] = {folders!r}; import xacro_process as x; x.main()"
+    arguments = {name: str(value) for name, value in args.items()}
+    request = {"file": str(path), "arguments": arguments}
+    failed: PackageError | None = None
+    with subprocess.Popen(  # noqa: S603  It is our own program.
+        [sys.executable, "-I", "-S", "-X", "utf8", "-c", code],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        encoding="utf-8",
+        errors="surrogateescape",
+    ) as process:
+        try:
+            limits = {"cpu_time": CPU_TIME, "memory": MEMORY, "size": MAX_SIZE}
+            answer: Any = {**request, **limits}
+            while True:
+                _send(process, answer)
+                line = process.stdout.readline() if process.stdout else ""
+                if not line:
+                    break
+                told = json.loads(line)
+                if "find" not in told:
+                    return {**told, "failed": failed}
+                answer = None
+                try:
+                    answer = str(packages.find(told["find"]))
+                except PackageError as error:
+                    failed = error
+        finally:
+            process.kill()
+    is_late = process.returncode == -signal.SIGXCPU
+    limit = f"takes more than {CPU_TIME} s of processor time"
+    problem = limit if is_late else f"ended with code {process.returncode}"
+    raise DescriptionError(f"can't be expanded: xacro {problem}", file=path)
 
-    def __init__(self, values: Mapping[str, str]) -> None:
-        super().__init__(values)
-        self.unused = set(values)
 
-    def __contains__(self, name: object) -> bool:
-        self.unused.discard(str(name))
-        return super().__contains__(name)
-
-    def __getitem__(self, name: str) -> str:
-        self.unused.discard(name)
-        return super().__getitem__(name)
+def _send(process: subprocess.Popen[str], value: Any) -> None:
+    """Send a line; one that has ended tells why by its code."""
+    with contextlib.suppress(BrokenPipeError):
+        assert process.stdin is not None
+        print(json.dumps(value), file=process.stdin, flush=True)
 
 
 def _check_unused(
-    values: _Arguments,
+    unused: Collection[str],
     path: Path,
     text: str,
     packages: PackageFinder,
@@ -448,10 +245,10 @@ def _check_unused(
 
     Launch files pass such arguments on, so it is no error where files include others.
     """
-    if not values.unused:
+    if not unused:
         return
     declared = read_sources(path, packages).arguments
-    for name in sorted(values.unused):
+    for name in sorted(unused):
         problem = f"no xacro argument {name!r}; {suggest(name, declared)}"
         if "xacro:include" not in text:
             raise DescriptionError(problem, file=path)
@@ -465,7 +262,7 @@ def _read(path: Path) -> str:
         if size > MAX_SIZE:
             problem = f"{size / 2**20:.0f} MB; a description has at most 64 MB"
             raise DescriptionError(problem, file=path)
-        with open_regular(path, "rb") as file:
+        with _open_regular(path) as file:
             content: bytes = file.read()
     except OSError as error:
         reason = error.strerror or str(error)
@@ -482,54 +279,44 @@ def _read(path: Path) -> str:
     return text.lstrip() if text.lstrip().startswith("<?xml") else text
 
 
-@contextlib.contextmanager
-def _our_own(find: Callable[[str], Path], opened: set[str]) -> Iterator[None]:
-    """Let xacro use what is ours: the lookup of packages, `eval` and `open`."""
-
-    def eval_find(name: str) -> str:
-        return str(find(name))
-
-    def open_noted(path: str | Path, mode: str = "r") -> Any:
-        opened.add(str(path))
-        return open_regular(path, mode)
-
-    with (
-        replaced(vars(substitution_args), _eval_find=eval_find, eval=eval_argument),
-        replaced(substitution_args._eval_dict, find=eval_find),
-        replaced(vars(xacro), safe_eval=eval_expression, open=open_noted),
-        replaced(vars(xacro), _global_symbols=make_symbols()),
-    ):
-        yield
-
-
-def _explain(error: Exception, path: Path, packages: PackageFinder) -> ArmDrakeError:
+def _explain(
+    told: Mapping[str, Any], path: Path, packages: PackageFinder
+) -> ArmDrakeError:
     """Return a xacro error in our words, with the chain of files that led to it."""
-    cause: object = error
-    while isinstance(cause, xacro.XacroException) and cause.exc is not None:
-        cause = cause.exc
-    if isinstance(cause, PackageError):
-        return _list_missing(cause, path, packages)
-    if isinstance(cause, ArmDrakeError):
-        return cause
-    if isinstance(cause, RecursionError):
-        problem = _explain_recursion(packages)
-        return DescriptionError(problem, file=_current_file(path, packages))
-    problem = " ".join(str(error).split())
-    if problem.startswith("<class "):  # xacro says the same twice.
-        problem = " ".join(str(cause).split())
-    if isinstance(cause, OSError):
-        missing = read_sources(path, packages).missing_files
-        if isinstance(cause, FileNotFoundError) and len(missing) > 1:
-            problem = f"{len(missing)} files don't exist: {_with_places(missing)}"
-        else:
-            name = str(packages.real(Path(os.fsdecode(cause.filename or ""))))
-            problem = f"{name!r} can't be read: {cause.strerror}"
-    if isinstance(cause, substitution_args.ArgException):
-        problem = _explain_argument(str(cause), read_sources(path, packages).arguments)
-    chain = [str(packages.real(Path(file))) for file in xacro.filestack or [] if file]
-    if len(chain) > 1:
+    error = told["error"]
+    chain = [str(packages.real(Path(file))) for file in told["files"]]
+    file = Path(chain[-1]) if chain else path
+    match error["kind"]:
+        case "package":
+            return _list_missing(told["failed"], path, packages)
+        case "recursion":
+            problem = _explain_recursion(chain, told["macros"])
+            return DescriptionError(problem, file=file)
+        case "xml":
+            problem = f"malformed XML: {error['reason']}"
+            return DescriptionError(problem, file=file, line=error["line"])
+        case "memory":
+            limit = f"{MEMORY // 2**20} MB of memory"
+            problem = f"can't be expanded: xacro needs more than {limit}"
+            return DescriptionError(problem, file=file)
+        case "size":
+            limit = f"{MAX_SIZE // 2**20} MB; a description has at most so much"
+            return DescriptionError(f"expands to more than {limit}", file=path)
+        case "file":
+            missing = read_sources(path, packages).missing_files
+            if error["is_missing"] and len(missing) > 1:
+                problem = f"{len(missing)} files don't exist: {_with_places(missing)}"
+            else:
+                name = str(packages.real(Path(error["name"])))
+                problem = f"{name!r} can't be read: {error['reason']}"
+        case "argument":
+            declared = read_sources(path, packages).arguments
+            problem = _explain_argument(error["name"], declared)
+        case _:
+            problem = error["text"]
+    if len(chain) > 1 and not problem.startswith("xacro: "):
         problem += f" (included by {' -> '.join(chain[:-1])})"
-    return DescriptionError(problem, file=_current_file(path, packages))
+    return DescriptionError(problem, file=file)
 
 
 def _explain_argument(name: str, declared: Mapping[str, str | None]) -> str:
@@ -562,14 +349,12 @@ def _list_missing(
     )
 
 
-def _explain_recursion(packages: PackageFinder) -> str:
-    files = [str(packages.real(Path(file))) for file in xacro.filestack or [] if file]
+def _explain_recursion(files: list[str], macros: list[str]) -> str:
     for index, file in enumerate(files):
         if file in files[:index]:
             circle = files[files.index(file) : index + 1]
             return f"includes itself: {' -> '.join(circle)}"
-    macros = {macro.body.getAttribute("name") for macro in xacro.macrostack or []}
-    calls = f"; macros that call each other: {sorted(macros)}" if macros else ""
+    calls = f"; macros that call each other: {macros}" if macros else ""
     return f"nested too deeply{calls}"
 
 
@@ -579,9 +364,3 @@ def _with_places(missing: Mapping[str, list[str]]) -> str:
         + (f" and {len(places) - 3} more)" if len(places) > 3 else ")")
         for name, places in missing.items()
     )
-
-
-def _current_file(path: Path, packages: PackageFinder) -> Path:
-    """Return the file that xacro was reading."""
-    files = [file for file in xacro.filestack or [] if file]
-    return packages.real(Path(files[-1])) if files else path

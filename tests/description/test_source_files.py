@@ -8,8 +8,10 @@ from pathlib import Path
 
 import pytest
 import xacro
+from xacro import substitution_args
 
 import arm_drake as ad
+from arm_drake.description.packages import PackageFinder
 from arm_drake.description.source_files import (
     FileWatcher,
     files_of_failed,
@@ -361,6 +363,14 @@ def test_files_of_real_robots_are_those_that_xacro_and_the_urdf_name(name, monke
     inputs = [folder / file for file in row["controllers_yaml"]]
     # xacro keeps a list of its own, for build tools.
     monkeypatch.setattr(xacro, "all_includes", [])
+    packages = PackageFinder(folder / row["entry"])
+
+    def find(package: str) -> str:
+        return str(packages.find(package))
+
+    monkeypatch.setattr(substitution_args, "_eval_find", find)
+    monkeypatch.setitem(substitution_args._eval_dict, "find", find)
+    xacro.process_file(str(folder / row["entry"]), mappings=row["xacro_args"])
     robot = ad.load_robot(
         folder / row["entry"],
         xacro_args=row["xacro_args"],

@@ -9,6 +9,7 @@ import pytest
 import xacro
 from xacro import substitution_args
 
+from arm_drake.description import xacro as description_xacro
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
 from arm_drake.description.xacro import declared_arguments, expand_xacro
@@ -498,13 +499,50 @@ def test_an_argument_expression_knows_numbers_texts_and_mathematics(expand):
     assert '<a b="7"/>' in text
 
 
+DOUBLING = '<xacro:macro name="m0" params=""><link/></xacro:macro>' + "".join(
+    f'<xacro:macro name="m{i + 1}" params=""><xacro:m{i}/><xacro:m{i}/></xacro:macro>'
+    for i in range(40)
+)
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        '<link name="${9**9**9}"/>',
+        '<link name="${math.factorial(10**7)}"/>',
+        '<link name="${[n for n in range(10**12) if n < 0]}"/>',
+        DOUBLING + "<xacro:m40/>",
+    ],
+    ids=["power", "factorial", "loop", "macros"],
+)
+def test_an_expansion_that_takes_too_long_is_an_error(expand, monkeypatch, body):
+    monkeypatch.setattr(description_xacro, "CPU_TIME", 1)
+    problem = "xacro takes more than 1 s of processor time"
+
+    with within(30.0), pytest.raises(DescriptionError, match=problem):
+        expand(body.replace("< 0", "&lt; 0"))
+
+
 @pytest.mark.parametrize(
     "expression",
-    ["9**9**9", "'a'*10**12", "[0]*10**12", "1 &lt;&lt; 10**12", "10**12*'a'"],
+    [
+        "'a'*10**12",
+        "[0]*10**12",
+        "1 &lt;&lt; 10**12",
+        "'%2000000000d' % 1",
+        "list(range(10**9))",
+    ],
 )
-def test_an_expression_of_endless_size_is_an_error(expand, expression):
-    with within(10.0), pytest.raises(DescriptionError, match=r"more than 10+ "):
+def test_an_expansion_that_takes_too_much_memory_is_an_error(expand, expression):
+    with within(30.0), pytest.raises(DescriptionError, match="more than 1024 MB of"):
         expand(f'<link name="${{{expression}}}"/>')
+
+
+def test_an_expansion_to_more_than_any_description_has_is_an_error(expand, monkeypatch):
+    monkeypatch.setattr(description_xacro, "MAX_SIZE", 2**20)
+
+    with pytest.raises(DescriptionError, match="expands to more than 1 MB"):
+        expand("<link name=\"${'a' * 1100000}\"/>")
 
 
 def test_what_an_expression_changes_doesnt_leak_into_the_next_expansion(expand):
