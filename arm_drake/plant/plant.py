@@ -123,7 +123,7 @@ def add_robot_model(
             if name_of_root != description.base or not has_free_base:
                 frame = plant.GetBodyByName(name_of_root, model).body_frame()
                 plant.WeldFrames(plant.world_frame(), frame, X_WB)
-    except (RuntimeError, ValueError, SystemExit) as error:
+    except (RuntimeError, ValueError, LookupError, SystemExit) as error:
         problem = " ".join(str(error).split())
         raise DescriptionError(
             f"Drake refuses the description: {problem}", file=description.file

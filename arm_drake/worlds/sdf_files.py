@@ -93,8 +93,10 @@ def read_sdf(path: Path, report: LoadReport, *, root_tag: str = "sdf") -> SdfFil
     if file.root.tag != root_tag:
         problem = f"expected <{root_tag}> at the top, got <{file.root.tag}>"
         raise file.error(problem, file.root)
-    if root_tag == "sdf" and not file.root.get("version"):
-        problem = '<sdf> has no version; expected such as version="1.6"'
+    version = file.root.get("version", "")
+    if root_tag == "sdf" and not re.fullmatch(r"\s*1\.[0-9]{1,3}\s*", version):
+        found = f"the version {version!r}" if version else "no version"
+        problem = f'<sdf> has {found}; expected such as version="1.6"'
         raise file.error(problem, file.root)
     return file
 

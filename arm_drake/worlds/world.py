@@ -230,7 +230,7 @@ def _parse(plant: MultibodyPlant, world: SdfWorld, elements: Sequence[Element]) 
         try:
             with drake_messages() as messages:
                 parser.AddModelsFromString(text.replace(FOLDER, folder), "sdf")
-        except (RuntimeError, ValueError, SystemExit) as error:
+        except (RuntimeError, ValueError, LookupError, SystemExit) as error:
             # The reason is often what Drake warned about before.
             problems = map(_without_place, [*messages, " ".join(str(error).split())])
             raise RuntimeError("; ".join(dict.fromkeys(problems))) from None

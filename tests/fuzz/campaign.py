@@ -434,6 +434,8 @@ def main() -> int:
                 counts[outcome.kind][outcome.what] += 1
                 if outcome.what not in CLASSES[:2]:
                     found.append(outcome)
+                    text = f"{outcome.what}: {outcome.kind} {outcome.number}"
+                    print(text, outcome.where, file=sys.stderr)
             if time.monotonic() > shown + 10.0:
                 shown = time.monotonic()
                 total = sum(sum(row.values()) for row in counts.values())

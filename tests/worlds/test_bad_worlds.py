@@ -59,6 +59,10 @@ def test_a_malformed_number_is_refused(
         (b"<sdf version='1.6'>\n<world></sdf>", ":2: malformed XML: mismatched tag"),
         (b"<robot/>", ":1: expected <sdf> at the top, got <robot>"),
         (
+            b"<sdf version='99999999999'><world/></sdf>",
+            ":1: <sdf> has the version '99999999999'; expected such as version=\"1.6\"",
+        ),
+        (
             b"<sdf><world/></sdf>",
             ':1: <sdf> has no version; expected such as version="1.6"',
         ),
