@@ -31,7 +31,8 @@ def find_groups(masses: Array) -> NDArray[np.intp]:
     correlation = np.abs(masses / scale[:, :, None] / scale[:, None, :]).max(axis=0)
     group = np.arange(len(correlation))
     for i, j in np.argwhere(correlation > _COUPLED):
-        group[group == group[j]] = group[i]
+        if group[i] != group[j]:
+            group[group == group[j]] = group[i]
     numbers: NDArray[np.intp] = np.unique(group, return_inverse=True)[1]
     return numbers
 
@@ -40,15 +41,15 @@ def common_accelerations(masses: Array, spare: Array, largest: Array) -> Array:
     """Return accelerations that all joints can have at once, shape (n,)."""
     inertia = np.diagonal(masses, axis1=1, axis2=2).max(axis=0)
     found, rows = np.minimum(largest, spare / inertia), np.arange(len(spare))
+    sizes = np.abs(masses)
     for _ in range(_ROUNDS):
         # What each joint asks of each other one, where that is most.
-        parts = np.abs(masses) * found
-        totals = parts.sum(axis=2)
+        totals = sizes @ found
         worst = totals.argmax(axis=0), rows
         excess = np.maximum(totals[worst] / spare, 1.0)
         if (excess < _EXCESS).all():
             break
-        share = parts[worst] / totals[worst][:, None]
+        share = sizes[worst] * found / totals[worst][:, None]
         found = found * np.exp(-0.5 * (share * np.log(excess)[:, None]).max(axis=0))
     return found
 

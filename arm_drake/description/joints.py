@@ -202,7 +202,10 @@ def links_on(joints: Sequence[JointInfo], link: str) -> set[str]:
 
 def joints_above(joints: Sequence[JointInfo], link: str) -> list[JointInfo]:
     """Return the joints that carry a link, the nearest first."""
-    carriers = {joint.child: joint for joint in joints}
+    return _above({joint.child: joint for joint in joints}, link)
+
+
+def _above(carriers: Mapping[str, JointInfo], link: str) -> list[JointInfo]:
     found = []
     while link in carriers:
         found.append(carriers[link])
@@ -212,7 +215,8 @@ def joints_above(joints: Sequence[JointInfo], link: str) -> list[JointInfo]:
 
 def from_the_root(joints: Sequence[JointInfo]) -> list[JointInfo]:
     """Return the joints so that each comes after those that carry it."""
-    return sorted(joints, key=lambda joint: len(joints_above(joints, joint.parent)))
+    carriers = {joint.child: joint for joint in joints}
+    return sorted(joints, key=lambda joint: len(_above(carriers, joint.parent)))
 
 
 def last_master(

@@ -52,6 +52,13 @@ from arm_drake.errors import DescriptionError
 # Shapes of a kind that one link may have.
 _MOST_SHAPES = 1000
 
+# What a description may have in all; with so much it takes some 20 s to load and build.
+# Drake's time grows with the square of links that have shapes, and mass matrices with
+# that of movable joints.
+_MOST_ELEMENTS = 100_000
+_MOST = {"link": 3000, "link/visual": 3000, "link/collision": 3000}
+_MOST_MOVABLE_JOINTS = 1000
+
 
 @dc.dataclass(frozen=True)
 class RobotDescription:
@@ -154,6 +161,7 @@ def parse_urdf(
 ) -> RobotDescription:
     """Return the robot that a URDF text describes."""
     root = parse_xml(text, file)
+    _check_size(root, file)
     links = _link_names(root, file)
     joints = tuple(_joint(element, file, report) for element in root.iterfind("joint"))
     check_structure(links, joints, file)
@@ -185,6 +193,20 @@ def parse_urdf(
     )
     _report_loose(robot, report)
     return robot
+
+
+def _check_size(root: ET.Element, file: Path) -> None:
+    """Raise DescriptionError of what is larger than any robot."""
+    movable = [e for e in root.iterfind("joint") if e.get("type") != "fixed"]
+    counts = [
+        ("elements", sum(1 for _ in root.iter()), _MOST_ELEMENTS),
+        *((f"<{path}>", len(root.findall(path)), most) for path, most in _MOST.items()),
+        ("joints that move", len(movable), _MOST_MOVABLE_JOINTS),
+    ]
+    for what, count, most in counts:
+        if count > most:
+            problem = f"{count} {what}; expected {most} at most"
+            raise DescriptionError(problem, file=file)
 
 
 def _link_names(root: ET.Element, file: Path) -> tuple[str, ...]:

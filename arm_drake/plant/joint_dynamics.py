@@ -15,8 +15,11 @@ from arm_drake.control.servo import DynamicsSamples
 from arm_drake.description.joints import JointInfo, last_master
 from arm_drake.description.urdf import RobotDescription
 
-# Configurations at which the dynamics is sampled, and the seed that picks them.
+# Configurations at which the dynamics is sampled, and the seed that picks them. Of
+# more joints than any robot has there are fewer, for a mass matrix has their square.
 _NUM_SAMPLES = 100
+_LEAST_SAMPLES = 10
+_MANY_JOINTS = 100
 _SEED = 20_260_101
 
 # Continuous joints, and joints with several turns, are sampled within one turn.
@@ -77,8 +80,10 @@ def sample_dynamics(
     The finalized plant holds this robot alone; N is that of `velocity_map`.
     """
     masses, gravities = [], []
-    for context in _poses(plant, _NUM_SAMPLES, followers):
-        masses.append(N.T @ plant.CalcMassMatrixViaInverseDynamics(context) @ N)
+    fewer = int(_NUM_SAMPLES * (_MANY_JOINTS / max(N.shape[0], 1)) ** 2)
+    num_samples = min(max(fewer, _LEAST_SAMPLES), _NUM_SAMPLES)
+    for context in _poses(plant, num_samples, followers):
+        masses.append(N.T @ plant.CalcMassMatrix(context) @ N)
         gravities.append(-N.T @ plant.CalcGravityGeneralizedForces(context))
     damping = np.zeros(plant.num_velocities())
     for index in plant.GetJointIndices():

@@ -174,6 +174,16 @@ def test_a_text_that_is_no_robot_is_an_error(text, message):
             "link 'a': 1001 <collision> of one link; expected 1000 at most, for "
             "Drake's time grows with their square: one mesh may hold all",
         ),
+        ('<link name="a"/>' * 3001, "3001 <link>; expected 3000 at most"),
+        (
+            f'<link name="a">{"<visual/>" * 1000}</link>' * 4,
+            "4000 <link/visual>; expected 3000 at most",
+        ),
+        (
+            LINKS + joint(type="revolute") * 1001,
+            "1001 joints that move; expected 1000 at most",
+        ),
+        ("<gazebo/>" * 100_000, "100001 elements; expected 100000 at most"),
         (LINKS + "<joint/>", 'a joint has no name; expected <joint name="...">'),
         (LINKS + joint() * 2, "two joints are called 'j'; names must be unique"),
         (
