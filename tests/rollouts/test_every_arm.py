@@ -27,10 +27,10 @@ STEP = {"prismatic": 1e-3}
 STEP_OF_OTHERS = 1e-2
 SETTLED = 0.02
 
-# How many random goals are sent, one a second, by step: at small ones the first of
-# the same goals, for they take ten times as long. And how long poses are held [s].
-GOALS = {1e-3: 20, 2e-3: 30, 5e-3: 60, 1e-2: 60}
-HOLD = 10.0
+# How long poses are held [s], and how many random goals are sent then, one a second, by
+# step: at small ones the first of the same goals, for they take ten times as long.
+FEW = 3.0, {1e-3: 4, 2e-3: 6, 5e-3: 15, 1e-2: 15}
+MANY = 10.0, {1e-3: 20, 2e-3: 30, 5e-3: 60, 1e-2: 60}
 
 # Payloads [kg] of arms, and where they are from the last axis [m].
 PAYLOADS = {
@@ -194,17 +194,22 @@ def needs_more(arm: Arm, preset: str) -> bool:
     )
 
 
+@pytest.mark.parametrize(
+    ("hold", "goals"), [FEW, pytest.param(*MANY, marks=pytest.mark.long)]
+)
 @pytest.mark.parametrize(("preset", "h"), PRESETS)
 @pytest.mark.parametrize("arm", all_names(), indirect=True)
-def test_it_holds_and_goes_wherever_it_is_sent(arm: Arm, preset: str, h: float) -> None:
+def test_it_holds_and_goes_wherever_it_is_sent(
+    arm: Arm, preset: str, h: float, hold: float, goals: dict[float, int]
+) -> None:
     if not len(arm.lower) or needs_more(arm, preset):
         return  # A suction cup has no joints.
     rig = ServoRig(arm.robot, step=h, preset=preset)
-    held = rig.run(HOLD)
+    held = rig.run(hold)
     if arm.is_strong:
         np.testing.assert_allclose(held.position - rig.start, 0.0, atol=1e-3)
     random, goal = np.random.default_rng(5), rig.start
-    for _ in range(GOALS[h]):
+    for _ in range(goals[h]):
         goal = random.uniform(arm.lower, arm.upper)
         rig.command(goal)
         check_limits(arm, rig.run(1.0))
