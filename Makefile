@@ -13,6 +13,7 @@ setup: .venv/.ready
 .venv/.ready: pyproject.toml requirements.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 		|| { echo "arm_drake needs Python 3.11 or newer: make PYTHON=python3.x" >&2; exit 1; }
+	@echo "setting up .venv with Drake and what it needs; this takes minutes, once"
 	@if command -v uv >/dev/null; then \
 		uv sync --quiet --locked --python $(PYTHON); \
 	else \

@@ -137,6 +137,11 @@ def add_server_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add("--host", default="localhost", help="address of the page (localhost)")
     add("--port", type=int, help="port of the page (first free from 7000)")
+    add(
+        "--open",
+        action=argparse.BooleanOptionalAction,
+        help="open the page in a browser (on a terminal, where there is a screen)",
+    )
 
 
 def add_plot_arguments(parser: argparse.ArgumentParser) -> None:
@@ -224,7 +229,16 @@ def _add_solver_arguments(parser: argparse.ArgumentParser) -> None:
     """Add how time passes, and the physics' step."""
     add = parser.add_argument
     add("--headless", action="store_true", help="no browser")
-    add("--hold", action="store_true", help="keep the page until Ctrl-C")
+    add(
+        "--wait",
+        action=argparse.BooleanOptionalAction,
+        help="start a motion when a browser shows the page (on a terminal)",
+    )
+    add(
+        "--hold",
+        action=argparse.BooleanOptionalAction,
+        help="keep the page, with all that was, until Ctrl-C (on a terminal)",
+    )
     add(
         "--rate",
         metavar="R",

@@ -1,6 +1,8 @@
 """Ctrl-C ends `arm-drake view` and `sim` in any state, with the data so far."""
 
 import contextlib
+import os
+import pty
 import re
 import signal
 import subprocess
@@ -132,6 +134,41 @@ def click(output: str) -> None:
     with Panel(int(address[1])) as panel:
         panel.say("nothing")
         panel.hear_until(lambda message: message["type"] == "message")
+
+
+@pytest.mark.slow
+def test_on_a_terminal_a_motion_waits_for_a_browser_and_the_page_stays() -> None:
+    words = [*SIM, *TUTORIAL, "--duration", "0.3", "--no-open"]
+    ours, theirs = pty.openpty()
+    environment = {k: v for k, v in os.environ.items() if k not in ("CI", "DISPLAY")}
+    process = subprocess.Popen(
+        [sys.executable, "-m", "arm_drake", *words],
+        stdin=theirs,
+        stdout=theirs,
+        stderr=theirs,
+        env=environment,
+    )
+    os.close(theirs)
+    said = []
+
+    def until(text: str) -> str:
+        while text not in "".join(said):
+            said.append(os.read(ours, 1000).decode())
+        return "".join(said)
+
+    with contextlib.ExitStack() as stack:
+        stack.callback(os.close, ours)
+        stack.callback(process.kill)
+        address = re.search(r"http://localhost:(\d+)/", until("waiting for a browser"))
+        assert address is not None
+        assert "goal" not in "".join(said)
+        with Panel(int(address[1])) as panel:
+            until("the page stays")
+            panel.say("end")
+            code = process.wait(PATIENCE)
+
+    assert code == 0
+    assert "simulated 0.30 s" in "".join(said)
 
 
 @pytest.mark.slow

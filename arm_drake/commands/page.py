@@ -8,6 +8,7 @@ import signal
 import socket
 import sys
 import threading
+import webbrowser
 from collections.abc import Callable, Iterator
 
 from arm_drake.visualization.page import Page
@@ -33,6 +34,20 @@ def from_elsewhere(page: Page) -> str:
     if page.is_public or not is_without_screen():
         return ""
     return f"from another machine: {ssh_command(page.port)}"
+
+
+def is_watched() -> bool:
+    """Return whether a person looks on: on a terminal, and not in CI."""
+    return sys.stdin.isatty() and sys.stdout.isatty() and not os.environ.get("CI")
+
+
+def open_browser(options: argparse.Namespace, page: Page) -> None:
+    """Open a page in a browser, if that is asked for, or a person sits before it."""
+    wanted = options.open
+    if wanted is None:
+        wanted = is_watched() and not is_without_screen()
+    if wanted and not webbrowser.open(page.url) and options.open:
+        print(f"warning: there is no browser to open {page.url}", file=sys.stderr)
 
 
 def is_without_screen() -> bool:

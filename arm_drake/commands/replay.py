@@ -14,7 +14,12 @@ from arm_drake.commands.output import (
     needs_recording,
     write_outputs,
 )
-from arm_drake.commands.page import from_elsewhere, interrupting, start_page
+from arm_drake.commands.page import (
+    from_elsewhere,
+    interrupting,
+    open_browser,
+    start_page,
+)
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError
 from arm_drake.plant.drake_log import use_native_logging
@@ -50,6 +55,7 @@ def run_replay(options: argparse.Namespace, load: Callable[[], Robot]) -> int:
         )
         say.page(f"page: {page.url}, until Ctrl-C")
         say.line(from_elsewhere(page))
+        open_browser(options, page)
         with interrupting(shown.stop):
             shown.run()
     return 0

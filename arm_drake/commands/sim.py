@@ -92,7 +92,7 @@ def simulate(options: argparse.Namespace, robot: Robot) -> int:
     # What Drake says of its file is kept, which native logging wouldn't.
     world = load_world(options.world, robot.package_paths)
     use_native_logging()
-    for word in ("hold", "paused"):
+    for word in ("wait", "hold", "open", "paused"):
         if options.headless and getattr(options, word):
             text = f"--{word} is for the page, and with --headless there is none"
             raise InputError(text)
@@ -201,7 +201,13 @@ def _simulate_live(
 ) -> int:
     """Simulate on a page; return the exit code."""
     # Not at the top: a headless simulation must not wait for a web server.
-    from arm_drake.commands.page import from_elsewhere, interrupting, start_page
+    from arm_drake.commands.page import (
+        from_elsewhere,
+        interrupting,
+        is_watched,
+        open_browser,
+        start_page,
+    )
     from arm_drake.visualization.page.live_simulation import LiveSimulation
 
     with start_page(options) as page:
@@ -219,19 +225,29 @@ def _simulate_live(
         _show(options, live.views)
         say.page(f"page: {page.url}")
         say.line(from_elsewhere(page))
+        open_browser(options, page)
         duration = choose_duration(options, motion)
-        if duration is None:
-            say.line("simulating until Ctrl-C")
+        is_show = motion is not None and is_watched()
+
+        def run() -> None:
+            if options.wait or (options.wait is None and is_show and live.is_playing):
+                say.page("waiting for a browser to open the page (--no-wait starts)")
+                live.wait_for_browser()
+            if duration is None:
+                say.line("simulating until Ctrl-C")
+            live.run(duration, say.progress)
+
         with interrupting(live.stop) as is_interrupted:
-            _measure(lambda: live.run(duration, say.progress), simulation, say)
+            _measure(run, simulation, say)
         alive = page.meshcat if page.is_alive else None
         if alive is not None:
             live.views.end_recording()
-        if is_interrupted():
+        is_over = is_interrupted() or live.is_ended or bool(say.failures)
+        if is_interrupted() or live.is_ended:
             say.line(f"stopped at {simulation.time:.2f} s")
         code = _finish(options, simulation, live.wall_time, alive, say)
-        if options.hold and not (is_interrupted() or say.failures):
-            say.page(f"the page stays at {page.url} until Ctrl-C")
+        if (is_show if options.hold is None else options.hold) and not is_over:
+            say.page(f"the page stays at {page.url} until Ctrl-C, or its button 'end'")
             live.pause()
             with interrupting(live.stop):
                 live.run()

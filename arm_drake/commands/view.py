@@ -6,7 +6,12 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from arm_drake.commands.page import from_elsewhere, interrupting, start_page
+from arm_drake.commands.page import (
+    from_elsewhere,
+    interrupting,
+    open_browser,
+    start_page,
+)
 from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot
 from arm_drake.description.source_files import files_of_failed
@@ -67,6 +72,7 @@ def view(options: argparse.Namespace, load: LoadRobot) -> int:
             save_screenshot(scene.meshcat, options.screenshot, paths=["drake"])
         _say(options, viewer, scene)
         if isinstance(scene, Page):
+            open_browser(options, scene)
             with interrupting(viewer.stop):
                 viewer.run()
             if not options.json:

@@ -419,12 +419,12 @@ def _along(axis: Array, distance: float) -> RigidTransform:
 # What can be shown: "frames", "collision", "inertia", "joint_axes".
 KINDS = tuple(PIECES)
 
-_VISUAL = "/drake/visual"
+VISUAL_PATH = "/drake/visual"
 
 
 def show_visual(meshcat: Meshcat, is_shown: bool) -> None:
     """Show or hide what Drake draws of all models, their visual shapes."""
-    meshcat.SetProperty(_VISUAL, "visible", is_shown)
+    meshcat.SetProperty(VISUAL_PATH, "visible", is_shown)
 
 
 def path_below(root: str, *names: str) -> str:

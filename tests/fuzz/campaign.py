@@ -206,7 +206,10 @@ def _page(rng: Random, folder: Path) -> list[str]:
     del folder
     said = ["page"]
     for _ in range(rng.randint(1, 20)):
-        kinds = "play step reset rate activate deactivate remote show trail fixed_frame"
+        kinds = (
+            "play step reset rate activate deactivate remote show trail fixed_frame "
+            "seek replay end"
+        )
         kind = rng.choice([*kinds.split(), word(rng)[:20]])
         names = ["arm", "arm:joint:elbow", "visual", "", word(rng)[:20]]
         said.append(repr((f"{kind}:{rng.choice(names)}", value(rng))))

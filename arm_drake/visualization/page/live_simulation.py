@@ -23,9 +23,10 @@ from arm_drake.visualization.page import (
     Item,
     Page,
     Section,
+    Slider,
     Text,
 )
-from arm_drake.visualization.page.live_views import LiveViews
+from arm_drake.visualization.page.live_views import LiveViews, Pictures
 from arm_drake.visualization.page.panel import make_report
 from arm_drake.visualization.teleop.base import Remote
 from arm_drake.visualization.teleop.remotes import find_remotes
@@ -179,6 +180,14 @@ class LiveSimulation:
         self._history = History(simulation.mailbox, history)
         if frame_rate is not None:
             start_recording(page.meshcat, frame_rate)
+        self._pictures, self._longest = Pictures(), history
+        # The time that is drawn [s]; NaN is to be drawn anew.
+        self._drawn = math.nan
+        # The time of the past that is shown [s], None is the present; and since when it
+        # is replayed [s] of wall time.
+        self._shown_time: float | None = None
+        self._replayed_at: float | None = None
+        self.is_ended = False
         self._log = LogLines()
         simulation.on_event(lambda event: self._log.add(simulation, event))
         self._start()
@@ -209,8 +218,33 @@ class LiveSimulation:
         """The last news of goals, switches and controllers."""
         return str(self._log)
 
+    @property
+    def shown_time(self) -> float:
+        """The time that is shown [s]: now, or a past one after `seek` or `replay`."""
+        return self.simulation.time if self._shown_time is None else self._shown_time
+
+    @property
+    def first_time(self) -> float:
+        """The earliest time that can be shown [s]."""
+        return min([*self._pictures.times[:1], self.simulation.time])
+
+    def seek(self, time: float) -> None:
+        """Pause, and show how it was at a time [s]; what goes on goes on from now."""
+        if not math.isfinite(time):
+            raise InputError(f"time: expected a number [s], got {time!r}")
+        self.pause()
+        self._replayed_at = None
+        is_past = self._pictures.times and time < self.simulation.time
+        self._shown_time = max(time, self._pictures.times[0]) if is_past else None
+
+    def replay(self) -> None:
+        """Pause, and show what was so far, at the real-time rate."""
+        self.seek(-1.0)
+        self._replayed_at = time.perf_counter()
+
     def play(self) -> None:
-        """Let time pass."""
+        """Let time pass, from now on."""
+        self._shown_time = self._replayed_at = None
         if not self._is_playing:
             self._is_playing = True
             self._pacer.start(self.simulation.time)
@@ -228,6 +262,7 @@ class LiveSimulation:
             cycles: How many cycles to go.
         """
         self.pause()
+        self._shown_time = self._replayed_at = None
         period = self.simulation.period
         cycle = math.floor(self.simulation.time / period + TICK_TOLERANCE) + cycles
         self._advance_to(cycle * period)
@@ -243,6 +278,8 @@ class LiveSimulation:
         if self._frame_rate is not None:
             start_recording(self.page.meshcat, self._frame_rate)
         self._log.clear()
+        self._pictures.clear()
+        self._shown_time = self._replayed_at = None
         self._end = self.simulation.time + self._duration
         self._start()
         self.views.draw()
@@ -284,7 +321,7 @@ class LiveSimulation:
         if self._is_playing:
             self._pacer.start(self.simulation.time)
         next_picture = next_panel = time.perf_counter()
-        drawn_at = math.nan
+        self._drawn = math.nan
         while not self._is_stopped and self.simulation.time < self._end:
             wait = min(next_picture, next_panel) - time.perf_counter()
             # As fast as it goes: no waiting, but for what is clicked.
@@ -294,21 +331,51 @@ class LiveSimulation:
                 self._advance()
             now = time.perf_counter()
             if now >= next_picture:
+                self._go_on_replaying(now)
                 # A recording has the pictures that its own times ask for, no others.
                 is_due = self._frame_rate is None or not self._is_playing
-                if is_due and drawn_at != self.simulation.time:
-                    self.views.draw()
-                    drawn_at = self.simulation.time
+                if is_due and self._drawn != self.shown_time:
+                    self._draw()
                 next_picture = max(next_picture + _FRAME_PERIOD, now)
             if now >= next_panel:
                 self._history.trim()
+                self._pictures.trim(self.simulation.time - 2.0 * self._longest)
                 self._tell(progress)
                 next_panel = now + _PANEL_PERIOD
         if self._is_playing:
             self._pacer.stop()
         self._is_stopped = False
-        self.views.draw()
+        self._shown_time = self._replayed_at = None
+        self._draw()
         self._tell(progress)
+
+    def _go_on_replaying(self, now: float) -> None:
+        if self._shown_time is not None and self._replayed_at is not None:
+            passed = (now - self._replayed_at) * (self.realtime_rate or 1.0)
+            self._shown_time, self._replayed_at = self._shown_time + passed, now
+            if self._shown_time >= self.simulation.time:
+                self._shown_time = self._replayed_at = None
+
+    def _draw(self) -> None:
+        if self._shown_time is None:
+            self.views.draw()
+            self._pictures.add(self.simulation.time, self.views.positions())
+        else:
+            self.views.draw_past(self._pictures.at(self._shown_time))
+        self._drawn = self.shown_time
+
+    def wait_for_browser(self) -> None:
+        """Wait until a browser shows the page, doing what is clicked, or `stop`."""
+        with self.page.drawing():
+            self._draw()
+            while not (self._is_stopped or self.page.num_browsers):
+                self.handle(self.page.events(_PANEL_PERIOD))
+            self._tell(None)
+
+    def end(self) -> None:
+        """End `run` for good: whoever runs it is to end, too."""
+        self.is_ended = True
+        self.stop()
 
     def stop(self) -> None:
         """End `run`, or the next one, within a twentieth of a second."""
@@ -327,6 +394,14 @@ class LiveSimulation:
         kind, _, what = name.partition(":")
         if kind == "play":
             self.pause() if self._is_playing else self.play()
+        elif kind in ("replay", "end"):
+            getattr(self, kind)()
+        elif kind == "seek":
+            try:
+                self.seek(float(value))
+            except (TypeError, ValueError, OverflowError):
+                problem = f"time: expected a number [s], got {value!r}"
+                raise InputError(problem) from None
         elif kind in ("step", "reset", "frame"):
             getattr(self.views if kind == "frame" else self, kind)()
         elif kind == "rate":
@@ -347,6 +422,7 @@ class LiveSimulation:
                 owner.handle(name, value)
         else:
             self.views.handle(name, value)
+            self._drawn = math.nan
 
     def _start(self) -> None:
         """Begin at the present time of the simulation."""
@@ -380,7 +456,7 @@ class LiveSimulation:
                     remote.tick(now)
                 self._repeat_at = now + _REPEAT_PERIOD
             if self._frame_rate is not None and now >= self._picture_at:
-                self.views.draw()
+                self._draw()
                 self._picture_at = now + 1.0 / self._frame_rate
 
     def _tell(self, progress: Progress | None) -> None:
@@ -448,8 +524,11 @@ def make_sections(live: LiveSimulation) -> list[Section]:
             Button("play", "pause", "play or pause (space)", key=" "),
             Button("step", "step", "one cycle of the controllers (s)", key="s"),
             Button("reset", "reset", "back to the start"),
+            Button("replay", "replay", "what was so far"),
+            Button("end", "end", "end the program, as Ctrl-C does"),
         )
     )
+    bar = Slider("seek", "time shown", 0.0, simulation.time, simulation.time, "s")
     times = (
         Text("time", "simulated time"),
         Text("wall_time", "wall time"),
@@ -462,7 +541,7 @@ def make_sections(live: LiveSimulation) -> list[Section]:
     )
     look = Buttons((Button("frame", "look at all", "of the robots"),))
     sections = [
-        Section("Simulation", (buttons, rate, *times)),
+        Section("Simulation", (buttons, bar, rate, *times)),
         Section("Controllers", items),
         *(Section(remote.title, remote.widgets()) for remote in live.remotes),
         Section("Show", (look, *live.views.widgets())),
@@ -480,6 +559,11 @@ def make_changes(live: LiveSimulation) -> dict[str, dict[str, Any]]:
         "rate": {
             "value": _rate_text(live.realtime_rate),
             "options": _rate_options(live.realtime_rate),
+        },
+        "seek": {
+            "value": live.shown_time,
+            "lower": live.first_time,
+            "upper": simulation.time,
         },
         "time": {"value": f"{simulation.time:.2f} s"},
         "wall_time": {"value": f"{live.wall_time:.2f} s"},

@@ -1,13 +1,17 @@
 """Views of a simulation: its robots, and what is shown beside them."""
 
-from collections.abc import Sequence
+import bisect
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import BodyIndex
+from pydrake.systems.framework import Context
 
 from arm_drake import interfaces
+from arm_drake.arrays import Array
 from arm_drake.description.joints import WORLD
 from arm_drake.errors import InputError, suggest
 from arm_drake.plant.kinematics import KinematicPlant
@@ -15,6 +19,7 @@ from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.contact_arrows import ContactArrows
 from arm_drake.visualization.drawing import ROOM_TO_MOVE, draw, frame_robots
 from arm_drake.visualization.ghost import Ghost
+from arm_drake.visualization.link_drawings import VISUAL_PATH
 from arm_drake.visualization.page import Choice, Scene, Toggle, Widget
 from arm_drake.visualization.page.panel import LinkViews, frame_names, make_fixed_frame
 from arm_drake.visualization.trail import Trail
@@ -27,9 +32,41 @@ _GRAVITY = 9.81
 # What is shown where nothing is.
 _NOTHING = "none"
 
+# Poses of links in the world, by robot and link.
+_Poses = Mapping[str, Mapping[str, RigidTransform]]
+
+
+class Pictures:
+    """Positions of all that moves, at times that were drawn."""
+
+    def __init__(self) -> None:
+        """Create it without any."""
+        self.times: list[float] = []
+        self._positions: list[Array] = []
+
+    def add(self, time: float, positions: Array) -> None:
+        """Keep the positions of a time [s], if it is later than all others."""
+        if not self.times or time > self.times[-1]:
+            self.times.append(time)
+            self._positions.append(positions)
+
+    def at(self, time: float) -> Array:
+        """Return the positions that were drawn last at a time [s]."""
+        return self._positions[max(bisect.bisect_right(self.times, time) - 1, 0)]
+
+    def trim(self, before: float) -> None:
+        """Forget what was before a time [s]."""
+        count = bisect.bisect_left(self.times, before)
+        del self.times[:count], self._positions[:count]
+
+    def clear(self) -> None:
+        """Forget all."""
+        self.times.clear()
+        self._positions.clear()
+
 
 class LiveViews:
-    """Draws a simulation as it is now."""
+    """Draws a simulation as it is now, or as it was."""
 
     def __init__(
         self,
@@ -79,6 +116,8 @@ class LiveViews:
         self._trail: Trail | None = None
         self._trail_link = _NOTHING
         self._arrows: dict[str, ContactArrows] = {}
+        # Where past positions are set, made when they are first asked for.
+        self._past: Context | None = None
         frame_robots(simulation, scene.meshcat, room=ROOM_TO_MOVE)
 
     def show(self, what: str, is_shown: bool = True) -> None:
@@ -134,6 +173,41 @@ class LiveViews:
         for name, arrows in self._arrows.items():
             prefix = f"{name}/" if len(self._robots) > 1 else ""
             arrows.show(self._simulation.eval_output(f"{prefix}contacts"))
+
+    def positions(self) -> Array:
+        """Return the present positions of all that moves, for `draw_past`."""
+        plant = self._simulation.diagram.GetSubsystemByName("plant")
+        context = plant.GetMyContextFromRoot(self._simulation.simulator.get_context())
+        if self._has_physics:
+            return np.array(self._plant.GetPositions(context))
+        return np.array(plant.GetOutputPort("positions").Eval(context))
+
+    def draw_past(self, positions: Array) -> None:
+        """Draw robots and things where they were, as `positions` said, and no more."""
+        if self._past is None:
+            self._past = self._plant.CreateDefaultContext()
+        plant, context = self._plant, self._past
+        plant.SetPositions(context, positions)
+        inspector = self._scene_graph.model_inspector()
+        for index in map(BodyIndex, range(1, plant.num_bodies())):
+            frame = plant.GetBodyFrameIdIfExists(index)
+            if frame is not None:
+                path = inspector.GetName(frame).replace("::", "/")
+                X_WB = plant.EvalBodyPoseInWorld(context, plant.get_body(index))
+                self._scene.meshcat.SetTransform(f"{VISUAL_PATH}/{path}", X_WB)
+        self.end_recording()
+        for ghost in self._ghosts.values():
+            ghost.hide()
+        poses = {
+            name: {
+                link: plant.EvalBodyPoseInWorld(context, plant.GetBodyByName(link, m))
+                for link in self._robots[name].description.links
+                if plant.HasBodyNamed(link, m)
+            }
+            for name, m in self._models.items()
+        }
+        self._move_frame(self._named(poses), None)
+        self._views.update(poses)
 
     def end_recording(self) -> None:
         """Leave out what would stand still in a recording: contact forces."""
@@ -199,20 +273,30 @@ class LiveViews:
         points = np.array([pose.translation() for pose in poses])
         return max(float(np.linalg.norm(np.ptp(points, axis=0))), 0.1)
 
-    def _draw_links(self) -> None:
-        now = self._simulation.time
-        time = now if self._is_recorded else None
-        poses = {name: self._simulation.link_poses(name) for name in self._robots}
+    def _named(self, poses: _Poses) -> dict[str, RigidTransform]:
+        """Return poses of links by their names as frames."""
         many = len(poses) > 1
-        where = {
+        return {
             f"{name}/{link}" if many else link: X_WL
             for name, links in poses.items()
             for link, X_WL in links.items()
         }
+
+    def _move_frame(
+        self, where: Mapping[str, RigidTransform], time: float | None
+    ) -> None:
+        """Move all so that the fixed frame stays."""
         X_WF = where.get(self._fixed_frame, RigidTransform())
         if self._is_recorded or not X_WF.IsExactlyEqualTo(self._X_WF):
             self._scene.meshcat.SetTransform("/drake", X_WF.inverse(), time)
             self._X_WF = RigidTransform(X_WF)
+
+    def _draw_links(self) -> None:
+        now = self._simulation.time
+        time = now if self._is_recorded else None
+        poses = {name: self._simulation.link_poses(name) for name in self._robots}
+        where = self._named(poses)
+        self._move_frame(where, time)
         self._views.update(poses, time)
         if self._trail is not None:
             point = where[self._trail_link].translation()

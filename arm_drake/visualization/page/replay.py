@@ -225,7 +225,7 @@ class ReplayPage:
         elif event.id == "time":
             try:
                 self.seek(float(event.value))
-            except (TypeError, ValueError):
+            except (TypeError, ValueError, OverflowError):
                 problem = f"time: expected a number [s], got {event.value!r}"
                 raise InputError(problem) from None
 

@@ -1,6 +1,7 @@
 """A simulation on a page: it is the same one, and all that is clicked is done."""
 
 import itertools
+import threading
 import time
 import urllib.request
 from collections.abc import Iterator
@@ -18,7 +19,7 @@ from arm_drake.visualization.page.live_simulation import LiveSimulation
 from arm_drake.visualization.page.page import EventQueue
 from tests.models import TWO_LINKS, load
 from tests.visualization.page.clients import Panel, WebSocket, end_meshcat
-from tests.visualization.scene import unpack
+from tests.visualization.scene import pose, unpack
 from tests.visualization.teleop.panel import same_bits
 from tests.waiting import PATIENCE, wait_until
 
@@ -99,8 +100,10 @@ def page() -> Iterator[Page]:
         yield page
 
 
-def make(page: Page, robot: ad.Robot, **options: Any) -> LiveSimulation:
-    settings = ad.SimulationOptions(frame_rate=0.0)
+def make(
+    page: Page, robot: ad.Robot, preset: str = "accurate", **options: Any
+) -> LiveSimulation:
+    settings = ad.SimulationOptions(preset=preset, frame_rate=0.0)
     diagram = ad.build_diagram(robot, options=settings, meshcat=page.meshcat)
     how = {"motion": MOTION, "realtime_rate": 0.0, **options}
     return LiveSimulation(page, ad.Simulation(diagram), **how)
@@ -481,6 +484,8 @@ def test_what_cannot_be_done_is_said_on_the_page_and_it_goes_on(
     "name",
     [
         "play",
+        "seek",
+        "replay",
         "rate",
         "activate:",
         "deactivate:none",
@@ -524,6 +529,94 @@ def test_a_browser_sees_it_go_and_stops_it(page: Page, robot: ad.Robot) -> None:
         panel.hear_field("rate", "value", "2 ×")
         panel.hear_field("factor", "value", "–")
         panel.hear_field("controller:arm", "state", "active")
+    assert live.simulation.time == 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("preset", ["accurate", "kinematic"])
+@pytest.mark.parametrize("fixed_frame", ["world", "lower"])
+def test_the_past_is_shown_as_it_was(
+    page: Page, robot: ad.Robot, preset: str, fixed_frame: str
+) -> None:
+    live = make(page, robot, preset, frame_rate=20.0)
+    live.views.set_fixed_frame(fixed_frame)
+    path = f"/drake/visual/{robot.name}/lower"
+    live.run(0.25)
+    before = pose(page.meshcat, path)
+    live.run(0.3)
+    now = pose(page.meshcat, path)
+    seen = []
+
+    def look(time: float) -> None:
+        seen.append(pose(page.meshcat, path))
+        live.stop()
+
+    live.handle([Event("seek", 0.26)])
+    assert live.shown_time == 0.26
+    live.run(1.0, look)
+
+    assert not np.allclose(before, now) or fixed_frame != "world"
+    np.testing.assert_allclose(seen[0], before, atol=1e-12)
+    # The present is back.
+    np.testing.assert_allclose(seen[-1], now, atol=1e-12)
+    assert live.simulation.time == pytest.approx(0.55)
+
+
+@pytest.mark.slow
+def test_a_look_at_the_past_does_not_change_what_comes(
+    page: Page, robot: ad.Robot, expected: ad.Rollout
+) -> None:
+    live = make(page, robot, realtime_rate=2.0)
+    looks = itertools.count()
+    clicks = {1: Event("seek", 0.05), 2: Event("play"), 3: Event("replay")}
+
+    def press(time: float) -> None:
+        if event := clicks.get(next(looks)):
+            live.handle([event])
+        elif not live.is_playing and live.shown_time == live.simulation.time:
+            # All has been replayed.
+            live.play()
+
+    live.run(DURATION, press)
+
+    assert next(looks) > 4
+    assert same_bits(live.simulation.rollout(), expected)
+
+
+def test_what_was_is_forgotten_with_the_history(page: Page, robot: ad.Robot) -> None:
+    live = make(page, robot, motion=None, frame_rate=20.0, history=0.5)
+
+    live.run(3.0)
+    live.run(0.01)
+
+    assert 1.5 < live.first_time < 2.6
+    live.seek(0.0)
+    assert live.shown_time == live.first_time
+    live.reset()
+    assert live.shown_time == live.first_time == 0.0
+
+
+@pytest.mark.slow
+def test_it_waits_for_a_browser(page: Page, robot: ad.Robot) -> None:
+    live = make(page, robot, motion=None)
+    threading.Timer(0.3, live.stop).start()
+    live.wait_for_browser()  # Nobody comes.
+    live.run(1.0)
+    assert live.simulation.time == 0.0
+
+    with Panel(page.port) as panel:
+        live.wait_for_browser()
+        panel.hear_field("play", "label", "pause")
+    assert live.simulation.time == 0.0
+
+
+def test_a_browser_can_end_it(page: Page, robot: ad.Robot) -> None:
+    live = make(page, robot, motion=None)
+
+    live.handle([Event("end")])
+    live.run(1.0)
+
+    assert live.is_ended
     assert live.simulation.time == 0.0
 
 
