@@ -18,7 +18,7 @@ from arm_drake.description.controllers import ControllerManagerConfig
 from arm_drake.description.controllers import (
     load_controllers as load_controllers_config,
 )
-from arm_drake.description.entry import Source, find_entry
+from arm_drake.description.entry import TEXT, Source, check_text, find_entry, is_xml
 from arm_drake.description.gazebo_nodes import gazebo_nodes
 from arm_drake.description.gazebo_plugins import Ros2ControlPlugin
 from arm_drake.description.inertia import repair_free_base
@@ -88,7 +88,9 @@ def load_robot(
 
     Args:
         source: Name of a bundled robot, `example:NAME` (needs the extra `robots`), a
-            `.urdf` or `.xacro` file, or a package folder.
+            `.urdf` or `.xacro` file, a package folder, or the text of a URDF, as
+            `/robot_description` has it. Relative file names in a text are looked for
+            in the first of ``package_paths``, else in the working directory.
         controllers: Controllers YAML files. By default the one that the description
             names in its Gazebo plugin tag, else the one in the package's config folder
             if there is exactly one. A robot with neither YAML nor control tags gets a
@@ -130,8 +132,10 @@ def load_robot(
 class _Loading(NamedTuple):
     """What is loaded, and how; its report and its files grow."""
 
-    # The file that is read first, and the name of the bundled robot if it is one.
+    # The file that is read first, and the name of the bundled robot if it is one. Of a
+    # text it is what messages call it.
     entry: Path
+    text: str | None
     bundled: str | None
 
     # Folders that are searched for packages, and what searches them.
@@ -162,11 +166,15 @@ def _start(
     types = check_controller_types(controller_types or {})
     report = LoadReport()
     distro = _check_distro(distro, report)
-    entry, bundled = find_entry(source)
     folders = tuple(_existing_folder(path) for path in package_paths)
+    text = source if isinstance(source, str) and is_xml(source) else None
+    if text is None:
+        entry, bundled = find_entry(source)
+    else:
+        entry, bundled = next(iter(folders), Path.cwd()) / TEXT, None
     packages = PackageFinder(entry, folders, report)
     return _Loading(
-        entry, bundled, folders, packages, distro, name, types, report, set()
+        entry, text, bundled, folders, packages, distro, name, types, report, set()
     )
 
 
@@ -178,8 +186,11 @@ def _read_description(
 ) -> RobotDescription:
     """Return the robot that the entry file describes."""
     entry, packages, report = loading.entry, loading.packages, loading.report
-    arguments = dict(xacro_args or {})
-    text = expand_xacro(entry, arguments, packages, report, files=loading.files)
+    arguments, text = dict(xacro_args or {}), loading.text
+    if text is None:
+        text = expand_xacro(entry, arguments, packages, report, files=loading.files)
+    else:
+        check_text(text, arguments, entry)
     return parse_urdf(
         text, entry, packages, report, decompose=decompose, max_faces=max_faces
     )

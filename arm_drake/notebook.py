@@ -27,8 +27,11 @@ from arm_drake.errors import InputError
 from arm_drake.loading import load_robot
 from arm_drake.options import SimulationOptions
 from arm_drake.output_files import writing
-from arm_drake.simulation.motion import Motion
-from arm_drake.simulation.motion_files import find_motion
+from arm_drake.simulation.motion_files import (
+    MotionSource,
+    default_duration,
+    find_motion,
+)
 from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.drawing import (
     ROOM_TO_MOVE,
@@ -375,7 +378,7 @@ def view(
 def simulate(
     robots: Robots,
     *,
-    motion: Motion | str | None = None,
+    motion: MotionSource | None = None,
     world: World = "empty",
     options: SimulationOptions | None = None,
     realtime_rate: float = 1.0,
@@ -415,7 +418,7 @@ def simulate(
         return LiveSimulation(
             page,
             Simulation(diagram),
-            motion=_motion_of(motion, loaded),
+            motion=motion,
             realtime_rate=realtime_rate,
             is_paused=is_paused,
             history=history,
@@ -428,9 +431,9 @@ def simulate(
 
 def animate(
     robots: Robots,
-    duration: float,
+    duration: float | None = None,
     *,
-    motion: Motion | str | None = None,
+    motion: MotionSource | None = None,
     world: World = "empty",
     options: SimulationOptions | None = None,
 ) -> tuple[Simulation, Recording]:
@@ -438,7 +441,7 @@ def animate(
 
     Args:
         robots: One or several loaded robots, or what `load_robot` takes.
-        duration: How long [s].
+        duration: How long [s]; by default as `Simulation.run`.
         motion: What to send to the controllers: a motion, or the name of one that comes
             with the first robot, or of a file.
         world: As `build_diagram`.
@@ -447,9 +450,12 @@ def animate(
     Raises:
         ArmDrakeError: If the robots can't be simulated.
     """
+    base_options, loaded = options or SimulationOptions(), _load(robots)
+    chosen = None if motion is None else find_motion(motion, loaded[0])
+    if duration is None:
+        duration = default_duration(chosen)
     if not 0.0 < duration < math.inf:
         raise InputError(f"duration: expected more than 0 s, got {duration!r}")
-    base_options, loaded = options or SimulationOptions(), _load(robots)
     rate = base_options.frame_rate or SimulationOptions.frame_rate
     with Scene() as scene:
         meshcat = scene.meshcat
@@ -462,7 +468,7 @@ def animate(
         run_drawing(
             simulation,
             duration,
-            _motion_of(motion, loaded),
+            chosen,
             draw=lambda: draw(simulation),
             frame_rate=rate,
         )
@@ -477,12 +483,6 @@ def _load(robots: Robots) -> list[Robot]:
     if isinstance(robots, str | os.PathLike):
         return [load_robot(robots)]
     return list_robots(robots)
-
-
-def _motion_of(motion: Motion | str | None, robots: Sequence[Robot]) -> Motion | None:
-    if motion is None or isinstance(motion, Motion):
-        return motion
-    return find_motion(motion, robots[0])
 
 
 def _open_page(

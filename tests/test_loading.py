@@ -216,6 +216,57 @@ def test_a_source_that_isnt_there_is_an_error(source, message):
     assert problem(source) == message
 
 
+def test_the_text_of_a_description_is_loaded():
+    robot = ad.load_robot(f"\n  {ARM.format(more='')}")
+
+    assert robot.name == "arm"
+    assert [joint.name for joint in robot.description.movable_joints] == ["j"]
+    assert robot.source_files == ()
+    sim = ad.Simulation(ad.build_diagram(robot))
+    sim.run(0.1)
+    assert sim.rollout().joint_names == ("j",)
+
+
+@pytest.mark.parametrize("is_given", [True, False])
+def test_a_text_finds_its_meshes_in_the_package_paths_or_here(
+    tmp_path, monkeypatch, is_given
+):
+    ball = models_folder() / "teslabot" / "meshes"
+    mesh = next(iter(sorted(ball.glob("*"))))
+    shutil.copy(mesh, tmp_path / mesh.name)
+    more = f"<visual><geometry><mesh filename='{mesh.name}'/></geometry></visual>"
+    text = ARM.format(more="").replace("</inertial>", f"</inertial>{more}")
+    if not is_given:
+        monkeypatch.chdir(tmp_path)
+
+    robot = ad.load_robot(text, package_paths=[tmp_path] if is_given else [])
+
+    assert robot.source_files == (tmp_path / mesh.name,)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("<robot", "<robot_description>:1: malformed XML: unclosed token"),
+        ("<a/>", "<robot_description>: the root element is <a>; expected <robot>"),
+        (
+            '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"/>',
+            "<robot_description>: a text is expanded already; expected the xacro file "
+            "itself",
+        ),
+    ],
+)
+def test_a_text_that_is_no_description_is_an_error(
+    text, message, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+
+    with pytest.raises(ArmDrakeError) as caught:
+        ad.load_robot(text)
+
+    assert str(caught.value) == f"{tmp_path}/{message}"
+
+
 def test_another_file_is_no_description(tmp_path):
     path = write(tmp_path / "arm.yaml", "")
 

@@ -24,7 +24,11 @@ from arm_drake.options import SimulationOptions
 from arm_drake.rollout.rollout import Rollout
 from arm_drake.simulation.mailbox import GoalHandle
 from arm_drake.simulation.motion import Motion
-from arm_drake.simulation.motion_files import default_duration, find_motion
+from arm_drake.simulation.motion_files import (
+    MotionSource,
+    default_duration,
+    find_motion,
+)
 from arm_drake.simulation.recording import list_failures
 from arm_drake.simulation.simulation import Simulation
 from arm_drake.worlds.world import World
@@ -97,7 +101,7 @@ class Run:
 
     # Name of a bundled motion, a file, or a motion that is loaded. It is for the first
     # robot where there are several.
-    motion: str | Path | Motion | None = None
+    motion: MotionSource | None = None
 
     # Values of the motion's parameters.
     parameters: Mapping[str, Any] = dc.field(default_factory=dict)
@@ -276,8 +280,8 @@ def _prepare(run: Run) -> Simulation:
 
 
 def _find_motion(run: Run, robot: Robot) -> Motion | None:
-    if run.motion is None or isinstance(run.motion, Motion):
-        return run.motion
+    if run.motion is None:
+        return None
     return find_motion(run.motion, robot, run.parameters)
 
 

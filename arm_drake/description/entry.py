@@ -2,7 +2,7 @@
 
 import importlib.metadata
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from arm_drake.bundled import bundled_robots
@@ -67,11 +67,28 @@ _MAX_LISTED = 20
 
 Source = str | os.PathLike[str]
 
+# What messages call a description that is given as a text.
+TEXT = "<robot_description>"
+
+
+def is_xml(source: str) -> bool:
+    """Return whether a source is the text of a description, not its name."""
+    return source.lstrip("\ufeff \t\r\n").startswith("<")
+
+
+def check_text(text: str, arguments: Mapping[str, str], entry: Path) -> None:
+    """Raise DescriptionError of a text that xacro would have to expand."""
+    if "http://www.ros.org/wiki/xacro" in text or arguments:
+        problem = "a text is expanded already; expected the xacro file itself"
+        raise DescriptionError(problem, file=entry)
+
 
 def find_entry(source: Source) -> tuple[Path, str | None]:
     """Return the entry file of a source, and its name if it is bundled."""
     if not os.fspath(source):
         raise DescriptionError("no robot is named; expected a name, file or folder")
+    if isinstance(source, str) and is_xml(source):
+        raise DescriptionError("got the text of a description; expected its file")
     robots = bundled_robots()
     if isinstance(source, str) and source in robots:
         return robots[source], source

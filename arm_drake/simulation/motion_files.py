@@ -7,7 +7,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 from arm_drake import yaml_files
 from arm_drake.bundled import bundled_motions
@@ -643,19 +643,32 @@ class _Step:
         ]
 
 
+# What is taken for a motion: itself, a name that comes with the robot, or a file.
+MotionSource: TypeAlias = Motion | str | Path
+
+
 def load_motion(
-    path: str | Path, parameters: Mapping[str, Any] | None = None
+    path: str | Path,
+    parameters: Mapping[str, Any] | None = None,
+    *,
+    robot: Robot | None = None,
 ) -> Motion:
-    """Return the motion of a YAML file.
+    """Return the motion of a YAML file, or one that comes with a robot.
 
     Args:
-        path: The file.
+        path: The file, or with ``robot`` the name of one of its motions.
         parameters: Values of its parameters, in place of their defaults.
+        robot: A bundled robot.
 
     Raises:
         MotionError: If the file can't be used.
     """
+    if robot is not None:
+        return find_motion(path, robot, parameters)
     path = Path(path)
+    if not path.suffix and not path.is_file():
+        text = f"no such file; the motion {path.name!r} of a robot needs robot="
+        raise MotionError(text, file=path)
     try:
         data = yaml_files.load(path)
     except yaml_files.YamlError as error:
@@ -720,12 +733,17 @@ def default_duration(motion: Motion | None) -> float:
 
 
 def find_motion(
-    name: str | Path, robot: Robot, parameters: Mapping[str, Any] | None = None
+    name: MotionSource, robot: Robot, parameters: Mapping[str, Any] | None = None
 ) -> Motion:
-    """Return the motion of a name that comes with a robot, or of a file.
+    """Return a motion, that of a name that comes with a robot, or that of a file.
 
     Parameters replace their defaults. What can't be used is a MotionError.
     """
+    if isinstance(name, Motion):
+        return name
+    if not isinstance(name, str | Path):
+        expected = "expected a Motion, a name or a file"
+        raise MotionError(f"motion: {expected}, got {name!r}")
     known = bundled_motions(robot.bundled) if robot.bundled else {}
     if str(name) in known:
         return load_motion(known[str(name)], parameters)

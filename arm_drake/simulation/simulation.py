@@ -8,6 +8,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Protocol, Self
 
+import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram
@@ -35,6 +36,11 @@ from arm_drake.simulation.mailbox import (
     SimulationEvent,
 )
 from arm_drake.simulation.motion import Motion
+from arm_drake.simulation.motion_files import (
+    MotionSource,
+    default_duration,
+    find_motion,
+)
 from arm_drake.simulation.playback import Player
 from arm_drake.simulation.recording import History, collect_rollout, read_joint_states
 from arm_drake.simulation.topics import TopicNames
@@ -408,16 +414,18 @@ class Simulation:
 
     def run(
         self,
-        duration: float,
-        motion: Motion | None = None,
+        duration: float | None = None,
+        motion: MotionSource | None = None,
         realtime_rate: float = 0.0,
         progress: Callable[[float], None] | None = None,
     ) -> None:
         """Simulate for a while, sending the steps of a motion when they are due.
 
         Args:
-            duration: How long [s].
-            motion: What to send, its times counted from now.
+            duration: How long [s]; by default 1 s longer than the motion (one round of
+                it), 10 s without one.
+            motion: What to send, its times counted from now: a Motion, the name of one
+                that comes with the first robot, or a file.
             realtime_rate: Simulated seconds per second of wall time; 0 is as fast as
                 it goes.
             progress: Called with the simulated time [s], ten times a second of it.
@@ -427,7 +435,12 @@ class Simulation:
                 not active and isn't activated by an earlier step.
             ValueError: If the duration is negative, or no number.
         """
-        if not (math.isfinite(duration) and duration >= 0.0):
+        if motion is not None:
+            motion = find_motion(motion, self.directory.manager(None).robot)
+        if duration is None:
+            duration = default_duration(motion)
+        is_number = isinstance(duration, int | float | np.number)
+        if not (is_number and math.isfinite(duration) and duration >= 0.0):
             raise ValueError(f"duration must be at least 0 s, got {duration!r}")
         player = Player(self, motion, TICK_TOLERANCE * self.period)
         # The rate counts from now.

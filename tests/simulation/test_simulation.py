@@ -259,6 +259,46 @@ def test_a_time_that_is_no_number_is_refused(sim, moment):
         sim.run(moment)
 
 
+@pytest.mark.slow
+def test_a_motion_is_given_by_name_by_file_or_as_itself():
+    robot = ad.load_robot("doosan_a0912")
+    motion = ad.load_motion("tutorial", robot=robot)
+    options = ad.SimulationOptions(preset="kinematic")
+    ends = []
+    for given in ("tutorial", motion.file, motion):
+        sim = ad.Simulation(ad.build_diagram(robot, options=options))
+        sim.run(motion=given)
+        ends.append((sim.time, *sim.joint_states().position))
+
+    assert ends[0][0] == motion.duration + 1.0
+    assert ends[0] == ends[1] == ends[2]
+    assert max(ends[0][1:]) > 0.1
+
+
+def test_without_a_motion_it_runs_for_ten_seconds(sim):
+    sim.run()
+
+    assert sim.time == 10.0
+
+
+@pytest.mark.parametrize(
+    ("words", "error", "message"),
+    [
+        ({"motion": "none"}, MotionError, "no motion 'none' of 'doosan_a0912'"),
+        ({"motion": 3}, MotionError, "motion: expected a Motion, a name or a file"),
+        ({"duration": "tutorial"}, ValueError, "duration must be at least 0 s"),
+    ],
+)
+def test_what_is_no_motion_or_duration_is_refused(sim, words, error, message):
+    with pytest.raises(error, match=message):
+        sim.run(**words)
+
+
+def test_a_bundled_motion_without_its_robot_says_what_is_missing():
+    with pytest.raises(MotionError, match=r"of a robot needs robot="):
+        ad.load_motion("tutorial")
+
+
 def test_the_same_message_once_more_is_a_new_one(sim):
     controller, message = sim.controller(JTC), trajectory([0.1] * 6)
     controller.send_trajectory(message)

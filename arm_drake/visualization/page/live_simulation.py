@@ -10,7 +10,7 @@ from typing import Any
 from arm_drake.errors import ArmDrakeError, InputError, SimulationError
 from arm_drake.messages import CancelResponse, GoalStatus, SwitchControllerResult
 from arm_drake.simulation.mailbox import GoalHandle, SimulationEvent
-from arm_drake.simulation.motion import Motion
+from arm_drake.simulation.motion_files import MotionSource, find_motion
 from arm_drake.simulation.playback import Player
 from arm_drake.simulation.recording import History
 from arm_drake.simulation.simulation import TICK_TOLERANCE, Simulation
@@ -139,7 +139,7 @@ class LiveSimulation:
         page: Page,
         simulation: Simulation,
         *,
-        motion: Motion | None = None,
+        motion: MotionSource | None = None,
         realtime_rate: float = 1.0,
         is_paused: bool = False,
         shown: Iterable[str] = ("visual",),
@@ -152,7 +152,7 @@ class LiveSimulation:
             page: Where to show it.
             simulation: What to run. Its diagram draws on the page's Meshcat, with the
                 option `frame_rate=0`: this one says when.
-            motion: What to send to the controllers, its times counted from now.
+            motion: What to send to the controllers, as that of `Simulation.run`.
             realtime_rate: Simulated seconds per second; 0 is as fast as it goes.
             is_paused: Whether it waits for `play`.
             shown: What is shown at first, as `show` calls it.
@@ -171,7 +171,8 @@ class LiveSimulation:
         )
         self.remotes: list[Remote] = find_remotes(simulation)
         self.page = page
-        self._motion = motion
+        robot = next(iter(simulation.robots.values()))
+        self._motion = None if motion is None else find_motion(motion, robot)
         self._pacer = RealtimePacer(realtime_rate)
         self._is_playing = not is_paused
         self._is_stopped = False
