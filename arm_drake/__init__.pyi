@@ -53,6 +53,7 @@ from arm_drake.notebook import (
     view as view,
 )
 from arm_drake.options import SimulationOptions as SimulationOptions
+from arm_drake.plant.payloads import Payload as Payload
 from arm_drake.rollout.rollout import Rollout as Rollout
 from arm_drake.simulation.clients import ControllerHandle as ControllerHandle
 from arm_drake.simulation.mailbox import GoalHandle as GoalHandle

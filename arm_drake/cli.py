@@ -173,12 +173,12 @@ def add_sim_arguments(parser: argparse.ArgumentParser) -> None:
 def _add_scene_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what happens, where it does, and how it starts."""
     add = parser.add_argument
+    several: Any = {"action": "append", "default": []}
     add("--motion", metavar="NAME|FILE", help="what to send to the controllers")
     add(
         "--set",
         metavar="NAME=VALUE",
-        action="append",
-        default=[],
+        **several,
         type=pair("="),
         help="value of a motion's parameter, as in YAML; repeatable",
     )
@@ -202,25 +202,29 @@ def _add_scene_arguments(parser: argparse.ArgumentParser) -> None:
         help="gravity of 9.81 m/s^2 (that of the world)",
     )
     add(
+        "--payload",
+        metavar="LINK=KG[,X,Y,Z]",
+        **several,
+        type=pair("="),
+        help="mass on a link, and where it is in the link's frame [m]; repeatable",
+    )
+    add(
         "--initial",
         metavar="JOINT=VALUE",
-        action="append",
-        default=[],
+        **several,
         type=pair("="),
         help="initial position [rad or m]; repeatable",
     )
     add(
         "--active",
         metavar="NAME",
-        action="append",
-        default=[],
+        **several,
         help="controller to start before the others; repeatable",
     )
     add(
         "--inactive",
         metavar="NAME",
-        action="append",
-        default=[],
+        **several,
         help="controller not to start; repeatable",
     )
 

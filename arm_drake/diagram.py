@@ -5,7 +5,7 @@ plant with the world and the robots in it, hardware, what is seen and what is re
 """
 
 import dataclasses as dc
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from pydrake.geometry import Meshcat, SceneGraph
@@ -62,6 +62,12 @@ from arm_drake.plant.joint_ranges import (
     find_gripper_ranges,
 )
 from arm_drake.plant.kinematics import KinematicPlant
+from arm_drake.plant.payloads import (
+    Payload,
+    Payloads,
+    add_payloads,
+    split_payloads,
+)
 from arm_drake.plant.plant import (
     add_actuators,
     add_plant,
@@ -92,6 +98,10 @@ class Setting(NamedTuple):
     # Step of the plant, and periods of the robots' controller managers [s].
     step: float
     periods: Sequence[float]
+
+    # As they were given, and by robot and link.
+    payloads: Payloads
+    carried: Mapping[str, Mapping[str, Payload]]
 
     @property
     def is_kinematic(self) -> bool:
@@ -126,6 +136,7 @@ def build_diagram(
     *,
     world: World = "empty",
     options: SimulationOptions | None = None,
+    payloads: Payloads | None = None,
     meshcat: Meshcat | None = None,
 ) -> Diagram:
     """Return the Diagram of robots with their controllers.
@@ -139,12 +150,15 @@ def build_diagram(
             the plant before the robots come and before it is finalized, see
             `arm_drake.worlds.world.load_world`.
         options: How to simulate.
+        payloads: Things that are fixed to links, which controllers and servo know
+            nothing of: `Payload` or mass [kg] by link; with several robots by
+            `<robot>/<link>`. `Simulation.set_payload` changes them.
         meshcat: Where to draw, if anywhere.
 
     Raises:
         InputError: If the robots can't be put together, or the world can't be used.
     """
-    setting = _choose_setting(robots, world, options)
+    setting = _choose_setting(robots, world, options, payloads or {})
     builder = DiagramBuilder()
     add_build_info(builder, BuildInfo(setting.options, setting.world.name))
     parts = _load_parts(builder, setting)
@@ -179,6 +193,7 @@ def _choose_setting(
     robots: Robot | Sequence[Robot],
     world: World,
     options: SimulationOptions | None,
+    payloads: Payloads,
 ) -> Setting:
     """Return robots and world with the steps that fit them; raises InputError."""
     options = SimulationOptions() if options is None else options
@@ -195,7 +210,11 @@ def _choose_setting(
         # Shorter steps than the preset's meet the ticks of robots at odd rates.
         shorter = dc.replace(options, preset="accurate").largest_step
         step, periods = choose_time_step(shorter, rates, options.log_rate)
-    return Setting(robots, loaded, requested, options, step, periods)
+    links = {robot.name: robot.description.links for robot in robots}
+    if payloads and options.preset == "kinematic":
+        raise InputError("payloads: the preset kinematic has no physics")
+    carried = split_payloads(payloads, links)
+    return Setting(robots, loaded, requested, options, step, periods, payloads, carried)
 
 
 def _load_parts(builder: DiagramBuilder, setting: Setting) -> list[RobotParts]:
@@ -254,7 +273,11 @@ def _build_accurate(
     """Return the diagram of robots for which another preset doesn't do."""
     robots, options = setting.robots, dc.replace(setting.requested, preset="accurate")
     diagram = build_diagram(
-        robots, world=setting.world, options=options, meshcat=meshcat
+        robots,
+        world=setting.world,
+        options=options,
+        payloads=setting.payloads,
+        meshcat=meshcat,
     )
     for robot, why in zip(robots, obstacles, strict=True):
         report_fallback(why, _report_of(diagram, robot))
@@ -278,6 +301,10 @@ def _add_models(
 ) -> list[ModelInstanceIndex]:
     """Add the robots to the plant, and finalize it."""
     models = [_add_model(plant, base, setting.world, setting.options) for base in bases]
+    for base, model in zip(bases, models, strict=True):
+        collides = setting.options.preset != "fast"
+        carried = setting.carried[base.robot.name]
+        add_payloads(plant, model, carried, collides=collides)
     plant.Finalize()
     for base, model in zip(bases, models, strict=True):
         place_free_links(plant, scene_graph, model, base.robot)

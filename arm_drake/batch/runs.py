@@ -21,6 +21,7 @@ from arm_drake.errors import InputError
 from arm_drake.loading import load_robot
 from arm_drake.messages import GoalStatus, Result
 from arm_drake.options import SimulationOptions
+from arm_drake.plant.payloads import Payloads
 from arm_drake.rollout.rollout import Rollout
 from arm_drake.simulation.mailbox import GoalHandle
 from arm_drake.simulation.motion import Motion
@@ -85,6 +86,7 @@ _FIELDS: dict[str, tuple[tuple[type, ...], str]] = {
     "xacro_args": ((Mapping, _NONE), "values by name"),
     "initial_positions": ((Mapping, _NONE), "positions by joint"),
     "options": ((SimulationOptions,), "SimulationOptions"),
+    "payloads": ((Mapping, _NONE), "payloads by link"),
 }
 
 
@@ -119,6 +121,7 @@ class Run:
     # As those of `build_diagram`.
     world: World = "empty"
     options: SimulationOptions = dc.field(default_factory=SimulationOptions)
+    payloads: Payloads | None = None
 
     # Whatever tells it from the others.
     name: str = ""
@@ -258,7 +261,8 @@ def _key(run: Run) -> bytes | None:
     """Return what is the same for runs that can share a simulation, or None."""
     if callable(run.world):  # It may add something else each time.
         return None
-    what = [getattr(run, name) for name in ("robot", *_LOADING, "world", "options")]
+    building = ("world", "options", "payloads")
+    what = [getattr(run, name) for name in ("robot", *_LOADING, *building)]
     try:
         return pickle.dumps(what)
     except Exception:  # Whatever functions and classes of users raise.
@@ -276,7 +280,11 @@ def _prepare(run: Run) -> Simulation:
             package_paths=run.package_paths,
             initial_positions=run.initial_positions,
         )
-    return Simulation(build_diagram(robots, world=run.world, options=run.options))
+    return Simulation(
+        build_diagram(
+            robots, world=run.world, options=run.options, payloads=run.payloads
+        )
+    )
 
 
 def _find_motion(run: Run, robot: Robot) -> Motion | None:

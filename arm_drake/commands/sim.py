@@ -22,12 +22,14 @@ from arm_drake.commands.output import (
     warn_of_pictures,
     write_outputs,
 )
+from arm_drake.description.elements import parse_float
 from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot
 from arm_drake.diagram import build_diagram
 from arm_drake.errors import InputError, SimulationError
 from arm_drake.options import SimulationOptions
 from arm_drake.plant.drake_log import use_native_logging
+from arm_drake.plant.payloads import Payload
 from arm_drake.simulation.motion import Motion
 from arm_drake.simulation.motion_files import default_duration, find_motion
 from arm_drake.simulation.playback import check_motion
@@ -77,6 +79,24 @@ def _read_parameters(assignments: Sequence[tuple[str, str]]) -> dict[str, Any]:
         except yaml_files.YamlError as error:
             raise InputError(f"--set {name}={text}: {error.problem}") from None
     return parameters
+
+
+def read_payloads(words: Sequence[tuple[str, str]]) -> dict[str, Payload]:
+    """Return the payloads of `--payload LINK=KG[,X,Y,Z]`."""
+    payloads = {}
+    for link, text in words:
+        numbers = [parse_float(word) for word in text.split(",")]
+        values = [number for number in numbers if number is not None]
+        if len(values) != len(numbers) or len(values) not in (1, 4):
+            expected = (
+                "expected a mass [kg], or a mass and where it is [m]: 2.0,0,0,0.1"
+            )
+            raise InputError(f"--payload {link}={text}: {expected}")
+        try:
+            payloads[link] = Payload(values[0], tuple(values[1:]) or (0.0, 0.0, 0.0))
+        except InputError as error:
+            raise InputError(f"--payload {link}={text}: {error.problem}") from None
+    return payloads
 
 
 def choose_duration(options: argparse.Namespace, motion: Motion | None) -> float | None:
@@ -268,6 +288,7 @@ def _prepare(
             robot,
             world=world,
             options=simulation_options(options),
+            payloads=read_payloads(options.payload),
             meshcat=meshcat,
         )
     )

@@ -12,6 +12,7 @@ from arm_drake.messages import (
     Message,
     SpeedScalingFactor,
 )
+from arm_drake.plant.payloads import Payload
 
 # One of those of `motion_files.STEP_KINDS`; None cancels the controller's goal. Numbers
 # are for any controller that takes commands, also as another message.
@@ -28,6 +29,16 @@ class TopicMessage(NamedTuple):
     data: float | bool | tuple[float, ...] | JointTrajectory | Mapping[str, Any]
 
 
+class CarriedPayloads(NamedTuple):
+    """Things that links carry from now on, by link."""
+
+    payloads: Mapping[str, Payload]
+
+
+# What a step stands for.
+Sent: TypeAlias = StepMessage | TopicMessage | CarriedPayloads
+
+
 # End of the name of the topic on which controllers are told how fast to move.
 _SPEED_TOPIC = "/speed_scaling_input"
 
@@ -39,10 +50,10 @@ class MotionStep:
     # When, from the start of the motion [s].
     at: float
 
-    # Name of the controller; None is a topic or the controller manager.
+    # Name of the controller; None is a topic, the controller manager, or links.
     controller: str | None
 
-    message: StepMessage | TopicMessage
+    message: Sent
 
     # Place in the file, for messages.
     where: str
@@ -100,7 +111,7 @@ def _receiver(step: MotionStep) -> str | None:
     return step.controller
 
 
-def _speed_of(message: StepMessage | TopicMessage) -> float | None:
+def _speed_of(message: Sent) -> float | None:
     """Return how fast trajectories are to be followed, if a message says so."""
     if isinstance(message, SpeedScalingFactor):
         return message.factor

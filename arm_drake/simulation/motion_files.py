@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, TypeAlias, TypeVar
 from arm_drake import yaml_files
 from arm_drake.bundled import bundled_motions
 from arm_drake.description.robot import Robot
-from arm_drake.errors import MotionError, suggest
+from arm_drake.errors import InputError, MotionError, suggest
 from arm_drake.messages import (
     Duration,
     Float64MultiArray,
@@ -28,7 +28,14 @@ from arm_drake.messages import (
     Time,
     Twist,
 )
-from arm_drake.simulation.motion import Motion, MotionStep, StepMessage, TopicMessage
+from arm_drake.plant.payloads import Payload
+from arm_drake.simulation.motion import (
+    CarriedPayloads,
+    Motion,
+    MotionStep,
+    Sent,
+    TopicMessage,
+)
 from arm_drake.simulation.topics import ControllerTopics
 
 T = TypeVar("T", bound=Time)
@@ -425,10 +432,29 @@ def _read_switch(fields: Fields, value: Any, where: str) -> SwitchController:
     return SwitchController(activate, deactivate, strictness)
 
 
+def _read_payload(fields: Fields, value: Any, where: str) -> CarriedPayloads:
+    """Return the payloads of links: masses [kg], or mappings of mass and com."""
+    if not isinstance(value, Mapping) or not value:
+        expected = "expected payloads by link, as {tool0: 2.0}"
+        raise fields.error(where, f"{expected}, got {value!r}")
+    found = {}
+    for link, given in value.items():
+        place = f"{where}.{link}"
+        data = given if isinstance(given, Mapping) else {"mass": given}
+        fields.mapping(data, place, ("mass", "com"))
+        mass = fields.number(data.get("mass"), f"{place}.mass")
+        com = fields.numbers(data.get("com", [0.0, 0.0, 0.0]), f"{place}.com")
+        try:
+            found[str(link)] = Payload(mass, com)
+        except InputError as error:
+            raise fields.error(place, error.problem) from None
+    return CarriedPayloads(found)
+
+
 class StepKind(NamedTuple):
     """A key of motion files: whom it is for, and the message that it stands for."""
 
-    # Keys that may say whom; none is the controller manager.
+    # Keys that may say whom; none is the controller manager, or what is in the value.
     receivers: tuple[str, ...]
 
     # Makes a message of a value at a place; None if several are made of it.
@@ -473,6 +499,7 @@ STEP_KINDS: Mapping[str, StepKind] = {
         lambda topics, message: topics.make_speed_scaling(message.factor),
     ),
     "switch_controllers": StepKind((), _read_switch),
+    "payload": StepKind((), _read_payload),
     "data": StepKind(("topic",), _read_data),
     "commands_from_to": StepKind(_ONE),
     "data_from_to": StepKind(("topics",)),
@@ -537,13 +564,13 @@ class _Step:
                 yield MotionStep(at, controller, each, where, every)
 
     def _receivers(self, kind: str) -> tuple[str, ...]:
-        """Return the names of whom the step is for; none is the controller manager."""
+        """Return the names of whom the step is for, if it says so."""
         fields, item = self._fields, self._item
         allowed = STEP_KINDS[kind].receivers
         receivers = [key for key in _RECEIVERS if key in item]
         for key in receivers:
             if not allowed:
-                problem = f"{kind} is for the controller manager; leave it out"
+                problem = f"{kind} is for no controller or topic; leave it out"
                 raise fields.error(key, problem)
             if key not in allowed:
                 problem = f"{kind} goes with {' or '.join(allowed)}; leave it out"
@@ -567,14 +594,14 @@ class _Step:
             raise self._fields.error("topics", "expected at least one name")
         return names
 
-    def _message(self, kind: str, value: Any) -> StepMessage | TopicMessage:
+    def _message(self, kind: str, value: Any) -> Sent:
         """Return what a step sends that isn't a ramp."""
         read = STEP_KINDS[kind].read
         assert read is not None
         message, topic = read(self._fields, value, kind), self._item.get("topic")
         return message if topic is None else TopicMessage(topic, message)
 
-    def _table(self, value: Any) -> list[list[StepMessage | TopicMessage]]:
+    def _table(self, value: Any) -> list[list[Sent]]:
         """Return what a table sends, row by row."""
         fields, item = self._fields, self._item
         for key in ("count", "ping_pong"):
@@ -587,7 +614,7 @@ class _Step:
 
     def _row_messages(
         self, kind: str, names: Sequence[str], row: tuple[float, ...]
-    ) -> list[StepMessage | TopicMessage]:
+    ) -> list[Sent]:
         """Return what a ramp sends at one time."""
         if kind == "commands_from_to":
             return [Float64MultiArray(row)]

@@ -5,10 +5,16 @@ from typing import Protocol
 
 from arm_drake.errors import InputError, MotionError
 from arm_drake.messages import SwitchController
+from arm_drake.plant.payloads import Payload, Payloads
 from arm_drake.simulation import clients
 from arm_drake.simulation.clients import ControllerHandle, TopicHandle
 from arm_drake.simulation.directory import ControllerList, Directory
-from arm_drake.simulation.motion import Motion, MotionStep, TopicMessage
+from arm_drake.simulation.motion import (
+    CarriedPayloads,
+    Motion,
+    MotionStep,
+    TopicMessage,
+)
 
 
 class Runner(Protocol):
@@ -37,6 +43,12 @@ class Runner(Protocol):
 
     def topic(self, name: str) -> TopicHandle:
         """Return what publishes on a topic."""
+
+    def check_payloads(self, payloads: Payloads) -> object:
+        """Raise InputError if there are no such links, or no physics."""
+
+    def set_payload(self, link: str, payload: Payload | float) -> None:
+        """Fix a thing to a link from now on."""
 
     def request_switch(self, request: SwitchController, *, where: str) -> None:
         """Send a request to a controller manager."""
@@ -111,7 +123,9 @@ def check_motion(simulation: Runner, motion: Motion) -> None:
     activated: set[str] = set()
     for step in motion.steps:
         try:
-            if isinstance(step.message, SwitchController):
+            if isinstance(step.message, CarriedPayloads):
+                simulation.check_payloads(step.message.payloads)
+            elif isinstance(step.message, SwitchController):
                 activated |= _check_switch(simulation, step.message)
             else:
                 _check_message(simulation, step, states, activated)
@@ -126,6 +140,10 @@ def send_step(simulation: Runner, motion: Motion, step: MotionStep) -> None:
     where, message = motion.place(step), step.message
     if isinstance(message, SwitchController):
         simulation.request_switch(message, where=where)
+        return
+    if isinstance(message, CarriedPayloads):
+        for link, payload in message.payloads.items():
+            simulation.set_payload(link, payload)
         return
     if isinstance(message, TopicMessage):
         simulation.topic(message.topic).publish(message.data, where=where)
@@ -153,6 +171,7 @@ def _check_message(
         names = topic.controllers
     else:
         names = (_receiver(step),)
+        assert not isinstance(step.message, CarriedPayloads)
         simulation.controller(names[0]).check(step.message)
     # Of several that read a topic, one is enough.
     if not any(states[name] == "active" or name in activated for name in names):

@@ -10,8 +10,9 @@ from typing import Any, Protocol, Self
 
 import numpy as np
 from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Diagram
+from pydrake.systems.framework import Context, Diagram
 
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
@@ -19,6 +20,12 @@ from arm_drake.errors import InputError, OutputError, SimulationError
 from arm_drake.manager import MANAGER, SWITCH_PORT
 from arm_drake.messages import JointState, Message, Strictness, SwitchController
 from arm_drake.output_files import unbroken, writing
+from arm_drake.plant.payloads import (
+    Payload,
+    Payloads,
+    set_payload,
+    split_payloads,
+)
 from arm_drake.rollout.formats import stream_writer_for
 from arm_drake.rollout.rollout import Rollout
 from arm_drake.simulation.clients import ControllerHandle, TopicHandle, list_topics
@@ -229,7 +236,12 @@ TICK_TOLERANCE = 1e-6
 
 
 class Simulation:
-    """Runs a diagram of `build_diagram`, sends to its controllers, records it."""
+    """Runs a diagram of `build_diagram`, sends to its controllers, records it.
+
+    Drake's own objects are its attributes: `diagram`, `simulator`, the simulator's
+    `context` (the root context), and `plant`, whose context is
+    `plant.GetMyContextFromRoot(context)`.
+    """
 
     def __init__(self, diagram: Diagram) -> None:
         """Create a simulation at time 0.
@@ -262,6 +274,23 @@ class Simulation:
     def time(self) -> float:
         """Simulated time [s]."""
         return self.mailbox.time
+
+    @property
+    def context(self) -> Context:
+        """The root context of the diagram, as it is now, to be read and to be set."""
+        return self.simulator.get_mutable_context()
+
+    @property
+    def plant(self) -> MultibodyPlant:
+        """The plant of robots and world; the preset kinematic has none in its diagram.
+
+        Raises:
+            InputError: If there is none.
+        """
+        plant = self.diagram.GetSubsystemByName("plant")
+        if not isinstance(plant, MultibodyPlant):
+            raise InputError("the preset kinematic has no physics, and no plant")
+        return plant
 
     @property
     def robots(self) -> dict[str, Robot]:
@@ -372,6 +401,31 @@ class Simulation:
         if manager.controllers:
             port = f"{manager.prefix}{MANAGER}.{SWITCH_PORT}"
             self.publish(port, local, manager.period)
+
+    def set_payload(self, link: str, payload: Payload | float) -> None:
+        """Fix a thing to a link from now on, in place of the one that it has.
+
+        Controllers and servo know nothing of it. What is seen of it, and collides, is
+        what `build_diagram(payloads=...)` was given. A reset undoes it.
+
+        Args:
+            link: Name of the link; `<robot>/<link>` where there are several robots.
+            payload: The thing, or its mass [kg]; 0 is none.
+
+        Raises:
+            InputError: If there is no such link, no such thing, or no physics.
+        """
+        plant = self.plant
+        for robot, things in self.check_payloads({link: payload}).items():
+            model = plant.GetModelInstanceByName(robot)
+            for name, thing in things.items():
+                context = plant.GetMyMutableContextFromRoot(self.context)
+                set_payload(plant, context, model, name, thing)
+
+    def check_payloads(self, payloads: Payloads) -> dict[str, dict[str, Payload]]:
+        """Return payloads by robot and link, or raise as `set_payload`."""
+        links = {name: r.description.links for name, r in self.robots.items()}
+        return split_payloads(payloads, links) if self.plant else {}
 
     def joint_states(self, robot: str | None = None) -> JointState:
         """Return position, velocity and effort of every movable joint, now.

@@ -27,20 +27,25 @@ from arm_drake.messages import (
     Twist,
     Vector3,
 )
-from arm_drake.simulation.motion import Motion, MotionStep, TopicMessage
+from arm_drake.simulation.motion import (
+    CarriedPayloads,
+    Motion,
+    MotionStep,
+    TopicMessage,
+)
 from arm_drake.simulation.motion_files import load_motion, parse_motion
 
 POINT = "{positions: [1, 2.5], time_from_start: 2}"
 TIME = "expected seconds or {sec: int, nanosec: int}"
 KINDS = (
     "['cancel', 'cmd_vel', 'commands', 'commands_from_to', 'data', 'data_from_to', "
-    "'goal', 'gripper_command', 'speed_scaling', 'switch_controllers', 'trajectory', "
-    "'trajectory_table']"
+    "'goal', 'gripper_command', 'payload', 'speed_scaling', 'switch_controllers', "
+    "'trajectory', 'trajectory_table']"
 )
 KEYS = (
     "at, cancel, cmd_vel, commands, commands_from_to, controller, count, data, "
-    "data_from_to, every, goal, gripper_command, ping_pong, repeat, speed_scaling, "
-    "switch_controllers, topic, topics, trajectory, trajectory_table"
+    "data_from_to, every, goal, gripper_command, payload, ping_pong, repeat, "
+    "speed_scaling, switch_controllers, topic, topics, trajectory, trajectory_table"
 )
 RAMP = "every: 1, count: 3, controller: a, commands_from_to"
 TOPICS = "every: 1, count: 3, topics: [/a, /b], data_from_to"
@@ -318,6 +323,7 @@ def test_the_motions_of_the_docs_can_be_read():
         FollowJointTrajectoryGoal,
         JointTrajectory,
         GripperCommand,
+        CarriedPayloads,
         Float64MultiArray,
         SpeedScalingFactor,
         SwitchController,
@@ -582,7 +588,7 @@ def test_an_error_of_a_list_in_python_has_no_file():
         ),
         (
             "- {controller: a, switch_controllers: {activate: [a]}}",
-            "[0].controller: switch_controllers is for the controller manager; leave "
+            "[0].controller: switch_controllers is for no controller or topic; leave "
             "it out",
         ),
         (
@@ -639,7 +645,7 @@ def test_an_error_of_a_list_in_python_has_no_file():
         ),
         (
             "- {topic: /a, switch_controllers: {activate: [a]}}",
-            "[0].topic: switch_controllers is for the controller manager; leave it out",
+            "[0].topic: switch_controllers is for no controller or topic; leave it out",
         ),
         (
             "- {topic: /a, trajectory: 5}",
