@@ -81,6 +81,7 @@ from arm_drake.plant.plant import (
 )
 from arm_drake.simulation.recording import BuildInfo, add_build_info
 from arm_drake.timing import choose_time_step, has_rate
+from arm_drake.visualization.meshcat import show_ground
 from arm_drake.worlds.sdf_world import LoadedWorld, show_backdrop
 from arm_drake.worlds.world import World, load_world
 
@@ -504,6 +505,8 @@ def _add_meshcat(
     rate, world = setting.options.frame_rate, setting.world
     add_visualizer(builder, scene_graph, meshcat, frame_rate=rate)
     show_backdrop(meshcat, has_grid=world.has_grid, background=world.background)
+    if world.has_grid:
+        show_ground(meshcat)
 
 
 def _report_world(setting: Setting, parts: Sequence[RobotParts]) -> None:

@@ -8,7 +8,8 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import numpy as np
-from pydrake.geometry import Meshcat, MeshcatParams, QueryObject, Role
+from pydrake.geometry import Box, Meshcat, MeshcatParams, QueryObject, Rgba, Role
+from pydrake.math import RigidTransform
 
 from arm_drake.arrays import Array
 from arm_drake.errors import InputError
@@ -106,15 +107,6 @@ class View:
         return along * self.aspect, along
 
 
-def round_number(value: float) -> float:
-    """Return the largest of 1, 2, 5, 10, 20, ... not above a positive number.
-
-    The others go on below 1 as well.
-    """
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= value))
-
-
 def _triple(vector: Array) -> tuple[float, float, float]:
     x, y, z = vector.tolist()
     return (x, y, z)
@@ -147,9 +139,29 @@ _NEAREST = 1e-5
 # Ways that a robot may move.
 _SIDES = ((0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0))
 
-# Length of a cell of the page's own grid [m]; a small robot is longer than so many.
-_CELL = 0.5
-_CELLS = 2.0
+# A small robot is longer than so many of the ground's finer cells.
+_CELLS = 20.0
+
+# The ground: half its length, of the lines that are 1 m apart, and of those that are
+# 0.1 m apart; the lines' widths; how far its surface is below them [m]. All of it is
+# ten, a hundred... times smaller for small robots.
+_GROUND, _NEAR_GROUND = 10.0, 2.0
+_WIDE, _NARROW = 0.008, 0.003
+_BELOW = 0.002
+_SURFACE = Rgba(0.78, 0.79, 0.80)
+_METRES, _DECIMETRES = Rgba(0.50, 0.52, 0.55), Rgba(0.66, 0.67, 0.69)
+GROUND = f"{_GRID}/ground"
+_PLANE = f"{GROUND}/plane"
+
+# Where robots reach so far below the ground, parts of their size, only lines are drawn.
+_SUNK = 0.02
+
+# The light that casts shadows: where it comes from, how bright it is, and half the
+# length of the square around the origin that has shadows [m].
+_SUN = "/Lights/FillLight/<object>"
+_SUN_POSITION = (3.0, -2.0, 8.0)
+_SUN_INTENSITY = 2.2
+_SHADOWS = 4.0
 
 
 def start_meshcat(*, host: str = "localhost", port: int | None = None) -> Meshcat:
@@ -206,8 +218,9 @@ def frame_shapes(
 ) -> None:
     """Point the camera so that it sees all that is drawn of a scene, or of robots.
 
-    Robots without shapes are framed by their links' origins. The grid gets finer cells
-    for what is much smaller than they are. `models` are the model instances that count,
+    Robots without shapes are framed by their links' origins. The ground's lines are
+    closer for what is much smaller than they are, and its surface goes where a robot
+    reaches below it. `models` are the model instances that count,
     by default all: a house around a robot would be all that is seen of it. They may
     move sideways by `room`, in parts of their diameter.
     """
@@ -230,6 +243,8 @@ def frame_shapes(
         sideways = room * diameter * np.array(_SIDES)
         camera = _VIEW.camera_for((points + sideways[:, None, :]).reshape(-1, 3))
         _look(meshcat, np.array(camera.eye), np.array(camera.target), diameter)
+        is_sunk = float(points[:, 2].min()) < -max(_SUNK * diameter, 2.0 * _BELOW)
+        meshcat.SetProperty(_PLANE, "visible", not is_sunk)
     elif origins:
         frame_points(meshcat, origins)
 
@@ -248,10 +263,58 @@ def _look(
     # Nearer than that nothing is drawn: whoever looks at a small robot comes closer.
     near = min(_NEAR, max(_NEAR_SHARE * distance, _NEAREST))
     meshcat.SetProperty(_CAMERA, "near", near)
-    cell = round_number(max(diameter, _NEAREST) / _CELLS)
-    scale = min(cell / _CELL, 1.0)
+    scale = min(grid_scale(diameter), 1.0)
     for path in (_GRID, _AXES):
         meshcat.SetTransform(path, np.diag([scale, scale, scale, 1.0]))
+
+
+def grid_scale(diameter: float) -> float:
+    """Return how far the ground's lines are apart for what is so large [m]."""
+    cell = max(diameter, _NEAREST) / _CELLS
+    return float(10.0 ** np.ceil(np.log10(10.0 * cell) - 1e-9))
+
+
+def show_ground(meshcat: Meshcat) -> None:
+    """Draw the plane z = 0 with lines 1 m and 0.1 m apart, and a sun with shadows.
+
+    It is below `/Grid`, in the place of Meshcat's own grid, and as visible.
+    """
+    meshcat.SetProperty(f"{_GRID}/<object>", "visible", False)
+    plane = Box(2.0 * _GROUND, 2.0 * _GROUND, _BELOW)
+    meshcat.SetObject(_PLANE, plane, _SURFACE)
+    meshcat.SetTransform(_PLANE, RigidTransform([0.0, 0.0, -1.5 * _BELOW]))
+    for name, color, step, length, width, height in (
+        ("decimetres", _DECIMETRES, 0.1, _NEAR_GROUND, _NARROW, -0.3 * _BELOW),
+        ("metres", _METRES, 1.0, _GROUND, _WIDE, -0.1 * _BELOW),
+    ):
+        vertices, faces = _stripes(step, length, width, height)
+        meshcat.SetTriangleMesh(f"{_GRID}/{name}", vertices, faces, color)
+    meshcat.SetProperty(_SUN, "position", list(_SUN_POSITION))
+    meshcat.SetProperty(_SUN, "intensity", _SUN_INTENSITY)
+    meshcat.SetProperty(_SUN, "castShadow", True)
+    for side, sign in (("left", -1), ("right", 1), ("bottom", -1), ("top", 1)):
+        meshcat.SetProperty(_SUN, f"shadow.camera.{side}", sign * _SHADOWS)
+    for side in ("width", "height"):
+        meshcat.SetProperty(_SUN, f"shadow.mapSize.{side}", 2048.0)
+    meshcat.SetProperty(_SUN, "shadow.bias", -0.0005)
+
+
+def _stripes(
+    step: float, length: float, width: float, height: float
+) -> tuple[Array, Array]:
+    """Return vertices, shape (3, n), and faces of stripes on a plane, both ways."""
+    count, half = round(length / step), width / 2.0
+    at = step * np.arange(-count, count + 1)
+    ends = [(c - half, c + half, -length, length) for c in at]
+    ends += [(-length, length, c - half, c + half) for c in at]
+    corners = [
+        (x, y, height)
+        for a, b, c, d in ends
+        for x, y in ((a, c), (b, c), (b, d), (a, d))
+    ]
+    first = 4 * np.arange(len(ends))[:, None, None]
+    faces = first + np.array([[0, 1, 2], [0, 2, 3]])
+    return np.array(corners).T, faces.reshape(-1, 3).T
 
 
 def save_html(meshcat: Meshcat, path: Path) -> None:

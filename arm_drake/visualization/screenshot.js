@@ -60,8 +60,8 @@ window.arm_drake = (() => {
 
     // Makes camera, lamps and grid suit what is seen, once.
     // scale: size of what is seen, as a multiple of what Meshcat's lamps are made for.
-    // cell: size of the cells of the grid [m].
-    const set_up = ({eye, target, field_of_view, scale, cell, width, height}) => {
+    // grid: size of the ground's lines, which are 1 m apart at 1.
+    const set_up = ({eye, target, field_of_view, scale, grid, width, height}) => {
         const {camera, controls} = viewer;
         const to_eye = eye.map((e, i) => e - target[i]);
         const distance = Math.hypot(...to_eye);
@@ -83,11 +83,18 @@ window.arm_drake = (() => {
         const sun = find("Lights", "FillLight", "<object>");
         const [x, y, z] = to_eye;
         sun.position.set(0.8 * x + 0.6 * y, 0.8 * y - 0.6 * x, z + 0.3 * distance);
+        sun.position.setLength(distance).add({x: target[0], y: target[1], z: target[2]});
+        place(sun.target.position, target);
+        sun.target.updateMatrixWorld();
         sun.intensity = 1.2;
-        const grid = find("Grid"), own_cell = 0.5;
-        grid.scale.setScalar(cell / own_cell);
-        grid.position.set(
-            cell * Math.round(target[0] / cell), cell * Math.round(target[1] / cell), 0);
+        Object.assign(sun.shadow.camera, {near: 0.01 * distance, far: 4 * distance});
+        for (const [side, sign] of [["left", -1], ["right", 1], ["bottom", -1], ["top", 1]])
+            sun.shadow.camera[side] = sign * distance;
+        sun.shadow.camera.updateProjectionMatrix();
+        const ground = find("Grid");
+        ground.scale.setScalar(grid);
+        ground.position.set(
+            grid * Math.round(target[0] / grid), grid * Math.round(target[1] / grid), 0);
         find("Axes").visible = false;
         viewer.set_3d_pane_size(width, height);
     };

@@ -16,7 +16,7 @@ from pydrake.geometry import Meshcat
 from arm_drake.arrays import Array
 from arm_drake.errors import ArmDrakeError, MissingExtraError
 from arm_drake.output_files import check_suffix, writing
-from arm_drake.visualization.meshcat import THREE_QUARTER, Camera, View, round_number
+from arm_drake.visualization.meshcat import THREE_QUARTER, Camera, View, grid_scale
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page, Playwright
@@ -107,10 +107,6 @@ FIELD_OF_VIEW = np.deg2rad(35.0)
 
 # Meshcat's lamps are set up for something of this diameter [m].
 _LIT_DIAMETER = 1.5
-
-# About how many cells of the grid are as long as what is seen.
-_CELLS = 12.0
-
 # A single point is lit as if it were of this size [m].
 _SMALLEST = 1e-3
 
@@ -264,7 +260,7 @@ def set_up(page: "Page", view: View, points: Array, size: tuple[int, int]) -> Ca
             "target": camera.target,
             "field_of_view": np.rad2deg(view.field_of_view),
             "scale": diameter / _LIT_DIAMETER,
-            "cell": round_number(diameter / _CELLS),
+            "grid": grid_scale(diameter),
             "width": size[0],
             "height": size[1],
         },

@@ -139,6 +139,8 @@ def pictures(browser: Browser, scene: Scene) -> Pictures:
     context = browser.new_context(viewport=VIEWPORT)
     context.set_default_timeout(1000.0 * PATIENCE)
     page = context.new_page()
+    # Without a ground that its shadow falls on.
+    scene.meshcat.SetProperty("/Grid", "visible", False)
     page.goto(scene.meshcat.web_url())
     wait_until_drawn(page, _MESHES, _CAMERA)
     robot = take_picture(page)

@@ -147,16 +147,39 @@ def test_a_bundled_robot_fills_the_picture(
 ) -> None:
     meshcat = start_meshcat()
     show_robot(meshcat, ad.load_robot("doosan_a0912"))
+    meshcat.SetProperty("/Grid", "visible", False)
 
     data, _ = photographer.take_picture(meshcat)
 
-    # The background has one colour in each row, but for lines of one pixel.
+    # Without a ground the background has one colour in each row.
     picture = read(data)
     background = np.median(picture, axis=1, keepdims=True)
     differs = np.abs(picture - background).max(axis=2) > 20
     robot = grow(~grow(~differs, 2), 2)
     assert_framed(robot)
     assert robot.mean() > 0.03
+
+
+def test_the_ground_shows_metres_and_the_robots_shadow(
+    photographer: Photographer, start_meshcat: StartMeshcat, tmp_path: Path
+) -> None:
+    pictures = []
+    for has_shadow in (True, False):
+        meshcat = start_meshcat()
+        show_robot(meshcat, load(tmp_path, red_arm(1.0)))
+        if not has_shadow:
+            light = "/Lights/FillLight/<object>"
+            meshcat.SetProperty(light, "castShadow", False)
+        pictures.append(read(photographer.take_picture(meshcat)[0]))
+
+    red = grow(red_of(pictures[0]), 5)
+    darker = (pictures[1] - pictures[0]).mean(axis=2)
+    # Behind the arm, below the horizon.
+    assert 0.005 < (darker[~red] > 8).mean() < 0.2
+    assert not (darker[: HEIGHT // 10] > 8).any()
+    # The ground is brighter than its lines.
+    bottom = pictures[1][-HEIGHT // 5 :].mean(axis=2)
+    assert 0.02 < (bottom < np.median(bottom) - 10).mean() < 0.3
 
 
 def test_a_picture_is_as_large_as_asked_for_and_the_robot_inside(

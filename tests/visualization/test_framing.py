@@ -12,7 +12,10 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
-from arm_drake.visualization.meshcat import Camera, View, frame_shapes, round_number
+import arm_drake as ad
+from arm_drake.visualization.drawing import frame_robots
+from arm_drake.visualization.meshcat import Camera, View, frame_shapes
+from tests.visualization.scene import is_visible, start
 
 BOX = np.array(list(itertools.product((0.2, 0.5), (-1.0, 1.0), (0.0, 3.0))))
 
@@ -100,14 +103,6 @@ def test_a_single_point_is_seen_from_in_front_of_it():
     assert 0.0 < camera.distance < 0.01
 
 
-@pytest.mark.parametrize(
-    ("number", "rounded"),
-    [(1.0, 1.0), (1.99, 1.0), (2.0, 2.0), (4.9, 2.0), (7.0, 5.0), (0.03, 0.02)],
-)
-def test_round_numbers_are_not_above(number: float, rounded: float) -> None:
-    assert round_number(number) == pytest.approx(rounded)
-
-
 HOUSE = """
 <robot name="house"><link name="walls"><visual><geometry><box size="8 8 8"/></geometry>
 </visual></link></robot>"""
@@ -179,10 +174,30 @@ def test_a_robot_of_any_size_is_seen_with_meshcats_own_camera(size: float) -> No
 
 
 def test_the_grid_has_cells_that_are_smaller_than_the_robot() -> None:
-    # Cells of 0.5 m by default, for what is 1 m or longer.
+    # Cells of 0.1 m by default, for what is longer than 0.2 m.
     assert framed(two_links(1.0)).scales["/Grid"] == 1.0
-    # The diagonal of 3 x 1 x 1 cubes of 17 mm is 56 mm: cells of 20 mm.
-    assert framed(two_links(0.017)).scales["/Grid"] == pytest.approx(0.02 / 0.5)
+    # The diagonal of 3 x 1 x 1 cubes of 17 mm is 56 mm: cells of 10 mm.
+    assert framed(two_links(0.017)).scales["/Grid"] == pytest.approx(0.1)
+
+
+@pytest.mark.slow
+def test_a_robot_stands_on_a_ground_unless_it_reaches_below() -> None:
+    meshcat = start()
+    for height, has_ground in ((0.0, True), (-0.2, False)):
+        robot = ad.load_robot("lab5_arm", pose=[0, 0, height, 0, 0, 0])
+        sim = ad.Simulation(ad.build_diagram(robot, meshcat=meshcat))
+        frame_robots(sim, meshcat)
+
+        assert meshcat.HasPath("/Grid/ground/plane")
+        assert is_visible(meshcat, "/Grid/ground/plane") == has_ground
+
+
+@pytest.mark.slow
+def test_a_house_has_a_ground_of_its_own() -> None:
+    meshcat = start()
+    ad.build_diagram(ad.load_robot("lab5_arm"), world="house", meshcat=meshcat)
+
+    assert not meshcat.HasPath("/Grid/ground/plane")
 
 
 def test_a_house_around_a_robot_does_not_count() -> None:

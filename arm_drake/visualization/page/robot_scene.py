@@ -17,6 +17,7 @@ from arm_drake.plant.plant import (
     set_initial_positions,
 )
 from arm_drake.visualization.ghost import Ghost
+from arm_drake.visualization.meshcat import show_ground
 
 # Nothing moves, but only discrete plants know joints that follow others.
 _TIME_STEP = 0.001
@@ -44,6 +45,7 @@ class RobotScene:
         self.plant.Finalize()
         place_free_links(self.plant, self.scene_graph, self.model, robot)
         add_visualizer(builder, self.scene_graph, meshcat)
+        show_ground(meshcat)
         self._diagram = builder.Build()
         self._context = self._diagram.CreateDefaultContext()
         self.context = self.plant.GetMyMutableContextFromRoot(self._context)

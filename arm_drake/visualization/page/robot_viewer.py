@@ -21,7 +21,7 @@ from arm_drake.plant.joint_ranges import (
     joint_ranges,
     randomize,
 )
-from arm_drake.visualization.meshcat import frame_shapes
+from arm_drake.visualization.meshcat import GROUND, frame_shapes
 from arm_drake.visualization.page import Event, Scene
 from arm_drake.visualization.page.panel import (
     LinkViews,
@@ -180,6 +180,7 @@ class RobotViewer:
         if link not in names:
             raise InputError(f"fixed frame: no link {link!r}; {suggest(link, names)}")
         self._fixed_frame = link
+        self.page.meshcat.SetProperty(GROUND, "visible", link == WORLD)
         self.page.patch({"fixed_frame": {"value": link}})
         self._draw()
 

@@ -272,6 +272,20 @@ const draw_names = () => {
     }
 };
 
+// ---- The camera stays above the ground, where there is one ----
+
+const above = Math.PI / 2 - 0.02;
+
+setInterval(() => {
+    const viewer = at("scene").contentWindow.viewer;
+    if (!viewer) return;
+    const grid = viewer.scene_tree.children.Grid;
+    const ground = grid && grid.children.ground;
+    const nodes = ground ? [grid, ground, ground.children.plane] : [null];
+    const has_ground = nodes.every((node) => node && node.object.visible);
+    viewer.controls.maxPolarAngle = has_ground ? above : Math.PI;
+}, 500);
+
 // ---- Folding and keys ----
 
 const fold = (is_folded) => {
