@@ -146,10 +146,10 @@ _CELLS = 20.0
 # 0.1 m apart; the lines' widths; how far its surface is below them [m]. All of it is
 # ten, a hundred... times smaller for small robots.
 _GROUND, _NEAR_GROUND = 10.0, 2.0
-_WIDE, _NARROW = 0.008, 0.003
+_WIDE, _NARROW = 0.006, 0.003
 _BELOW = 0.002
-_SURFACE = Rgba(0.78, 0.79, 0.80)
-_METRES, _DECIMETRES = Rgba(0.50, 0.52, 0.55), Rgba(0.66, 0.67, 0.69)
+_SURFACE = Rgba(0.68, 0.69, 0.71)
+_METRES, _DECIMETRES = Rgba(0.42, 0.44, 0.47), Rgba(0.57, 0.58, 0.60)
 GROUND = f"{_GRID}/ground"
 _PLANE = f"{GROUND}/plane"
 
@@ -160,7 +160,7 @@ _SUNK = 0.02
 # length of the square around the origin that has shadows [m].
 _SUN = "/Lights/FillLight/<object>"
 _SUN_POSITION = (3.0, -2.0, 8.0)
-_SUN_INTENSITY = 2.2
+_SUN_INTENSITY = 1.4
 _SHADOWS = 4.0
 
 
