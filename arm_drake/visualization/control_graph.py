@@ -6,6 +6,7 @@ commands.
 """
 
 import dataclasses as dc
+import functools
 import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -18,7 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.patches import FancyArrowPatch, Rectangle
 from matplotlib.path import Path as Curve
-from matplotlib.textpath import TextPath
+from matplotlib.textpath import text_to_path
 
 from arm_drake.output_files import writing
 
@@ -187,12 +188,16 @@ class Place:
     rows: tuple[float, ...]
 
 
+@functools.cache
 def text_width(text: str, is_bold: bool = False) -> float:
     """Return the width of a text [pt]."""
     if not text:
         return 0.0
-    font = FontProperties(family=_FONTS[:1], weight="bold" if is_bold else "normal")
-    return float(TextPath((0.0, 0.0), text, _FONT_SIZE, font).get_extents().x1)
+    font = FontProperties(
+        family=_FONTS[:1], weight="bold" if is_bold else "normal", size=_FONT_SIZE
+    )
+    width, _, _ = text_to_path.get_text_width_height_descent(text, font, ismath=False)
+    return float(width)
 
 
 class Canvas:
