@@ -36,6 +36,9 @@ from arm_drake.visualization.video import (
     save_video,
 )
 
+# Less isn't told of how long a joint was at its effort limit [s].
+_SHORTEST = 0.005
+
 
 class Speaker:
     """Says how it goes: lines on standard output, progress on standard error."""
@@ -44,8 +47,9 @@ class Speaker:
         """Create it; if quiet, nothing else than JSON is on standard output."""
         self._is_quiet = is_quiet
         self._is_terminal = sys.stderr.isatty()
-        self._next_report = 0.0
-        self._progress_text = ""
+        self._next_report = self._told_at = 0.0
+        # The largest errors of goals [rad] since they were told, by controller.
+        self._errors: dict[str, float] = {}
         self._controllers = ""
         # What ended the simulation before its end.
         self.failures: list[str] = []
@@ -72,14 +76,26 @@ class Speaker:
             self.line(text)
 
     def progress(self, simulated: float) -> None:
-        """Show the simulated time: in place on a terminal, else once a second."""
-        text = f"{simulated:7.2f} s  {self._progress_text}"
+        """Show the simulated time, and the largest errors of goals since the last time.
+
+        It is in place on a terminal, else once a second where there are goals, and at
+        1, 2, 4, 8... s where there is nothing to say.
+        """
+        errors = ", ".join(
+            f"{name}: error {1e3 * error:.1f} mrad"
+            for name, error in self._errors.items()
+        )
+        text = f"{simulated:7.2f} s  {errors}"
         if self._is_terminal:
             sys.stderr.write(f"\r\033[K{text}")
             sys.stderr.flush()
         elif simulated >= self._next_report and not self._is_quiet:
             print(text, file=sys.stderr, flush=True)
-            self._next_report = simulated + 1.0 - 1e-6
+            pause = 1.0 if errors else max(1.0, simulated)
+            self._next_report, self._told_at = simulated + pause - 1e-6, simulated
+        else:
+            return
+        self._errors = dict.fromkeys(self._errors, 0.0)
 
     def event(self, event: SimulationEvent) -> None:
         """Tell news of goals and switches; what fails is told at the end."""
@@ -105,16 +121,16 @@ class Speaker:
         if goal.status is GoalStatus.EXECUTING:
             if goal.feedback:
                 errors = goal.feedback[-1].error.positions
-                largest = max((abs(error) for error in errors), default=0.0)
-                self._progress_text = (
-                    f"{goal.controller}: error {1e3 * largest:.1f} mrad"
-                )
+                self._next_report = min(self._next_report, self._told_at + 1.0)
+                largest = max(map(abs, errors), default=0.0)
+                before = self._errors.get(goal.controller, 0.0)
+                self._errors[goal.controller] = max(before, largest)
             else:
                 self.line(f"{goal.controller}: goal accepted")
                 if goal.note:
                     print(f"warning: {goal.controller}: {goal.note}", file=sys.stderr)
         elif goal.status.is_terminal:
-            self._progress_text = ""
+            self._errors.pop(goal.controller, None)
             self.line(f"{goal.controller}: {goal.describe()}")
 
 
@@ -169,7 +185,8 @@ def print_summary(
         if not goal.status.is_terminal:
             say.line(f"{goal.controller}: goal is still {goal.status.value}")
     for name, seconds in saturation.items():
-        say.line(f"{name} was at its effort limit for {seconds:.2f} s")
+        if seconds >= _SHORTEST:
+            say.line(f"{name} was at its effort limit for {seconds:.2f} s")
 
 
 def _describe_result(goal: GoalHandle) -> dict[str, Any]:

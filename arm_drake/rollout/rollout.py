@@ -321,7 +321,7 @@ class Rollout:
     def plot(
         self,
         path: str | Path | None = None,
-        kind: str = "tracking",
+        kind: str = "overview",
         *,
         joints: Sequence[str] | None = None,
         link: str | None = None,

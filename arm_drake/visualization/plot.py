@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from arm_drake.rollout.rollout import Rollout
 
 # What a plot of a rollout can show; the first is the default.
-PLOT_KINDS = ("tracking", "error", "effort", "phase", "path", "overview")
+PLOT_KINDS = ("overview", "tracking", "error", "effort", "phase", "path")
 
 PLOT_SUFFIXES = (".png", ".svg", ".pdf")
 
@@ -27,7 +27,7 @@ def draw_rollout(
     rollout: "Rollout",
     path: Path | None = None,
     *,
-    kind: str = "tracking",
+    kind: str = "overview",
     joints: Sequence[str] | None = None,
     link: str | None = None,
 ) -> "Figure":

@@ -94,13 +94,13 @@ def test_what_cannot_be_written_is_said(tmp_path, name, message):
 @pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
 def test_a_plot_is_written_in_each_format(tmp_path, suffix):
     path = tmp_path / f"a{suffix}"
-    make_rollout().plot(path)
+    make_rollout().plot(path, "tracking")
     head = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}[suffix]
     assert path.read_bytes().startswith(head)
 
 
 def test_the_plot_names_joints_units_and_controllers(tmp_path):
-    make_rollout().plot(tmp_path / "a.svg")
+    make_rollout().plot(tmp_path / "a.svg", "tracking")
     text = (tmp_path / "a.svg").read_text(encoding="utf-8")
     for label in (
         "shoulder [rad]",

@@ -93,7 +93,7 @@ def titles(figure):
 def test_tracking_draws_what_was_measured_and_wanted():
     rollout = make_rollout()
 
-    figure = rollout.plot()
+    figure = rollout.plot(kind="tracking")
 
     assert titles(figure) == ["turn [rad]", "lower [m]"]
     assert legend(figure) == ["measured", "reference (arm)"]
@@ -116,7 +116,7 @@ def test_two_controllers_of_a_joint_are_told_apart():
         for name, is_first in (("first", True), ("second", False))
     }
 
-    panel = make_rollout(references=half).plot().axes[0]
+    panel = make_rollout(references=half).plot(kind="tracking").axes[0]
 
     lines = {each.get_label(): each for each in panel.get_lines()}
     first, second = (lines[f"reference ({name})"] for name in ("first", "second"))
@@ -130,7 +130,7 @@ def test_a_joint_that_is_told_velocities_shows_velocities():
         references={}, command_names=("turn/velocity",), command=command
     )
 
-    tracking, error = rollout.plot(), rollout.plot(kind="error")
+    tracking, error = (rollout.plot(kind=kind) for kind in ("tracking", "error"))
 
     assert titles(tracking) == ["turn [rad/s]", "lower [m]"]
     _, wanted = line(tracking.axes[0], "commanded velocity")
@@ -408,7 +408,7 @@ def test_peaks_of_long_runs_are_seen_in_few_points():
     position[456_789], position[777_777] = 2.0, -3.0
     rollout = make_described("", {"j": "revolute"}, position, time=time)
 
-    x, y = line(rollout.plot().axes[0], "measured")
+    x, y = line(rollout.plot(kind="tracking").axes[0], "measured")
 
     assert len(x) < 50_000
     assert (x[y.argmax()], y.max()) == (456.789, 2.0)
@@ -457,7 +457,10 @@ def test_plots_leave_pyplot_alone():
             {"joints": ["turm"]},
             "no joint 'turm' in the rollout; did you mean 'turn'? known: lower, turn",
         ),
-        ({"link": "hook"}, "a tracking plot has no link; it is for path and overview"),
+        (
+            {"kind": "tracking", "link": "hook"},
+            "a tracking plot has no link; it is for path and overview",
+        ),
         (
             {"kind": "overview", "link": "hok"},
             "no link 'hok' in the description; did you mean 'hook'? known: base, boom, "
@@ -489,6 +492,6 @@ def test_the_docs_have_every_kind_and_their_program_runs(tmp_path, monkeypatch):
     exec(compile(program, "plots.md", "exec"), {})  # noqa: S102  our own page.
 
     assert tuple(re.findall(r"^\| `(\w+)` \|", text, re.MULTILINE)) == PLOT_KINDS
-    assert "--plot-kind overview" in text
+    assert "--plot-kind effort" in text
     assert {path.name for path in tmp_path.iterdir()} == {"run.svg", "way.png"}
     assert (DOCS / "plots.png").stat().st_size < 200_000
