@@ -522,6 +522,8 @@ def test_a_page_comes_back_when_the_program_does(browser: Browser, file: Path) -
             assert not lost.is_visible()
 
         screen.until(lost.is_visible, "it says that the program has ended")
+        # What is there can be read, and nothing be done with it.
+        assert screen.page.evaluate("document.getElementById('sections').inert")
 
         with run_command(*words, "0.5", "1.75", port=port):
             screen.until(

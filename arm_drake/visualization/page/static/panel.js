@@ -66,7 +66,7 @@ const makers = {
         });
         number.addEventListener("change", () => {
             if (Number.isFinite(number.valueAsNumber)) say(w.id, number.valueAsNumber);
-            else number.value = short(w.value);
+            number.blur(); // What becomes of it, within the range, is told.
         });
         const update = () => {
             element.className = `widget slider${w.is_enabled ? "" : " disabled"}`;
@@ -239,6 +239,7 @@ const connect = () => {
     };
     socket.onclose = () => {
         at("lost").hidden = !was_connected;
+        at("sections").inert = was_connected; // Nobody hears what is clicked.
         setTimeout(connect, 500);
     };
 };
@@ -294,7 +295,8 @@ const fold = (is_folded) => {
 };
 at("fold").addEventListener("click", () => fold(true));
 at("unfold").addEventListener("click", () => fold(false));
-if (new URLSearchParams(location.search).has("no_panel")) fold(true);
+if (new URLSearchParams(location.search).has("no_panel")
+    || matchMedia("(max-width: 600px)").matches) fold(true);
 
 // What has the keyboard needs some keys itself: a number all, a button those that click.
 const needs = (element, key) => element.closest && element.closest(
