@@ -108,11 +108,23 @@ def quoted(names: Iterable[str]) -> str:
     return ", ".join(map(repr, names))
 
 
+def counted(number: int, what: str) -> str:
+    """Return a number of things in words: "1 joint", "2 joints"."""
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def _likeness(name: str, other: str) -> float:
+    """Return how alike two names are, from 0 to 1."""
+    return difflib.SequenceMatcher(None, other, name).ratio()
+
+
 def suggest(name: str, known: Iterable[str]) -> str:
     """Return the end of a message about a name that isn't one of the known ones."""
     names = sorted(set(known))
     close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
     hint = f"did you mean {close[0]!r}? " if close else ""
+    if len(names) > _MAX_NAMES:
+        names = sorted(names, key=lambda other: -_likeness(name, other))
     listed = ", ".join(names[:_MAX_NAMES]) if names else "none"
     if len(names) > _MAX_NAMES:
         listed += f" and {len(names) - _MAX_NAMES} more"

@@ -209,7 +209,8 @@ def test_check_reads_as_blocks_by_severity_and_file(run, tmp_path, monkeypatch):
 
     assert code == 0
     assert out.splitlines() == [
-        "r: 2 links, 1 movable joints, 0.001 kg, reach at most 0 m, fixed base",
+        "r: 2 links, 1 movable joint, 0.001 kg, "
+        "at most 0 m from the first joint to the last link, fixed base",
         "joints: j",
         "controller joint_state_broadcaster "
         "(joint_state_broadcaster/JointStateBroadcaster): active",
@@ -225,7 +226,7 @@ def test_check_reads_as_blocks_by_severity_and_file(run, tmp_path, monkeypatch):
         "  r.urdf",
         "    line 1, joint 'j': effort limit 0; taken as unset",
         "    neither <ros2_control> tags nor a controllers YAML; one "
-        "joint_trajectory_controller moves its 1 independent joints",
+        "joint_trajectory_controller moves its 1 independent joint",
         "    the description has no <ros2_control>; joints take the commands that "
         "controllers claim, else positions: position (1 joint)",
     ]

@@ -375,7 +375,7 @@ def test_strict_turns_any_report_line_into_an_error(package):
     assert problem(file, strict=True) == (
         "not everything was taken as written:\n"
         f"info: {file}: neither <ros2_control> tags nor a controllers YAML; "
-        "one joint_trajectory_controller moves its 1 independent joints\n"
+        "one joint_trajectory_controller moves its 1 independent joint\n"
         f"info: {file}: the description has no <ros2_control>; joints take the "
         "commands that controllers claim, else positions: position (1 joint)"
     )

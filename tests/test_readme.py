@@ -42,10 +42,11 @@ def render_bundled() -> str:
     plugins = [re.split("::|/", name)[-1] for name in PLUGIN_TYPES.values()]
     kinds = {
         "worlds": sorted(WORLDS),
-        f"{len(own)} controller types": sorted(own),
         "Gazebo plugins": sorted(plugins),
     }
     rows = [[kind, ", ".join(f"`{n}`" for n in names)] for kind, names in kinds.items()]
+    page = "[docs/controllers.md](docs/controllers.md)"
+    rows.insert(1, ["controller types", f"{len(own)}, all in {page}"])
     return render_table(["what", "names"], rows)
 
 

@@ -9,6 +9,7 @@ from arm_drake.description.report import LoadReport, ReportEntry
 from arm_drake.description.robot import Robot
 from arm_drake.description.urdf import reach, total_mass
 from arm_drake.diagram import build_diagram
+from arm_drake.errors import counted
 from arm_drake.hardware.drive_report import SERVO
 from arm_drake.simulation.simulation import Simulation
 
@@ -69,8 +70,9 @@ def _problem(controller: str, report: LoadReport) -> str | None:
 def _text(content: dict[str, Any], report: LoadReport) -> str:
     joints = content["joints"]
     lines = [
-        f"{content['robot']}: {content['links']} links, {len(joints)} movable joints, "
-        f"{content['mass']:.3g} kg, reach at most {content['reach']:.3g} m, "
+        f"{content['robot']}: {counted(content['links'], 'link')}, "
+        f"{counted(len(joints), 'movable joint')}, {content['mass']:.3g} kg, "
+        f"at most {content['reach']:.3g} m from the first joint to the last link, "
         f"{content['base']} base",
         f"joints: {', '.join(joints) or 'none'}",
     ]

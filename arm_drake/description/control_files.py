@@ -16,7 +16,7 @@ from arm_drake.description.plugin_control import moving_plugins, plugin_joints
 from arm_drake.description.report import LoadReport
 from arm_drake.description.ros_parameters import PARAMETERS
 from arm_drake.description.urdf import RobotDescription
-from arm_drake.errors import PackageError
+from arm_drake.errors import PackageError, counted
 
 # What a file of a controller manager's parameters has.
 _MANAGER = re.compile(rf"^[ \t]*['\"]?/?([\w*]+/)*{MANAGER}['\"]?[ \t]*:", re.MULTILINE)
@@ -165,6 +165,7 @@ def default_controllers(
         )
     )
     what = "neither <ros2_control> tags nor a controllers YAML"
-    done = f"one joint_trajectory_controller moves its {len(joints)} independent joints"
+    number = counted(len(joints), "independent joint")
+    done = f"one joint_trajectory_controller moves its {number}"
     report.add("info", "missing", what, done, file=file)
     return ControllerManagerConfig(controllers=(broadcaster, trajectory))

@@ -65,7 +65,8 @@ def report_drive(
         if joint.mimic is None and joint.name not in drive.names
     ]
     if passive:
-        _note(report, f"no command interface: {quoted(passive)}", "they swing freely")
+        done = "it swings freely" if len(passive) == 1 else "they swing freely"
+        _note(report, f"no command interface for {quoted(passive)}", done)
     _report_unlimited(drive, claimed_interfaces(robot, controllers), report)
 
 

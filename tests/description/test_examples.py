@@ -63,7 +63,7 @@ def test_an_unknown_example_is_named_with_the_nearest():
         ad.load_robot("example:pandda")
 
     assert str(caught.value).startswith(
-        "unknown example 'pandda'; did you mean 'panda'? known: TwoDofs, a1, "
+        "unknown example 'pandda'; did you mean 'panda'? known: panda, panda_"
     )
 
 

@@ -185,7 +185,7 @@ def test_a_joint_without_command_interface_is_said_to_swing(tmp_path: Path) -> N
 
     sim = simulate(tmp_path, urdf, yaml, start=1.0)
 
-    assert servo_lines(sim) == ["no command interface: 'swing'; they swing freely"]
+    assert servo_lines(sim) == ["no command interface for 'swing'; it swings freely"]
 
 
 def test_a_velocity_without_a_limit_is_said_to_be_followed(tmp_path: Path) -> None:
