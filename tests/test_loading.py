@@ -232,7 +232,7 @@ def test_a_text_finds_its_meshes_in_the_package_paths_or_here(
     tmp_path, monkeypatch, is_given
 ):
     ball = models_folder() / "teslabot" / "meshes"
-    mesh = next(iter(sorted(ball.glob("*"))))
+    mesh = min(ball.glob("*.STL"))
     shutil.copy(mesh, tmp_path / mesh.name)
     more = f"<visual><geometry><mesh filename='{mesh.name}'/></geometry></visual>"
     text = ARM.format(more="").replace("</inertial>", f"</inertial>{more}")

@@ -420,6 +420,9 @@ def main() -> int:
     counts: dict[str, collections.Counter[str]] = collections.defaultdict(
         collections.Counter
     )
+    # Also in the background, where a shell has it ignored, its end has a table.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.default_int_handler)
     kinds = options.kind or list(KINDS)
     deadline = math.inf if options.seconds is None else options.seconds
     prepare()
