@@ -8,9 +8,10 @@
 In every cycle the recorded `state` and the scenario's events go to the input ports;
 what the controller commands then is there to compare. The plant is not simulated.
 
-Events that this module knows: topic, ref, set_params, activate and deactivate; those
-that change the plant are skipped, for `state` shows what they do. Others are handled by
-who passes `handlers`: functions of the loop and the event, which `send` messages.
+Events that this module knows: topic, service, ref, set_params, activate and deactivate;
+those that change the plant are skipped, for `state` shows what they do. Others are
+handled by who passes `handlers`: functions of the loop and the event, which `send`
+messages.
 
 Upstream's harness left a controller whose update failed active, where a manager would
 have deactivated it, and where ours deactivates itself. Here it is kept active, too.
@@ -38,6 +39,7 @@ from arm_drake.messages import (
     Float64MultiArray,
     Message,
     MultiDOFCommand,
+    SetOdometry,
     Time,
     TwistStamped,
 )
@@ -62,6 +64,9 @@ _MESSAGES: dict[str, Callable[..., Message]] = {
     "measured_state": MultiDOFCommand,
     "cmd_vel": TwistStamped,
 }
+
+# How the request of a service is made of its fields, by the name of the port.
+_REQUESTS: dict[str, Callable[..., Message]] = {"set_odometry": SetOdometry}
 
 
 def assert_close(actual: Any, expected: Any, what: str = "") -> None:
@@ -208,6 +213,9 @@ class OpenLoop:
                 stamp = Time.from_nanoseconds(self.time_ns)
                 fields = {**fields, "header": {"stamp": stamp}}
             self.send(event["topic"], make(**fields))
+        elif kind == "service":
+            request = _REQUESTS[event["service"]](**numbers(event["request"]))
+            self.send(event["service"], request)
         elif kind == "ref":
             for name, value in numbers(event["values"]).items():
                 self._references[self.system.reference_interfaces.index(name)] = value

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm_drake.messages import Odometry, SetOdometry, TwistStamped
+from arm_drake.messages import Odometry, TwistStamped
 from arm_drake.messages.control import SteeringControllerStatus
-from tests.conformance.open_loop import Event, OpenLoop, assert_close
+from tests.conformance.open_loop import OpenLoop, assert_close
 from tests.oracle import oracle_cases
 
 CASES = oracle_cases("controller_steering")
@@ -15,10 +15,6 @@ CASES = oracle_cases("controller_steering")
 # A steering command of a quarter of a turn, where wheels went 2e14 rad: from this row
 # on the odometry of this case is rounding noise (the data's README, "Properties").
 NUM_GOOD_ROWS = {"tricycle_position": 113}
-
-
-def set_odometry(loop: OpenLoop, event: Event) -> None:
-    loop.send("set_odometry", SetOdometry(**event["request"]))
 
 
 def odometry_row(message: Odometry) -> list[float]:
@@ -52,12 +48,7 @@ def test_commands_odometry_and_states_are_upstream_s(case: dict[str, Any]) -> No
     rows = {row[0]: row for row in published["odometry"]["rows"]}
     states = {row[0]: row for row in published["controller_state"]["rows"]}
     num_rows = NUM_GOOD_ROWS.get(case["input"]["name"], len(t_ns))
-    loop = OpenLoop(
-        case["input"],
-        expected,
-        messages={"reference": TwistStamped},
-        handlers={"service": set_odometry},
-    )
+    loop = OpenLoop(case["input"], expected, messages={"reference": TwistStamped})
 
     for cycle in loop.cycles():
         what = f"cycle {cycle}"
