@@ -11,6 +11,7 @@ files that can be reached are read without expanding them, too.
 import contextlib
 import dataclasses as dc
 import errno
+import glob
 import json
 import os
 import re
@@ -309,9 +310,10 @@ def _explain(
             else:
                 name = str(packages.real(Path(error["name"])))
                 problem = f"{name!r} can't be read: {error['reason']}"
+                if error["is_missing"] and name.endswith((".yaml", ".yml")):
+                    problem += _list_siblings(Path(name))
         case "argument":
-            declared = read_sources(path, packages).arguments
-            problem = _explain_argument(error["name"], declared)
+            problem = _explain_argument(error["name"], path, packages)
         case _:
             problem = error["text"]
     if len(chain) > 1 and not problem.startswith("xacro: "):
@@ -319,16 +321,53 @@ def _explain(
     return DescriptionError(problem, file=file)
 
 
-def _explain_argument(name: str, declared: Mapping[str, str | None]) -> str:
+def _explain_argument(name: str, path: Path, packages: PackageFinder) -> str:
+    sources = read_sources(path, packages)
+    declared = sources.arguments
     listed = ", ".join(
         other if default is None else f"{other}:={default}"
         for other, default in sorted(declared.items())
     )
     state = "used before it is declared" if name in declared else "undefined"
+    values = _find_values(name, sources, packages)
+    known = f" (the files know {', '.join(values)})" if values else ""
     return (
         f"xacro argument {name!r} is {state}; "
-        f"give it as {name}:=VALUE; the file declares: {listed or 'none'}"
+        f"give it as {name}:=VALUE{known}; the file declares: {listed or 'none'}"
     )
+
+
+def _find_values(
+    name: str, sources: XacroSources, packages: PackageFinder
+) -> list[str]:
+    """Return values that an argument has in files' conditions and in files' names."""
+    # As a property it mostly has the same name.
+    argument = rf"\$\(arg\s+{re.escape(name)}\s*\)"
+    one = rf"(?:\b{re.escape(name)}\b|['\"]?{argument}['\"]?)"
+    texts = {file: _text(file) for file in sources.files}
+    values: set[str] = set()
+    for text in texts.values():
+        for match in re.finditer(rf"{one}\s*[!=]=\s*(['\"])(.*?)\1", text):
+            values.add(match[2])
+        for match in re.finditer(rf"{one}\s+(?:not\s+)?in\s*[\[(](.*?)[\])]", text):
+            values.update(re.findall(r"['\"](.*?)['\"]", match[1]))
+    for file, text in texts.items():
+        for match in re.finditer(rf"\"([^\"]*){argument}([^\"/$]*\.\w+)\"", text):
+            start = _FIND.sub(lambda m: str(_folder(m[1], packages) or m[0]), match[1])
+            if "$" not in start:
+                start = os.path.join(file.parent, start)
+                files = glob.glob(f"{glob.escape(start)}*{glob.escape(match[2])}")
+                values |= {path[len(start) : -len(match[2])] for path in files}
+    return sorted(values - {""})
+
+
+def _list_siblings(path: Path) -> str:
+    """Return what a message says of the files of a kind that are where one isn't."""
+    with contextlib.suppress(OSError, ValueError):
+        names = sorted(p.name for p in path.parent.iterdir() if p.suffix == path.suffix)
+        if names:
+            return f"; {suggest(path.name, names)}"
+    return ""
 
 
 def _list_missing(

@@ -107,6 +107,41 @@ def test_an_argument_doesnt_leak_after_an_error(expand):
     assert "xacro argument 'side' is undefined" in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("body", "known"),
+    [
+        ("<xacro:if value=\"${side == 'left' or 'up' != side}\"/>", "left"),
+        ("<xacro:if value=\"${'$(arg side)' == 'a b'}\"/>", "a b"),
+        ("<xacro:if value=\"${side not in ['x', 'y-1']}\"/>", "x, y-1"),
+        ('<link name="${side2 == 3}" file="$(arg side)"/>', ""),
+        ('<xacro:m file="$(find arm)/of_$(arg side).yaml"/>', "left, right"),
+        ('<xacro:m file="$(find nothing)/of_$(arg side).yaml"/>', ""),
+        ('<xacro:include filename="of_$(arg side).yaml"/>', "left, right"),
+    ],
+)
+def test_values_that_files_know_of_an_argument_are_told(expand, tmp_path, body, known):
+    (tmp_path / "package.xml").write_text("<name>arm</name>", encoding="utf-8")
+    for name in ("of_left.yaml", "of_right.yaml", "of_none.txt", "right.yaml"):
+        (tmp_path / name).write_text("{}", encoding="utf-8")
+
+    with pytest.raises(DescriptionError) as caught:
+        expand(f'<link name="$(arg side)"/>{body}')
+
+    words = f" (the files know {known})" if known else ""
+    assert f"give it as side:=VALUE{words}; the file declares: none" in str(
+        caught.value
+    )
+
+
+def test_a_missing_yaml_file_is_told_with_those_that_are_there(expand, tmp_path):
+    (tmp_path / "mk3.yaml").write_text("{}", encoding="utf-8")
+
+    with pytest.raises(DescriptionError) as caught:
+        expand("${xacro.load_yaml('mk4.yaml')}")
+
+    assert str(caught.value).endswith("; did you mean 'mk3.yaml'? known: mk3.yaml")
+
+
 def test_find_gives_the_folder_of_a_package(expand, tmp_path):
     (tmp_path / "package.xml").write_text("<name>arm</name>", encoding="utf-8")
     part = robot('<link name="included"/>')
