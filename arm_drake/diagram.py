@@ -54,7 +54,7 @@ from arm_drake.manager.hardware_interfaces import HardwareInterfaces
 from arm_drake.manager.loaded_controllers import LoadedController, command_order
 from arm_drake.manager.loading import load_controllers_of, report_motionless
 from arm_drake.options import SimulationOptions
-from arm_drake.plant.contact import separate
+from arm_drake.plant.contact import Shape, separate
 from arm_drake.plant.initial_poses import log_free_poses, place_free_links
 from arm_drake.plant.joint_ranges import (
     find_gripper_joints,
@@ -79,7 +79,7 @@ from arm_drake.plant.plant import (
     set_initial_positions,
     trial_plant,
 )
-from arm_drake.simulation.recording import BuildInfo, add_build_info
+from arm_drake.simulation.recording import BuildInfo
 from arm_drake.timing import choose_time_step, has_rate
 from arm_drake.visualization.meshcat import show_ground
 from arm_drake.worlds.sdf_world import LoadedWorld, show_backdrop
@@ -161,7 +161,7 @@ def build_diagram(
     """
     setting = _choose_setting(robots, world, options, payloads or {})
     builder = DiagramBuilder()
-    add_build_info(builder, BuildInfo(setting.options, setting.world.name))
+    info = builder.AddSystem(BuildInfo(setting.options, setting.world.name))
     parts = _load_parts(builder, setting)
 
     plant, scene_graph = _add_empty_plant(builder, setting)
@@ -186,7 +186,7 @@ def build_diagram(
 
     _report_world(setting, parts)
     if not setting.is_kinematic:
-        _report_overlaps(diagram, plant, scene_graph, parts, models, bases)
+        info.parted = _part_overlaps(diagram, plant, scene_graph, parts, models, bases)
     return diagram
 
 
@@ -516,28 +516,31 @@ def _report_world(setting: Setting, parts: Sequence[RobotParts]) -> None:
             part.report.add(**dc.asdict(entry))
 
 
-def _report_overlaps(
+def _part_overlaps(
     diagram: Diagram,
     plant: MultibodyPlant,
     scene_graph: SceneGraph,
     parts: Sequence[RobotParts],
     models: Sequence[ModelInstanceIndex],
     bases: Sequence[RobotBases],
-) -> None:
+) -> Sequence[tuple[Shape, Shape]]:
     """Let links that overlap at the start pass through each other, and report them."""
     free = [base.free_links for base in bases]
     links = dict(zip(models, free, strict=True))
-    overlaps, things = separate(diagram, plant, scene_graph, links)
-    if things:
-        what = f"things of the world are in one place: {', '.join(things)}"
+    overlaps = separate(diagram, plant, scene_graph, links)
+    if overlaps.things:
+        what = f"things of the world are in one place: {', '.join(overlaps.things)}"
         done = "they pass through each other"
         parts[0].report.add("warning", "repair", what, done)
     for part, model in zip(parts, models, strict=True):
-        if overlaps[model]:
+        if overlaps.robots[model]:
+            pairs = ", ".join(overlaps.robots[model])
             part.report.add(
                 "warning",
                 "repair",
-                f"links overlap in the initial pose: {', '.join(overlaps[model])}",
-                "they pass through each other",
+                f"links overlap in the initial pose: {pairs}",
+                "they pass through each other until they are apart; "
+                "another pose (--pose) or other initial positions (--initial) avoid it",
                 file=part.robot.description.file,
             )
+    return overlaps.parted

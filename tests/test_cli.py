@@ -140,7 +140,8 @@ def test_check_tells_what_overlaps_where_the_robot_stands(run, tmp_path):
 
     assert (
         "    links overlap in the initial pose: b and the world; "
-        "they pass through each other\n"
+        "they pass through each other until they are apart; another pose (--pose) or "
+        "other initial positions (--initial) avoid it\n"
     ) in out
 
 

@@ -418,9 +418,42 @@ def test_a_robot_that_starts_in_the_ground_is_reported() -> None:
     assert str(report) == (
         f"warning: {robot.description.file}: links overlap in the initial pose: "
         "link2 and the world, link4 and the world, link5 and the world, link6 and the "
-        "world; they pass through each other"
+        "world; they pass through each other until they are apart; another pose "
+        "(--pose) or other initial positions (--initial) avoid it"
     )
     assert len(ad.Simulation(ad.build_diagram(robot, world="void")).report) == 0
+
+
+LIFTED_BALL = models.LIFT.replace("</inertial>", f"</inertial>{models.sphere(0.1)}")
+LIFT_CONTROLLERS = models.trajectory_controllers({"arm": ["slide"]})
+
+
+@pytest.mark.parametrize("pieces", [1, 23])
+def test_what_overlaps_at_the_start_collides_once_it_is_apart(
+    tmp_path: Path, pieces: int
+) -> None:
+    start = {"slide": -0.05}
+    robot = models.load(
+        tmp_path, LIFTED_BALL, LIFT_CONTROLLERS, initial_positions=start
+    )
+    sim = ad.Simulation(ad.build_diagram(robot))
+
+    heights = []
+    for goal in (0.0, 0.3, 0.0):
+        point = ad.JointTrajectoryPoint(positions=(goal,), time_from_start=0.8)
+        sim.controller("arm").send_goal(
+            ad.JointTrajectory(joint_names=("slide",), points=(point,))
+        )
+        now = sim.time
+        for piece in range(pieces):
+            sim.advance_to(now + (piece + 1) / pieces)
+        heights.append(sim.joint_states().position[0])
+
+    # It is in the ground at first, then lies on it.
+    np.testing.assert_allclose(heights, [0.0, 0.3, 0.1], atol=2e-3)
+    sim.reset()
+    sim.advance_to(0.5)
+    assert sim.joint_states().position[0] == pytest.approx(-0.05, abs=1e-3)
 
 
 def test_what_lies_on_the_ground_goes_on_in_a_rebuilt_diagram(tmp_path: Path) -> None:

@@ -132,6 +132,7 @@ from arm_drake.plant.contact import ContactForces
 from arm_drake.plant.kinematics import KinematicPlant, LinkFrames
 from arm_drake.plant.sensor_readings import ContactReadings, SensorReadings
 from arm_drake.python_system import PythonSystem
+from arm_drake.simulation.recording import BuildInfo
 
 PACKAGE = Path(arm_drake.__file__).parent
 
@@ -255,6 +256,7 @@ def make_contact_readings() -> ContactReadings:
 
 # How to make each system, small.
 FACTORIES: dict[type[LeafSystem], Callable[[], LeafSystem]] = {
+    BuildInfo: lambda: BuildInfo(ad.SimulationOptions(), "empty"),
     ContactForces: lambda: ContactForces(["link"]),
     WantedPositions: lambda: WantedPositions(2),
     MockHardware: lambda: MockHardware(

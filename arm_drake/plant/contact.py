@@ -1,6 +1,8 @@
 """Contact: forces between bodies, friction, and overlaps before anything moves."""
 
+import contextlib
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from pydrake.common.value import AbstractValue
@@ -100,15 +102,31 @@ def make_things_compliant(
     return True
 
 
+# A shape: its body's index, and which one of the body's it is. Identifiers of Drake's
+# would keep the plant alive.
+Shape = tuple[int, int]
+
+
+class Overlaps(NamedTuple):
+    """What overlaps in the initial pose."""
+
+    # Of each robot, in words.
+    robots: Mapping[ModelInstanceIndex, list[str]]
+
+    # Things of the world in one place, in words.
+    things: Sequence[str]
+
+    # Shapes of robots that pass through each other, until they are apart.
+    parted: Sequence[tuple[Shape, Shape]]
+
+
 def separate(
     diagram: Diagram,
     plant: MultibodyPlant,
     scene_graph: SceneGraph,
     free_links: Mapping[ModelInstanceIndex, Collection[str]],
-) -> tuple[dict[ModelInstanceIndex, list[str]], list[str]]:
+) -> Overlaps:
     """Let bodies pass through each other that overlap in the initial pose.
-
-    Return what overlaps of each robot, and things of the world in one place.
 
     Before that, things of the world are made fit to be held, see
     `make_things_compliant`. Contact would throw them apart: hulls are larger than
@@ -127,6 +145,7 @@ def separate(
         context = diagram.CreateDefaultContext()
         query = port.Eval(plant.GetMyContextFromRoot(context))
     found: dict[ModelInstanceIndex, set[str]] = {model: set() for model in free_links}
+    parted = []
     for pair in _overlapping_pairs(query, has_things=has_things):
         geometries = (pair.id_A, pair.id_B)
         bodies = [
@@ -138,12 +157,55 @@ def separate(
         if pair.depth < _SMALLEST_OVERLAP or _is_free_link_on_world(bodies, free_links):
             continue
         _part(scene_graph, geometries)
+        one, two = (
+            (
+                int(body.index()),
+                plant.GetCollisionGeometriesForBody(body).index(geometry),
+            )
+            for body, geometry in zip(bodies, geometries, strict=True)
+        )
+        parted.append((one, two))
         for body, other in (bodies, bodies[::-1]):
             model = body.model_instance()
             if model in found:
                 name = "the world" if other.index() == world_index() else other.name()
                 found[model].add(f"{body.name()} and {name}")
-    return {model: sorted(texts) for model, texts in found.items()}, merged
+    robots = {model: sorted(texts) for model, texts in found.items()}
+    return Overlaps(robots, merged, parted)
+
+
+def rejoin(
+    diagram: Diagram, context: Context, parted: Iterable[tuple[Shape, Shape]]
+) -> None:
+    """Have shapes that were let pass through each other collide, once they are apart.
+
+    Args:
+        diagram: A diagram of `build_diagram`, with physics.
+        context: Its root context; the filter that it holds is changed.
+        parted: What `separate` has parted.
+    """
+    plant = diagram.GetSubsystemByName("plant")
+    scene_graph = diagram.GetSubsystemByName("scene_graph")
+    assert isinstance(plant, MultibodyPlant)
+    assert isinstance(scene_graph, SceneGraph)
+    own = scene_graph.GetMyMutableContextFromRoot(context)
+    filters = scene_graph.collision_filter_manager(own)
+    port = plant.get_geometry_query_input_port()
+    query = port.Eval(plant.GetMyContextFromRoot(context))
+    apart = []
+    for pair in parted:
+        one, two = (
+            plant.GetCollisionGeometriesForBody(plant.get_body(BodyIndex(body)))[number]
+            for body, number in pair
+        )
+        # Of half spaces and meshes Drake doesn't know all distances.
+        with contextlib.suppress(RuntimeError):
+            if query.inspector().CollisionFiltered(one, two) and (
+                query.ComputeSignedDistancePairClosestPoints(one, two).distance > 0.0
+            ):
+                apart.append((GeometrySet([one]), GeometrySet([two])))
+    for sets in apart:
+        filters.Apply(CollisionFilterDeclaration().AllowBetween(*sets))
 
 
 def _part(scene_graph: SceneGraph, geometries: Iterable[GeometryId]) -> None:

@@ -13,9 +13,8 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
-from pydrake.systems.primitives import ConstantValueSource, VectorLogSink
+from pydrake.systems.framework import Context, Diagram, OutputPort
+from pydrake.systems.primitives import VectorLogSink
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
@@ -30,8 +29,9 @@ from arm_drake.messages import (
     JointState,
 )
 from arm_drake.options import SimulationOptions
-from arm_drake.plant.contact import CONTACT_LOG
+from arm_drake.plant.contact import CONTACT_LOG, Shape
 from arm_drake.plant.initial_poses import read_free_poses
+from arm_drake.python_system import PythonSystem
 from arm_drake.rollout.rollout import (
     GoalRecord,
     Reference,
@@ -283,26 +283,32 @@ def _references(
 _NAME = "build_info"
 
 
-class BuildInfo(NamedTuple):
-    """Options and world of a diagram."""
+class BuildInfo(PythonSystem):
+    """Keeps how a diagram was built.
 
-    options: SimulationOptions
+    .. pydrake_system::
 
-    # Name of the world.
-    world: str
+        name: BuildInfo
 
+    It has no ports and no state.
+    """
 
-def add_build_info(builder: DiagramBuilder, info: BuildInfo) -> None:
-    """Keep in a diagram how it is built."""
-    builder.AddNamedSystem(_NAME, ConstantValueSource(AbstractValue.Make(info)))
+    def __init__(self, options: SimulationOptions, world: str) -> None:
+        """Keep options, and the name of the world."""
+        super().__init__()
+        self.options, self.world = options, world
+
+        # Shapes that pass through each other at the start.
+        self.parted: Sequence[tuple[Shape, Shape]] = ()
+        self.set_name(_NAME)
 
 
 def find_build_info(diagram: Diagram) -> BuildInfo | None:
     """Return how a diagram was built, or None if it doesn't say."""
     if not diagram.HasSubsystemNamed(_NAME):
         return None
-    source = diagram.GetSubsystemByName(_NAME)
-    info: BuildInfo = source.get_output_port().Eval(source.CreateDefaultContext())
+    info = diagram.GetSubsystemByName(_NAME)
+    assert isinstance(info, BuildInfo)
     return info
 
 

@@ -20,6 +20,7 @@ from arm_drake.errors import InputError, OutputError, SimulationError
 from arm_drake.manager import MANAGER, SWITCH_PORT
 from arm_drake.messages import JointState, Message, Strictness, SwitchController
 from arm_drake.output_files import unbroken, writing
+from arm_drake.plant.contact import rejoin
 from arm_drake.plant.payloads import (
     Payload,
     Payloads,
@@ -49,7 +50,12 @@ from arm_drake.simulation.motion_files import (
     find_motion,
 )
 from arm_drake.simulation.playback import Player
-from arm_drake.simulation.recording import History, collect_rollout, read_joint_states
+from arm_drake.simulation.recording import (
+    History,
+    collect_rollout,
+    find_build_info,
+    read_joint_states,
+)
 from arm_drake.simulation.topics import TopicNames
 
 # Times of rows are rounded to nanoseconds [s].
@@ -231,6 +237,9 @@ def advance(simulator: Simulator, time: float) -> None:
 # Ticks between two looks at the controllers' news; they keep the latest 64.
 _TICKS_AT_A_TIME = 50
 
+# How often shapes that overlapped at the start are looked at [s].
+_LOOK_PERIOD = 0.1
+
 # A step is due at the first tick that isn't earlier by more than this part of a period.
 TICK_TOLERANCE = 1e-6
 
@@ -259,6 +268,8 @@ class Simulation:
         # Of the quickest controller manager [s].
         self.period = min(manager.period for manager in managers)
         self.simulator = Simulator(diagram)
+        info = find_build_info(diagram)
+        self._parted = () if info is None else info.parted
         self._on_event: list[Callable[[SimulationEvent], None]] = []
         self.recorders: list[Recorder] = []
         self.mailbox = Mailbox(diagram, self.simulator, managers)
@@ -458,13 +469,27 @@ class Simulation:
         if not time >= now or not math.isfinite(time):
             raise ValueError(f"can't go from {now} s to {time} s")
         while now < time:
-            advance(self.simulator, min(now + _TICKS_AT_A_TIME * self.period, time))
+            end = min(now + _TICKS_AT_A_TIME * self.period, time)
+            if self._parted:
+                end = min(end, self._next_look(now))
+            advance(self.simulator, end)
+            if self._parted and end == self._next_look(now):
+                rejoin(self.diagram, self.context, self._parted)
             for event in self.mailbox.collect():
                 for callback in self._on_event:
                     callback(event)
             for recorder in self.recorders:
                 recorder.update()
             now = self.time
+
+    def _next_look(self, time: float) -> float:
+        """Return when to look next whether parted shapes are apart [s].
+
+        These times are the same however a run is cut into pieces.
+        """
+        ticks = max(round(_LOOK_PERIOD / self.period), 1)
+        ticks *= math.floor(time / (ticks * self.period) + TICK_TOLERANCE) + 1
+        return ticks * self.period
 
     def run(
         self,
