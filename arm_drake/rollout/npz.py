@@ -51,7 +51,14 @@ def read_fields(path: Path, robot: str | None = None) -> dict[str, Any]:
         # NumPy doesn't close what it has opened itself, if it can't be read.
         with path.open("rb") as content, np.load(content) as file:
             arrays = dict(file)
-        static = read_static(bytes(arrays[_STATIC]).decode())
+        static = read_static(bytes(arrays.pop(_STATIC)).decode())
+        # Differences of booleans and of unsigned integers are none.
+        arrays = {
+            name: array.astype(float, copy=False)
+            if array.dtype.kind in "iub"
+            else array
+            for name, array in arrays.items()
+        }
         fields = {name: static[name] for name in STATIC_FIELDS}
         for name in ("time", "position", "velocity", "effort", "effort_limit"):
             fields[name] = arrays[name]

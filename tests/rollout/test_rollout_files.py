@@ -216,6 +216,19 @@ def test_arrays_of_something_else_are_refused(
     assert message in str(caught.value)
 
 
+@pytest.mark.parametrize("kind", ["?", "u1", "i8"])
+def test_other_numbers_are_read_as_floating_ones(tmp_path: Path, kind: str) -> None:
+    path, position = tmp_path / "a.npz", np.array([[3, 0], [2, 1], [0, 0], [1, 2]])
+    dc.replace(FULL, position=position.astype(kind)).save(path)
+
+    loaded = ad.Rollout.load(path)
+
+    expected = position.astype(kind).astype(float)
+    assert loaded.position.dtype == float
+    np.testing.assert_array_equal(loaded.position, expected)
+    loaded.plot(tmp_path / "plot.png")
+
+
 def test_pandas_gets_every_column() -> None:
     frame = FULL.to_pandas()
 
