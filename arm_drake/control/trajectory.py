@@ -144,6 +144,8 @@ class Knots(NamedTuple):
         return tuple(vector if is_given else None for vector, is_given in entries)
 
 
+# Numbers near the largest ones make infinite polynomials, which is no news of ours.
+@np.errstate(over="ignore", invalid="ignore")
 def make_polynomials(knots: Knots, durations: Array) -> list[Polynomial]:
     """Return the polynomial of every segment.
 

@@ -590,3 +590,12 @@ def test_a_copy_is_the_trajectory_itself():
     trajectory = make_trajectory(*LINES, **ZERO)
 
     assert copy.deepcopy(trajectory) is trajectory
+
+
+def test_the_largest_numbers_are_no_warning():
+    # Warnings are errors here.
+    end = 1e-6, {"positions": 1e308, "velocities": 1e308}
+
+    trajectory = make_trajectory(end, positions=0.0, velocities=0.0)
+
+    assert trajectory.sample(ns(1)).position == pytest.approx([1e308])
