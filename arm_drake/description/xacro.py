@@ -175,16 +175,16 @@ def expand_xacro(
     if "xacro" not in text and "$(" not in text:
         _check_unused(args, path, text, packages, report)
         return text
-    told = _run(path, args, packages)
-    files.update(packages.real(Path(name)) for name in told["opened"])
-    if "error" in told:
-        raise _explain(told, path, packages)
+    answer = _run(path, args, packages)
+    files.update(packages.real(Path(name)) for name in answer["opened"])
+    if "error" in answer:
+        raise _explain(answer, path, packages)
     if report is not None:
-        for line in told["said"].splitlines():
+        for line in answer["said"].splitlines():
             what = line.strip().removeprefix("warning: ")
             report.add("info", "ignored", what, "so says xacro", file=path)
-    _check_unused(told["unused"], path, text, packages, report)
-    return packages.real_paths(told["text"])
+    _check_unused(answer["unused"], path, text, packages, report)
+    return packages.real_paths(answer["text"])
 
 
 def _run(path: Path, args: Mapping[str, str], packages: PackageFinder) -> Any:
@@ -206,18 +206,18 @@ def _run(path: Path, args: Mapping[str, str], packages: PackageFinder) -> Any:
     ) as process:
         try:
             limits = {"cpu_time": CPU_TIME, "memory": MEMORY, "size": MAX_SIZE}
-            answer: Any = {**request, **limits}
+            message: Any = {**request, **limits}
             while True:
-                _send(process, answer)
+                _send(process, message)
                 line = process.stdout.readline() if process.stdout else ""
                 if not line:
                     break
-                told = json.loads(line)
-                if "find" not in told:
-                    return {**told, "failed": failed}
-                answer = None
+                answer = json.loads(line)
+                if "find" not in answer:
+                    return {**answer, "failed": failed}
+                message = None
                 try:
-                    answer = str(packages.find(told["find"]))
+                    message = str(packages.find(answer["find"]))
                 except PackageError as error:
                     failed = error
         finally:
@@ -281,17 +281,17 @@ def _read(path: Path) -> str:
 
 
 def _explain(
-    told: Mapping[str, Any], path: Path, packages: PackageFinder
+    answer: Mapping[str, Any], path: Path, packages: PackageFinder
 ) -> ArmDrakeError:
     """Return a xacro error in our words, with the chain of files that led to it."""
-    error = told["error"]
-    chain = [str(packages.real(Path(file))) for file in told["files"]]
+    error = answer["error"]
+    chain = [str(packages.real(Path(file))) for file in answer["files"]]
     file = Path(chain[-1]) if chain else path
     match error["kind"]:
         case "package":
-            return _list_missing(told["failed"], path, packages)
+            return _list_missing(answer["failed"], path, packages)
         case "recursion":
-            problem = _explain_recursion(chain, told["macros"])
+            problem = _explain_recursion(chain, answer["macros"])
             return DescriptionError(problem, file=file)
         case "xml":
             problem = f"malformed XML: {error['reason']}"

@@ -243,11 +243,11 @@ def main() -> None:
     values = _Arguments(request["arguments"])
     opened: list[str] = []
     with contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
-        told = _expand(request["file"], values, other, opened)
-    if len(told.get("text", "")) > request["size"]:
-        told = {"error": {"kind": "size"}, "files": [], "macros": []}
+        answer = _expand(request["file"], values, other, opened)
+    if len(answer.get("text", "")) > request["size"]:
+        answer = {"error": {"kind": "size"}, "files": [], "macros": []}
     unused = sorted(values.unused)
-    other.tell(**told, opened=opened, unused=unused, said=said.getvalue())
+    other.tell(**answer, opened=opened, unused=unused, said=said.getvalue())
 
 
 class _Arguments(dict[str, str]):
@@ -311,8 +311,8 @@ def _explain(error: Exception) -> dict[str, Any]:
     match cause:
         case OSError():
             name, is_missing = cause.filename, isinstance(cause, FileNotFoundError)
-            told = {"name": os.fsdecode(name or ""), "is_missing": is_missing}
-            return {"kind": "file", "reason": cause.strerror, **told}
+            details = {"name": os.fsdecode(name or ""), "is_missing": is_missing}
+            return {"kind": "file", "reason": cause.strerror, **details}
         case substitution_args.ArgException():
             return {"kind": "argument", "name": str(cause)}
     text = " ".join(str(error).split())

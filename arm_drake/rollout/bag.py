@@ -141,20 +141,20 @@ def tell_row(
         }
         yield BagMessage(f"{prefix}{COMMANDS}", COMMANDS_TYPE, time_ns, fields)
     for name, reference in rollout.references.items():
-        wanted = reference.position[row]
-        if np.all(np.isnan(wanted)):
+        reference_position = reference.position[row]
+        if np.all(np.isnan(reference_position)):
             continue
         columns = [rollout.joint_names.index(joint) for joint in reference.joint_names]
         fields = {
             "header": header,
             "joint_names": reference.joint_names,
-            "reference": {"positions": wanted},
+            "reference": {"positions": reference_position},
             "feedback": {
                 "positions": position[columns],
                 "velocities": velocity[columns],
             },
-            "error": {"positions": wanted - position[columns]},
-            "output": _output(rollout, row, reference.joint_names, wanted),
+            "error": {"positions": reference_position - position[columns]},
+            "output": _output(rollout, row, reference.joint_names, reference_position),
             "speed_scaling_factor": 1.0,
         }
         topic = f"{prefix}/{name}{CONTROLLER_STATE}"
@@ -172,15 +172,17 @@ def tell_row(
 
 
 def _output(
-    rollout: Rollout, row: int, joints: Sequence[str], wanted: Array
+    rollout: Rollout, row: int, joints: Sequence[str], reference_position: Array
 ) -> dict[str, Any]:
     """Return what a controller commands, if that is the positions that it wants."""
     names = [f"{joint}/position" for joint in joints]
     if not set(names) <= set(rollout.command_names):
         return {}
     columns = [rollout.command_names.index(name) for name in names]
-    is_same = np.array_equal(rollout.command[row, columns], wanted, equal_nan=True)
-    return {"positions": wanted} if is_same else {}
+    is_same = np.array_equal(
+        rollout.command[row, columns], reference_position, equal_nan=True
+    )
+    return {"positions": reference_position} if is_same else {}
 
 
 def tell_sent(message: SentMessage, prefix: str) -> Iterator[BagMessage]:

@@ -139,10 +139,10 @@ def _check_fields(fields: Mapping[str, Any]) -> None:
         shapes[f"pose of {link!r}"] = poses, (num_rows, 7)
     for link, forces in fields.get("contact_forces", {}).items():
         shapes[f"contact force of {link!r}"] = forces, (num_rows, 3)
-    for controller, (wanted, position) in fields["references"].items():
+    for controller, (joint_names, position) in fields["references"].items():
         what = f"reference of {controller!r}"
-        shapes[what] = position, (num_rows, len(wanted))
-        unknown = [joint for joint in wanted if joint not in joints]
+        shapes[what] = position, (num_rows, len(joint_names))
+        unknown = [joint for joint in joint_names if joint not in joints]
         if unknown:
             raise ValueError(
                 f"{what} is of a joint {unknown[0]!r} that the rollout doesn't have"

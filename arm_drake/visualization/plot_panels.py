@@ -270,7 +270,7 @@ class Tracked(NamedTuple):
 
     # Each of shape (N,), by what it is called in a legend; NaN where nothing was
     # wanted. Without any nothing ever was.
-    wanted: Mapping[str, Array]
+    references: Mapping[str, Array]
 
 
 class JointLimits(NamedTuple):
@@ -331,8 +331,8 @@ def _track_joint(rollout: Rollout, joint: str) -> Tracked:
     velocity = commanded(rollout, joint, interfaces.VELOCITY)
     if velocity is not None and not position:
         unit = unit_of(rollout, joint, interfaces.VELOCITY)
-        wanted = {"commanded velocity": velocity}
-        return Tracked(joint, unit, rollout.velocity[:, column], wanted)
+        references = {"commanded velocity": velocity}
+        return Tracked(joint, unit, rollout.velocity[:, column], references)
     unit = unit_of(rollout, joint, interfaces.POSITION)
     return Tracked(joint, unit, rollout.position[:, column], position)
 

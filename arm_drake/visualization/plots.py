@@ -61,10 +61,10 @@ def plot_effort(rollout: Rollout, joints: Sequence[str]) -> Picture:
         effort = rollout.effort[:, column]
         limit = float(rollout.effort_limit[column])
         draw_line(panel, rollout.time, effort, color=MEASURED, lw=2, label="applied")
-        wanted = commanded(rollout, joint, interfaces.EFFORT)
-        if wanted is not None:
+        reference = commanded(rollout, joint, interfaces.EFFORT)
+        if reference is not None:
             style = {"color": WANTED[0], "ls": DASHES[0], "lw": 1.0}
-            draw_line(panel, rollout.time, wanted, label="commanded effort", **style)
+            draw_line(panel, rollout.time, reference, label="commanded effort", **style)
         see_least(panel, unit)
         note = _draw_limit(panel, peak_of([effort]), limit, unit)
         if joint in saturation:
@@ -116,7 +116,7 @@ _LEAST = 0.01
 _SLIM = 0.4
 
 _MEASURED: dict[str, Any] = {"color": MEASURED, "lw": 3, "label": "measured"}
-_WANTED: dict[str, Any] = {
+_REFERENCE_LINE: dict[str, Any] = {
     "color": WANTED[0],
     "ls": DASHES[0],
     "lw": 1.2,
@@ -131,23 +131,23 @@ def plot_path(rollout: Rollout, link: str | None) -> Picture:
     have had it. Without a description, or such a link, it is an InputError.
     """
     link = rollout.find_tip() if link is None else link
-    way, wanted = find_way(rollout, link)
+    way, reference = find_way(rollout, link)
     picture = make_picture(*_PATH_SIZE)
     grid = picture.add_gridspec(3, 2, width_ratios=(1.25, 1.0))
-    draw_way(picture, grid[:, 0], way, wanted, link)
+    draw_way(picture, grid[:, 0], way, reference, link)
     first = picture.add_subplot(grid[0, 1])
     panels = [first, *(picture.add_subplot(grid[k, 1], sharex=first) for k in (1, 2))]
     for column, (panel, name) in enumerate(zip(panels, "xyz", strict=True)):
         panel.grid(alpha=0.3)
         panel.set_ylabel(f"{name} [m]")
         draw_line(panel, rollout.time, way[:, column], **_MEASURED)
-        if wanted is not None:
-            draw_line(panel, rollout.time, wanted[:, column], **_WANTED)
+        if reference is not None:
+            draw_line(panel, rollout.time, reference[:, column], **_REFERENCE_LINE)
         see_least(panel, "m")
         panel.tick_params(labelbottom=column == 2, labelsize="small")
     panels[-1].set_xlabel("time [s]")
-    if wanted is not None:
-        apart = np.linalg.norm(wanted - way, axis=1)
+    if reference is not None:
+        apart = np.linalg.norm(reference - way, axis=1)
         peak = peak_of([apart])
         unit = choose_unit("m", peak)
         text = f"at most {peak * unit.factor:.3g} {unit.name} from its reference"
@@ -160,20 +160,20 @@ def find_way(rollout: Rollout, link: str) -> tuple[Array, Array | None]:
     """Return where a link was, and where references would have had it."""
     way = rollout.link_poses(link)[:, :3]
     position = rollout.position.copy()
-    is_wanted = np.zeros(len(position), dtype=bool)
+    has_reference = np.zeros(len(position), dtype=bool)
     for name, values in _references(rollout):
         column = rollout.joint_names.index(name)
         is_finite = np.isfinite(values)
         position[is_finite, column] = values[is_finite]
-        is_wanted |= is_finite
-    wanted = dc.replace(rollout, position=position).link_poses(link)[:, :3]
-    wanted[~is_wanted] = np.nan
-    differs = np.any(np.abs(wanted - way) > 0.0)
-    return way, wanted if differs else None
+        has_reference |= is_finite
+    reference = dc.replace(rollout, position=position).link_poses(link)[:, :3]
+    reference[~has_reference] = np.nan
+    differs = np.any(np.abs(reference - way) > 0.0)
+    return way, reference if differs else None
 
 
 def draw_way(
-    picture: Picture, place: SubplotSpec, way: Array, wanted: Array | None, link: str
+    picture: Picture, place: SubplotSpec, way: Array, reference: Array | None, link: str
 ) -> Axes:
     """Draw a way in space, or from above if it is flat; return the panel."""
     is_finite = way[np.isfinite(way).all(axis=1)]
@@ -185,8 +185,8 @@ def draw_way(
     panel.set_title(title, loc="left", fontsize="small")
     draw = _drawer(panel)
     draw(way[:, :num_axes], **_MEASURED)
-    if wanted is not None:
-        draw(wanted[:, :num_axes], **_WANTED)
+    if reference is not None:
+        draw(reference[:, :num_axes], **_REFERENCE_LINE)
     if len(is_finite):
         point: dict[str, Any] = {"ls": "", "ms": 6, "mfc": "white", "color": LIMIT}
         draw(is_finite[:1, :num_axes], marker="o", label="start", **point)
@@ -228,7 +228,7 @@ def _frame(panel: Any, points: Array) -> None:
 
 
 def _references(rollout: Rollout) -> Iterator[tuple[str, Array]]:
-    """Yield joints and the positions that were wanted of them, each of shape (N,)."""
+    """Yield joints and the positions that they were to have, each of shape (N,)."""
     for reference in rollout.references.values():
         names: Sequence[str] = reference.joint_names
         for column, name in enumerate(names):
@@ -270,7 +270,7 @@ def plot_overview(rollout: Rollout, joints: Sequence[str], link: str | None) -> 
         panel.tick_params(labelsize="small")
     tracked = track(rollout, joints)
     # Joints that nobody commands, such as those of casters, are in the way.
-    followers = [each for each in tracked if each.wanted] or tracked
+    followers = [each for each in tracked if each.references] or tracked
     measured = {each.joint: each.measured for each in followers}
     ranges = {joint: values - values[:1] for joint, values in measured.items()}
     pen = _Pen(rollout.time)
@@ -279,9 +279,9 @@ def plot_overview(rollout: Rollout, joints: Sequence[str], link: str | None) -> 
     for each in followers:
         see_least(panels[0], each.unit)
     errors = {
-        each.joint: _largest([w - each.measured for w in each.wanted.values()])
+        each.joint: _largest([w - each.measured for w in each.references.values()])
         for each in followers
-        if each.wanted
+        if each.references
     }
     unit = choose_unit("", peak_of(errors.values()))
     errors = {joint: unit.factor * error for joint, error in errors.items()}
@@ -497,9 +497,9 @@ def plot_tracking(rollout: Rollout, joints: Sequence[str]) -> Picture:
     for panel, each in zip(panels, tracked, strict=True):
         style: dict[str, Any] = {"color": MEASURED, "lw": 3, "label": "measured"}
         draw_line(panel, rollout.time, each.measured, **style)
-        for label, wanted in each.wanted.items():
+        for label, reference in each.references.items():
             style = {"color": styles.colour(label), "ls": styles.dashes(label)}
-            draw_line(panel, rollout.time, wanted, lw=1.2, label=label, **style)
+            draw_line(panel, rollout.time, reference, lw=1.2, label=label, **style)
         see_least(panel, each.unit)
     add_legend(picture, panels)
     return picture
@@ -508,11 +508,11 @@ def plot_tracking(rollout: Rollout, joints: Sequence[str]) -> Picture:
 def plot_error(rollout: Rollout, joints: Sequence[str]) -> Picture:
     """Return reference less measurement over time, with tolerances of goals.
 
-    A joint of which nothing was wanted has no panel. All angles are in one unit, and so
+    A joint without references has no panel. All angles are in one unit, and so
     are all lengths.
     """
     tracked = track(rollout, joints)
-    followers = [each for each in tracked if each.wanted]
+    followers = [each for each in tracked if each.references]
     units = _common_units(followers)
     picture, panels = make_time_panels(
         [f"{each.joint} [{units[each.unit].name}]" for each in followers]
@@ -521,14 +521,14 @@ def plot_error(rollout: Rollout, joints: Sequence[str]) -> Picture:
     for panel, each in zip(panels, followers, strict=True):
         unit = units[each.unit]
         panel.axhline(0.0, color="0.6", lw=0.8)
-        for label, wanted in each.wanted.items():
-            error = unit.factor * (wanted - each.measured)
+        for label, reference in each.references.items():
+            error = unit.factor * (reference - each.measured)
             style = {"color": styles.colour(label), "label": f"{label} − measured"}
             draw_line(panel, rollout.time, error, lw=1.2, **style)
         see_least(panel, each.unit, 1e-4 * unit.factor)
         if not each.unit.endswith("/s"):
             _draw_tolerances(panel, _tolerances(rollout, each.joint), unit)
-    idle = [each.joint for each in tracked if not each.wanted]
+    idle = [each.joint for each in tracked if not each.references]
     if idle:
         say_below(picture, "nothing was wanted of", idle)
     add_legend(picture, panels)
@@ -539,7 +539,7 @@ def _common_units(tracked: Sequence[Tracked]) -> dict[str, Unit]:
     errors: dict[str, list[Array]] = {}
     for each in tracked:
         found = errors.setdefault(each.unit, [])
-        found += [wanted - each.measured for wanted in each.wanted.values()]
+        found += [reference - each.measured for reference in each.references.values()]
     return {unit: choose_unit(unit, peak_of(found)) for unit, found in errors.items()}
 
 
@@ -547,7 +547,7 @@ class _Styles:
     """Lines look alike that have the same label."""
 
     def __init__(self, tracked: Sequence[Tracked]) -> None:
-        labels = dict.fromkeys(label for each in tracked for label in each.wanted)
+        labels = dict.fromkeys(label for each in tracked for label in each.references)
         self._numbers = {label: number for number, label in enumerate(labels)}
 
     def colour(self, label: str) -> str:
