@@ -52,7 +52,7 @@ lint: setup
 
 # README, pages, notebooks and the API reference, in out/docs/index.html.
 docs: setup
-	$(BIN)/python -W error docs/make_site.py out/docs
+	$(BIN)/python -m sphinx -q -W --keep-going -c docs . out/docs
 
 # Its extra is what we are compared with; it stays installed.
 bench: setup

@@ -4,6 +4,8 @@ import dataclasses as dc
 import importlib.util
 import inspect
 import re
+import subprocess
+import sys
 from html.parser import HTMLParser
 from pathlib import Path
 from types import ModuleType
@@ -16,10 +18,8 @@ import arm_drake as ad
 ROOT = Path(__file__).parents[1]
 
 
-def load_make_site() -> ModuleType:
-    spec = importlib.util.spec_from_file_location(
-        "make_site", ROOT / "docs/make_site.py"
-    )
+def load_configuration() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("conf", ROOT / "docs/conf.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -27,8 +27,7 @@ def load_make_site() -> ModuleType:
     return module
 
 
-make_site = load_make_site()
-PAGES = sorted(make_site.list_pages())
+field_comments = load_configuration().field_comments
 
 
 class Page(HTMLParser):
@@ -46,90 +45,100 @@ class Page(HTMLParser):
         self.links += [values[key] or "" for key in ("href", "src") if key in values]
 
 
-@pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the site; a warning while it is made is an error."""
-    folder = tmp_path_factory.mktemp("site")
-    make_site.make_site(folder)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def pages(site: Path) -> dict[Path, Page]:
-    return {file: Page(file) for file in sorted(site.rglob("*.html"))}
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_links_lead_to_files_and_headings(page: Path) -> None:
-    for link in make_site.list_links(make_site.read_markdown(page)):
-        if "://" in link:
-            continue
-        target, anchor = urldefrag(link)
-        file = page.parent / target if target else page
-        assert file.exists(), link
-        if anchor:
-            assert anchor in make_site.list_anchors(make_site.read_markdown(file)), link
-
-
-def test_anchors_are_those_of_github() -> None:
-    text = "# Add `a` robot: how?\n\n## Two words_and-more\n\n## Two words_and-more\n"
-
-    assert make_site.list_anchors(text) == {
-        "add-a-robot-how",
-        "two-words_and-more",
-        "two-words_and-more-1",
-    }
-
-
+# One test, for the site is made once: all of what follows is seen on it.
 @pytest.mark.slow
-def test_all_links_of_the_site_lead_into_it(pages: dict[Path, Page]) -> None:
+def test_the_site_is_whole(tmp_path: Path) -> None:
+    words = ["-q", "-W", "--keep-going", "-c", "docs", "-d", str(tmp_path / "trees")]
+    site = tmp_path / "site"
+    # `make docs` runs the notebooks too.
+    words += ["-D", "nb_execution_mode=off", ".", str(site)]
+
+    done = subprocess.run(
+        [sys.executable, "-m", "sphinx", *words],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+    # Sphinx warns of links and anchors of the pages that lead nowhere.
+    assert done.stdout + done.stderr == ""
+    assert done.returncode == 0
+    pages = {file: Page(file) for file in sorted(site.rglob("*.html"))}
+    check_pages(site, pages)
+    check_links(pages)
+    check_that_nothing_is_fetched(site)
+    check_reference(site / "docs/api")
+
+
+def check_pages(site: Path, pages: dict[Path, Page]) -> None:
+    """Every page is there, and the menu begins with the tutorials."""
+    sources = [*ROOT.glob("docs/**/*.md"), *ROOT.glob("notebooks/*.ipynb")]
+    for source in sources:
+        assert site / source.relative_to(ROOT).with_suffix(".html") in pages
+    links = pages[site / "index.html"].links
+    menu = [link for link in links if link.startswith(("docs/", "notebooks/"))]
+    names = [link.removesuffix(".html") for link in dict.fromkeys(menu)]
+    assert names[:2] == ["docs/tutorials", "docs/coming_from_ros"]
+    order = ["notebooks/01_quick_start", "docs/add_a_controller", "docs/api/start"]
+    places = [names.index(name) for name in order]
+    assert places == sorted(places)
+    # Headings have the names that they have on GitHub.
+    anchors = pages[site / "docs/servo.html"].ids
+    assert "the-joint-servo-from-a-command-to-an-effort" in anchors
+
+
+def check_links(pages: dict[Path, Page]) -> None:
+    """All links lead to a page of the site, and to a place that it has."""
     lost = []
     for file, page in pages.items():
         for link in page.links:
             target, anchor = urldefrag(unquote(link))
-            to = (file.parent / target).resolve() if target else file
-            if "://" in link or link.startswith("data:"):
+            to = (file.parent / target.partition("?")[0]).resolve() if target else file
+            if "://" in link or link.startswith(("data:", "#")):
                 continue
             if not to.exists() or (anchor and anchor not in pages[to].ids):
                 lost.append(f"{file.name}: {link}")
 
     assert lost == []
-    assert len(pages) > len(PAGES)
 
 
-@pytest.mark.slow
-def test_a_page_fetches_nothing(pages: dict[Path, Page]) -> None:
-    for file in pages:
+def check_that_nothing_is_fetched(site: Path) -> None:
+    """No page loads a script, a style, a font or a picture from elsewhere."""
+    for file in site.rglob("*.html"):
         text = file.read_text(encoding="utf-8")
-        assert (
-            re.findall(r"""<(?:script|link|img)[^>]*(?:src|href)="?http""", text) == []
-        )
+        found = re.findall(r"""<(?:script|link|img)[^>]*(?:src|href)="?http""", text)
+        assert found == [], file
+    for file in site.rglob("*.css"):
+        text = file.read_text(encoding="utf-8")
+        assert re.findall(r"""(?:@import|url\()\s*["']?http""", text) == [], file
 
 
-@pytest.mark.slow
-def test_every_public_name_is_in_the_reference(pages: dict[Path, Page]) -> None:
-    (reference,) = (
-        page for file, page in pages.items() if file.match("api/arm_drake.html")
-    )
-
+def check_reference(folder: Path) -> None:
+    """Every public name has its place, and methods and fields say what they mean."""
+    files = sorted(folder.glob("*.html"))
+    ids = set().union(*(Page(file).ids for file in files))
     for name in ad.__all__:
-        assert name in reference.ids
+        assert f"arm_drake.{name}" in ids, f"{name}: to be added to a page of docs/api"
         public = getattr(ad, name)
         assert inspect.getdoc(public), name
         if inspect.isclass(public):
             for method, value in vars(public).items():
                 if inspect.isfunction(value) and not method.startswith("_"):
-                    assert f"{name}.{method}" in reference.ids
+                    assert f"arm_drake.{name}.{method}" in ids
                     assert inspect.getdoc(getattr(public, method)), f"{name}.{method}"
+    text = (folder / "start.html").read_text(encoding="utf-8")
+    order = ["load_robot", "build_diagram", "Simulation"]
+    places = [text.index(f'id="arm_drake.{name}"') for name in order]
+    assert places == sorted(places)
+    assert "arm_drake.SimulationOptions.friction_compensation" in ids
+    assert "Whether the servo knows the robot’s weight" in text
 
 
-@pytest.mark.slow
-def test_the_reference_says_what_fields_mean(site: Path) -> None:
-    text = (site / "api/arm_drake.html").read_text(encoding="utf-8")
+def test_every_option_says_what_it_means() -> None:
+    fields = {field.name for field in dc.fields(ad.SimulationOptions)}
 
-    comments = make_site.field_comments(ad.SimulationOptions)
-    assert set(comments) == {field.name for field in dc.fields(ad.SimulationOptions)}
-    assert "Whether the dry friction of <code>&lt;dynamics friction&gt;</code>" in text
+    assert set(field_comments(ad.SimulationOptions)) == fields
 
 
 def test_fields_without_a_line_between_them_share_a_comment() -> None:
@@ -143,7 +152,7 @@ def test_fields_without_a_line_between_them_share_a_comment() -> None:
 
         name: str = ""
 
-    assert make_site.field_comments(Point) == {
+    assert field_comments(Point) == {
         "x": "Where it is [m].",
         "y": "Where it is [m].",
         "size": "[m]",
