@@ -50,8 +50,10 @@ lint: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-# README, pages, notebooks and the API reference, in out/docs/index.html.
+# README, pages, notebooks with their results and the API reference, in
+# out/docs/index.html. A warning is an error.
 docs: setup
+	rm -rf out/docs
 	$(BIN)/python -m sphinx -q -W --keep-going -c docs . out/docs
 
 # Its extra is what we are compared with; it stays installed.

@@ -24,6 +24,7 @@ extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 include_patterns = ["index.md", "docs/**.md", "notebooks/*", "models/**README.md"]
 exclude_patterns = [".*", "arm_drake", "configs", "out", "tests"]
 html_theme = "furo"
+pygments_dark_style = "monokai"
 html_static_path = ["static"]
 html_css_files = ["site.css"]
 html_show_sourcelink = html_copy_source = html_show_copyright = False
@@ -53,8 +54,8 @@ def setup(app: Sphinx) -> None:
     """Have dataclasses say what their fields mean, and notebooks run without a word."""
     # The reader's browser reaches no page of theirs: a scene stands in the cell.
     os.environ["BINDER_LAUNCH_HOST"] = project
-    # Kernels warn of TCP, which anybody on the machine can listen to.
-    KernelManager.transport.default_value = "ipc"
+    # Else each kernel warns that others on the machine can listen.
+    KernelManager.transport_encryption.default_value = "auto"
     logging.getLogger("traitlets").setLevel(logging.WARNING)
     app.connect("autodoc-process-docstring", _add_fields)
 
