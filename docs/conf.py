@@ -1,7 +1,8 @@
 """The site of `make docs`: Sphinx, with MyST's notebooks and the theme furo.
 
 README, pages, notebooks and the API reference, which is made of docstrings and of the
-comments above dataclasses' fields. Nothing is fetched when the site is looked at.
+comments above dataclasses' fields. Nothing is fetched when the site is looked at:
+equations are text, for MathJax would be.
 """
 
 import ast
