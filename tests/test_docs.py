@@ -16,10 +16,11 @@ import pytest
 import arm_drake as ad
 
 ROOT = Path(__file__).parents[1]
+CONFIGURATION = ROOT / "docs/conf.py"
 
 
 def load_configuration() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("conf", ROOT / "docs/conf.py")
+    spec = importlib.util.spec_from_file_location("conf", CONFIGURATION)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -68,6 +69,7 @@ def test_the_site_is_whole(tmp_path: Path) -> None:
     check_pages(site, pages)
     check_links(pages)
     check_that_nothing_is_fetched(site)
+    check_that_it_fits_a_phone(pages)
     check_reference(site / "docs/api")
 
 
@@ -114,6 +116,15 @@ def check_that_nothing_is_fetched(site: Path) -> None:
         assert re.findall(r"""(?:@import|url\()\s*["']?http""", text) == [], file
 
 
+def check_that_it_fits_a_phone(pages: dict[Path, Page]) -> None:
+    """Pages have the width of the screen, and what is wider scrolls in itself."""
+    for file in pages:
+        text = file.read_text(encoding="utf-8")
+        assert 'name="viewport"' in text
+        tables = text.count("<table")
+        assert len(re.findall(r'class="table-wrapper[^>]*>\s*<table', text)) == tables
+
+
 def check_reference(folder: Path) -> None:
     """Every public name has its place, and methods and fields say what they mean."""
     files = sorted(folder.glob("*.html"))
@@ -133,6 +144,13 @@ def check_reference(folder: Path) -> None:
     assert places == sorted(places)
     assert "arm_drake.SimulationOptions.friction_compensation" in ids
     assert "Whether the servo knows the robot’s weight" in text
+
+
+def test_make_docs_takes_warnings_as_errors_and_runs_the_notebooks() -> None:
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+
+    assert "-m sphinx -q -W --keep-going -c docs . out/docs\n" in makefile
+    assert 'nb_execution_mode = "force"' in CONFIGURATION.read_text(encoding="utf-8")
 
 
 def test_every_option_says_what_it_means() -> None:
