@@ -585,6 +585,14 @@ def test_samples_are_the_same_every_time(tmp_path: Path) -> None:
     np.testing.assert_array_equal(one.gravity, other.gravity)
 
 
+def test_picked_joints_are_sampled_as_the_product_says(tmp_path: Path) -> None:
+    plant = alone(tmp_path, models.TWO_LINKS)
+    whole = sample_dynamics(plant, np.eye(2)).mass_matrix
+    for N in (np.eye(2)[:, ::-1], np.eye(2)[:, 1:], np.array([[1.0], [0.5]])):
+        picked = sample_dynamics(plant, N).mass_matrix
+        np.testing.assert_array_equal(picked, [N.T @ mass @ N for mass in whole])
+
+
 def test_a_master_has_the_inertia_and_damping_of_its_followers(tmp_path: Path) -> None:
     urdf = models.GRIPPER.replace("<mimic", '<dynamics damping="0.8"/><mimic')
 
