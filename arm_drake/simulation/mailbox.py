@@ -1,7 +1,7 @@
 """Messages into a running diagram, its events, and the handles of goals."""
 
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, Self, TypeAlias
 
 from pydrake.common.value import AbstractValue
 from pydrake.systems.analysis import Simulator
@@ -115,6 +115,13 @@ class _Source(NamedTuple):
     name: str
 
 
+class _Messages(tuple[Message, ...]):
+    """Messages on a port, which copy as themselves, as each of them does."""
+
+    def __deepcopy__(self, memo: dict[int, object]) -> Self:
+        return self
+
+
 class Sent(NamedTuple):
     """A message that was put on a port."""
 
@@ -165,7 +172,10 @@ class Mailbox:
         self._next_event = [0] * len(self._sources)
 
         # What lies on the ports, and since when [s].
-        self._published: dict[str, list[tuple[float, Message]]] = {}
+        self._lying: dict[str, list[tuple[float, Message]]] = {}
+
+        # When [s] and for what period [s] a port got its last value, and the value.
+        self._published: dict[str, tuple[float, float, _Messages]] = {}
 
         # Goals, and other messages with the place that they come from, by their id.
         self._handles: dict[int, GoalHandle] = {}
@@ -196,7 +206,7 @@ class Mailbox:
 
     def _forget_places(self) -> None:
         """Forget where messages came from that lie on no port and weren't refused."""
-        lying = [m for sent in self._published.values() for _, m in sent]
+        lying = [m for sent in self._lying.values() for _, m in sent]
         reported = [getattr(event, "message", None) for event in self.rejected]
         reported += [getattr(event, "request", None) for event in self.failures]
         kept = {id(message) for message in (*lying, *reported)}
@@ -219,16 +229,22 @@ class Mailbox:
         self.sent.append(Sent(time, port, message))
         # What the context doesn't know was sent after it: it is one of before.
         lying = input_port.Eval(context) if input_port.HasValue(context) else ()
-        known = set(map(id, lying)) if isinstance(lying, tuple) else {id(lying)}
-        recent = [
-            (sent, other)
-            for sent, other in self._published.get(port, ())
-            if sent > time - 2.0 * period and id(other) in known
-        ]
-        self._published[port] = [*recent, (time, message)]
-        messages = tuple(message for _, message in self._published[port])
-        value = AbstractValue.Make(messages)
-        input_port.FixValue(context, value)
+        last = self._published.get(port)
+        if last is None or last[:2] != (time, period) or last[2] is not lying:
+            known = set(map(id, lying)) if isinstance(lying, tuple) else {id(lying)}
+            sent = [
+                (at, other)
+                for at, other in self._lying.get(port, ())
+                if at > time - 2.0 * period and id(other) in known
+            ]
+            self._lying[port] = sent
+            lying = tuple(other for _, other in sent)
+        # Else all that was kept then is kept now.
+        self._lying[port].append((time, message))
+        lying += (message,)  # Quicker than to unpack it: it may be long.
+        messages = _Messages(lying)
+        self._published[port] = (time, period, messages)
+        input_port.FixValue(context, AbstractValue.Make(messages))
 
     def eval_output(self, port: str) -> Any:
         """Return the present value of an output port of the diagram."""

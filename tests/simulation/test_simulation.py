@@ -805,3 +805,26 @@ def test_a_simulation_that_cannot_go_on_says_when_and_why(tmp_path):
     with pytest.raises(SimulationError, match=r"^the simulation can't go on at 0\.1"):
         sim.run(0.1)
     assert len(sim.rollout().time) > 0
+
+
+def test_messages_of_one_instant_lie_in_order_as_their_context_knows_them(sim):
+    port, messages = f"{JTC}.joint_trajectory", [trajectory([0.1] * 6) for _ in "abcd"]
+
+    def lying() -> list[int]:
+        value = sim.diagram.GetInputPort(port).Eval(sim.simulator.get_context())
+        return [next(k for k, m in enumerate(messages) if m is v) for v in value]
+
+    for message in messages[:2]:
+        sim.mailbox.publish(port, message, sim.period)
+    before = sim.simulator.get_context().Clone()
+    sim.mailbox.publish(port, messages[2], sim.period)
+    assert lying() == [0, 1, 2]
+
+    sim.simulator.reset_context(before)
+    assert lying() == [0, 1]
+    sim.mailbox.publish(port, messages[3], sim.period)
+    assert lying() == [0, 1, 3]
+
+    sim.run(3.0 * sim.period)
+    sim.mailbox.publish(port, messages[0], sim.period)
+    assert lying() == [0]
