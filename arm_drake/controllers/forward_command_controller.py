@@ -169,6 +169,8 @@ class ForwardCommandController(ForwardControllersBase):
     hardware can follow them.
     """
 
+    reads_by_now = True
+
     def __init__(
         self,
         parameters: ForwardCommandControllerParameters,
@@ -185,6 +187,8 @@ class MultiInterfaceForwardCommandController(ForwardControllersBase):
     Vectors are in the order of ``interface_names``, k of them. All else is as in
     ForwardCommandController.
     """
+
+    reads_by_now = True
 
     def __init__(
         self,
@@ -204,6 +208,8 @@ class JointGroupController(ForwardControllersBase):
 
     All else is as in ForwardCommandController.
     """
+
+    reads_by_now = True
 
     def __init__(
         self,

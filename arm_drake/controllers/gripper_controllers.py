@@ -278,7 +278,7 @@ class GripperControllerBase(TopicController[GripperState]):
         """Return the command, shape (k,), for a target and the effort of the tick."""
 
     def _activate(self, now: UpdateContext, state: GripperState) -> GripperState:
-        position, _ = self._read(now.context).tolist()
+        position, _ = self._measured_now(now).tolist()
         pid = None if self._pid is None else self._pid.initial()
         return state._replace(target=self._target_at(position), pid=pid)
 
@@ -309,7 +309,7 @@ class GripperControllerBase(TopicController[GripperState]):
 
         It does so while it is inactive, too.
         """
-        position, velocity = self._read(now.context).tolist()
+        position, velocity = self._measured_now(now).tolist()
         state = state._replace(position=position, velocity=velocity)
         state = super()._receive(now, state, obstacle)
         goal = state.goal
@@ -418,6 +418,7 @@ class GripperActionController(GripperControllerBase):
     """
 
     goal_type = GripperCommandGoal
+    reads_by_now = True
 
     def __init__(
         self,
@@ -474,6 +475,7 @@ class ParallelGripperActionController(GripperControllerBase):
     """
 
     goal_type = ParallelGripperCommandGoal
+    reads_by_now = True
 
     def __init__(
         self,

@@ -219,10 +219,11 @@ class Loop:
 
     def finish_quietly(
         self, ticks: UpdateResults, cycle: Cycle, state: ManagerState
-    ) -> ManagerState:
-        """Return what `finish` does if nothing has come, switches or can fail."""
+    ) -> ManagerState | None:
+        """Return what `finish` does if nothing comes or switches; None if one fails."""
         values = state.values.copy()
-        self._claimants.write(ticks, cycle, state.cycle, values)
+        if self._claimants.write(ticks, cycle, state.cycle, values):
+            return None
         return ManagerState(
             cycle,
             state.active,
@@ -595,6 +596,7 @@ class ControllerManager(PythonSystem):
         ticks = {**old.ticks}
         for name, controller in controllers:
             ticks[name] = controller.tick(cycle, hardware)
+        # Where one fails, the full way decides what follows.
         return self._loop.finish_quietly(ticks, cycle, old)
 
     def _tick(self, context: Context, old: ManagerState) -> ManagerState:

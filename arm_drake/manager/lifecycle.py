@@ -428,12 +428,11 @@ class TickKeeper:
     ) -> tuple[tuple[str, TickingController[Any]], ...] | None:
         """Return who ticks while nothing comes or switches; all others sleep then.
 
-        None if one of them needs its port or can fail.
+        None if one of them needs its port.
         """
         awake = [m for name, m in self._members.items() if name not in state.asleep]
         for member in awake:
-            is_simple = member.is_direct and not member.system.can_fail
-            if not is_simple or member.name not in state.active:
+            if not member.is_direct or member.name not in state.active:
                 return None
         return tuple((member.name, member.system) for member in awake)
 

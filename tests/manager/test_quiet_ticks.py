@@ -7,6 +7,7 @@ in full, too, and compared. How many were quiet is counted.
 import dataclasses as dc
 import functools
 from collections import defaultdict
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -27,7 +28,15 @@ from arm_drake.manager import ControllerManager
 from arm_drake.manager.controller_manager import SWITCH_PORT
 from arm_drake.manager.hardware_interfaces import HardwareInterfaces
 from arm_drake.manager.loaded_controllers import LoadedController
-from arm_drake.messages import JointTrajectory, JointTrajectoryPoint, SwitchController
+from arm_drake.messages import (
+    Float64MultiArray,
+    GripperCommandGoal,
+    JointTrajectory,
+    JointTrajectoryPoint,
+    SwitchController,
+)
+from arm_drake.messages.control import GripperCommand
+from tests import models
 from tests.conformance.jtc_players import NAME, Dict, Player, flatten, load
 from tests.conformance.test_oracle_jtc_scenarios import INPUTS, OUTPUTS, REPLAYED
 
@@ -285,3 +294,70 @@ def read_state(simulator: Simulator) -> list[Any]:
     state = context.get_discrete_state()
     vectors = [state.value(i).tobytes() for i in range(state.num_groups())]
     return [context.get_time(), *vectors]
+
+
+FORWARD = """
+controller_manager:
+  ros__parameters:
+    update_rate: 100
+    arm: {type: forward_command_controller/ForwardCommandController}
+arm:
+  ros__parameters:
+    joints: [joint1, joint2, joint3, joint4, joint5, joint6]
+    interface_name: position
+"""
+
+
+def test_a_forward_controller_ticks_quietly_until_it_fails(
+    count: Count, tmp_path: Path
+) -> None:
+    file = tmp_path / "controllers.yaml"
+    file.write_text(FORWARD)
+    robot = ad.load_robot("doosan_a0912", controllers=file)
+    options = ad.SimulationOptions(preset="fast", time_step=PERIOD)
+    sim = ad.Simulation(ad.build_diagram(robot, options=options))
+    sim.topic("/arm/commands").publish([0.1] * 6)
+    sim.run(1.0)
+    assert count.share > 0.95
+    num_full = count.num_full
+
+    message = Float64MultiArray(data=(0.1,))
+    sim.mailbox.publish("arm.commands", message, PERIOD)
+    sim.run(0.2)
+
+    assert len(sim.failures) == 1
+    assert count.num_full == num_full + 2
+    np.testing.assert_allclose(sim.joint_states().position[:6], 0.1, atol=1e-3)
+
+
+def test_gazebo_s_controllers_tick_quietly(count: Count) -> None:
+    robot = ad.load_robot("mycobot_280", xacro_args={"control": "gazebo"})
+    sim = ad.Simulation(ad.build_diagram(robot, world="void"))
+    joint = "link1_to_link2"
+    sim.topic(f"/model/mycobot_280/joint/{joint}/cmd_pos").publish(-0.5)
+    sim.run(0.3)
+
+    assert count.share > 0.9
+    state = sim.joint_states()
+    assert state.position[state.name.index(joint)] < -0.05
+
+
+HAND = """
+controller_manager:
+  ros__parameters:
+    update_rate: 100
+    hand: {type: position_controllers/GripperActionController}
+hand: {ros__parameters: {joint: finger}}
+"""
+
+
+def test_a_gripper_ticks_quietly(count: Count, tmp_path: Path) -> None:
+    robot = models.load(tmp_path, models.GRIPPER, HAND)
+    sim = ad.Simulation(ad.build_diagram(robot, world="void"))
+    sim.run(0.1)
+    goal = sim.controller("hand").send_goal(GripperCommandGoal(GripperCommand(0.2)))
+    sim.run(1.0)
+
+    assert goal.status.is_terminal
+    assert goal.result is not None
+    assert count.share > 0.9

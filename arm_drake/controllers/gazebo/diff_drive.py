@@ -201,6 +201,8 @@ class DiffDrive(TopicController[GazeboDriveState]):
     A message with a number that isn't finite is dropped, which Gazebo takes.
     """
 
+    reads_by_now = True
+
     def __init__(self, tag: DiffDriveTag, params: ControllerInterfaceParams) -> None:
         """Create the system."""
         radius = tag.wheel_radius
@@ -253,7 +255,7 @@ class DiffDrive(TopicController[GazeboDriveState]):
         state = state._replace(limited=((v, w), last), command=command)
         if not state.counts:
             return state._replace(counts=True)
-        left, right = self._read(now.context).tolist()
+        left, right = self._measured_now(now).tolist()
         odometry = self._kinematics.from_positions(state.odometry, left, right, dt)
         state = state._replace(odometry=odometry)
         if now.time_ns - state.published_ns < self._period_ns:
@@ -474,7 +476,7 @@ class GazeboRosDiffDrive(TopicController[ClassicDriveState]):
         self, now: UpdateContext, state: ClassicDriveState
     ) -> ClassicDriveState:
         state = self._receive(now, state)
-        rims = self._read(now.context).reshape(-1, 2) * self._radii
+        rims = self._measured_now(now).reshape(-1, 2) * self._radii
         if now.time_ns:
             left, right = rims[0].tolist()
             dt = now.period_ns / NANOSECONDS

@@ -117,7 +117,7 @@ class GazeboCommandBase(TopicController[JointCommandState]):
         self, now: UpdateContext, state: JointCommandState
     ) -> JointCommandState:
         state = self._receive(now, state)
-        measured = self._read(now.context)
+        measured = self._measured_now(now)
         dt = now.period_ns / NANOSECONDS
         pid, values = self._step(state.pid, measured, state.targets, dt)
         command = self._forces.to_efforts(values)
@@ -222,6 +222,8 @@ class JointController(GazeboCommandBase):
     mimic joints, activations.
     """
 
+    reads_by_now = True
+
     def __init__(
         self,
         tags: tuple[JointControllerTag, ...],
@@ -289,6 +291,8 @@ class JointPositionController(GazeboCommandBase):
     its master. Of two tags with the same joint the last one moves it. An activation
     starts from the tags' initial values; when it ends, efforts and velocities are 0.
     """
+
+    reads_by_now = True
 
     def __init__(
         self,

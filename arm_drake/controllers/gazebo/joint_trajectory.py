@@ -174,6 +174,8 @@ class JointTrajectoryController(TopicController[GazeboTrajectoryState]):
     positions; when it ends, efforts are 0.
     """
 
+    reads_by_now = True
+
     def __init__(
         self,
         tag: JointTrajectoryControllerTag,
@@ -221,7 +223,7 @@ class JointTrajectoryController(TopicController[GazeboTrajectoryState]):
         state = self._advance(now, self._receive(now, state))
         targets = state.targets
         wanted = np.concatenate([targets.position, targets.velocity])
-        error = self._read(now.context) - wanted
+        error = self._measured_now(now) - wanted
         pid, parts = self._pid.step(state.pid, error, now.period_ns / NANOSECONDS)
         n = len(self._at)
         command = self._forces.to_efforts(parts[:n] + parts[n:] + targets.effort)

@@ -222,9 +222,9 @@ class JointForces(Message):
         here = forces[self._force]
         limited = np.minimum(np.maximum(here, -self._limit), self._limit)
         # It adds in the order of the places, on every machine.
-        efforts: Array = np.zeros(len(self.joints))
-        np.add.at(efforts, self._joint, self._multiplier * limited)
-        return efforts
+        weights, k = self._multiplier * limited, len(self.joints)
+        # Of no forces it counts in whole numbers.
+        return np.bincount(self._joint, weights, minlength=k).astype(float)
 
 
 GazeboTag = (
