@@ -377,9 +377,9 @@ class TickReader(ControllerInterface, Generic[S]):
 
     def _measured_now(self, now: UpdateContext) -> Array:
         """Return the measured `state_interfaces`; NaN where there is none."""
-        if now.given is None:
+        if now.hardware_values is None:
             return self._read(now.context)
-        return now.given.motions[self._read_at]
+        return now.hardware_values.motions[self._read_at]
 
     def _read_commands(self, now: UpdateContext) -> Array:
         """Return the present values of the command interfaces, shape (k,).
@@ -392,7 +392,7 @@ class TickReader(ControllerInterface, Generic[S]):
         for port in self._values:
             present = now.cycle.commands
             if present is None:
-                hardware = now.given
+                hardware = now.hardware_values
                 present = (
                     port.Eval(now.context) if hardware is None else hardware.values
                 )

@@ -86,7 +86,7 @@ class HardwareValues(NamedTuple):
 class UpdateContext(NamedTuple):
     """When and where a tick happens."""
 
-    # Where inputs are read; None if all that is read is given.
+    # Where inputs are read; None if `hardware_values` has all that is read.
     context: Context
 
     time_ns: int
@@ -99,7 +99,8 @@ class UpdateContext(NamedTuple):
     # Whether nothing can have come on the controller's ports since it last looked.
     is_quiet: bool = False
 
-    given: HardwareValues | None = None
+    # What else is read, where the manager has it at hand.
+    hardware_values: HardwareValues | None = None
 
 
 # Its older public name.

@@ -713,11 +713,7 @@ class JointTrajectoryController(
 
     def _sense(self, now: UpdateContext) -> TickInputs:
         """Return what the tick reads besides messages."""
-        given = now.given
-        if given is None:
-            measured = self._read(now.context)
-        else:
-            measured = given.motions[self._read_at]
+        measured = self._measured_now(now)
         velocity_at, acceleration_at = self._velocity_at, self._acceleration_at
         return TickInputs(
             now.time_ns,
