@@ -141,9 +141,18 @@ def exported_name(port: str, controller: str) -> str:
     return port if port.startswith("/") else f"{controller}.{port}"
 
 
+# Topics of plugins that are called as ports that every robot has.
+_LIKE_OWN_PORTS = ("/joint_states", "/frames")
+
+
 def with_prefix(prefix: str, name: str) -> str:
-    """Return an exported name with that of its robot in front, if there are several."""
-    return f"{prefix}{name.removeprefix('/')}" if prefix else name
+    """Return an exported name with that of its robot in front, if there are several.
+
+    A topic that would then be called as a port that every robot has, such as the
+    positions `joint_states`, keeps its slash: `/<robot>/joint_states`.
+    """
+    slash = "/" if name in _LIKE_OWN_PORTS else ""
+    return f"{slash}{prefix}{name.removeprefix('/')}" if prefix else name
 
 
 def export_topics(

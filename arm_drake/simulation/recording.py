@@ -445,14 +445,14 @@ def record_messages(
             to_plain(each.message),
         )
         for each in sent
-        if each.port.startswith(manager.prefix)
+        if each.port.removeprefix("/").startswith(manager.prefix)
         and not isinstance(each.message, ActionRequest)
     )
 
 
 def topic_of(port: str, manager: ControllerManager) -> str:
     """Return the name in ROS of an input port of the diagram."""
-    own = port.removeprefix(manager.prefix)
+    own = port.removeprefix("/").removeprefix(manager.prefix)
     for name in (MANAGER, *(c.name for c in manager.controllers)):
         if own.startswith(f"{name}."):
             return f"/{manager.prefix}{name}/{own[len(name) + 1 :]}"

@@ -286,6 +286,26 @@ def test_two_of_a_kind_follow_a_motion_each(tmp_path: Path) -> None:
     assert (two.linear.x, two.angular.z) == pytest.approx((-0.1, 0.5))
 
 
+def test_a_topic_that_is_called_as_the_joints_keeps_its_slash(tmp_path: Path) -> None:
+    plugin = """
+<gazebo>
+  <plugin filename="libgazebo_ros_joint_state_publisher.so" name="publisher">
+    <joint_name>fall</joint_name>
+  </plugin>
+</gazebo></robot>"""
+    text = models.FALLING_BALL.replace("</robot>", plugin)
+    robots = [models.load(tmp_path, text, name=name) for name in ("one", "two")]
+
+    sim = ad.Simulation(ad.build_diagram(robots))
+    sim.run(0.01)
+
+    # Of one robot they are `joint_states` and `/joint_states`.
+    assert sim.eval_output("one/joint_states").shape == (3,)
+    message = sim.eval_output("/one/joint_states")
+    assert message.name == ("fall",)
+    assert sim.topic("/one/joint_states").value() == message
+
+
 def test_two_of_a_name_are_refused(tmp_path: Path) -> None:
     robot = cart(tmp_path, "one")
 
