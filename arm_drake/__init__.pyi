@@ -55,6 +55,8 @@ from arm_drake.notebook import (
 from arm_drake.options import SimulationOptions as SimulationOptions
 from arm_drake.plant.payloads import Payload as Payload
 from arm_drake.rollout.rollout import Rollout as Rollout
+from arm_drake.scene import Scene as Scene
+from arm_drake.scene import load_scene as load_scene
 from arm_drake.simulation.clients import ControllerHandle as ControllerHandle
 from arm_drake.simulation.mailbox import GoalHandle as GoalHandle
 from arm_drake.simulation.motion import Motion as Motion
@@ -66,3 +68,4 @@ from arm_drake.visualization.page.live_simulation import (
     LiveSimulation as LiveSimulation,
 )
 from arm_drake.visualization.page.robot_viewer import RobotViewer as RobotViewer
+from arm_drake.worlds.things import Thing as Thing

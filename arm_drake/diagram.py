@@ -79,6 +79,7 @@ from arm_drake.plant.plant import (
     set_initial_positions,
     trial_plant,
 )
+from arm_drake.scene import Scene
 from arm_drake.simulation.recording import BuildInfo
 from arm_drake.timing import choose_time_step, has_rate
 from arm_drake.visualization.meshcat import show_ground
@@ -133,7 +134,7 @@ class RobotParts(NamedTuple):
 
 
 def build_diagram(
-    robots: Robot | Sequence[Robot],
+    robots: Robot | Sequence[Robot] | Scene,
     *,
     world: World = "empty",
     options: SimulationOptions | None = None,
@@ -146,7 +147,8 @@ def build_diagram(
     with several robots, `<robot>/` stands before each name. `state` is the plant's.
 
     Args:
-        robots: One or several loaded robots.
+        robots: One or several loaded robots; or a scene, of which the world, the
+            options and the payloads are used that aren't given here.
         world: Name of a built-in world, an SDF file, or a function that adds things to
             the plant before the robots come and before it is finalized, see
             `arm_drake.worlds.world.load_world`.
@@ -159,7 +161,7 @@ def build_diagram(
     Raises:
         InputError: If the robots can't be put together, or the world can't be used.
     """
-    setting = _choose_setting(robots, world, options, payloads or {})
+    setting = _choose_setting(robots, world, options, payloads)
     builder = DiagramBuilder()
     info = builder.AddSystem(BuildInfo(setting.options, setting.world.name))
     parts = _load_parts(builder, setting)
@@ -191,16 +193,23 @@ def build_diagram(
 
 
 def _choose_setting(
-    robots: Robot | Sequence[Robot],
+    robots: Robot | Sequence[Robot] | Scene,
     world: World,
     options: SimulationOptions | None,
-    payloads: Payloads,
+    payloads: Payloads | None,
 ) -> Setting:
     """Return robots and world with the steps that fit them; raises InputError."""
+    if isinstance(robots, Scene):
+        scene = robots
+        robots, options = scene.robots, options or scene.options
+        world = scene.load_world() if world == "empty" else world
+        payloads = {**scene.payloads, **(payloads or {})}
+    else:
+        robots = list_robots(robots)
+    payloads = payloads or {}
     options = SimulationOptions() if options is None else options
     if not isinstance(options, SimulationOptions):
         raise InputError(f"options: expected SimulationOptions, got {options!r}")
-    robots = list_robots(robots)
     loaded = load_world(world, [path for r in robots for path in r.package_paths])
     requested = options
     if options.gravity is None:
@@ -531,7 +540,8 @@ def _part_overlaps(
     if overlaps.things:
         what = f"things of the world are in one place: {', '.join(overlaps.things)}"
         done = "they pass through each other"
-        parts[0].report.add("warning", "repair", what, done)
+        for part in parts[:1]:
+            part.report.add("warning", "repair", what, done)
     for part, model in zip(parts, models, strict=True):
         if overlaps.robots[model]:
             pairs = ", ".join(overlaps.robots[model])

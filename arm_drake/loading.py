@@ -118,11 +118,13 @@ def load_robot(
         InputError: If the files can't be used at all; or with ``strict``, if anything
             was not taken as written.
     """
+    given = {k: v for k, v in locals().items() if k != "controller_types"}
     loading = _start(source, package_paths, distro, name, controller_types)
     description = _read_description(loading, xacro_args, decompose, max_faces)
     bridges, config = _read_controllers(loading, description, controllers, variables)
     description, config = _complete(loading, description, config)
     robot = _make_robot(loading, description, config, bridges, pose, initial_positions)
+    robot = dc.replace(robot, load_options=given)
     _try(loading, robot)
     if strict and len(robot.report):
         raise InputError(f"not everything was taken as written:\n{robot.report}")

@@ -123,6 +123,9 @@ class Robot:
     # Each ControllerType of this robot alone, by its ros2_control name.
     controller_types: Mapping[str, Any] = dc.field(default_factory=dict)
 
+    # Arguments of `load_robot` that made it, but for types of controllers.
+    load_options: Mapping[str, Any] = dc.field(default_factory=dict)
+
     @functools.cached_property
     def portable_source(self) -> str:
         """The expanded description without folders of this machine, as logs have it."""

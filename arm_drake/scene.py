@@ -1,0 +1,566 @@
+"""Scene files: robots, the world, things in it, and how to simulate them, as one YAML.
+
+    robots:
+    - {robot: doosan_a0912, name: left, pose: [0, 0.5, 0, 0, 0, 0], motion: tutorial}
+    - {robot: arm.urdf.xacro, controllers: controllers.yaml, initial: {joint2: 0.5}}
+    world: house
+    things:
+    - {name: cube, box: [0.05, 0.05, 0.05], mass: 0.1, color: red, pose: [0.4, 0, 0.03]}
+    options: {time_step: 0.001}
+
+Files are looked for in the folder of the scene. `schemas/scene.schema.json` describes
+the file for editors.
+"""
+
+import dataclasses as dc
+import functools
+import heapq
+import math
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import yaml
+
+from arm_drake import yaml_files
+from arm_drake.bundled import bundled_motions, bundled_robots
+from arm_drake.description.entry import EXAMPLE, is_xml
+from arm_drake.description.robot import Pose, Robot, list_robots
+from arm_drake.errors import InputError, suggest
+from arm_drake.loading import load_robot
+from arm_drake.messages import SwitchController
+from arm_drake.options import SimulationOptions
+from arm_drake.output_files import writing
+from arm_drake.plant.payloads import Payload, Payloads, read_payload
+from arm_drake.simulation.motion import (
+    CarriedPayloads,
+    Motion,
+    MotionStep,
+    TopicMessage,
+)
+from arm_drake.simulation.motion_files import find_motion
+from arm_drake.worlds.sdf_world import LoadedWorld
+from arm_drake.worlds.things import COLORS, SHAPES, Thing, with_things
+from arm_drake.worlds.world import WORLDS, World, load_world
+
+# Files that are scenes, by the ends of their names.
+SCENE_SUFFIXES = (".yaml", ".yml")
+
+
+@dc.dataclass(frozen=True)
+class MotionOfSeveral(Motion):
+    """Motions of several robots, each in its own time."""
+
+    parts: tuple[Motion, ...] = ()
+
+    @property
+    def duration(self) -> float:
+        """When the last of them is done, those that repeat after one round [s]."""
+        return max((part.duration for part in self.parts), default=0.0)
+
+    def timeline(self) -> Iterator[tuple[float, MotionStep]]:
+        """Yield when each step is due [s], and the step."""
+        timelines = (part.timeline() for part in self.parts)
+        return heapq.merge(*timelines, key=lambda due: due[0])
+
+
+@dc.dataclass(frozen=True, eq=False)
+class Scene:
+    """What `load_scene` returns, and `build_diagram` takes in place of robots."""
+
+    robots: tuple[Robot, ...]
+
+    # As `build_diagram` takes it, without the things.
+    world: World = "empty"
+
+    things: tuple[Thing, ...] = ()
+    options: SimulationOptions = dc.field(default_factory=SimulationOptions)
+
+    # By link; where there are several robots by `<robot>/<link>`.
+    payloads: Payloads = dc.field(default_factory=dict)
+
+    # By robot.
+    motions: Mapping[str, Motion] = dc.field(default_factory=dict)
+
+    file: Path | None = None
+
+    def __post_init__(self) -> None:
+        """Raise InputError if names are not each one's own."""
+        if not self.robots and not self.things:
+            raise InputError("expected robots or things, got neither")
+        robots = list_robots(self.robots) if self.robots else []
+        names = [robot.name for robot in robots]
+        for thing in self.things:
+            if thing.name in names:
+                text = f"something else is called {thing.name!r}; give it another name"
+                raise InputError(text, where="things")
+            names.append(thing.name)
+
+    @property
+    def motion(self) -> Motion | None:
+        """The motions of all robots as one, for `Simulation.run`; None if none has."""
+        if not self.motions:
+            return None
+        if len(self.robots) == 1:
+            return next(iter(self.motions.values()))
+        parts = tuple(
+            dc.replace(
+                motion,
+                file=None,
+                steps=tuple(_address(motion, s, f"{name}/") for s in motion.steps),
+            )
+            for name, motion in self.motions.items()
+        )
+        steps = sorted((s for part in parts for s in part.steps), key=lambda s: s.at)
+        repeats = any(part.repeats for part in parts)
+        return MotionOfSeveral(None, tuple(steps), repeats, parts=parts)
+
+    def load_world(self) -> LoadedWorld:
+        """Return the world with the things in it."""
+        paths = [path for robot in self.robots for path in robot.package_paths]
+        return with_things(load_world(self.world, paths), self.things)
+
+    def to_data(self, folder: Path | None = None) -> dict[str, Any]:
+        """Return it as plain data of a scene file, with files named from a folder."""
+        if not isinstance(self.world, str | Path):
+            text = "expected a world by name, or of a file"
+            raise InputError(f"a scene can't be written: {text}, got {self.world!r}")
+        data: dict[str, Any] = {}
+        if self.robots:
+            data["robots"] = [self._entry_of(r, folder) for r in self.robots]
+        world = str(self.world)
+        data["world"] = world if world in WORLDS else _name_file(world, folder)
+        if self.things:
+            data["things"] = [_thing_to_data(thing) for thing in self.things]
+        defaults = SimulationOptions()
+        options = {
+            name: list(value) if isinstance(value, tuple) else value
+            for name in _OPTIONS
+            if (value := getattr(self.options, name)) != getattr(defaults, name)
+        }
+        return data | ({"options": options} if options else {})
+
+    def _entry_of(self, robot: Robot, folder: Path | None) -> dict[str, Any]:
+        """Return what a scene file says of a robot."""
+        options = dict(robot.load_options)
+        source = options.pop("source", robot.bundled or robot.description.file)
+        if isinstance(source, str) and is_xml(source):
+            text = f"robot {robot.name!r} was loaded from a text; expected a file"
+            raise InputError(f"a scene can't be written: {text}")
+        is_name = robot.bundled is not None or str(source).startswith(EXAMPLE)
+        entry: dict[str, Any] = {
+            "robot": str(source) if is_name else _name_file(source, folder),
+            "name": robot.name,
+        }
+        for key in _LOAD_OPTIONS:
+            option = "initial_positions" if key == "initial" else key
+            value = options.get(option)
+            if value is None or key == "name" or value in ({}, (), [], False):
+                continue
+            if key in _FILES:
+                several = [value] if isinstance(value, str | os.PathLike) else value
+                value = [_name_file(name, folder) for name in several]
+            elif isinstance(value, Mapping):
+                value = {
+                    k: float(v) if key == "initial" else str(v)
+                    for k, v in value.items()
+                }
+            elif key == "pose":
+                value = list(map(float, value))
+            entry[key] = value
+        prefix = f"{robot.name}/" if len(self.robots) > 1 else ""
+        payloads = {
+            link.removeprefix(prefix): _payload_to_data(link, payload)
+            for link, payload in self.payloads.items()
+            if link.startswith(prefix)
+        }
+        entry |= {"payload": payloads} if payloads else {}
+        motion = self.motions.get(robot.name)
+        return entry | (_motion_to_data(motion, robot, folder) if motion else {})
+
+    def save(self, path: str | Path) -> None:
+        """Write it as a scene file.
+
+        Args:
+            path: A `.yaml` file; files are named from its folder where they lie in it.
+
+        Raises:
+            OutputError: If the file can't be written.
+        """
+        path = Path(path)
+        data = self.to_data(path.absolute().parent)
+        with writing(path):
+            text = yaml.safe_dump(data, sort_keys=False, default_flow_style=None)
+            path.write_text(text, encoding="utf-8")
+
+
+def _address(motion: Motion, step: MotionStep, prefix: str) -> MotionStep:
+    """Return a step of a robot's motion as it is called beside other robots."""
+    message = step.message
+    if isinstance(message, TopicMessage):
+        message = message._replace(topic=prefix + message.topic.lstrip("/"))
+    elif isinstance(message, CarriedPayloads):
+        named = {f"{prefix}{link}": each for link, each in message.payloads.items()}
+        message = CarriedPayloads(named)
+    elif isinstance(message, SwitchController):
+        activate, deactivate = (
+            tuple(f"{prefix}{name}" for name in names)
+            for names in (message.activate_controllers, message.deactivate_controllers)
+        )
+        message = SwitchController(activate, deactivate, message.strictness)
+    controller = None if step.controller is None else f"{prefix}{step.controller}"
+    where = motion.place(step)
+    return dc.replace(step, controller=controller, message=message, where=where)
+
+
+def _name_file(name: str | os.PathLike[str], folder: Path | None) -> str:
+    """Return a file's name as it is called from a folder, if it lies in it."""
+    path = Path(os.path.abspath(Path(name).expanduser()))
+    if folder is None or not path.is_relative_to(folder):
+        return str(path)
+    # A name without a slash may be that of something bundled.
+    return f"./{path.relative_to(folder)}"
+
+
+def _payload_to_data(link: str, payload: Payload | float) -> Any:
+    payload = read_payload(link, payload)
+    if payload.inertia is not None or payload.shape is not None:
+        text = "a scene file has its mass and com only, no inertia and no shape"
+        raise InputError(f"payload of link {link!r}: {text}")
+    com = [float(x) for x in payload.com]
+    return {"mass": float(payload.mass), "com": com}
+
+
+def _motion_to_data(motion: Motion, robot: Robot, folder: Path | None) -> Any:
+    """Return the keys of a robot's motion."""
+    if motion.file is None:
+        text = f"the motion of {robot.name!r} is of no file"
+        raise InputError(f"a scene can't be written: {text}")
+    known = bundled_motions(robot.bundled) if robot.bundled else {}
+    names = [name for name, file in known.items() if file == motion.file]
+    data: dict[str, Any] = {
+        "motion": names[0] if names else _name_file(motion.file, folder)
+    }
+    given = dict(motion.parameters)
+    return data | ({"motion_parameters": given} if given else {})
+
+
+def _thing_to_data(thing: Thing) -> dict[str, Any]:
+    size = list(thing.size)
+    data: dict[str, Any] = {
+        "name": thing.name,
+        thing.kind: size[0] if thing.kind == "sphere" else size,
+    }
+    if thing.mass is not None:
+        data["mass"] = thing.mass
+    if thing.fixed:
+        data["fixed"] = True
+    return data | {
+        "color": list(thing.color),
+        "friction": thing.friction,
+        "pose": list(thing.pose),
+    }
+
+
+def load_scene(path: str | Path) -> Scene:
+    """Load a scene file, with its robots and their motions.
+
+    Args:
+        path: The `.yaml` file.
+
+    Raises:
+        InputError: If it can't be used: with the file, the line and the place in it.
+    """
+    path = Path(path).expanduser()
+    try:
+        node = yaml_files.compose(yaml_files.read_text(path))
+        if node is None:
+            text = "it is empty; expected robots, things or both"
+            raise InputError(text, file=path)
+        return _read_scene(_Value(path, node, ""))
+    except yaml_files.YamlError as error:
+        raise InputError(error.problem, file=path, line=error.line) from None
+
+
+@dc.dataclass(frozen=True)
+class _Value:
+    """A value of a scene file, at its place."""
+
+    file: Path
+    node: yaml.Node
+    where: str
+
+    def error(self, problem: str) -> InputError:
+        mark = self.node.start_mark
+        line = None if mark is None else mark.line + 1
+        return InputError(problem, file=self.file, line=line, where=self.where or None)
+
+    def plain(self) -> Any:
+        return yaml_files.plain(self.node)
+
+    def mapping(self, known: Sequence[str] | None = None) -> "dict[str, _Value]":
+        if not isinstance(self.node, yaml.MappingNode):
+            names = f" with some of {', '.join(known)}" if known else ""
+            raise self.error(f"expected a mapping{names}, got {self.plain()!r}")
+        found = {}
+        for key, node in yaml_files.items(self.node):
+            name = str(key.value)
+            where = f"{self.where}.{name}" if self.where else name
+            found[name] = _Value(self.file, node, where)
+            if known is not None and name not in known:
+                place = dc.replace(found[name], node=key, where=self.where)
+                raise place.error(f"unknown key {name!r}; {suggest(name, known)}")
+        return found
+
+    def list(self) -> "list[_Value]":
+        if not isinstance(self.node, yaml.SequenceNode):
+            raise self.error(f"expected a list, got {self.plain()!r}")
+        return [
+            _Value(self.file, node, f"{self.where}[{number}]")
+            for number, node in enumerate(self.node.value)
+        ]
+
+    def text(self) -> str:
+        value = self.plain()
+        if not isinstance(value, str) or not value:
+            raise self.error(f"expected a text, got {value!r}")
+        return value
+
+    def number(self, least: float = -math.inf, *, is_open: bool = False) -> float:
+        value = self.plain()
+        is_number = type(value) in (int, float) and abs(value) <= 1e9
+        if not is_number or value < least or (is_open and value == least):
+            bound = f" {'above' if is_open else 'of at least'} {least:g}"
+            what = "a finite number" + (bound if least > -math.inf else "")
+            raise self.error(f"expected {what}, got {value!r}")
+        return float(value)
+
+    def numbers(
+        self, *counts: int, least: float = -math.inf, is_open: bool = False
+    ) -> tuple[float, ...]:
+        values = [each.number(least, is_open=is_open) for each in self.list()]
+        if len(values) not in counts:
+            expected = " or ".join(map(str, counts))
+            raise self.error(f"expected {expected} numbers, got {len(values)}")
+        return tuple(values)
+
+    def pose(self) -> Pose:
+        """Return x, y, z [m] and roll, pitch, yaw [rad]; angles may be left out."""
+        x, y, z, *rpy = self.numbers(3, 6)
+        roll, pitch, yaw = rpy or (0.0, 0.0, 0.0)
+        return (x, y, z, roll, pitch, yaw)
+
+    def path(self) -> str:
+        """Return a name, or the file of it that lies where the scene does."""
+        name = self.text()
+        beside = self.file.absolute().parent / Path(name).expanduser()
+        is_file = os.sep in name or Path(name).suffix or beside.exists()
+        return str(beside) if is_file and not name.startswith(EXAMPLE) else name
+
+
+_THING_KEYS = ("name", *SHAPES, "mass", "color", "friction", "pose", "fixed")
+_OPTIONS = tuple(
+    field.name for field in dc.fields(SimulationOptions) if field.name != "frame_rate"
+)
+
+
+class _LoadedRobot(NamedTuple):
+    robot: Robot
+    payloads: Mapping[str, Payload]
+    motion: Motion | None
+
+
+def _read_scene(root: _Value) -> Scene:
+    fields = root.mapping(("robots", "world", "things", "options"))
+    robots = (
+        [_read_robot(v) for v in fields["robots"].list()] if "robots" in fields else []
+    )
+    things = (
+        [_read_thing(v) for v in fields["things"].list()] if "things" in fields else []
+    )
+    if not robots and not things:
+        raise root.error("expected robots, things or both")
+    several = len(robots) > 1
+    scene: Scene = _at(
+        root,
+        lambda: Scene(
+            robots=tuple(each.robot for each in robots),
+            world=_read_world(fields["world"]) if "world" in fields else "empty",
+            things=tuple(things),
+            options=(
+                _read_options(fields["options"])
+                if "options" in fields
+                else SimulationOptions()
+            ),
+            payloads={
+                f"{each.robot.name}/{link}" if several else link: payload
+                for each in robots
+                for link, payload in each.payloads.items()
+            },
+            motions={each.robot.name: each.motion for each in robots if each.motion},
+            file=root.file,
+        ),
+    )
+    _at(fields.get("world", root), scene.load_world)
+    return scene
+
+
+def _at(value: _Value, make: Callable[[], Any]) -> Any:
+    """Return what a function makes; its errors without a place get that of a value."""
+    try:
+        return make()
+    except InputError as error:
+        if error.file is not None:
+            raise
+        raise value.error(str(error)) from None
+
+
+def _read_robot(value: _Value) -> _LoadedRobot:
+    fields = value.mapping(_ROBOT_KEYS)
+    if "robot" not in fields:
+        raise value.error("expected robot: a name, a file or a folder")
+    name = fields["robot"].text()
+    source = name if name in bundled_robots() else fields["robot"].path()
+    options: dict[str, Any] = {"source": source}
+    for key, read in _LOAD_OPTIONS.items():
+        if key in fields:
+            options["initial_positions" if key == "initial" else key] = read(
+                fields[key]
+            )
+    robot = _at(value, lambda: load_robot(**options))
+    payloads = _read_payloads(fields["payload"], robot) if "payload" in fields else {}
+    motion, given = None, fields.get("motion_parameters")
+    if "motion" in fields:
+        name = fields["motion"].path()
+        parameters = given.plain() if given and given.mapping() else {}
+        motion = _at(fields["motion"], lambda: find_motion(name, robot, parameters))
+    elif given:
+        raise given.error("there is no motion beside them")
+    return _LoadedRobot(robot, payloads, motion)
+
+
+def _scalar(value: _Value) -> str:
+    """Return a text as it is written, as xacro takes it."""
+    if not isinstance(value.node, yaml.ScalarNode):
+        raise value.error(f"expected a text or a number, got {value.plain()!r}")
+    return str(value.node.value)
+
+
+def _texts(value: _Value) -> dict[str, str]:
+    return {name: _scalar(each) for name, each in value.mapping().items()}
+
+
+def _numbers(value: _Value) -> dict[str, float]:
+    return {name: each.number() for name, each in value.mapping().items()}
+
+
+def _paths(value: _Value) -> list[str]:
+    """Return a list of files and folders, or the only one."""
+    is_list = isinstance(value.node, yaml.SequenceNode)
+    return [each.path() for each in (value.list() if is_list else [value])]
+
+
+def _flag(value: _Value) -> bool:
+    flag = value.plain()
+    if not isinstance(flag, bool):
+        raise value.error(f"expected true or false, got {flag!r}")
+    return flag
+
+
+def _count(value: _Value) -> int:
+    count = value.plain()
+    if type(count) is not int or count < 1:
+        raise value.error(f"expected an integer of at least 1, got {count!r}")
+    return count
+
+
+# What `load_robot` takes besides the robot, by its key.
+_FILES: Mapping[str, Callable[[_Value], Any]] = {
+    "controllers": _paths,
+    "package_paths": _paths,
+}
+_LOAD_OPTIONS: Mapping[str, Callable[[_Value], Any]] = {
+    **_FILES,
+    "name": _Value.text,
+    "pose": _Value.pose,
+    "initial": _numbers,
+    "xacro_args": _texts,
+    "variables": _texts,
+    "distro": _Value.text,
+    "decompose": _flag,
+    "max_faces": _count,
+}
+_ROBOT_KEYS = ("robot", *_LOAD_OPTIONS, "payload", "motion", "motion_parameters")
+
+
+def _read_payloads(value: _Value, robot: Robot) -> dict[str, Payload]:
+    """Return masses [kg], or mappings of mass and com, by link."""
+    payloads = {}
+    for link, each in value.mapping(robot.description.links).items():
+        fields = {"mass": each}
+        if isinstance(each.node, yaml.MappingNode):
+            fields = each.mapping(("mass", "com"))
+            if "mass" not in fields:
+                raise each.error("expected mass [kg]")
+        com = fields["com"].numbers(3) if "com" in fields else (0.0, 0.0, 0.0)
+        payloads[link] = Payload(fields["mass"].number(0.0), com)
+    return payloads
+
+
+def _read_thing(value: _Value) -> Thing:
+    fields = value.mapping(_THING_KEYS)
+    kinds = [kind for kind in SHAPES if kind in fields]
+    if len(kinds) != 1 or "name" not in fields:
+        text = f"expected a name and one of {', '.join(SHAPES)}"
+        raise value.error(f"{text}, got {', '.join(fields) or 'nothing'}")
+    (kind,) = kinds
+    if kind == "sphere":
+        size: tuple[float, ...] = (fields[kind].number(0.0, is_open=True),)
+    else:
+        size = fields[kind].numbers(SHAPES[kind][0], least=0.0, is_open=True)
+    options: dict[str, Any] = {}
+    if "fixed" in fields:
+        options["fixed"] = _flag(fields["fixed"])
+    if "mass" in fields:
+        options["mass"] = fields["mass"].number(0.0, is_open=True)
+    if "friction" in fields:
+        options["friction"] = fields["friction"].number(0.0)
+    if "color" in fields:
+        options["color"] = _read_color(fields["color"])
+    if "pose" in fields:
+        options["pose"] = fields["pose"].pose()
+    name = fields["name"].text()
+    return _at(value, lambda: Thing(name, kind, size, **options))
+
+
+def _read_color(value: _Value) -> tuple[float, float, float, float]:
+    if isinstance(value.node, yaml.SequenceNode):
+        red, green, blue, *alpha = value.numbers(3, 4, least=0.0)
+        color = (red, green, blue, *(alpha or (1.0,)))
+        if max(color) > 1.0:
+            raise value.error(f"expected numbers from 0 to 1, got {list(color)}")
+        return color
+    name = value.text()
+    if name not in COLORS:
+        raise value.error(f"unknown color {name!r}; {suggest(name, COLORS)}")
+    return (*COLORS[name], 1.0)
+
+
+def _read_world(value: _Value) -> str:
+    name = value.text()
+    return name if name in WORLDS else value.path()
+
+
+def _read_options(value: _Value) -> SimulationOptions:
+    fields = value.mapping(_OPTIONS)
+    options = {name: each.plain() for name, each in fields.items()}
+    for name, given in options.items():
+        if isinstance(given, list):
+            options[name] = tuple(given)
+        elif type(given) is int:
+            options[name] = float(given)
+    for name, given in options.items():
+        place = dc.replace(fields[name], where="options")
+        _at(place, functools.partial(SimulationOptions, **{name: given}))
+    return _at(value, lambda: SimulationOptions(**options))
