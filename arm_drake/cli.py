@@ -186,7 +186,6 @@ def _add_scene_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--world",
         metavar="NAME|FILE",
-        default="empty",
         help="built-in world (empty), or a .world or .sdf file",
     )
     add(
@@ -253,7 +252,6 @@ def _add_solver_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--preset",
         metavar="NAME",
-        default="accurate",
         help="accurate (the default), fast: arms that touch nothing, in large steps; "
         "or kinematic: joints are where their commands say, without physics",
     )
@@ -404,7 +402,8 @@ def _add_robot_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "robot",
         metavar="ROBOT",
-        help="a bundled robot, a .urdf or .xacro file, a folder",
+        help="a bundled robot, a .urdf or .xacro file, a folder; for sim a scene, too: "
+        "a .yaml file",
     )
     parser.add_argument(
         "xacro_args",
@@ -524,6 +523,11 @@ def load_robot_of(
     )
 
 
+def is_scene(name: str) -> bool:
+    """Return whether what a command line names is a scene, not a robot."""
+    return name.lower().endswith((".yaml", ".yml"))
+
+
 def _list(options: argparse.Namespace) -> int:
     from arm_drake.bundled import bundled_motions, bundled_robots
     from arm_drake.description.entry import EXAMPLE, example_robots
@@ -552,8 +556,10 @@ def _check(options: argparse.Namespace) -> int:
 
 def _sim(options: argparse.Namespace) -> int:
     with unbroken(), without_collection():
-        from arm_drake.commands.sim import simulate
+        from arm_drake.commands.sim import load_scene_of, simulate
 
+    if is_scene(options.robot):
+        return simulate(options, load_scene_of(options))
     return simulate(options, load_robot_of(options))
 
 

@@ -44,9 +44,6 @@ from arm_drake.worlds.sdf_world import LoadedWorld
 from arm_drake.worlds.things import COLORS, SHAPES, Thing, with_things
 from arm_drake.worlds.world import WORLDS, World, load_world
 
-# Files that are scenes, by the ends of their names.
-SCENE_SUFFIXES = (".yaml", ".yml")
-
 
 @dc.dataclass(frozen=True)
 class MotionOfSeveral(Motion):

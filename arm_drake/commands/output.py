@@ -9,6 +9,7 @@ from typing import Any
 
 from pydrake.geometry import Meshcat
 
+from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, OutputError
 from arm_drake.manager.state import CommandLimited
@@ -136,7 +137,6 @@ class Speaker:
 
 def summarize(
     simulation: Simulation,
-    robot: Robot,
     saturation: Mapping[str, float],
     wall_time: float,
     failures: Sequence[str],
@@ -146,10 +146,14 @@ def summarize(
     `saturation` is how long joints were at their effort limit [s], `wall_time` how long
     the simulation took [s], `failures` say what failed.
     """
-    final = simulation.joint_states()
+    final: dict[str, float] = {}
+    for name, manager in simulation.directory.managers.items():
+        states = simulation.joint_states(name)
+        joints = [f"{manager.prefix}{joint}" for joint in states.name]
+        final |= zip(joints, states.position, strict=True)
     return {
-        "robot": robot.name,
-        "joints": list(final.name),
+        "robot": ", ".join(simulation.robots),
+        "joints": list(final),
         "duration": simulation.time,
         "wall_time": wall_time,
         "real_time_factor": simulation.time / wall_time if wall_time else None,
@@ -164,9 +168,15 @@ def summarize(
         ],
         "failures": list(failures),
         "effort_saturation": dict(saturation),
-        "final": dict(zip(final.name, final.position, strict=True)),
-        "report": simulation.report.to_json(),
+        "final": final,
+        "report": report_of(simulation).to_json(),
     }
+
+
+def report_of(simulation: Simulation) -> LoadReport:
+    """Return the load reports of all robots as one."""
+    managers = simulation.directory.managers.values()
+    return LoadReport(dict.fromkeys(e for m in managers for e in m.report))
 
 
 def print_summary(
@@ -240,9 +250,9 @@ def write_outputs(
     options: argparse.Namespace,
     meshcat: Meshcat | None,
     say: Speaker,
-    robot: Robot,
+    *robots: Robot,
 ) -> None:
-    """Write what the command line asks for."""
+    """Write what the command line asks for; pictures are of all the robots."""
     if options.log is not None:
         # Others are written already.
         if not can_stream(options.log):
@@ -258,7 +268,7 @@ def write_outputs(
         save_html(meshcat, options.record)
         say.line(f"recording: {options.record} ({_size(options.record)})")
     # A house around the robot would be all that is seen of it.
-    seen = [f"drake/visual/{robot.name}"]
+    seen = [f"drake/visual/{robot.name}" for robot in robots]
     if options.screenshot is not None and meshcat is not None:
         save_screenshot(meshcat, options.screenshot, paths=seen)
         say.line(f"screenshot: {options.screenshot}")
@@ -296,13 +306,35 @@ def start_log(options: argparse.Namespace, simulation: Simulation) -> None:
         simulation.record_to(options.log, history=history)
 
 
-def find_saturation(simulation: Simulation, rollout: Rollout) -> dict[str, float]:
+def find_saturation(
+    simulation: Simulation, rollouts: Mapping[str, Rollout]
+) -> dict[str, float]:
     """Return how long joints were at their effort limit [s], and end the log."""
-    if not simulation.recorders:
-        return rollout.effort_saturation()
-    recorder = simulation.recorders[0]  # That of the log.
-    recorder.close()
-    return recorder.effort_saturation(rollout.robot_name)
+    recorder = simulation.recorders[0] if simulation.recorders else None
+    if recorder is not None:  # That of the log.
+        recorder.close()
+    managers = simulation.directory.managers
+    return {
+        f"{managers[name].prefix}{joint}": time
+        for name, rollout in rollouts.items()
+        for joint, time in (
+            rollout.effort_saturation()
+            if recorder is None
+            else recorder.effort_saturation(name)
+        ).items()
+    }
+
+
+def check_outputs_of_several(options: argparse.Namespace) -> None:
+    """Raise OutputError for a log that is of one robot."""
+    if options.log is not None and options.log.suffix != ".mcap":
+        text = f"a {options.log.suffix} file is of one robot; expected .mcap"
+        raise OutputError(text, file=options.log)
+
+
+def plot_of(path: Path, robot: str) -> Path:
+    """Return the file of one robot's plot, where there are several robots."""
+    return path.with_name(f"{path.stem}_{robot}{path.suffix}")
 
 
 def warn_of_pictures(options: argparse.Namespace) -> None:

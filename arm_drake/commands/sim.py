@@ -1,6 +1,7 @@
 """The command `arm-drake sim`: a robot with its controllers, as Gazebo runs it."""
 
 import argparse
+import dataclasses as dc
 import json
 import sys
 import time
@@ -13,10 +14,13 @@ from arm_drake import yaml_files
 from arm_drake.commands.output import (
     Speaker,
     check_outputs,
+    check_outputs_of_several,
     find_saturation,
     history_of,
     needs_recording,
+    plot_of,
     print_summary,
+    report_of,
     start_log,
     summarize,
     warn_of_pictures,
@@ -30,6 +34,7 @@ from arm_drake.errors import InputError, SimulationError
 from arm_drake.options import SimulationOptions
 from arm_drake.plant.drake_log import use_native_logging
 from arm_drake.plant.payloads import Payload
+from arm_drake.scene import Scene, load_scene
 from arm_drake.simulation.motion import Motion
 from arm_drake.simulation.motion_files import default_duration, find_motion
 from arm_drake.simulation.playback import check_motion
@@ -37,8 +42,8 @@ from arm_drake.simulation.recording import find_build_info, list_failures
 from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.drawing import run_drawing
 from arm_drake.visualization.meshcat import start_recording
+from arm_drake.visualization.plot import PLOT_KINDS
 from arm_drake.visualization.video import FRAME_RATE
-from arm_drake.worlds.sdf_world import LoadedWorld
 from arm_drake.worlds.world import load_world
 
 if TYPE_CHECKING:
@@ -48,7 +53,7 @@ if TYPE_CHECKING:
 def simulation_options(options: argparse.Namespace) -> SimulationOptions:
     """Return how to simulate."""
     return SimulationOptions(
-        preset=options.preset,
+        preset=options.preset or "accurate",
         time_step=options.time_step,
         gravity=None if options.gravity is None else options.gravity == "on",
         active=tuple(options.active),
@@ -107,11 +112,79 @@ def choose_duration(options: argparse.Namespace, motion: Motion | None) -> float
     return default_duration(motion) if options.headless or has_end else None
 
 
-def simulate(options: argparse.Namespace, robot: Robot) -> int:
-    """Simulate a robot as the command line says; return the exit code."""
-    # What Drake says of its file is kept, which native logging wouldn't.
-    world = load_world(options.world, robot.package_paths)
-    use_native_logging()
+# Words of the command line that a scene has its own of.
+_OF_SCENES = (
+    "xacro_args",
+    "controllers",
+    "package_path",
+    "var",
+    "name",
+    "decompose",
+    "max_faces",
+    "pose",
+    "initial",
+    "payload",
+    "world",
+    "motion",
+    "set",
+)
+
+
+def scene_of(options: argparse.Namespace, robot: Robot) -> Scene:
+    """Return the scene of a command line that names a robot."""
+    motion = choose_motion(options.motion, options.set, robot)
+    return Scene(
+        robots=(robot,),
+        world=options.world or "empty",
+        options=simulation_options(options),
+        payloads=read_payloads(options.payload),
+        motions={} if motion is None else {robot.name: motion},
+    )
+
+
+def load_scene_of(options: argparse.Namespace) -> Scene:
+    """Return the scene whose file a command line names, with its other options."""
+    for name in _OF_SCENES:
+        if getattr(options, name):
+            word = "NAME:=VALUE" if name == "xacro_args" else f"--{name}"
+            text = f"{word.replace('_', '-')} is for one robot; a scene has its own"
+            raise InputError(text, file=options.robot)
+    scene = load_scene(options.robot)
+    if not scene.robots:
+        text = "a scene without robots is for build_diagram; expected one to simulate"
+        raise InputError(text, file=options.robot)
+    given, defaults = simulation_options(options), SimulationOptions()
+    changes = {
+        field.name: value
+        for field in dc.fields(SimulationOptions)
+        if (value := getattr(given, field.name)) != getattr(defaults, field.name)
+    }
+    if options.preset is not None:
+        changes["preset"] = options.preset
+    return dc.replace(scene, options=dc.replace(scene.options, **changes))
+
+
+def simulate(options: argparse.Namespace, scene: Scene | Robot) -> int:
+    """Simulate a scene as the command line says; return the exit code."""
+    if isinstance(scene, Robot):
+        # What is wrong with the world is told first.
+        load_world(options.world or "empty", scene.package_paths)
+        use_native_logging()
+        _check_words(options)
+        scene = scene_of(options, scene)
+    else:
+        use_native_logging()
+        _check_words(options)
+    if len(scene.robots) > 1:
+        check_outputs_of_several(options)
+    say = Speaker(is_quiet=options.json)
+    if not options.headless:
+        return _simulate_live(options, scene, say)
+    return _simulate_headless(options, scene, say)
+
+
+def _check_words(options: argparse.Namespace) -> None:
+    """Raise InputError for what doesn't go together, or can't be written."""
     for word in ("wait", "hold", "open", "paused"):
         if options.headless and getattr(options, word):
             text = f"--{word} is for the page, and with --headless there is none"
@@ -119,27 +192,21 @@ def simulate(options: argparse.Namespace, robot: Robot) -> int:
     check_outputs(options)
     if options.headless or needs_recording(options):
         warn_of_pictures(options)
-    motion = choose_motion(options.motion, options.set, robot)
-    say = Speaker(is_quiet=options.json)
-    if not options.headless:
-        return _simulate_live(options, robot, world, motion, say)
-    return _simulate_headless(options, robot, world, motion, say)
 
 
 def _simulate_headless(
     options: argparse.Namespace,
-    robot: Robot,
-    world: LoadedWorld,
-    motion: Motion | None,
+    scene: Scene,
     say: Speaker,
 ) -> int:
     """Simulate without a page; return the exit code."""
+    motion = scene.motion
     chosen, rate = choose_duration(options, motion), options.rate or 0.0
     assert chosen is not None  # Only a page goes on without an end.
     duration = chosen
     if not (needs_recording(options) or options.screenshot):
         _check_nothing_shown(options)
-        simulation = _prepare(options, robot, world, motion, None, say)
+        simulation = _prepare(options, scene, None, say)
         wall_time = _measure(
             lambda: simulation.run(duration, motion, rate, say.progress),
             simulation,
@@ -147,21 +214,21 @@ def _simulate_headless(
         )
         return _finish(options, simulation, wall_time, None, say)
     # Not at the top: a simulation without pictures needs no Meshcat.
-    from arm_drake.visualization.page import Scene
+    from arm_drake.visualization.page import Scene as MeshcatScene
     from arm_drake.visualization.page.live_views import LiveViews
 
-    with Scene() as scene:
-        meshcat = scene.meshcat
-        simulation = _prepare(options, robot, world, motion, meshcat, say)
+    with MeshcatScene() as page:
+        meshcat = page.meshcat
+        simulation = _prepare(options, scene, meshcat, say)
         is_recorded = needs_recording(options)
         shown = options.show or ("visual",)
-        views = LiveViews(scene, simulation, shown, is_recorded=is_recorded)
+        views = LiveViews(page, simulation, shown, is_recorded=is_recorded)
         if is_recorded:
             start_recording(meshcat, FRAME_RATE)
         _show(options, views)
 
         def run() -> None:
-            with scene.drawing():
+            with page.drawing():
                 run_drawing(
                     simulation,
                     duration,
@@ -174,7 +241,7 @@ def _simulate_headless(
                 views.end_recording()
 
         wall_time = _measure(run, simulation, say)
-        alive = meshcat if scene.is_alive else None
+        alive = meshcat if page.is_alive else None
         return _finish(options, simulation, wall_time, alive, say)
 
 
@@ -214,9 +281,7 @@ def _measure(run: Callable[[], None], simulation: Simulation, say: Speaker) -> f
 
 def _simulate_live(
     options: argparse.Namespace,
-    robot: Robot,
-    world: LoadedWorld,
-    motion: Motion | None,
+    scene: Scene,
     say: Speaker,
 ) -> int:
     """Simulate on a page; return the exit code."""
@@ -231,7 +296,8 @@ def _simulate_live(
     from arm_drake.visualization.page.live_simulation import LiveSimulation
 
     with start_page(options) as page:
-        simulation = _prepare(options, robot, world, motion, page.meshcat, say)
+        motion = scene.motion
+        simulation = _prepare(options, scene, page.meshcat, say)
         live = LiveSimulation(
             page,
             simulation,
@@ -275,24 +341,14 @@ def _simulate_live(
 
 
 def _prepare(
-    options: argparse.Namespace,
-    robot: Robot,
-    world: LoadedWorld,
-    motion: Motion | None,
-    meshcat: Meshcat | None,
-    say: Speaker,
+    options: argparse.Namespace, scene: Scene, meshcat: Meshcat | None, say: Speaker
 ) -> Simulation:
     """Return the simulation, and say what was not taken as written."""
-    simulation = Simulation(
-        build_diagram(
-            robot,
-            world=world,
-            options=simulation_options(options),
-            payloads=read_payloads(options.payload),
-            meshcat=meshcat,
-        )
-    )
-    report = simulation.report
+    # It is drawn when it is told to.
+    drawn = dc.replace(scene.options, frame_rate=0.0)
+    diagram = build_diagram(scene, options=drawn, meshcat=meshcat)
+    simulation, motion = Simulation(diagram), scene.motion
+    report = report_of(simulation)
     if options.strict and len(report):
         raise InputError(f"not everything was taken as written:\n{report}")
     for entry in report:
@@ -317,14 +373,22 @@ def _finish(
     say: Speaker,
 ) -> int:
     """Write and say what came of it; return the exit code."""
-    rollout = simulation.rollout()
-    (robot,) = simulation.robots.values()
-    saturation = find_saturation(simulation, rollout)
-    write_outputs(rollout, options, meshcat, say, robot)
+    robots = simulation.robots
+    rollouts = {name: simulation.rollout(name) for name in robots}
+    saturation = find_saturation(simulation, rollouts)
+    for name, rollout in rollouts.items():
+        if options.plot is not None and len(robots) > 1:
+            path = plot_of(options.plot, name)
+            rollout.plot(path, options.plot_kind or PLOT_KINDS[0])
+            say.line(f"plot: {path}")
+    if len(robots) > 1:
+        options = argparse.Namespace(**{**vars(options), "plot": None})
+    rollout = next(iter(rollouts.values()))
+    write_outputs(rollout, options, meshcat, say, *robots.values())
     failures = [*list_failures(simulation.mailbox), *say.failures]
     if options.json:
         print(
-            json.dumps(summarize(simulation, robot, saturation, wall_time, failures)),
+            json.dumps(summarize(simulation, saturation, wall_time, failures)),
             flush=True,
         )
     else:

@@ -1,0 +1,101 @@
+"""`arm-drake sim SCENE.yaml`: several robots, things, and what is written of them."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+import arm_drake as ad
+from arm_drake.cli import main
+from tests import models
+from tests.test_schemas import validator
+
+SCENE = """
+robots:
+- {robot: ball.urdf, name: one}
+- {robot: ball.urdf, name: two, pose: [0, 1, 0], initial: {fall: 0.5}}
+world: void
+options: {time_step: 0.002}
+"""
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    (tmp_path / "ball.urdf").write_text(models.FALLING_BALL, encoding="utf-8")
+    file = tmp_path / "scene.yaml"
+    file.write_text(SCENE, encoding="utf-8")
+    return file
+
+
+def sim(*words: object) -> int:
+    return main(["sim", *map(str, words), "--headless", "--duration", "0.1"])
+
+
+def test_all_robots_of_a_scene_are_simulated(
+    scene: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = scene.with_name("log.mcap")
+
+    code = sim(scene, "--json", "--log", log)
+
+    content = json.loads(capsys.readouterr().out)
+    validator("sim").validate(content)
+    assert (code, content["robot"]) == (0, "one, two")
+    # Both fall as far in 50 steps of 2 ms.
+    fallen = models.GRAVITY * 0.002**2 * 50 * 51 / 2.0
+    assert content["final"] == pytest.approx(
+        {"one/fall": -fallen, "two/fall": 0.5 - fallen}
+    )
+    two = ad.Rollout.load(log, robot="two")
+    assert two.position[0, 0] == pytest.approx(0.5)
+
+
+def test_words_of_the_command_line_come_before_the_scenes_options(
+    scene: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sim(scene, "--json", "--gravity", "off", "--preset", "kinematic")
+
+    assert json.loads(capsys.readouterr().out)["final"]["two/fall"] == 0.5
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (
+            ["--pose", 0, 0, 0, 0, 0, 0],
+            "scene.yaml: --pose is for one robot; a scene has its own",
+        ),
+        (
+            ["a:=1"],
+            "scene.yaml: NAME:=VALUE is for one robot; a scene has its own",
+        ),
+        (
+            ["--log", "log.npz"],
+            "log.npz: a .npz file is of one robot; expected .mcap",
+        ),
+    ],
+)
+def test_what_is_for_one_robot_is_refused(
+    scene: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    words: list[object],
+    message: str,
+) -> None:
+    monkeypatch.chdir(scene.parent)
+
+    code = sim("scene.yaml", *words)
+
+    assert (code, capsys.readouterr().err) == (2, f"arm-drake: {message}\n")
+
+
+def test_a_scene_of_things_alone_is_for_programs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "things.yaml"
+    file.write_text("things: [{name: a, sphere: 1, fixed: true}]", encoding="utf-8")
+
+    code = sim(file)
+
+    text = "a scene without robots is for build_diagram; expected one to simulate"
+    assert (code, capsys.readouterr().err) == (2, f"arm-drake: {file}: {text}\n")
