@@ -19,9 +19,12 @@ import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import yaml
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import Context
 
 from arm_drake import yaml_files
 from arm_drake.bundled import bundled_motions, bundled_robots
@@ -40,6 +43,7 @@ from arm_drake.simulation.motion import (
     TopicMessage,
 )
 from arm_drake.simulation.motion_files import find_motion
+from arm_drake.simulation.simulation import Simulation
 from arm_drake.worlds.sdf_world import LoadedWorld
 from arm_drake.worlds.things import COLORS, SHAPES, Thing, with_things
 from arm_drake.worlds.world import WORLDS, World, load_world
@@ -176,6 +180,19 @@ class Scene:
         motion = self.motions.get(robot.name)
         return entry | (_motion_to_data(motion, robot, folder) if motion else {})
 
+    def at(self, simulation: Simulation) -> Self:
+        """Return the scene as it is now in a simulation of it.
+
+        Joints, free bases and things are where they are; things of the world, motions
+        and payloads are as at the start.
+        """
+        robots = [_robot_at(robot, simulation) for robot in self.robots]
+        things, plant = self.things, simulation.diagram.GetSubsystemByName("plant")
+        if isinstance(plant, MultibodyPlant):  # Else nothing moves them.
+            context = plant.GetMyContextFromRoot(simulation.context)
+            things = tuple(_thing_at(thing, plant, context) for thing in things)
+        return dc.replace(self, robots=tuple(robots), things=things)
+
     def save(self, path: str | Path) -> None:
         """Write it as a scene file.
 
@@ -190,6 +207,34 @@ class Scene:
         with writing(path):
             text = yaml.safe_dump(data, sort_keys=False, default_flow_style=None)
             path.write_text(text, encoding="utf-8")
+
+
+def _robot_at(robot: Robot, simulation: Simulation) -> Robot:
+    """Return a robot that starts as it is now in a simulation."""
+    states = simulation.joint_states(robot.name)
+    now = dict(zip(states.name, map(float, states.position), strict=True))
+    joints = robot.description.movable_joints
+    initial = {j.name: now[j.name] for j in joints if j.mimic is None}
+    options = {**robot.load_options, "initial_positions": initial}
+    pose = robot.pose
+    if robot.has_free_base:
+        base = robot.description.base
+        pose = options["pose"] = _pose_of(simulation.link_poses(robot.name)[base])
+    return dc.replace(robot, initial_positions=now, pose=pose, load_options=options)
+
+
+def _thing_at(thing: Thing, plant: MultibodyPlant, context: Context) -> Thing:
+    if thing.fixed:
+        return thing
+    model = plant.GetModelInstanceByName(thing.name)
+    body = plant.GetBodyByName(thing.name, model)
+    return dc.replace(thing, pose=_pose_of(plant.EvalBodyPoseInWorld(context, body)))
+
+
+def _pose_of(X_WB: RigidTransform) -> Pose:
+    x, y, z = map(float, X_WB.translation())
+    roll, pitch, yaw = map(float, RollPitchYaw(X_WB.rotation()).vector())
+    return (x, y, z, roll, pitch, yaw)
 
 
 def _address(motion: Motion, step: MotionStep, prefix: str) -> MotionStep:

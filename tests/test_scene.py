@@ -16,6 +16,7 @@ from arm_drake.errors import InputError
 from arm_drake.plant.payloads import Payload
 from arm_drake.scene import Scene
 from tests import models
+from tests.snippets import read_blocks
 
 SCHEMA = Path(ad.__file__).parent / "schemas/scene.schema.json"
 
@@ -148,6 +149,25 @@ def test_a_saved_scene_is_loaded_as_it_was(scene: Scene, folder: Path) -> None:
     text = (folder / "again.yaml").read_text(encoding="utf-8")
     assert str(folder) not in text
     validator().validate(yaml.safe_load(text))
+
+
+def test_a_scene_is_saved_as_it_is_now(scene: Scene, folder: Path) -> None:
+    sim = ad.Simulation(ad.build_diagram(scene))
+    sim.run(0.2)
+
+    scene.at(sim).save(folder / "now.yaml")
+
+    again = ad.Simulation(ad.build_diagram(ad.load_scene(folder / "now.yaml")))
+    assert sim.joint_states("one").position != pytest.approx([0.5])
+    for name in ("one", "two"):
+        positions = sim.joint_states(name).position
+        assert again.joint_states(name).position == pytest.approx(positions)
+    # Quaternion and position of what moves, by the same names.
+    before, after = (
+        s.plant.GetPositions(s.plant.GetMyContextFromRoot(s.context))
+        for s in (sim, again)
+    )
+    np.testing.assert_allclose(after, before, atol=1e-9)
 
 
 def robot(more: str) -> str:
@@ -323,3 +343,25 @@ def test_a_name_of_the_world_is_taken(folder: Path) -> None:
 def test_colors_are_seen(scene: Scene) -> None:
     assert scene.things[0].color == pytest.approx((0.8, 0.1, 0.1, 1.0))
     np.testing.assert_array_equal(scene.things[2].color, [0.0, 0.5, 1.0, 0.8])
+
+
+def test_the_example_of_the_docs_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    page = Path(__file__).parents[1] / "docs/scenes.md"
+    blocks = {block.language: block.text for block in read_blocks(page)}
+    Path("scene.yaml").write_text(blocks["yaml"], encoding="utf-8")
+    validator().validate(yaml.safe_load(blocks["yaml"]))
+    names: dict[str, Any] = {}
+
+    exec(compile(blocks["python"], page, "exec"), names)  # noqa: S102  our own text.
+
+    later = ad.load_scene("later.yaml")
+    left = names["sim"].joint_states("left")
+    assert later.robots[0].initial_positions == pytest.approx(
+        dict(zip(left.name, left.position, strict=True))
+    )
+    # The cube stands on the table.
+    assert later.things[0].pose[2] == pytest.approx(0.125, abs=1e-3)
+    assert later.robots[1].pose == (0.0, -0.8, 0.0, 0.0, 0.0, 0.0)

@@ -307,6 +307,7 @@ def _simulate_live(
             shown=options.show or ("visual",),
             frame_rate=FRAME_RATE if needs_recording(options) else None,
             history=history_of(options),
+            scene=scene,
         )
         _show(options, live.views)
         say.page(f"page: {page.url}")

@@ -1,11 +1,13 @@
 """LiveSimulation: a simulation on a page, with all that Gazebo's window has."""
 
 import collections
+import itertools
 import math
 import re
 import time
 from collections.abc import Callable, Iterable
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from arm_drake.errors import ArmDrakeError, InputError, SimulationError
 from arm_drake.messages import CancelResponse, GoalStatus, SwitchControllerResult
@@ -30,6 +32,9 @@ from arm_drake.visualization.page.live_views import LiveViews, Pictures
 from arm_drake.visualization.page.panel import make_report
 from arm_drake.visualization.teleop.base import Remote
 from arm_drake.visualization.teleop.remotes import find_remotes
+
+if TYPE_CHECKING:
+    from arm_drake.scene import Scene
 
 # What was missed of real time for longer than this is given up [s].
 _LONGEST_LAG = 0.1
@@ -145,6 +150,7 @@ class LiveSimulation:
         shown: Iterable[str] = ("visual",),
         frame_rate: float | None = None,
         history: float = math.inf,
+        scene: "Scene | None" = None,
     ) -> None:
         """Show a simulation; `run` lets it go.
 
@@ -160,12 +166,13 @@ class LiveSimulation:
                 nothing is recorded.
             history: How much of the past the rollout has at least [s]; from twice as
                 much on, the rest is forgotten.
+            scene: What is simulated, for a button that saves it as it is now.
 
         Raises:
             InputError: If there is nothing called as in ``shown``.
             MotionError: As `Simulation.run`.
         """
-        self.simulation = simulation
+        self.simulation, self.scene = simulation, scene
         self.views = LiveViews(
             page, simulation, tuple(shown), is_recorded=frame_rate is not None
         )
@@ -365,6 +372,24 @@ class LiveSimulation:
             self.views.draw_past(self._pictures.at(self._shown_time))
         self._drawn = self.shown_time
 
+    def save_scene(self) -> Path:
+        """Write the scene as it is now to a new file in the working folder.
+
+        Raises:
+            InputError: If there is no scene, or it can't be written.
+        """
+        if self.scene is None:
+            raise InputError("no scene was given that could be saved")
+        names = (f"scene_{number}.yaml" for number in itertools.count(2))
+        path = next(
+            path
+            for path in map(Path, itertools.chain(["scene.yaml"], names))
+            if not path.exists()
+        )
+        self.scene.at(self.simulation).save(path)
+        self._log.note(self.simulation, f"scene saved: {path}")
+        return path
+
     def wait_for_browser(self) -> None:
         """Wait until a browser shows the page, doing what is clicked, or `stop`."""
         with self.page.drawing():
@@ -395,7 +420,7 @@ class LiveSimulation:
         kind, _, what = name.partition(":")
         if kind == "play":
             self.pause() if self._is_playing else self.play()
-        elif kind in ("replay", "end"):
+        elif kind in ("replay", "end", "save_scene"):
             getattr(self, kind)()
         elif kind == "seek":
             try:
@@ -487,7 +512,11 @@ class LogLines:
         else:
             text = str(simulation.mailbox.describe(event))
         if text:
-            self._lines.append(f"{simulation.time:.2f} s  {text}")
+            self.note(simulation, text)
+
+    def note(self, simulation: Simulation, text: str) -> None:
+        """Take a line as it is."""
+        self._lines.append(f"{simulation.time:.2f} s  {text}")
 
     def clear(self) -> None:
         """Forget all lines."""
@@ -529,6 +558,10 @@ def make_sections(live: LiveSimulation) -> list[Section]:
             Button("end", "end", "end the program, as Ctrl-C does"),
         )
     )
+    if live.scene is not None:
+        hint = "robots and things as they are now, as a file that sim takes"
+        save = Button("save_scene", "save scene", hint)
+        buttons = Buttons((*buttons.buttons, save))
     bar = Slider("seek", "time shown", 0.0, simulation.time, simulation.time, "s")
     times = (
         Text("time", "simulated time"),

@@ -5,6 +5,7 @@ import threading
 import time
 import urllib.request
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -740,3 +741,28 @@ def test_stop_wakes_a_simulation_that_waits_for_a_click(
     start = time.monotonic()
     live.page.events(20.0)
     assert time.monotonic() - start < 10.0
+
+
+def test_a_click_saves_the_scene_as_it_is_now(
+    page: Page, robot: ad.Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("scene.yaml").write_text("kept", encoding="utf-8")
+    live = make(page, robot, scene=ad.Scene(robots=(robot,)), is_paused=True)
+    live.step(200)
+
+    live.handle([Event("save_scene", None)])
+
+    assert "scene saved: scene_2.yaml" in live.log
+    assert Path("scene.yaml").read_text(encoding="utf-8") == "kept"
+    (saved,) = ad.load_scene("scene_2.yaml").robots
+    states = live.simulation.joint_states()
+    now = dict(zip(states.name, states.position, strict=True))
+    assert saved.initial_positions == pytest.approx(now)
+
+
+def test_without_a_scene_there_is_no_button(page: Page, robot: ad.Robot) -> None:
+    live = make(page, robot)
+
+    with pytest.raises(InputError, match="no scene was given"):
+        live.save_scene()
