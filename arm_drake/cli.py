@@ -402,8 +402,8 @@ def _add_robot_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "robot",
         metavar="ROBOT",
-        help="a bundled robot, a .urdf or .xacro file, a folder; for sim a scene, too: "
-        "a .yaml file",
+        help="a bundled robot, a .urdf or .xacro file, a folder; for sim and view a "
+        "scene, too: a .yaml file",
     )
     parser.add_argument(
         "xacro_args",
@@ -497,6 +497,9 @@ def load_robot_of(
     options: argparse.Namespace, positions: Mapping[str, float] | None = None
 ) -> Any:
     """Load the robot of a command line, with initial positions besides [rad, m]."""
+    if is_scene(options.robot):
+        text = f"{options.command} takes a robot; a scene is for sim and view"
+        raise InputError(text, file=options.robot)
     with unbroken(), without_collection():  # Drake would make an ImportError of Ctrl-C.
         from arm_drake.loading import load_robot
 
@@ -565,8 +568,12 @@ def _sim(options: argparse.Namespace) -> int:
 
 def _view(options: argparse.Namespace) -> int:
     with unbroken(), without_collection():
-        from arm_drake.commands.view import view
+        from arm_drake.commands.view import view, view_scene
 
+    if is_scene(options.robot):
+        from arm_drake.commands.sim import read_scene_of
+
+        return view_scene(options, read_scene_of(options))
     return view(options, functools.partial(load_robot_of, options))
 
 

@@ -124,11 +124,10 @@ def load_robot(
     bridges, config = _read_controllers(loading, description, controllers, variables)
     description, config = _complete(loading, description, config)
     robot = _make_robot(loading, description, config, bridges, pose, initial_positions)
-    robot = dc.replace(robot, load_options=given)
     _try(loading, robot)
     if strict and len(robot.report):
         raise InputError(f"not everything was taken as written:\n{robot.report}")
-    return robot
+    return dc.replace(robot, load_options=given)
 
 
 class _Loading(NamedTuple):

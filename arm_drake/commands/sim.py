@@ -127,6 +127,8 @@ _OF_SCENES = (
     "world",
     "motion",
     "set",
+    "position",
+    "named_pose",
 )
 
 
@@ -142,17 +144,23 @@ def scene_of(options: argparse.Namespace, robot: Robot) -> Scene:
     )
 
 
-def load_scene_of(options: argparse.Namespace) -> Scene:
-    """Return the scene whose file a command line names, with its other options."""
+def read_scene_of(options: argparse.Namespace) -> Scene:
+    """Return the scene whose file a command line names; words for robots are wrong."""
     for name in _OF_SCENES:
-        if getattr(options, name):
+        if getattr(options, name, None):
             word = "NAME:=VALUE" if name == "xacro_args" else f"--{name}"
             text = f"{word.replace('_', '-')} is for one robot; a scene has its own"
             raise InputError(text, file=options.robot)
     scene = load_scene(options.robot)
     if not scene.robots:
-        text = "a scene without robots is for build_diagram; expected one to simulate"
+        text = "a scene without robots is for build_diagram; expected one at least"
         raise InputError(text, file=options.robot)
+    return scene
+
+
+def load_scene_of(options: argparse.Namespace) -> Scene:
+    """Return the scene whose file a command line names, with its other options."""
+    scene = read_scene_of(options)
     given, defaults = simulation_options(options), SimulationOptions()
     changes = {
         field.name: value

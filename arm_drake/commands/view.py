@@ -1,11 +1,13 @@
 """The command `arm-drake view`: a robot in a pose, without physics, as in RViz."""
 
 import argparse
+import dataclasses as dc
 import json
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from arm_drake.commands.output import report_of
 from arm_drake.commands.page import (
     from_elsewhere,
     interrupting,
@@ -17,10 +19,17 @@ from arm_drake.description.robot import Robot
 from arm_drake.description.source_files import files_of_failed
 from arm_drake.description.srdf import find_group_states
 from arm_drake.description.urdf import RobotDescription
+from arm_drake.diagram import build_diagram
 from arm_drake.errors import InputError, suggest
+from arm_drake.options import SimulationOptions
 from arm_drake.output_files import check_suffix, check_writable
 from arm_drake.plant.drake_log import use_native_logging
-from arm_drake.visualization.page import Page, Scene
+from arm_drake.scene import Scene
+from arm_drake.simulation.simulation import Simulation
+from arm_drake.visualization.page import Page
+from arm_drake.visualization.page import Scene as Scene3D
+from arm_drake.visualization.page.live_simulation import LiveSimulation
+from arm_drake.visualization.page.live_views import LiveViews
 from arm_drake.visualization.page.panel import find_pose
 from arm_drake.visualization.page.robot_viewer import RobotViewer
 from arm_drake.visualization.screenshot import SCREENSHOT_SUFFIXES, save_screenshot
@@ -48,7 +57,7 @@ def view(options: argparse.Namespace, load: LoadRobot) -> int:
     use_native_logging()
     # What was loaded is shown; only when files change it is loaded again.
     loaded = [robot]
-    scene = Scene() if options.screenshot is not None else start_page(options)
+    scene = Scene3D() if options.screenshot is not None else start_page(options)
     with scene:
         viewer = RobotViewer(
             scene,
@@ -77,6 +86,50 @@ def view(options: argparse.Namespace, load: LoadRobot) -> int:
                 viewer.run()
             if not options.json:
                 print(f"\n{viewer.pose_yaml()}", end="")
+    return 0
+
+
+def view_scene(options: argparse.Namespace, scene: Scene) -> int:
+    """Show a scene without physics; sliders are its controllers'."""
+    if options.ghost:
+        text = "--ghost is for one robot; a scene has several"
+        raise InputError(text, file=options.robot)
+    if options.screenshot is not None:
+        check_suffix(options.screenshot, "a screenshot", SCREENSHOT_SUFFIXES)
+        check_writable(options.screenshot)
+    use_native_logging()
+    kinematic = SimulationOptions(preset="kinematic", frame_rate=0.0)
+    still = dc.replace(scene, payloads={})
+    page = Scene3D() if options.screenshot is not None else start_page(options)
+    with page:
+        diagram = build_diagram(still, options=kinematic, meshcat=page.meshcat)
+        simulation = Simulation(diagram)
+        report = report_of(simulation)
+        if options.strict and len(report):
+            raise InputError(f"not everything was taken as written:\n{report}")
+        for entry in report:
+            if entry.severity != "info":
+                print(entry, file=sys.stderr)
+        summary = {"robot": ", ".join(simulation.robots), "report": report.to_json()}
+        shown = options.show or ("visual",)
+        if not isinstance(page, Page):
+            views = LiveViews(page, simulation, shown, is_recorded=False)
+            views.set_fixed_frame(options.fixed_frame or WORLD)
+            with page.drawing():
+                views.draw()
+            save_screenshot(page.meshcat, options.screenshot, paths=["drake"])
+            place = {"screenshot": str(options.screenshot)}
+            text = f"screenshot: {options.screenshot}"
+            print(json.dumps(summary | place) if options.json else text)
+            return 0
+        live = LiveSimulation(page, simulation, shown=shown, scene=scene)
+        live.views.set_fixed_frame(options.fixed_frame or WORLD)
+        text = f"page: {page.url}, until Ctrl-C"
+        whole = summary | {"page": page.url}
+        print(json.dumps(whole) if options.json else text, flush=True)
+        open_browser(options, page)
+        with interrupting(live.stop):
+            live.run()
     return 0
 
 
@@ -135,7 +188,7 @@ def _find_positions(options: argparse.Namespace, robot: Robot) -> dict[str, floa
     return positions | read_positions(options.position, robot.description)
 
 
-def _say(options: argparse.Namespace, viewer: RobotViewer, scene: Scene) -> None:
+def _say(options: argparse.Namespace, viewer: RobotViewer, scene: Scene3D) -> None:
     """Say where to look."""
     robot = viewer.robot
     if options.json:

@@ -97,5 +97,44 @@ def test_a_scene_of_things_alone_is_for_programs(
 
     code = sim(file)
 
-    text = "a scene without robots is for build_diagram; expected one to simulate"
+    text = "a scene without robots is for build_diagram; expected one at least"
     assert (code, capsys.readouterr().err) == (2, f"arm-drake: {file}: {text}\n")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["check"], "check takes a robot; a scene is for sim and view"),
+        (["graph", "-o", "g.svg"], "graph takes a robot; a scene is for sim and view"),
+        (
+            ["view", "--position", "0.5"],
+            "--position is for one robot; a scene has its own",
+        ),
+        (["view", "--ghost", "0.5"], "--ghost is for one robot; a scene has several"),
+    ],
+)
+def test_other_commands_say_what_they_take(
+    scene: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    words: list[str],
+    message: str,
+) -> None:
+    monkeypatch.chdir(scene.parent)
+    command, *rest = words
+
+    code = main([command, "scene.yaml", *rest])
+
+    assert (code, capsys.readouterr().err) == (2, f"arm-drake: scene.yaml: {message}\n")
+
+
+@pytest.mark.browser
+def test_a_picture_is_taken_of_a_scene(scene: Path) -> None:
+    picture = scene.with_name("scene.png")
+    cube = "things: [{name: cube, box: [1, 1, 1], fixed: true}]"
+    scene.write_text(f"{SCENE}{cube}", encoding="utf-8")
+
+    code = main(["view", str(scene), "--screenshot", str(picture)])
+
+    assert code == 0
+    assert picture.read_bytes().startswith(b"\x89PNG")

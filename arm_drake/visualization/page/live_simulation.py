@@ -182,7 +182,7 @@ class LiveSimulation:
         self._motion = None if motion is None else find_motion(motion, robot)
         self._pacer = RealtimePacer(realtime_rate)
         self._is_playing = not is_paused
-        self._is_stopped = False
+        self._is_stopped = self.is_ended = False
         self._duration = math.inf
         self._frame_rate = frame_rate
         self._history = History(simulation.mailbox, history)
@@ -195,7 +195,6 @@ class LiveSimulation:
         # is replayed [s] of wall time.
         self._shown_time: float | None = None
         self._replayed_at: float | None = None
-        self.is_ended = False
         self._log = LogLines()
         simulation.on_event(lambda event: self._log.add(simulation, event))
         self._start()
