@@ -15,7 +15,7 @@ import arm_drake as ad
 from arm_drake.errors import InputError
 from arm_drake.plant.payloads import Payload
 from arm_drake.scene import Scene
-from tests import models
+from tests import carts, models
 from tests.snippets import read_blocks
 
 SCHEMA = Path(ad.__file__).parent / "schemas/scene.schema.json"
@@ -168,6 +168,24 @@ def test_a_scene_is_saved_as_it_is_now(scene: Scene, folder: Path) -> None:
         for s in (sim, again)
     )
     np.testing.assert_allclose(after, before, atol=1e-9)
+
+
+def test_a_base_is_saved_where_it_has_driven(tmp_path: Path) -> None:
+    text = carts.cart(carts.diff_drive())
+    (tmp_path / "cart.urdf").write_text(text, encoding="utf-8")
+    scene = load(tmp_path, "robots: [{robot: cart.urdf, pose: [1, 2, 0.1, 0, 0, 0.5]}]")
+    sim = ad.Simulation(ad.build_diagram(scene))
+    sim.run(0.2)
+    base = scene.robots[0].description.base
+
+    scene.at(sim).save(tmp_path / "now.yaml")
+
+    (now,) = ad.load_scene(tmp_path / "now.yaml").robots
+    again = ad.Simulation(ad.build_diagram(now))
+    pose = sim.link_poses()[base]
+    assert now.has_free_base
+    assert pose.translation()[2] < 0.1 - 1e-3  # It has fallen.
+    assert again.link_poses()[base].IsNearlyEqualTo(pose, 1e-9)
 
 
 def robot(more: str) -> str:
