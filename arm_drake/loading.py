@@ -7,7 +7,7 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from arm_drake.controllers import ControllerType, check_controller_types
 from arm_drake.description.bridge import find_bridge_files, load_bridges, split_bridges
@@ -123,11 +123,11 @@ def load_robot(
     description = _read_description(loading, xacro_args, decompose, max_faces)
     bridges, config = _read_controllers(loading, description, controllers, variables)
     description, config = _complete(loading, description, config)
-    robot = _make_robot(loading, description, config, bridges, pose, initial_positions)
+    robot = _make_robot(loading, description, config, bridges, given)
     _try(loading, robot)
     if strict and len(robot.report):
         raise InputError(f"not everything was taken as written:\n{robot.report}")
-    return dc.replace(robot, load_options=given)
+    return robot
 
 
 class _Loading(NamedTuple):
@@ -250,10 +250,9 @@ def _make_robot(
     description: RobotDescription,
     config: ControllerManagerConfig,
     bridges: Sequence[Path],
-    pose: Sequence[float] | None,
-    initial_positions: Mapping[str, float] | None,
+    given: Mapping[str, Any],
 ) -> Robot:
-    """Return the robot of a description and its controllers."""
+    """Return the robot of a description and its controllers; `given` to load_robot."""
     report = loading.report
     return Robot(
         name=loading.name or description.name,
@@ -261,9 +260,9 @@ def _make_robot(
         controllers=config,
         report=report,
         initial_positions=find_initial_positions(
-            description, dict(initial_positions or {}), report
+            description, dict(given["initial_positions"] or {}), report
         ),
-        pose=_check_pose(pose),
+        pose=_check_pose(given["pose"]),
         has_free_base=_has_free_base(description, config),
         package_paths=loading.folders,
         source_files=find_source_files(
@@ -274,6 +273,7 @@ def _make_robot(
         sensors=find_sensors(description, config, report),
         topic_aliases=load_bridges(bridges, report),
         controller_types=loading.types,
+        load_options=given,
     )
 
 
