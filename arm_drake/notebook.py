@@ -39,9 +39,9 @@ from arm_drake.visualization.drawing import (
     frame_robots,
     run_drawing,
 )
-from arm_drake.visualization.meshcat import start_recording
 from arm_drake.visualization.page import Page, Scene
 from arm_drake.visualization.page.live_simulation import LiveSimulation
+from arm_drake.visualization.page.recording import make_recording, start_recording
 from arm_drake.visualization.page.robot_viewer import RobotViewer
 from arm_drake.worlds.world import World
 
@@ -436,6 +436,7 @@ def animate(
     motion: MotionSource | None = None,
     world: World = "empty",
     options: SimulationOptions | None = None,
+    loop: bool = False,
 ) -> tuple[Simulation, Recording]:
     """Simulate robots as fast as it goes; return the simulation and its recording.
 
@@ -446,6 +447,7 @@ def animate(
             with the first robot, or of a file.
         world: As `build_diagram`.
         options: How to simulate.
+        loop: Whether the recording begins anew at its end.
 
     Raises:
         ArmDrakeError: If the robots can't be simulated.
@@ -472,9 +474,8 @@ def animate(
             draw=lambda: draw(simulation),
             frame_rate=rate,
         )
-        meshcat.StopRecording()
-        meshcat.PublishRecording()
-        page = meshcat.StaticHtml()
+        names = ", ".join(robot.name for robot in loaded)
+        page = make_recording(meshcat, names, loop=loop)
     return simulation, Recording(page)
 
 

@@ -397,6 +397,10 @@ def test_sim_exits_with_1_when_a_topic_message_is_refused(run, tmp_path):
             "--plot-kind says what --plot draws; give --plot, too",
         ),
         (
+            ["doosan_a0912", "--loop"],
+            "--loop says how --record plays; give --record, too",
+        ),
+        (
             ["doosan_a0912", "--record", "a.mp4"],
             "a.mp4: expected a .html file to record to",
         ),

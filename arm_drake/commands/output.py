@@ -24,7 +24,7 @@ from arm_drake.rollout.mcap import load_types
 from arm_drake.rollout.rollout import Rollout
 from arm_drake.simulation.mailbox import GoalHandle, SimulationEvent
 from arm_drake.simulation.simulation import Simulation
-from arm_drake.visualization.meshcat import save_html
+from arm_drake.visualization.page.recording import save_recording
 from arm_drake.visualization.plot import PLOT_KINDS, check_plot_path
 from arm_drake.visualization.screenshot import (
     SCREENSHOT_SUFFIXES,
@@ -231,6 +231,8 @@ def check_outputs(options: argparse.Namespace) -> None:
         check_plot_path(options.plot)
     elif options.plot_kind is not None:
         raise InputError("--plot-kind says what --plot draws; give --plot, too")
+    if options.loop and options.record is None:
+        raise InputError("--loop says how --record plays; give --record, too")
     if options.record is not None and options.record.suffix != ".html":
         raise OutputError("expected a .html file to record to", file=options.record)
     if options.screenshot is not None:
@@ -261,11 +263,8 @@ def write_outputs(
     if options.plot is not None:
         rollout.plot(options.plot, options.plot_kind or PLOT_KINDS[0])
         say.line(f"plot: {options.plot}")
-    if meshcat is not None and (options.record or options.video):
-        meshcat.StopRecording()
-        meshcat.PublishRecording()
     if options.record is not None and meshcat is not None:
-        save_html(meshcat, options.record)
+        save_recording(meshcat, options.record, robot.name, loop=options.loop)
         say.line(f"recording: {options.record} ({_size(options.record)})")
     # A house around the robot would be all that is seen of it.
     seen = [f"drake/visual/{robot.name}" for robot in robots]
@@ -273,6 +272,8 @@ def write_outputs(
         save_screenshot(meshcat, options.screenshot, paths=seen)
         say.line(f"screenshot: {options.screenshot}")
     if options.video is not None and meshcat is not None:
+        meshcat.StopRecording()
+        meshcat.PublishRecording()
         progress = _Progress(say, is_quiet=options.json)
         try:
             film = save_video(

@@ -5,7 +5,6 @@ import ipaddress
 import itertools
 import socket
 from collections.abc import Collection, Sequence
-from pathlib import Path
 
 import numpy as np
 from pydrake.geometry import Box, Meshcat, MeshcatParams, QueryObject, Rgba, Role
@@ -13,7 +12,6 @@ from pydrake.math import RigidTransform
 
 from arm_drake.arrays import Array
 from arm_drake.errors import InputError
-from arm_drake.output_files import writing
 
 # Where a robot is looked at from: in front of it, to its right, above it.
 THREE_QUARTER = (0.8, -1.0, 0.45)
@@ -315,17 +313,3 @@ def _stripes(
     first = 4 * np.arange(len(ends))[:, None, None]
     faces = first + np.array([[0, 1, 2], [0, 2, 3]])
     return np.array(corners).T, faces.reshape(-1, 3).T
-
-
-def save_html(meshcat: Meshcat, path: Path) -> None:
-    """Write the scene and its recording as one self-contained page."""
-    with writing(path):
-        path.write_text(meshcat.StaticHtml(), encoding="utf-8")
-
-
-def start_recording(meshcat: Meshcat, frame_rate: float) -> None:
-    """Record what is drawn from now on, at a rate [Hz], and nothing of before."""
-    meshcat.DeleteRecording()
-    # Meshcat rounds a time down to a picture's: 0.9999... pictures would be none.
-    rate = frame_rate * (1.0 + 1e-9)
-    meshcat.StartRecording(rate, set_visualizations_while_recording=True)

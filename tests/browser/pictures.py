@@ -7,7 +7,7 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from playwright.sync_api import Page, ViewportSize
+from playwright.sync_api import Locator, Page, ViewportSize, expect
 
 from tests.waiting import PATIENCE
 
@@ -116,6 +116,23 @@ def take_picture(page: Page) -> Picture:
             return np.asarray(image).astype(np.int16)
         previous = data
     raise AssertionError(f"the page still changes after {PATIENCE:g} s")
+
+
+def bar_widget(page: Page, name: str) -> Locator:
+    """Return a widget of the bar of a recording."""
+    return page.locator(f'#bar [data-id="{name}"]')
+
+
+def picture_at(page: Page, time: float) -> Picture:
+    """Return a picture at a time of a recording, typed into its bar."""
+    button = bar_widget(page, "play")
+    expect(button).to_be_enabled()
+    if button.inner_text() == "pause":
+        button.click()
+    field = bar_widget(page, "time").locator("input[type=number]")
+    field.fill(str(time))
+    field.press("Enter")
+    return take_picture(page)
 
 
 def difference(one: Picture, other: Picture) -> Mask:

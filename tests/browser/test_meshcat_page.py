@@ -17,7 +17,8 @@ from playwright.sync_api import Browser, Page
 from pydrake.geometry import Meshcat
 
 import arm_drake as ad
-from arm_drake.visualization.meshcat import frame_points, save_html
+from arm_drake.visualization.meshcat import frame_points
+from arm_drake.visualization.page.recording import save_recording
 from tests.browser.pictures import (
     VIEWPORT,
     Camera,
@@ -28,6 +29,7 @@ from tests.browser.pictures import (
     grow,
     hide_robot,
     paint_robot,
+    picture_at,
     take_picture,
     wait_until_drawn,
 )
@@ -235,11 +237,9 @@ def test_a_saved_recording_plays_without_a_network(
     straight = project_all(_CAMERA_OF_MOTION, scene.surfaces())
     scene.sim.run(2.5)
     bent = project_all(_CAMERA_OF_MOTION, scene.surfaces())
-    scene.meshcat.StopRecording()
-    scene.meshcat.PublishRecording()
     file = tmp_path / "recording.html"
 
-    save_html(scene.meshcat, file)
+    save_recording(scene.meshcat, file, "doosan")
 
     context = browser.new_context(viewport=VIEWPORT, offline=True)
     context.set_default_timeout(1000.0 * PATIENCE)
@@ -263,18 +263,6 @@ def test_a_saved_recording_plays_without_a_network(
     is_own = ("file:", "data:", "blob:")
     assert [url for url in requests if not url.startswith(is_own)] == []
     assert requests[0] == file.as_uri()
-
-
-def picture_at(page: Page, time: float) -> Picture:
-    """Return a picture at a time of the recording, set with the page's slider."""
-    page.evaluate(
-        """(time) => {
-            viewer.animator.pause();
-            viewer.animator.time_scrubber.setValue(time);
-        }""",
-        time,
-    )
-    return take_picture(page)
 
 
 def test_the_page_is_on_this_machine_and_says_what_it_is(

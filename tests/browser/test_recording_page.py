@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from playwright.sync_api import Page
+from playwright.sync_api import Page, expect
 
 from tests.browser.pages import box, middle, red
-from tests.browser.pictures import Picture, difference, take_picture
+from tests.browser.pictures import bar_widget, difference, picture_at
 from tests.models import joint, ros2_control, trajectory_controllers
 from tests.waiting import PATIENCE
 
@@ -34,19 +34,15 @@ DURATION = 1.2
 FRAME = 1.0 / 30.0
 
 
-def picture_at(page: Page, time: float) -> Picture:
-    """Return a picture at a time of the recording, set with the page's slider."""
-    page.evaluate(
-        """(time) => {
-            viewer.animator.pause();
-            viewer.animator.time_scrubber.setValue(time);
-        }""",
-        time,
-    )
-    return take_picture(page)
+def shown_time(page: Page) -> float:
+    """Return where the knob of the time bar is [s]."""
+    knob = bar_widget(page, "time").locator("input[type=range]")
+    return float(knob.evaluate("(range) => range.valueAsNumber"))
 
 
-def test_a_recording_of_the_command_plays_as_a_file(page: Page, tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def film(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    tmp_path = tmp_path_factory.mktemp("film")
     files = {
         "arm.urdf": ROBOT,
         "controllers.yaml": trajectory_controllers({"arm": ["elbow"]}),
@@ -65,9 +61,17 @@ def test_a_recording_of_the_command_plays_as_a_file(page: Page, tmp_path: Path) 
         capture_output=True,
     )
 
-    page.goto((tmp_path / "film.html").as_uri())
+    return tmp_path / "film.html"
 
-    page.wait_for_function("() => viewer.animator.duration > 0")
+
+def test_a_recording_of_the_command_plays_as_a_file(page: Page, film: Path) -> None:
+    page.goto(film.as_uri())
+
+    # By itself, once.
+    expect(page).to_have_title("arm")
+    expect(bar_widget(page, "play")).to_have_text("pause")
+    expect(bar_widget(page, "play")).to_have_text("play", timeout=1000.0 * PATIENCE)
+    assert shown_time(page) == pytest.approx(DURATION, abs=FRAME)
     assert page.evaluate("viewer.animator.duration") == pytest.approx(
         DURATION, abs=FRAME
     )
@@ -91,3 +95,47 @@ def test_a_recording_of_the_command_plays_as_a_file(page: Page, tmp_path: Path) 
     assert oblique[0] > level[0]
     rows = [middle(red(picture))[1] for picture in (first, half, last)]
     assert rows == sorted(rows)
+
+
+# One command of the scene waits until the test lets it go.
+HOLD_A_COMMAND = """
+    const fetch_now = window.fetch;
+    let count = 0;
+    window.fetch = (...given) => ++count !== 9 ? fetch_now(...given)
+        : new Promise((done) => { window.release = () => done(fetch_now(...given)); });
+"""
+
+
+def test_a_recording_waits_for_all_of_its_scene(page: Page, film: Path) -> None:
+    page.add_init_script(HOLD_A_COMMAND)
+    page.goto(film.as_uri())
+    page.wait_for_function("() => viewer.animator.duration > 0")
+    page.wait_for_timeout(300.0)
+
+    assert bar_widget(page, "play").inner_text() == "loading…"
+    assert bar_widget(page, "play").is_disabled()
+    assert shown_time(page) == 0.0
+
+    page.evaluate("() => release()")
+    expect(bar_widget(page, "play")).to_have_text("pause")
+
+
+def test_a_recording_loops_if_asked(page: Page, film: Path) -> None:
+    page.goto(film.as_uri())
+    bar_widget(page, "loop").locator("input").check()
+    bar_widget(page, "rate").locator("select").select_option("5 ×")
+
+    # It goes back to the start, and on.
+    page.wait_for_function(
+        """() => new Promise((done) => {
+            let before = 0;
+            const look = () => {
+                const {time} = viewer.animator.actions[0];
+                if (time < before - 0.3) done(true);
+                before = time;
+                requestAnimationFrame(look);
+            };
+            look();
+        })"""
+    )
+    assert bar_widget(page, "play").inner_text() == "pause"

@@ -16,7 +16,6 @@ from arm_drake.simulation.motion_files import MotionSource, find_motion
 from arm_drake.simulation.playback import Player
 from arm_drake.simulation.recording import History
 from arm_drake.simulation.simulation import TICK_TOLERANCE, Simulation
-from arm_drake.visualization.meshcat import start_recording
 from arm_drake.visualization.page import (
     Button,
     Buttons,
@@ -30,6 +29,7 @@ from arm_drake.visualization.page import (
 )
 from arm_drake.visualization.page.live_views import LiveViews, Pictures
 from arm_drake.visualization.page.panel import make_report
+from arm_drake.visualization.page.recording import start_recording
 from arm_drake.visualization.teleop.base import Remote
 from arm_drake.visualization.teleop.remotes import find_remotes
 

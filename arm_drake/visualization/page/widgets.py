@@ -1,6 +1,6 @@
 """Widgets of a panel.
 
-The names of the fields are those of the page's script, `static/panel.js`.
+The names of the fields are those of the page's script, `static/widgets.js`.
 """
 
 import dataclasses as dc

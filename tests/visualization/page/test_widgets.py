@@ -21,7 +21,7 @@ from arm_drake.visualization.page import (
     Widget,
 )
 
-SCRIPT = Path(page.__file__).parent / "static" / "panel.js"
+SCRIPT = Path(page.__file__).parent / "static" / "widgets.js"
 
 EXAMPLES: list[Widget] = [
     Slider("s", "a slider", 0.0, 1.0, 0.5, "m", is_enabled=False, hint="h"),
