@@ -41,8 +41,8 @@ from arm_drake.visualization.drawing import (
 )
 from arm_drake.visualization.page import Page, Scene
 from arm_drake.visualization.page.live_simulation import LiveSimulation
-from arm_drake.visualization.page.recording import make_recording, start_recording
 from arm_drake.visualization.page.robot_viewer import RobotViewer
+from arm_drake.visualization.recording import make_recording, start_recording
 from arm_drake.worlds.world import World
 
 _LAYOUT = 'width="100%" height="520" style="border: 1px solid #ccc"'

@@ -24,8 +24,8 @@ from arm_drake.rollout.mcap import load_types
 from arm_drake.rollout.rollout import Rollout
 from arm_drake.simulation.mailbox import GoalHandle, SimulationEvent
 from arm_drake.simulation.simulation import Simulation
-from arm_drake.visualization.page.recording import save_recording
 from arm_drake.visualization.plot import PLOT_KINDS, check_plot_path
+from arm_drake.visualization.recording import save_recording
 from arm_drake.visualization.screenshot import (
     SCREENSHOT_SUFFIXES,
     check_installed,

@@ -25,8 +25,8 @@ from arm_drake.errors import InputError
 from arm_drake.plant.drake_log import use_native_logging
 from arm_drake.rollout.rollout import Rollout
 from arm_drake.visualization.page import Scene
-from arm_drake.visualization.page.recording import start_recording
 from arm_drake.visualization.page.replay import Replay, ReplayPage, load_recorded_robot
+from arm_drake.visualization.recording import start_recording
 from arm_drake.visualization.video import FRAME_RATE
 
 # A recording is of so much at most [s]: it is one animation, all in memory.

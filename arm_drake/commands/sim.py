@@ -41,8 +41,8 @@ from arm_drake.simulation.playback import check_motion
 from arm_drake.simulation.recording import find_build_info, list_failures
 from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.drawing import run_drawing
-from arm_drake.visualization.page.recording import start_recording
 from arm_drake.visualization.plot import PLOT_KINDS
+from arm_drake.visualization.recording import start_recording
 from arm_drake.visualization.video import FRAME_RATE
 from arm_drake.worlds.world import load_world
 

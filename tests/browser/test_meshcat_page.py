@@ -18,7 +18,7 @@ from pydrake.geometry import Meshcat
 
 import arm_drake as ad
 from arm_drake.visualization.meshcat import frame_points
-from arm_drake.visualization.page.recording import save_recording
+from arm_drake.visualization.recording import save_recording
 from tests.browser.pictures import (
     VIEWPORT,
     Camera,

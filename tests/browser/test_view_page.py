@@ -535,3 +535,26 @@ def test_a_page_comes_back_when_the_program_does(browser: Browser, file: Path) -
             )
             screen.until(lambda: red(screen.glance()).any(), "the robot")
             assert not lost.is_visible()
+
+
+def test_a_click_on_a_link_tells_its_pose(
+    program: Program[RobotViewer], screen: Screen
+) -> None:
+    screen.page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    screen.type("joint:elbow", "1")
+    screen.picture(wait_for_joint(program, screen, "elbow", 1.0))
+    scene = screen.page.locator("#scene")
+
+    # In the middle of the upper arm; beside all links first, where nothing happens.
+    for column, row in ((5.0, 5.0), tuple(upper_at(1.0))):
+        scene.click(position={"x": float(column), "y": float(row)})
+
+    chosen = screen.widget("readout:frame").locator("select")
+    screen.until(lambda: chosen.input_value() == "upper", "the link is chosen")
+    screen.until(lambda: "joint: elbow" in screen.text("readout:link"), "its joint")
+    screen.click("readout:degrees")
+    screen.until(lambda: "degrees" in screen.text("readout:pose"), "degrees")
+    screen.widget("readout:pose").locator("button").click()
+    told = yaml.safe_load(screen.page.evaluate("() => navigator.clipboard.readText()"))
+    assert told["xyz"] == pytest.approx([0.0, 0.0, ELBOW])
+    assert told["rpy_degrees"] == pytest.approx([0.0, math.degrees(1.0), 0.0])

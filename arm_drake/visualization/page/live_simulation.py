@@ -29,7 +29,7 @@ from arm_drake.visualization.page import (
 )
 from arm_drake.visualization.page.live_views import LiveViews, Pictures
 from arm_drake.visualization.page.panel import make_report
-from arm_drake.visualization.page.recording import start_recording
+from arm_drake.visualization.recording import start_recording
 from arm_drake.visualization.teleop.base import Remote
 from arm_drake.visualization.teleop.remotes import find_remotes
 
@@ -486,6 +486,8 @@ class LiveSimulation:
 
     def _tell(self, progress: Progress | None) -> None:
         self.page.patch(make_changes(self))
+        if self._shown_time is None:
+            self.views.tell()
         if progress is not None:
             progress(self.simulation.time)
 
@@ -577,6 +579,7 @@ def make_sections(live: LiveSimulation) -> list[Section]:
         Section("Simulation", (buttons, bar, rate, *times)),
         Section("Controllers", items),
         *(Section(remote.title, remote.widgets()) for remote in live.remotes),
+        live.views.readout.section(),
         Section("Show", (look, *live.views.widgets())),
         Section("News", (Text("log", "the newest first", can_copy=True),)),
         make_report(simulation.report),

@@ -14,6 +14,7 @@ from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.description.joints import WORLD
 from arm_drake.errors import InputError, suggest
+from arm_drake.messages.sensors import ContactState
 from arm_drake.plant.kinematics import KinematicPlant
 from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.contact_arrows import ContactArrows
@@ -22,6 +23,7 @@ from arm_drake.visualization.ghost import Ghost
 from arm_drake.visualization.link_drawings import VISUAL_PATH
 from arm_drake.visualization.meshcat import GROUND
 from arm_drake.visualization.page import Choice, Scene, Toggle, Widget
+from arm_drake.visualization.page.link_readout import LinkReadout
 from arm_drake.visualization.page.panel import LinkViews, frame_names, make_fixed_frame
 from arm_drake.visualization.trail import Trail
 
@@ -100,6 +102,7 @@ class LiveViews:
             self._plant, self._scene_graph, self._models, list(self._robots.values())
         )
         self._fixed_frame = WORLD
+        self.readout = LinkReadout(scene, list(self._robots.values()))
         # Pose of the fixed frame as it was last drawn.
         self._X_WF = RigidTransform()
         self._ghosts = {
@@ -176,6 +179,16 @@ class LiveViews:
             prefix = f"{name}/" if len(self._robots) > 1 else ""
             arrows.show(self._simulation.eval_output(f"{prefix}contacts"))
 
+    def tell(self) -> None:
+        """Tell where the link of the readout is now, and what touches it."""
+        poses = {name: self._simulation.link_poses(name) for name in self._robots}
+        contacts: list[ContactState] = []
+        if self._has_physics:
+            for name in self._robots:
+                prefix = f"{name}/" if len(self._robots) > 1 else ""
+                contacts += self._simulation.eval_output(f"{prefix}contacts").states
+        self.readout.update(self._named(poses), self._fixed_frame, contacts)
+
     def positions(self) -> Array:
         """Return the present positions of all that moves, for `draw_past`."""
         plant = self._simulation.diagram.GetSubsystemByName("plant")
@@ -210,6 +223,7 @@ class LiveViews:
         }
         self._move_frame(self._named(poses), None)
         self._views.update(poses)
+        self.readout.update(self._named(poses), self._fixed_frame)
 
     def end_recording(self) -> None:
         """Leave out what would stand still in a recording: contact forces."""
@@ -241,7 +255,7 @@ class LiveViews:
         elif kind == "fixed_frame":
             self.set_fixed_frame(str(value))
         else:
-            return False
+            return self.readout.handle(event_id, value)
         return True
 
     def _find(self, frame: str, what: str, known: Sequence[str]) -> str:

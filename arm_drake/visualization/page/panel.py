@@ -111,6 +111,7 @@ def make_viewer_sections(
     positions: Mapping[str, float],
     states: Iterable[GroupState],
     *,
+    readout: Section,
     has_ghost: bool,
     shown: Sequence[Widget],
 ) -> list[Section]:
@@ -120,6 +121,7 @@ def make_viewer_sections(
         make_joints(ranges, positions),
         make_named_poses(states),
         make_pose(has_ghost=has_ghost),
+        readout,
         Section("Show", (look, *shown)),
         make_report(robot.report),
     ]

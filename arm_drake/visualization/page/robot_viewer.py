@@ -23,6 +23,7 @@ from arm_drake.plant.joint_ranges import (
 )
 from arm_drake.visualization.meshcat import GROUND, frame_shapes
 from arm_drake.visualization.page import Event, Scene
+from arm_drake.visualization.page.link_readout import LinkReadout
 from arm_drake.visualization.page.panel import (
     LinkViews,
     find_pose,
@@ -77,7 +78,9 @@ class RobotViewer:
         self._fixed_frame, self._positions = WORLD, dict[str, float]()
         self._ghost_positions: dict[str, float] | None = None
         self._is_stopped, self._trouble = False, ""
-        self._put(load())
+        robot = load()
+        self.readout = LinkReadout(page, [robot])
+        self._put(robot)
         self.set_fixed_frame(fixed_frame)
         self.frame()
 
@@ -275,11 +278,13 @@ class RobotViewer:
         if self._ghost_positions is not None:
             ghost = self._ghost_positions.items()
             self.show_ghost({n: q for n, q in ghost if n in names})
+        self.readout.put([robot])
         sections = make_viewer_sections(
             robot,
             ranges,
             self._positions,
             named_poses,
+            readout=self.readout.section(),
             has_ghost=self._ghost_positions is not None,
             shown=[
                 *self._views.toggles(),
@@ -297,6 +302,7 @@ class RobotViewer:
         self._scene.publish()
         self._views.update({self.robot.name: poses})
         self.page.patch(make_pose_changes(self._positions, self._ranges))
+        self.readout.update(poses, self._fixed_frame)
 
     def _independent(self, positions: Mapping[str, float]) -> dict[str, float]:
         return {r.name: positions[r.name] for r in self._ranges if r.follows is None}
@@ -346,5 +352,7 @@ def _do(viewer: RobotViewer, kind: str, name: str, value: Any) -> None:
         viewer.set_fixed_frame(str(value))
     elif kind == "pose":
         viewer.take_named_pose(name)
+    elif kind == "readout":
+        viewer.readout.handle(f"{kind}:{name}", value)
     elif kind in ("randomize", "center", "frame", "show_ghost", "hide_ghost"):
         getattr(viewer, kind)()

@@ -91,47 +91,9 @@ const connect = () => {
     };
 };
 
-// ---- Names beside frames: they follow the scene's camera ----
-
-const names = new Map();
-
-const transform = (e, x, y, z) => [0, 1, 2, 3].map((i) => e[i] * x + e[i + 4] * y + e[i + 8] * z + e[i + 12]);
-
-const draw_names = () => {
-    requestAnimationFrame(draw_names);
-    const viewer = names.size && at("scene").contentWindow.viewer;
-    if (!viewer) return;
-    const {clientWidth: width, clientHeight: height} = at("labels");
-    const {matrixWorldInverse, projectionMatrix} = viewer.camera;
-    const taken = [];
-    for (const [path, {span, offsetWidth, offsetHeight}] of names) {
-        const e = viewer.scene_tree.find(path).object.matrixWorld.elements;
-        const seen = transform(matrixWorldInverse.elements, e[12], e[13], e[14]);
-        const [x, y, , w] = transform(projectionMatrix.elements, ...seen);
-        span.hidden = w <= 0;
-        if (span.hidden) continue;
-        const left = (0.5 + 0.5 * x / w) * width + 6;
-        // Below those whose place it would take; half a pixel, as numbers are rounded.
-        let top = (0.5 - 0.5 * y / w) * height - 8;
-        for (let other; (other = taken.find((t) => Math.abs(t.top - top) < offsetHeight - 0.5
-            && left < t.right && t.left < left + offsetWidth));) top = other.top + offsetHeight;
-        taken.push({left, right: left + offsetWidth, top});
-        span.style.transform = `translate(${left.toFixed(1)}px, ${top.toFixed(1)}px)`;
-    }
-};
-
-// ---- The camera stays above the ground, where there is one ----
-
-const above = Math.PI / 2 - 0.02;
-
 setInterval(() => {
-    const viewer = at("scene").contentWindow.viewer;
-    if (!viewer) return;
-    const grid = viewer.scene_tree.children.Grid;
-    const ground = grid && grid.children.ground;
-    const nodes = ground ? [grid, ground, ground.children.plane] : [null];
-    const has_ground = nodes.every((node) => node && node.object.visible);
-    viewer.controls.maxPolarAngle = has_ground ? above : Math.PI;
+    const {viewer} = at("scene").contentWindow;
+    if (viewer) keep_above_ground(viewer);
 }, 500);
 
 // ---- Folding and keys ----
@@ -166,6 +128,7 @@ at("scene").addEventListener("load", () => {
     const own = at("scene").contentDocument.getElementById("status-message");
     if (own) own.style.visibility = "hidden";
     at("scene").contentWindow.addEventListener("keydown", press);
+    listen_to_clicks(at("scene").contentWindow, (path) => say("readout:pick", path));
 });
 
 connect();

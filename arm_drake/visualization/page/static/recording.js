@@ -1,5 +1,5 @@
 // A recording's page, beside Meshcat's own: it plays once all of it is drawn, with a bar
-// of the widgets of widgets.js.
+// of the widgets of widgets.js; scene.js keeps its camera above the ground.
 "use strict";
 
 const recording = (() => {
@@ -105,6 +105,7 @@ const recording = (() => {
                 id: "controls", label: "Meshcat", value: false, hint: "Meshcat's own controls",
             })));
         requestAnimationFrame(tick);
+        setInterval(() => keep_above_ground(viewer), 500);
     });
     addEventListener("keydown", (event) => {
         if (event.key !== " " || !has_begun || event.target.closest("button, input, select"))

@@ -8,7 +8,7 @@ from pydrake.geometry import Meshcat
 
 from arm_drake.output_files import writing
 
-_STATIC = Path(__file__).parent / "static"
+_STATIC = Path(__file__).parent / "page" / "static"
 
 # What Drake's page has: what stands above it, and what does a command of the scene.
 _TITLE = "<title>Drake MeshCat</title>"
@@ -32,14 +32,14 @@ def make_recording(meshcat: Meshcat, title: str, *, loop: bool = False) -> str:
     meshcat.PublishRecording()
     page = meshcat.StaticHtml()
     given = json.dumps({"commands": page.count(_COMMAND), "loop": loop})
-    style, widgets, script = (
+    style, widgets, scene, script = (
         (_STATIC / name).read_text(encoding="utf-8")
-        for name in ("panel.css", "widgets.js", "recording.js")
+        for name in ("panel.css", "widgets.js", "scene.js", "recording.js")
     )
     head = (
         f"<title>{html.escape(title)}</title>\n"
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<style>\n{style}</style>\n<script>\n{widgets}</script>\n"
+        f"<style>\n{style}</style>\n<script>\n{widgets}</script>\n<script>\n{scene}</script>\n"
         f'<script data-given="{html.escape(given)}">\n{script}</script>'
     )
     assert _TITLE in page

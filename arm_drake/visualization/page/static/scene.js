@@ -1,0 +1,85 @@
+// What the page does with Meshcat's scene: names beside things, a camera that stays above
+// the ground, and clicks on links.
+"use strict";
+
+// ---- Names beside frames: they follow the camera ----
+
+const names = new Map();
+
+const transform = (e, x, y, z) => [0, 1, 2, 3].map((i) => e[i] * x + e[i + 4] * y + e[i + 8] * z + e[i + 12]);
+
+const draw_names = () => {
+    requestAnimationFrame(draw_names);
+    const viewer = names.size && at("scene").contentWindow.viewer;
+    if (!viewer) return;
+    const {clientWidth: width, clientHeight: height} = at("labels");
+    const {matrixWorldInverse, projectionMatrix} = viewer.camera;
+    const taken = [];
+    for (const [path, {span, offsetWidth, offsetHeight}] of names) {
+        const e = viewer.scene_tree.find(path).object.matrixWorld.elements;
+        const seen = transform(matrixWorldInverse.elements, e[12], e[13], e[14]);
+        const [x, y, , w] = transform(projectionMatrix.elements, ...seen);
+        span.hidden = w <= 0;
+        if (span.hidden) continue;
+        const left = (0.5 + 0.5 * x / w) * width + 6;
+        // Below those whose place it would take; half a pixel, as numbers are rounded.
+        let top = (0.5 - 0.5 * y / w) * height - 8;
+        for (let other; (other = taken.find((t) => Math.abs(t.top - top) < offsetHeight - 0.5
+            && left < t.right && t.left < left + offsetWidth));) top = other.top + offsetHeight;
+        taken.push({left, right: left + offsetWidth, top});
+        span.style.transform = `translate(${left.toFixed(1)}px, ${top.toFixed(1)}px)`;
+    }
+};
+
+// ---- The camera stays above the ground, where there is one ----
+
+const above = Math.PI / 2 - 0.02;
+
+const keep_above_ground = (viewer) => {
+    const grid = viewer.scene_tree.children.Grid;
+    const ground = grid && grid.children.ground;
+    const nodes = ground ? [grid, ground, ground.children.plane] : [null];
+    const has_ground = nodes.every((node) => node && node.object.visible);
+    viewer.controls.maxPolarAngle = has_ground ? above : Math.PI;
+};
+
+// ---- Clicks ----
+
+// Returns the path of what is seen at a point, from -1 to 1 to the right and up.
+const path_at = ({MeshCat: {THREE}, viewer}, right, up) => {
+    const ray = new THREE.Raycaster();
+    ray.setFromCamera({x: right, y: up}, viewer.camera);
+    const drake = viewer.scene_tree.find(["drake"]);
+    for (const {object} of ray.intersectObject(drake.object, true)) {
+        const above = new Set();
+        for (let one = object; one; one = one.parent) above.add(one);
+        if (!object.isMesh || [...above].some((one) => !one.visible)) continue;
+        const path = ["drake"];
+        for (let node = drake; node;) {
+            const found = Object.entries(node.children).find(([, child]) => above.has(child.object));
+            if (found) path.push(found[0]);
+            node = found && found[1];
+        }
+        return path.join("/");
+    }
+    return "";
+};
+
+// Tells what a click, not a drag, has hit in the scene of a window.
+const listen_to_clicks = (window, tell) => {
+    const canvas = window.viewer.renderer.domElement;
+    let start = null;
+    canvas.addEventListener("pointerdown", ({button, clientX, clientY}) => {
+        start = button ? null : [clientX, clientY];
+    });
+    // What turns the camera takes the rest of a drag for itself.
+    window.addEventListener("pointerup", ({clientX, clientY}) => {
+        const is_click = start && Math.hypot(clientX - start[0], clientY - start[1]) < 4;
+        start = null;
+        if (!is_click) return;
+        const {left, top, width, height} = canvas.getBoundingClientRect();
+        const path = path_at(
+            window, 2 * (clientX - left) / width - 1, 1 - 2 * (clientY - top) / height);
+        if (path) tell(path);
+    });
+};
