@@ -254,6 +254,11 @@ def test_a_saved_recording_plays_without_a_network(
     early, late = picture_at(page, 2.0), picture_at(page, 4.5)
     hide_robot(page)
     empty = take_picture(page)
+    # The camera comes back from below the ground; y is up here.
+    page.evaluate("viewer.camera.position.y = -1.0")
+    page.wait_for_function(
+        "() => { viewer.controls.update(); return viewer.camera.position.y > 0.019; }"
+    )
     context.close()
     box = box_around(np.concatenate([straight, bent]))
     assert difference(early, late)[box].mean() > 0.05

@@ -33,14 +33,18 @@ const draw_names = () => {
 
 // ---- The camera stays above the ground, where there is one ----
 
-const above = Math.PI / 2 - 0.02;
+// So high at least [m].
+const above = 0.02;
 
 const keep_above_ground = (viewer) => {
     const grid = viewer.scene_tree.children.Grid;
     const ground = grid && grid.children.ground;
     const nodes = ground ? [grid, ground, ground.children.plane] : [null];
     const has_ground = nodes.every((node) => node && node.object.visible);
-    viewer.controls.maxPolarAngle = has_ground ? above : Math.PI;
+    // Around what it looks at, the camera is as high as the cosine of this angle says.
+    const {target} = viewer.controls;
+    const lowest = (above - target.y) / viewer.camera.position.distanceTo(target);
+    viewer.controls.maxPolarAngle = has_ground ? Math.acos(Math.max(-1, Math.min(1, lowest))) : Math.PI;
 };
 
 // ---- Clicks ----
