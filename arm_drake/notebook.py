@@ -474,7 +474,7 @@ def animate(
             draw=lambda: draw(simulation),
             frame_rate=rate,
         )
-        names = ", ".join(robot.name for robot in loaded)
+        names = ", ".join(robot.title for robot in loaded)
         page = make_recording(meshcat, names, loop=loop)
     return simulation, Recording(page)
 

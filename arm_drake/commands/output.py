@@ -264,7 +264,7 @@ def write_outputs(
         rollout.plot(options.plot, options.plot_kind or PLOT_KINDS[0])
         say.line(f"plot: {options.plot}")
     if options.record is not None and meshcat is not None:
-        names = ", ".join(robot.name for robot in robots)
+        names = ", ".join(robot.title for robot in robots)
         save_recording(meshcat, options.record, names, loop=options.loop)
         say.line(f"recording: {options.record} ({_size(options.record)})")
     # A house around the robot would be all that is seen of it.

@@ -126,6 +126,12 @@ class Robot:
     # Arguments of `load_robot` that made it, but for types of controllers.
     load_options: Mapping[str, Any] = dc.field(default_factory=dict)
 
+    @property
+    def title(self) -> str:
+        """What it is called where there is room for one name: as it was asked for."""
+        is_renamed = self.name != self.description.name
+        return self.name if is_renamed or self.bundled is None else self.bundled
+
     @functools.cached_property
     def portable_source(self) -> str:
         """The expanded description without folders of this machine, as logs have it."""

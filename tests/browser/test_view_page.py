@@ -558,3 +558,23 @@ def test_a_click_on_a_link_tells_its_pose(
     told = yaml.safe_load(screen.page.evaluate("() => navigator.clipboard.readText()"))
     assert told["xyz"] == pytest.approx([0.0, 0.0, ELBOW])
     assert told["rpy_degrees"] == pytest.approx([0.0, math.degrees(1.0), 0.0])
+
+
+def test_meshcat_s_own_controls_are_behind_a_button(
+    program: Program[RobotViewer], screen: Screen
+) -> None:
+    del program
+    button, scene = (
+        screen.page.locator("#controls"),
+        screen.page.frame_locator("#scene"),
+    )
+    controls = scene.get_by_text("Open Controls").or_(
+        scene.get_by_text("Close Controls")
+    )
+
+    screen.until(lambda: controls.count() == 1, "Meshcat has them")
+    assert not controls.is_visible()
+    button.click()
+    assert controls.is_visible()
+    button.click()
+    assert not controls.is_visible()

@@ -198,7 +198,7 @@ class LiveSimulation:
         self._log = LogLines()
         simulation.on_event(lambda event: self._log.add(simulation, event))
         self._start()
-        page.set_panel(", ".join(simulation.robots), make_sections(self))
+        page.set_panel(self._title(), make_sections(self))
 
     @property
     def is_playing(self) -> bool:
@@ -445,9 +445,17 @@ class LiveSimulation:
             owner = max(owners, key=lambda one: len(one.controller), default=None)
             if owner is not None:
                 owner.handle(name, value)
+                part = name.removeprefix(f"remote:{owner.controller}:")
+                text = f"{owner.controller}: {part.replace(':', ' ')}"
+                if isinstance(value, int | float):
+                    text += f" {value:.4g}"
+                self._log.note(self.simulation, f"{text} by the panel", source=name)
         else:
             self.views.handle(name, value)
             self._drawn = math.nan
+
+    def _title(self) -> str:
+        return ", ".join(robot.title for robot in self.simulation.robots.values())
 
     def _start(self) -> None:
         """Begin at the present time of the simulation."""
@@ -498,6 +506,7 @@ class LogLines:
     def __init__(self) -> None:
         """Create it without lines."""
         self._lines: collections.deque[str] = collections.deque(maxlen=_NUM_LINES)
+        self._source = ""
 
     def add(self, simulation: Simulation, event: SimulationEvent) -> None:
         """Take news, if they are worth a line."""
@@ -515,13 +524,17 @@ class LogLines:
         if text:
             self.note(simulation, text)
 
-    def note(self, simulation: Simulation, text: str) -> None:
-        """Take a line as it is."""
+    def note(self, simulation: Simulation, text: str, source: str = "") -> None:
+        """Take a line as it is; of one source that goes on, the last one alone."""
+        if source and source == self._source:
+            self._lines.pop()
+        self._source = source
         self._lines.append(f"{simulation.time:.2f} s  {text}")
 
     def clear(self) -> None:
         """Forget all lines."""
         self._lines.clear()
+        self._source = ""
 
     def __str__(self) -> str:
         """Return the lines, the newest first."""

@@ -161,7 +161,7 @@ class ReplayPage:
         self._rate = rate
         self._is_stopped = False
         replay.frame()
-        page.set_panel(replay.robot.name, self._sections())
+        page.set_panel(replay.robot.title, self._sections())
 
     @property
     def rate(self) -> float:

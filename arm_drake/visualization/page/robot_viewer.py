@@ -291,7 +291,7 @@ class RobotViewer:
                 make_fixed_frame([robot], self._fixed_frame),
             ],
         )
-        self.page.set_panel(robot.name, sections)
+        self.page.set_panel(robot.title, sections)
         self._draw()
 
     def _draw(self) -> None:

@@ -410,6 +410,27 @@ def test_controllers_are_switched_and_the_news_say_so(
     assert texts == ["deactivated arm", "activated group"]
 
 
+def test_what_sliders_send_is_news_of_a_drag_its_end(
+    page: Page, robot: ad.Robot
+) -> None:
+    live = make(page, robot, motion=None, is_paused=True)
+    live.step(3)
+    joint, other = live.remotes[0].widgets()[:2]
+
+    for value in (0.1, 0.2, 0.3):
+        live.handle([Event(joint.id, value)])
+    live.handle([Event(other.id, 0.1)])
+    live.handle([Event(joint.id, 0.4)])
+
+    texts = [line.split(" s  ")[1] for line in reversed(live.log.splitlines())]
+    names = [widget.id.split(":")[-1] for widget in (joint, other)]
+    assert texts == [
+        f"arm: goal {names[0]} 0.3 by the panel",
+        f"arm: goal {names[1]} 0.1 by the panel",
+        f"arm: goal {names[0]} 0.4 by the panel",
+    ]
+
+
 def test_news_have_a_line_each_the_newest_first(page: Page, robot: ad.Robot) -> None:
     live = make(page, robot)
 

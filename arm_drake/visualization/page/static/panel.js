@@ -102,6 +102,15 @@ const fold = (is_folded) => {
     at("panel").hidden = is_folded;
     at("unfold").hidden = !is_folded;
 };
+// Meshcat's own controls, which are another user interface over the scene.
+const show_controls = (is_shown) => {
+    const {viewer} = at("scene").contentWindow;
+    if (viewer) viewer.gui.domElement.hidden = !is_shown;
+};
+at("controls").addEventListener("click", () => {
+    const {viewer} = at("scene").contentWindow;
+    if (viewer) show_controls(viewer.gui.domElement.hidden);
+});
 at("fold").addEventListener("click", () => fold(true));
 at("unfold").addEventListener("click", () => fold(false));
 if (new URLSearchParams(location.search).has("no_panel")
@@ -127,6 +136,7 @@ at("scene").addEventListener("load", () => {
     // The page itself tells when the connection is lost.
     const own = at("scene").contentDocument.getElementById("status-message");
     if (own) own.style.visibility = "hidden";
+    show_controls(false);
     at("scene").contentWindow.addEventListener("keydown", press);
     listen_to_clicks(at("scene").contentWindow, (path) => say("readout:pick", path));
 });
