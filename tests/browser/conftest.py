@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser, Page, expect
 from pydrake.geometry import Meshcat
 
 import arm_drake as ad
@@ -14,6 +14,8 @@ from arm_drake.visualization.screenshot import BrowserError, open_browser
 from tests.browser.pictures import VIEWPORT
 from tests.robots import real_robot, skip_or_fail
 from tests.waiting import PATIENCE
+
+expect.set_options(timeout=1000.0 * PATIENCE)
 
 
 @pytest.fixture(scope="package")

@@ -122,10 +122,12 @@ def test_a_recording_waits_for_all_of_its_scene(page: Page, film: Path) -> None:
 
 def test_a_recording_loops_if_asked(page: Page, film: Path) -> None:
     page.goto(film.as_uri())
-    bar_widget(page, "loop").locator("input").check()
     bar_widget(page, "rate").locator("select").select_option("5 ×")
+    # It has ended.
+    expect(bar_widget(page, "play")).to_have_text("play")
+    bar_widget(page, "loop").locator("input").check()
 
-    # It goes back to the start, and on.
+    # It goes back to the start, and on, and again.
     page.wait_for_function(
         """() => new Promise((done) => {
             let before = 0;

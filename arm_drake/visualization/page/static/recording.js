@@ -88,7 +88,10 @@ const recording = (() => {
         else if (id === "play") play();
         else if (id === "time") seek(value);
         else if (id === "rate") rate = parseFloat(value);
-        else if (id === "loop") loop = value;
+        else if (id === "loop") {
+            loop = value;
+            if (loop && has_begun && time >= viewer.animator.duration) play();
+        }
         else if (id === "controls") viewer.gui.domElement.hidden = !value;
     };
 
