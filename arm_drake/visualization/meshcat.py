@@ -154,12 +154,12 @@ _PLANE = f"{GROUND}/plane"
 # Where robots reach so far below the ground, parts of their size, only lines are drawn.
 _SUNK = 0.02
 
-# The light that casts shadows: where it comes from, how bright it is, and half the
-# length of the square around the origin that has shadows [m].
+# The light that casts shadows: where it comes from [m], how bright it is, and how sharp
+# its shadows are [pixels]. Meshcat draws them within 5 m around the origin.
 _SUN = "/Lights/FillLight/<object>"
 _SUN_POSITION = (3.0, -2.0, 8.0)
 _SUN_INTENSITY = 1.4
-_SHADOWS = 4.0
+_SHADOW_MAP = 2048.0
 
 
 def start_meshcat(*, host: str = "localhost", port: int | None = None) -> Meshcat:
@@ -287,14 +287,16 @@ def show_ground(meshcat: Meshcat) -> None:
     ):
         vertices, faces = _stripes(step, length, width, height)
         meshcat.SetTriangleMesh(f"{_GRID}/{name}", vertices, faces, color)
+    # Once a page has drawn shadows, their map can't change its size: all the ground
+    # would be dark. So a page must hear of it before `castShadow`. When it connects it
+    # is told of a path before what is below, and of one path's properties by name.
+    for side in ("width", "height"):
+        size = f"children.0.shadow.mapSize.{side}"
+        meshcat.SetProperty(_SUN.removesuffix("/<object>"), size, _SHADOW_MAP)
     meshcat.SetProperty(_SUN, "position", list(_SUN_POSITION))
     meshcat.SetProperty(_SUN, "intensity", _SUN_INTENSITY)
-    meshcat.SetProperty(_SUN, "castShadow", True)
-    for side, sign in (("left", -1), ("right", 1), ("bottom", -1), ("top", 1)):
-        meshcat.SetProperty(_SUN, f"shadow.camera.{side}", sign * _SHADOWS)
-    for side in ("width", "height"):
-        meshcat.SetProperty(_SUN, f"shadow.mapSize.{side}", 2048.0)
     meshcat.SetProperty(_SUN, "shadow.bias", -0.0005)
+    meshcat.SetProperty(_SUN, "castShadow", True)
 
 
 def _stripes(

@@ -13,6 +13,7 @@ import psutil
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
+from playwright.sync_api import Browser
 from pydrake.geometry import Meshcat
 
 import arm_drake as ad
@@ -180,6 +181,44 @@ def test_the_ground_shows_metres_and_the_robots_shadow(
     # The ground is brighter than its lines.
     bottom = pictures[1][-HEIGHT // 5 :].mean(axis=2)
     assert 0.02 < (bottom < np.median(bottom) - 10).mean() < 0.3
+
+
+# Draws as soon as the page hears of shadows, as a page now and then does.
+DRAW_WITH_SHADOWS = """
+let viewer;
+Object.defineProperty(window, "viewer", {
+    get: () => viewer,
+    set: (made) => {
+        viewer = made;
+        const {set_property} = made;
+        made.set_property = function (path, name, value) {
+            set_property.call(this, path, name, value);
+            if (name === "castShadow") this.renderer.render(this.scene, this.camera);
+        };
+    },
+});
+"""
+
+SHADOW_MAP = """() => {
+    const {shadow} = viewer.scene_tree.find(["Lights", "FillLight", "<object>"]).object;
+    return [shadow.map && shadow.map.width, shadow.mapSize.width];
+}"""
+
+
+def test_the_map_of_shadows_has_its_size_before_it_is_drawn(
+    browser: Browser, start_meshcat: StartMeshcat, tmp_path: Path
+) -> None:
+    meshcat = start_meshcat()
+    show_robot(meshcat, load(tmp_path, red_arm(1.0)))
+    page = browser.new_page()
+    page.add_init_script(DRAW_WITH_SHADOWS)
+    page.goto(meshcat.web_url())
+
+    # three.js would draw the whole ground in the shadow otherwise.
+    page.wait_for_function(f"() => ({SHADOW_MAP})()[0]")
+    drawn, told = page.evaluate(SHADOW_MAP)
+    page.close()
+    assert drawn == told == 2048
 
 
 def test_a_picture_is_as_large_as_asked_for_and_the_robot_inside(
