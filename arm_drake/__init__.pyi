@@ -45,6 +45,10 @@ from arm_drake.messages import (
     SpeedScalingFactor as SpeedScalingFactor,
     SwitchController as SwitchController,
 )
+from arm_drake.launch.launch_files import load_launch as load_launch
+from arm_drake.launch.plan import LaunchArgument as LaunchArgument
+from arm_drake.launch.plan import LaunchPlan as LaunchPlan
+from arm_drake.launch.robot import LaunchedRobot as LaunchedRobot
 from arm_drake.notebook import (
     PageHandle as PageHandle,
     Recording as Recording,

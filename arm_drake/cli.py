@@ -162,16 +162,39 @@ def add_sim_arguments(parser: argparse.ArgumentParser) -> None:
     _add_scene_arguments(parser)
     _add_solver_arguments(parser)
     _add_output_arguments(parser)
+    _add_shown_arguments(parser)
+
+
+def add_launch_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `launch`."""
     add = parser.add_argument
-    add("--paused", action="store_true", help="wait for the page's play button")
-    add("--ghost", action="store_true", help="draw the commanded positions, too")
-    add("--trail", metavar="LINK", help="draw the way of a link's origin")
-    add("--contacts", action="store_true", help="draw contact forces")
-    add_page_arguments(parser)
+    add("robot", metavar="[PACKAGE] FILE", help="a launch file, by its package or path")
+    add(
+        "xacro_args", metavar="NAME:=VALUE", nargs="*", default=[], help="its arguments"
+    )
+    add("--show-args", action="store_true", help="say which arguments it has")
+    add("--print", action="store_true", help="say what it would start")
+    several: Any = {"action": "append", "default": []}
+    add(
+        "--package-path",
+        metavar="DIR",
+        **several,
+        help="folder to search for packages; repeatable",
+    )
+    add(
+        "--strict",
+        action="store_true",
+        help="take every line of the report as an error",
+    )
+    _add_json(parser)
+    _add_run_arguments(parser)
+    _add_solver_arguments(parser)
+    _add_output_arguments(parser)
+    _add_shown_arguments(parser)
 
 
-def _add_scene_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what happens, where it does, and how it starts."""
+def _add_run_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what happens, and for how long."""
     add = parser.add_argument
     several: Any = {"action": "append", "default": []}
     add("--motion", metavar="NAME|FILE", help="what to send to the controllers")
@@ -189,16 +212,45 @@ def _add_scene_arguments(parser: argparse.ArgumentParser) -> None:
         help="built-in world (empty), or a .world or .sdf file",
     )
     add(
+        "--gravity",
+        choices=("on", "off"),
+        help="gravity of 9.81 m/s^2 (that of the world)",
+    )
+    add(
+        "--active",
+        metavar="NAME",
+        **several,
+        help="controller to start before the others; repeatable",
+    )
+    add(
+        "--inactive",
+        metavar="NAME",
+        **several,
+        help="controller not to start; repeatable",
+    )
+
+
+def _add_shown_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what a page or a recording shows of a simulation."""
+    add = parser.add_argument
+    add("--paused", action="store_true", help="wait for the page's play button")
+    add("--ghost", action="store_true", help="draw the commanded positions, too")
+    add("--trail", metavar="LINK", help="draw the way of a link's origin")
+    add("--contacts", action="store_true", help="draw contact forces")
+    add_page_arguments(parser)
+
+
+def _add_scene_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what happens, where it does, and how it starts."""
+    _add_run_arguments(parser)
+    add = parser.add_argument
+    several: Any = {"action": "append", "default": []}
+    add(
         "--pose",
         metavar=("X", "Y", "Z", "R", "P", "Y"),
         nargs=6,
         type=float,
         help="pose of the base [m, rad]",
-    )
-    add(
-        "--gravity",
-        choices=("on", "off"),
-        help="gravity of 9.81 m/s^2 (that of the world)",
     )
     add(
         "--payload",
@@ -213,18 +265,6 @@ def _add_scene_arguments(parser: argparse.ArgumentParser) -> None:
         **several,
         type=pair("="),
         help="initial position [rad or m]; repeatable",
-    )
-    add(
-        "--active",
-        metavar="NAME",
-        **several,
-        help="controller to start before the others; repeatable",
-    )
-    add(
-        "--inactive",
-        metavar="NAME",
-        **several,
-        help="controller not to start; repeatable",
     )
 
 
@@ -579,6 +619,13 @@ def _view(options: argparse.Namespace) -> int:
     return view(options, functools.partial(load_robot_of, options))
 
 
+def _launch(options: argparse.Namespace) -> int:
+    with unbroken(), without_collection():
+        from arm_drake.commands.launch import run_launch
+
+    return run_launch(options)
+
+
 def _graph(options: argparse.Namespace) -> int:
     from arm_drake.commands.graph import run_graph
 
@@ -648,6 +695,15 @@ _COMMANDS: Mapping[str, _Command] = {
         "before the simulation starts.",
         add_sim_arguments,
         _sim,
+    ),
+    "launch": _Command(
+        "do what a package's launch file says, as `ros2 launch` does",
+        "Runs the launch file, which is a program if it is in Python, and simulates "
+        "or shows the robots that it starts, with their controllers, their world and "
+        "their poses. What is not run is told. Launch files are run only when you ask "
+        "for it here; don't run those that you don't trust.",
+        add_launch_arguments,
+        _launch,
     ),
     "graph": _Command(
         "draw topics, controllers, interfaces and hardware",

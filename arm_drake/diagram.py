@@ -20,7 +20,7 @@ from arm_drake.description.drive_gains import find_drive_gains, holds_joints
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot, list_robots
 from arm_drake.description.srdf import find_disabled_collisions
-from arm_drake.errors import InputError
+from arm_drake.errors import InputError, suggest
 from arm_drake.hardware.drive_report import report_drive, report_friction, report_times
 from arm_drake.hardware.drives import (
     commanded_joints,
@@ -241,12 +241,37 @@ def _load_parts(builder: DiagramBuilder, setting: Setting) -> list[RobotParts]:
             blocks, find_gripper_ranges(robot)
         )
         controllers, report = load_controllers_of(
-            robot, period, options, hardware_interfaces
+            robot, period, _options_of(robot, robots, options), hardware_interfaces
         )
         parts.append(
             RobotParts(system, hardware_interfaces, controllers, report, blocks or ())
         )
     return parts
+
+
+def _options_of(
+    robot: Robot, robots: Sequence[Robot], options: SimulationOptions
+) -> SimulationOptions:
+    """Return options in which controllers are named as without the other robots.
+
+    `<robot>/<controller>` is that of one robot, a bare name that of all that have it.
+    """
+    if len(robots) == 1:
+        return options
+    known = {
+        each.name: [c.name for c in each.controllers.controllers] for each in robots
+    }
+    full = [f"{name}/{each}" for name, names in known.items() for each in names]
+    chosen: dict[str, list[str]] = {"active": [], "inactive": []}
+    for kind, found in chosen.items():
+        for name in getattr(options, kind):
+            if name not in full and not any(name in names for names in known.values()):
+                raise InputError(f"no controller {name!r}; {suggest(name, full)}")
+            own = name.removeprefix(f"{robot.name}/")
+            if own in known[robot.name]:
+                found.append(own)
+    active, inactive = map(tuple, chosen.values())
+    return dc.replace(options, active=active, inactive=inactive)
 
 
 def _add_empty_plant(

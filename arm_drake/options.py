@@ -95,7 +95,8 @@ class SimulationOptions:
     # who runs the diagram.
     frame_rate: float = 30.0
 
-    # Controllers to start besides, or instead of, those that would start.
+    # Controllers to start besides, or instead of, those that would start; with several
+    # robots `<robot>/<controller>`, or a name for all that have it.
     active: tuple[str, ...] = ()
 
     # Controllers to leave inactive.

@@ -477,3 +477,19 @@ def test_what_lies_on_the_ground_goes_on_in_a_rebuilt_diagram(tmp_path: Path) ->
     states = [sim.joint_states() for sim in (first, second)]
     assert states[0].position == states[1].position
     assert states[0].velocity == states[1].velocity
+
+
+def test_controllers_of_several_robots_are_named_with_their_robot() -> None:
+    robots = [ad.load_robot("lab5_arm", name=name) for name in ("left", "right")]
+    (first, *_) = (c.name for c in robots[0].controllers.controllers)
+
+    def active(*, inactive: tuple[str, ...]) -> set[str]:
+        options = ad.SimulationOptions(preset="kinematic", inactive=inactive)
+        simulation = ad.Simulation(ad.build_diagram(robots, options=options))
+        return {c.name for c in simulation.list_controllers() if c.state == "active"}
+
+    whole = active(inactive=())
+    assert active(inactive=(f"left/{first}",)) == whole - {f"left/{first}"}
+    assert active(inactive=(first,)) == whole - {f"left/{first}", f"right/{first}"}
+    with pytest.raises(InputError, match=f"no controller 'lft/{first}'; did you mean"):
+        active(inactive=(f"lft/{first}",))

@@ -29,6 +29,7 @@ PACKAGES = [
     "simulation",
     "visualization",
     "batch",
+    "launch",
     "commands",
 ]
 

@@ -11,7 +11,9 @@ import threading
 import webbrowser
 from collections.abc import Callable, Iterator
 
-from arm_drake.visualization.page import Page
+import numpy as np
+
+from arm_drake.visualization.page import Page, Scene
 
 
 def start_page(options: argparse.Namespace) -> Page:
@@ -34,6 +36,14 @@ def from_elsewhere(page: Page) -> str:
     if page.is_public or not is_without_screen():
         return ""
     return f"from another machine: {ssh_command(page.port)}"
+
+
+def place_camera(options: argparse.Namespace, page: Scene) -> None:
+    """Put the camera where RViz's configuration has it, if there is one."""
+    camera = getattr(options, "camera", None)
+    if camera is not None:
+        eye, target = map(np.array, camera)
+        page.meshcat.SetCameraPose(eye, target)
 
 
 def is_watched() -> bool:

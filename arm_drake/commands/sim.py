@@ -266,7 +266,10 @@ def _check_nothing_shown(options: argparse.Namespace) -> None:
 
 def _show(options: argparse.Namespace, views: "LiveViews") -> None:
     """Show what the command line asks for."""
+    from arm_drake.commands.page import place_camera
+
     views.set_fixed_frame(options.fixed_frame or WORLD)
+    place_camera(options, views.scene)
     views.set_trail(options.trail)
     if options.contacts and needs_recording(options):
         print("warning: contact forces are not in recordings", file=sys.stderr)

@@ -12,6 +12,7 @@ from arm_drake.commands.page import (
     from_elsewhere,
     interrupting,
     open_browser,
+    place_camera,
     start_page,
 )
 from arm_drake.description.joints import WORLD
@@ -75,6 +76,7 @@ def view(options: argparse.Namespace, load: LoadRobot) -> int:
             ),
             tell=lambda text: print(text, file=sys.stderr, flush=True),
         )
+        place_camera(options, scene)
         if ghost:
             viewer.show_ghost(ghost)
         if options.screenshot is not None:
@@ -124,6 +126,7 @@ def view_scene(options: argparse.Namespace, scene: Scene) -> int:
             return 0
         live = LiveSimulation(page, simulation, shown=shown, scene=scene)
         live.views.set_fixed_frame(options.fixed_frame or WORLD)
+        place_camera(options, page)
         text = f"page: {page.url}, until Ctrl-C"
         whole = summary | {"page": page.url}
         print(json.dumps(whole) if options.json else text, flush=True)

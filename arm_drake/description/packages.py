@@ -441,6 +441,15 @@ class PackageFinder:
             self._found[name] = self._as_installed(name, self._search(name))
         return self._found[name]
 
+    def source(self, name: str) -> Path:
+        """Return the folder that a package has its sources in."""
+        self.find(name)
+        return self._sources.get(name, self._found[name])
+
+    def sources(self) -> list[Path]:
+        """Return the source folders of all packages that were asked for."""
+        return [self.source(name) for name in self._found]
+
     def resolve(self, uri: str, relative_to: Path) -> Path:
         """Return the path that a file name or URI in a description stands for."""
         scheme, separator, rest = uri.partition("://")

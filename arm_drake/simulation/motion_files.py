@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 from arm_drake import yaml_files
-from arm_drake.bundled import bundled_motions
+from arm_drake.bundled import bundled_motions, bundled_robots
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, MotionError, suggest
 from arm_drake.messages import (
@@ -759,22 +759,40 @@ def default_duration(motion: Motion | None) -> float:
     return _WITHOUT_MOTION if motion is None else motion.duration + _AFTER_MOTION
 
 
+def _fits(motion: Motion, robot: Robot) -> bool:
+    """Return whether a robot has all controllers and joints of a motion."""
+    controllers = {each.name for each in robot.controllers.controllers}
+    joints = {joint.name for joint in robot.description.joints}
+    for step in motion.steps:
+        message = getattr(step.message, "trajectory", step.message)
+        names = getattr(message, "joint_names", ())
+        if step.controller not in controllers or not joints.issuperset(names):
+            return False
+    return True
+
+
 def find_motion(
     name: MotionSource, robot: Robot, parameters: Mapping[str, Any] | None = None
 ) -> Motion:
     """Return a motion, that of a name that comes with a robot, or that of a file.
 
-    Parameters replace their defaults. What can't be used is a MotionError.
+    Parameters replace their defaults. What can't be used is a MotionError. A robot of
+    one's own has the motions of the bundled robots whose controllers and joints it has.
     """
     if isinstance(name, Motion):
         return name
     if not isinstance(name, str | Path):
-        expected = "expected a Motion, a name or a file"
-        raise MotionError(f"motion: {expected}, got {name!r}")
+        raise MotionError(f"motion: expected a Motion, a name or a file, got {name!r}")
     known = bundled_motions(robot.bundled) if robot.bundled else {}
     if str(name) in known:
         return load_motion(known[str(name)], parameters)
     if not Path(name).suffix and not Path(name).is_file():
+        for other in () if robot.bundled else bundled_robots():
+            file = bundled_motions(other).get(str(name))
+            if file is not None and _fits(
+                motion := load_motion(file, parameters), robot
+            ):
+                return motion
         owner = robot.bundled or robot.name
         hint = suggest(str(name), known) if known else "give the file of a motion"
         text = f"no motion {str(name)!r} of {owner!r}, and no such file; {hint}"

@@ -84,7 +84,7 @@ class LiveViews:
         The simulation's diagram draws on the scene. `shown` is what is shown at first,
         as in `LinkViews`.
         """
-        self._scene = scene
+        self.scene = self._scene = scene
         self._simulation = simulation
         self._is_recorded = is_recorded
         diagram = simulation.diagram

@@ -1,0 +1,156 @@
+"""The command `arm-drake launch`: what a package's launch file starts, without ROS."""
+
+import argparse
+import json
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from arm_drake.commands.sim import choose_motion, simulate, simulation_options
+from arm_drake.description.robot import Robot
+from arm_drake.errors import InputError
+from arm_drake.launch.launch_files import load_arguments, load_launch, show_arguments
+from arm_drake.launch.plan import LaunchPlan
+from arm_drake.launch.rviz import read_rviz
+from arm_drake.scene import Scene
+
+
+def run_launch(options: argparse.Namespace) -> int:
+    """Do what a launch file says; return the exit code."""
+    names = [options.robot]
+    given: dict[str, str] = {}
+    for word in options.xacro_args:
+        if isinstance(word, str) and ":=" not in word:
+            names.append(word)
+        else:
+            name, value = word.split(":=", 1) if isinstance(word, str) else word
+            given[name] = value
+    if len(names) > 2:
+        text = f"expected PACKAGE FILE or FILE, got {' '.join(names)}"
+        raise InputError(f"launch: {text}")
+    folders = [Path(folder) for folder in options.package_path]
+    if options.show_args:
+        print(show_arguments(load_arguments(*names, package_paths=folders)))
+        return 0
+    plan = load_launch(*names, arguments=given, package_paths=folders)
+    if options.print:
+        print(json.dumps(to_json(plan)) if options.json else plan)
+        _say_report(plan)
+        return 0
+    if not options.json:
+        for each in plan.not_started:
+            print(each, file=sys.stderr)
+    _use_rviz(options, plan)
+    if plan.robots and not plan.is_simulated:
+        return _view(options, plan)
+    options.paused = options.paused or (plan.is_paused and not options.headless)
+    scene = plan.load_scene(world=options.world, options=simulation_options(options))
+    _say_report(plan)
+    return simulate(options, _with_motion(options, scene))
+
+
+def _with_motion(options: argparse.Namespace, scene: Scene) -> Scene:
+    if options.motion is None and not options.set:
+        return scene
+    if len(scene.robots) > 1:
+        raise InputError("--motion is for one robot; the launch file starts several")
+    (robot,) = scene.robots
+    motion = choose_motion(options.motion, options.set, robot)
+    motions = {} if motion is None else {robot.name: motion}
+    return type(scene)(**{**vars(scene), "motions": motions})
+
+
+def _say_report(plan: LaunchPlan) -> None:
+    for entry in plan.report:
+        if entry.severity != "info":
+            print(entry, file=sys.stderr)
+
+
+def _use_rviz(options: argparse.Namespace, plan: LaunchPlan) -> None:
+    """Show on the page what the launch file's RViz would show."""
+    if not isinstance(plan.rviz, Path) or options.headless:
+        return
+    if not plan.rviz.is_file():
+        print(f"warning: {plan.rviz}: no such file", file=sys.stderr)
+        return
+    view = read_rviz(plan.rviz)
+    options.show = options.show or list(view.shown)
+    links = {view.fixed_frame}
+    options.fixed_frame = options.fixed_frame or view.fixed_frame
+    options.is_frame_of_rviz = options.fixed_frame in links
+    if view.eye is not None:
+        options.camera = (view.eye, view.target)
+    if view.missing:
+        names = ", ".join(view.missing)
+        print(f"info: {plan.rviz}: displays without a page: {names}", file=sys.stderr)
+
+
+def _view(options: argparse.Namespace, plan: LaunchPlan) -> int:
+    """Show robots that nothing controls, with sliders for their joints."""
+    from arm_drake.commands.view import view, view_scene
+
+    if options.headless:
+        text = "it starts no controllers: there is nothing to simulate without a page"
+        raise InputError(text, file=plan.file)
+    _check_frame(options, plan)
+    if len(plan.robots) > 1:
+        options.ghost = []
+        return view_scene(options, plan.load_scene())
+    (launched,) = plan.robots
+    defaults: Mapping[str, Any] = {
+        "robot": launched.source,
+        "xacro_args": list(launched.xacro_args.items()),
+        "controllers": list(launched.controllers) or None,
+        "package_path": list(plan.package_paths),
+        "position": [],
+        "named_pose": None,
+        "ghost": [],
+        "no_watch": isinstance(launched.source, str),
+    }
+    vars(options).update(defaults)
+
+    def load(positions: Mapping[str, float]) -> Robot:
+        return launched.load(
+            launched.chosen_name,
+            plan.package_paths,
+            (),
+            plan.report,
+            initial_positions=positions,
+        )
+
+    return view(options, load)
+
+
+def _check_frame(options: argparse.Namespace, plan: LaunchPlan) -> None:
+    """Leave out a fixed frame of RViz that several robots can't have."""
+    if getattr(options, "is_frame_of_rviz", False) and len(plan.robots) > 1:
+        options.fixed_frame = None
+
+
+def to_json(plan: LaunchPlan) -> dict[str, Any]:
+    """Return a plan as plain data."""
+    return {
+        "file": str(plan.file),
+        "arguments": [vars(argument) for argument in plan.arguments],
+        "robots": [
+            {
+                "name": robot.name,
+                "namespace": robot.namespace,
+                "description": str(robot.source),
+                "xacro_args": dict(robot.xacro_args),
+                "controllers_yaml": [str(path) for path in robot.controllers],
+                "controllers": dict(robot.spawned),
+                "pose": None if robot.pose is None else list(robot.pose),
+                "simulator": robot.simulator,
+            }
+            for robot in plan.robots
+        ],
+        "world": None if plan.world is None else str(plan.world),
+        "paused": plan.is_paused,
+        "rviz": None if plan.rviz is None else str(plan.rviz),
+        "bridges": [*plan.bridges, *map(str, plan.bridge_files)],
+        "static_frames": [list(frame) for frame in plan.static_frames],
+        "not_started": [each.name for each in plan.not_started],
+        "report": plan.report.to_json(),
+    }

@@ -1,0 +1,1 @@
+"""Launch files of ROS 2, without ROS."""

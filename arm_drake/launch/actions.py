@@ -1,0 +1,759 @@
+"""Actions of launch files, as data, and the order in which they come to pass.
+
+They have the names and the arguments of `launch.actions`, `launch_ros.actions` and
+`launch.event_handlers`. Nothing is started: a `LaunchRun` visits them as `ros2 launch`
+does, plays the events that would follow (a spawner ends, a timer rings), and notes the
+nodes, processes and inclusions. They are used in the process that reads launch files.
+"""
+
+import functools
+import heapq
+import itertools
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from arm_drake.launch.parameters import read_parameters
+from arm_drake.launch.substitutions import (
+    LaunchContext,
+    LaunchError,
+    perform,
+)
+from arm_drake.launch.words import split_words
+
+# Programs that end by themselves, after which others may start: executables of nodes,
+# and what follows `ros2` or `gz`.
+_ENDING = {
+    "spawner",
+    "spawner.py",
+    "unspawner",
+    "unspawner.py",
+    "hardware_spawner",
+    "spawn_entity.py",
+    "create",
+    "remove",
+    "gz_spawn_model",
+}
+_LASTING_PACKAGES = {
+    "robot_state_publisher",
+    "joint_state_publisher",
+    "joint_state_publisher_gui",
+    "rviz2",
+    "ros_gz_bridge",
+    "ros_ign_bridge",
+    "moveit_ros_move_group",
+    "tf2_ros",
+}
+_LASTING_PROGRAMS = {"gazebo", "gzserver", "gzclient", "gz", "ign", "rviz2", "rqt"}
+
+# How long what ends by itself takes [s]: only its place among timers matters.
+_TAKES = 0.5
+
+# More than any launch file does; a chain of events may be endless.
+_MAX_EVENTS = 10_000
+_MAX_DEPTH = 100
+
+
+class Action:
+    """Something that a launch file does."""
+
+    def __init__(self, *args: Any, condition: Any = None, **kwargs: Any) -> None:
+        """Take what describes it; what isn't modelled keeps it as it is."""
+        self.args, self.kwargs, self.condition = args, kwargs, condition
+
+    def execute(self, run: "LaunchRun") -> Iterable[Any] | None:
+        """Come to pass; return what comes to pass next."""
+        raise NotImplementedError
+
+    def visit(self, context: Any) -> Iterable[Any] | None:
+        """Return what a package's own action consists of."""
+        run: LaunchRun = context.run
+        if self.condition is not None and not self.condition.evaluate(context):
+            return None
+        return self.execute(run)
+
+
+class LambdaAction(Action):
+    """An action that is a function of the run."""
+
+    def __init__(self, function: Callable[["LaunchRun"], None]) -> None:
+        super().__init__()
+        self.function = function
+
+    def execute(self, run: "LaunchRun") -> None:
+        self.function(run)
+
+
+class UnknownAction(Action):
+    """An action that isn't modelled; it is noted."""
+
+    def execute(self, run: "LaunchRun") -> None:
+        run.note("unknown", name=type(self).__name__)
+
+
+class LaunchDescription(Action):
+    def __init__(
+        self, initial_entities: Iterable[Any] | None = None, **kwargs: Any
+    ) -> None:
+        super().__init__(**kwargs)
+        self.entities = list(initial_entities or [])
+
+    def add_action(self, action: Any) -> None:
+        """Add an action at the end."""
+        self.entities.append(action)
+
+    add_entity = add_action
+
+    def execute(self, run: "LaunchRun") -> list[Any]:
+        return self.entities
+
+
+class DeclareLaunchArgument(Action):
+    def __init__(
+        self,
+        name: str,
+        *,
+        default_value: Any = None,
+        description: Any = "",
+        choices: Iterable[str] | None = None,
+        **kwargs: Any,
+    ) -> None:
+        super().__init__(**kwargs)
+        self.name, self.default_value = name, default_value
+        self.description = description
+        self.choices = None if choices is None else [str(each) for each in choices]
+
+    def execute(self, run: "LaunchRun") -> None:
+        configurations = run.context.launch_configurations
+        default = self.default_value
+        text = None if default is None else perform(run.context, default)
+        run.declare(
+            name=self.name,
+            default=text,
+            description=perform(run.context, self.description or ""),
+            choices=self.choices,
+        )
+        if self.name not in configurations:
+            if text is None:
+                if run.only_shows_arguments:
+                    return
+                raise LaunchError(
+                    f"argument {self.name!r} has no default; give it as "
+                    f"{self.name}:=VALUE"
+                )
+            configurations[self.name] = text
+        value = configurations[self.name]
+        if self.choices is not None and value not in self.choices:
+            raise LaunchError(
+                f"argument {self.name}:={value}: expected one of "
+                f"{', '.join(self.choices)}"
+            )
+
+
+class SetLaunchConfiguration(Action):
+    def __init__(self, name: Any, value: Any, **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        self.name, self.value = name, value
+
+    def execute(self, run: "LaunchRun") -> None:
+        name = perform(run.context, self.name)
+        run.context.launch_configurations[name] = perform(run.context, self.value)
+
+
+class UnsetLaunchConfiguration(Action):
+    def execute(self, run: "LaunchRun") -> None:
+        name = perform(run.context, self.args[0])
+        run.context.launch_configurations.pop(name, None)
+
+
+class SetEnvironmentVariable(Action):
+    def __init__(self, name: Any, value: Any = "", **kwargs: Any) -> None:
+        condition = kwargs.pop("condition", None)
+        super().__init__(condition=condition, **kwargs)
+        self.name, self.value = name, value
+
+    def execute(self, run: "LaunchRun") -> None:
+        name, value = (perform(run.context, each) for each in (self.name, self.value))
+        os.environ[name] = self.join(os.environ.get(name, ""), value, run)
+
+    def join(self, old: str, value: str, run: "LaunchRun") -> str:
+        return value
+
+
+class AppendEnvironmentVariable(SetEnvironmentVariable):
+    def join(self, old: str, value: str, run: "LaunchRun") -> str:
+        separator = perform(run.context, self.kwargs.get("separator", os.pathsep))
+        is_first = self.kwargs.get("prepend", False)
+        if not isinstance(is_first, bool):
+            is_first = perform(run.context, is_first).lower() in ("true", "1")
+        pair = (value, old) if is_first else (old, value)
+        return separator.join(filter(None, pair))
+
+
+class UnsetEnvironmentVariable(Action):
+    def execute(self, run: "LaunchRun") -> None:
+        os.environ.pop(perform(run.context, self.args[0]), None)
+
+
+class GroupAction(Action):
+    def __init__(
+        self,
+        actions: Iterable[Any],
+        *,
+        scoped: bool = True,
+        forwarding: bool = True,
+        launch_configurations: Mapping[str, Any] | None = None,
+        **kwargs: Any,
+    ) -> None:
+        super().__init__(**kwargs)
+        self.actions, self.scoped, self.forwarding = list(actions), scoped, forwarding
+        self.launch_configurations = dict(launch_configurations or {})
+
+    def get_sub_entities(self) -> list[Any]:
+        """Return the actions of the group."""
+        return self.actions
+
+    def execute(self, run: "LaunchRun") -> None:
+        context = run.context
+        given = {
+            perform(context, name): perform(context, value)
+            for name, value in self.launch_configurations.items()
+        }
+        saved = (
+            dict(context.launch_configurations),
+            dict(os.environ),
+            list(context.parameters),
+            list(context.remappings),
+        )
+        if not self.forwarding:
+            context.launch_configurations.clear()
+        context.launch_configurations.update(given)
+        for action in self.actions:
+            run.visit(action)
+        if self.scoped:
+            for variable in set(os.environ) - set(saved[1]):
+                del os.environ[variable]
+            os.environ.update(saved[1])
+            context.launch_configurations = saved[0]
+            context.parameters, context.remappings = saved[2], saved[3]
+
+
+class PushRosNamespace(Action):
+    def __init__(self, namespace: Any, **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        self.namespace = namespace
+
+    def execute(self, run: "LaunchRun") -> None:
+        name = join_names(run.namespace, perform(run.context, self.namespace))
+        run.context.launch_configurations["ros_namespace"] = name
+
+
+class SetParameter(Action):
+    def __init__(self, name: Any, value: Any, **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        self.name, self.value = name, value
+
+    def execute(self, run: "LaunchRun") -> None:
+        run.context.parameters.append({self.name: self.value})
+
+
+class SetUseSimTime(Action):
+    def execute(self, run: "LaunchRun") -> None:
+        run.context.parameters.append({"use_sim_time": self.args[0]})
+
+
+class SetParametersFromFile(Action):
+    def execute(self, run: "LaunchRun") -> None:
+        given = self.kwargs.get("filename", *self.args[:1])
+        run.context.parameters.append(perform(run.context, given))
+
+
+class SetRemap(Action):
+    def __init__(self, src: Any, dst: Any, **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        self.pair = (src, dst)
+
+    def execute(self, run: "LaunchRun") -> None:
+        source, target = (perform(run.context, each) for each in self.pair)
+        run.context.remappings.append((source, target))
+
+
+class LogInfo(Action):
+    def __init__(self, *, msg: Any = "", **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        self.msg = msg
+
+    def execute(self, run: "LaunchRun") -> None:
+        run.note("log", text=perform(run.context, self.msg))
+
+
+class OpaqueFunction(Action):
+    def __init__(
+        self,
+        *,
+        function: Callable[..., Any],
+        args: Iterable[Any] | None = None,
+        kwargs: Mapping[str, Any] | None = None,
+        **rest: Any,
+    ) -> None:
+        super().__init__(**rest)
+        self.function, self.given = function, list(args or [])
+        self.named = dict(kwargs or {})
+
+    def execute(self, run: "LaunchRun") -> Iterable[Any] | None:
+        found: Any = self.function(run.context, *self.given, **self.named)
+        if found is not None and not isinstance(found, list | tuple):
+            name = getattr(self.function, "__name__", "function")
+            raise LaunchError(
+                f"{name}() of an OpaqueFunction: expected a list of actions, got "
+                f"{type(found).__name__}"
+            )
+        return found
+
+
+class TimerAction(Action):
+    def __init__(self, *, period: Any, actions: Iterable[Any], **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        self.period, self.actions = period, list(actions)
+
+    def execute(self, run: "LaunchRun") -> None:
+        period = float(perform(run.context, self.period))
+        run.later(period, functools.partial(run.visit, self.actions))
+
+
+class Shutdown(Action):
+    def execute(self, run: "LaunchRun") -> None:
+        run.note("shutdown")
+
+
+class EmitEvent(Action):
+    def execute(self, run: "LaunchRun") -> None:
+        event = self.kwargs.get("event", *self.args[:1])
+        run.note("event", name=type(event).__name__)
+
+
+class Event:
+    """An event, of which only its kind matters."""
+
+    def __init__(self, **given: Any) -> None:
+        """Take what describes it."""
+        vars(self).update(given)
+
+
+class EventHandler:
+    """What follows an event of an action."""
+
+    # Actions whose event it is: of all, if there is none.
+    target: Any = None
+    entities: Any = ()
+    kind = ""
+
+    def __init__(self, **kwargs: Any) -> None:
+        """Take what describes it."""
+        self.kwargs = kwargs
+
+    def matches(self, action: Any) -> bool:
+        """Return whether it is the event of this action."""
+        if self.target is None:
+            return True
+        if isinstance(self.target, Action):
+            return self.target is action
+        if callable(self.target):
+            return bool(self.target(action))
+        return any(each is action for each in self.target)
+
+
+class OnProcessExit(EventHandler):
+    kind = "exit"
+
+    def __init__(
+        self, *, target_action: Any = None, on_exit: Any = (), **kwargs: Any
+    ) -> None:
+        super().__init__(**kwargs)
+        self.target, self.entities = target_action, on_exit
+
+
+class OnProcessStart(EventHandler):
+    kind = "start"
+
+    def __init__(
+        self, *, target_action: Any = None, on_start: Any = (), **kwargs: Any
+    ) -> None:
+        super().__init__(**kwargs)
+        self.target, self.entities = target_action, on_start
+
+
+class OnExecutionComplete(EventHandler):
+    kind = "complete"
+
+    def __init__(
+        self, *, target_action: Any = None, on_completion: Any = (), **kwargs: Any
+    ) -> None:
+        super().__init__(**kwargs)
+        self.target, self.entities = target_action, on_completion
+
+
+class OnShutdown(EventHandler):
+    kind = "shutdown"
+
+
+class OnProcessIO(EventHandler):
+    kind = "output"
+
+
+class RegisterEventHandler(Action):
+    def __init__(self, event_handler: EventHandler, **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        self.event_handler = event_handler
+
+    def execute(self, run: "LaunchRun") -> None:
+        run.handlers.append(self.event_handler)
+
+
+class UnregisterEventHandler(Action):
+    def execute(self, run: "LaunchRun") -> None:
+        handler = self.kwargs.get("event_handler", *self.args[:1])
+        if handler in run.handlers:
+            run.handlers.remove(handler)
+
+
+class LaunchDescriptionSource:
+    """A launch file that is included."""
+
+    def __init__(
+        self, launch_file_path: Any = None, location: Any = None, **kwargs: Any
+    ) -> None:
+        """Take its path; `location` is what the base class calls it."""
+        self.location = location if launch_file_path is None else launch_file_path
+
+
+class IncludeLaunchDescription(Action):
+    def __init__(
+        self,
+        launch_description_source: Any,
+        *,
+        launch_arguments: Any = None,
+        **kwargs: Any,
+    ) -> None:
+        super().__init__(**kwargs)
+        self.source = launch_description_source
+        given = launch_arguments or []
+        self.launch_arguments = list(
+            given.items() if isinstance(given, Mapping) else given
+        )
+
+    def execute(self, run: "LaunchRun") -> None:
+        given = {
+            perform(run.context, name): perform(run.context, value)
+            for name, value in self.launch_arguments
+        }
+        if isinstance(self.source, LaunchDescription):
+            run.context.launch_configurations.update(given)
+            run.visit(self.source)
+            return
+        location = getattr(self.source, "location", self.source)
+        run.include(perform(run.context, location), given)
+
+
+class Words(list[Any]):
+    """Arguments of a program in one text, which is split when it is known."""
+
+
+class ExecuteLocal(Action):
+    def __init__(
+        self,
+        *,
+        cmd: Iterable[Any] = (),
+        on_exit: Any = None,
+        additional_env: Mapping[Any, Any] | None = None,
+        **kwargs: Any,
+    ) -> None:
+        super().__init__(**kwargs)
+        self.cmd, self.on_exit = [cmd] if isinstance(cmd, str) else list(cmd), on_exit
+
+    def execute(self, run: "LaunchRun") -> None:
+        words = [perform(run.context, word) for word in self.cmd]
+        if len(words) == 1 or self.kwargs.get("shell"):
+            words = split_words(" ".join(words))
+        # A node by its command.
+        if words[:2] == ["ros2", "run"] and len(words) >= 4:
+            run.start_node(self, words[2], words[3], arguments=words[4:])
+            return
+        if words[:2] == ["ros2", "launch"] and len(words) > 2:
+            run.launch(words[2:])
+            return
+        run.start(self, "process", command=words)
+
+
+class ExecuteProcess(ExecuteLocal):
+    pass
+
+
+class Node(ExecuteProcess):
+    def __init__(
+        self,
+        *,
+        executable: Any = None,
+        package: Any = None,
+        name: Any = None,
+        namespace: Any = None,
+        parameters: Any = None,
+        remappings: Any = None,
+        arguments: Any = None,
+        ros_arguments: Any = None,
+        **kwargs: Any,
+    ) -> None:
+        super().__init__(**kwargs)
+        self.package = package
+        self.executable = executable or kwargs.get("node_executable", "")
+        self.name = name or kwargs.get("node_name")
+        self.given_namespace = namespace or kwargs.get("node_namespace")
+        self.parameters = parameters or []
+        self.remappings = list(remappings or [])
+        self.arguments = arguments or []
+        if not isinstance(self.arguments, list | tuple):
+            self.arguments = [self.arguments]
+
+    def execute(self, run: "LaunchRun") -> None:
+        context = run.context
+        package, executable, name, space = (
+            None if given is None else perform(context, given)
+            for given in (
+                self.package,
+                self.executable,
+                self.name,
+                self.given_namespace,
+            )
+        )
+        parameters = self.parameters
+        if not isinstance(parameters, list | tuple):
+            parameters = [parameters]
+        run.start_node(
+            self,
+            package or "",
+            executable or "",
+            name=name,
+            namespace=join_names(run.namespace, space or ""),
+            parameters=[
+                read_parameters(context, each)
+                for each in (*context.parameters, *parameters)
+            ],
+            remappings=[
+                *context.remappings,
+                *(
+                    (perform(context, a), perform(context, b))
+                    for a, b in self.remappings
+                ),
+            ],
+            arguments=self._words(context),
+        )
+
+    def _words(self, context: LaunchContext) -> list[str]:
+        if isinstance(self.arguments, Words):
+            return split_words(perform(context, self.arguments))
+        return [perform(context, each) for each in self.arguments]
+
+
+class LifecycleNode(Node):
+    pass
+
+
+class ComposableNode:
+    """A node that a container would load."""
+
+    def __init__(self, *, package: Any, plugin: Any, **kwargs: Any) -> None:
+        """Take what describes it."""
+        self.package, self.plugin, self.kwargs = package, plugin, kwargs
+
+
+class ComposableNodeContainer(Node):
+    def __init__(
+        self, *, composable_node_descriptions: Any = None, **kwargs: Any
+    ) -> None:
+        super().__init__(**kwargs)
+        self.loaded = composable_node_descriptions or []
+
+    def execute(self, run: "LaunchRun") -> None:
+        for each in self.loaded:
+            package, plugin = (
+                perform(run.context, e) for e in (each.package, each.plugin)
+            )
+            run.start_node(self, package, plugin)
+
+
+class LoadComposableNodes(ComposableNodeContainer):
+    pass
+
+
+def join_names(space: str, name: str) -> str:
+    """Return a name in a name space; one that begins with a slash is as it is."""
+    if name.startswith("/") or not space.strip("/"):
+        return name.strip("/")
+    return f"{space.strip('/')}/{name}".strip("/")
+
+
+class LaunchRun:
+    """One launch of a file: what is visited, and what is noted."""
+
+    def __init__(
+        self,
+        context: LaunchContext,
+        load: Callable[[str], Any],
+        *,
+        only_shows_arguments: bool = False,
+    ) -> None:
+        """Create it, with what loads an included file."""
+        self.context, self._load = context, load
+        self.only_shows_arguments = only_shows_arguments
+        context.run = self  # type: ignore[attr-defined]
+        self.handlers: list[EventHandler] = []
+        self.records: list[dict[str, Any]] = []
+        self.declared: dict[str, dict[str, Any]] = {}
+        self._time = 0.0
+        self._waiting: list[tuple[float, int, Callable[[], Any]]] = []
+        self._number = itertools.count()
+        self._depth = 0
+
+    @property
+    def namespace(self) -> str:
+        """The name space in which nodes start."""
+        return self.context.launch_configurations.get("ros_namespace", "").strip("/")
+
+    def run(self, file: str, arguments: Mapping[str, str]) -> None:
+        """Visit all that a launch file does, now and later."""
+        self.include(file, arguments)
+        for _ in range(_MAX_EVENTS):
+            if not self._waiting:
+                return
+            self._time, _, act = heapq.heappop(self._waiting)
+            act()
+        raise LaunchError(f"more than {_MAX_EVENTS} events: it starts itself again")
+
+    def note(self, kind: str, **values: Any) -> None:
+        """Note something."""
+        file = self.context.files[-1] if self.context.files else ""
+        note = {"kind": kind, "file": file, "time": self._time, **values}
+        self.records.append(note)
+        if len(self.records) > _MAX_EVENTS:
+            raise LaunchError(f"it starts more than {_MAX_EVENTS} things")
+
+    def declare(self, **argument: Any) -> None:
+        """Note an argument that is declared; the first declaration counts."""
+        self.declared.setdefault(argument["name"], argument)
+
+    def later(self, delay: float, act: Callable[[], Any]) -> None:
+        """Do something later, in the file that is read now."""
+        files = list(self.context.files)
+
+        def act_there() -> None:
+            self.context.files[:] = files
+            act()
+
+        item = (self._time + delay, next(self._number), act_there)
+        heapq.heappush(self._waiting, item)
+
+    def visit(self, entity: Any) -> None:
+        """Let something come to pass."""
+        if entity is None:
+            return
+        if isinstance(entity, list | tuple):
+            for each in entity:
+                self.visit(each)
+            return
+        if not hasattr(entity, "visit"):
+            raise LaunchError(
+                f"expected actions, got {type(entity).__name__} {str(entity)[:80]!r}"
+            )
+        self._depth += 1
+        if self._depth > _MAX_DEPTH:
+            raise LaunchError("files or actions contain each other")
+        found = entity.visit(self.context)
+        if found is not None:
+            self.visit(list(found))
+        self._depth -= 1
+        if not isinstance(entity, ExecuteLocal):
+            self._fire("complete", entity)
+
+    def include(self, file: str, arguments: Mapping[str, str]) -> None:
+        """Visit a launch file."""
+        file = os.path.abspath(file)
+        self.context.launch_configurations.update(arguments)
+        description = self._load(file)
+        if description is None:  # Of a package that is stood for.
+            values = dict(self.context.launch_configurations)
+            self.note("include", path=file, arguments=values, namespace=self.namespace)
+            return
+        self.context.files.append(file)
+        self.visit(description)
+        self.context.files.pop()
+
+    def launch(self, words: Sequence[str]) -> None:
+        """Do what `ros2 launch` does, with arguments of its own."""
+        names = [word for word in words if ":=" not in word and word[0] != "-"]
+        given = dict(w.split(":=", 1) for w in words if ":=" in w)
+        file = names[0]
+        if len(names) > 1:
+            folder = Path(self.context.find_package(names[0]))
+            found = sorted(folder.rglob(names[1]))
+            if not found:
+                raise LaunchError(f"package {names[0]!r} has no {names[1]!r}")
+            file = str(found[0])
+        inner = [LambdaAction(lambda run: run.include(file, given))]
+        self.visit(GroupAction(inner, forwarding=False))
+
+    def start_node(
+        self, action: Any, package: str, executable: str, **values: Any
+    ) -> None:
+        """Note a node."""
+        values.setdefault("namespace", self.namespace)
+        self.start(action, "node", package=package, executable=executable, **values)
+
+    def start(self, action: ExecuteLocal, kind: str, **values: Any) -> None:
+        """Note a program, and what follows its start and its end."""
+        self.note(kind, **values)
+        ends = _ends(**values)
+        self.later(0.0, lambda: self._fire("start", action))
+        if ends is not False:
+            self.later(_TAKES, lambda: self._end(action, is_known=bool(ends)))
+
+    def _end(self, action: ExecuteLocal, *, is_known: bool) -> None:
+        if not is_known:
+            # A program of the user's own, which may go on for ever.
+            follows = [h for h in self.handlers if h.kind == "exit" and h.target]
+            if any(h.matches(action) for h in follows):
+                self.note("assumed_end", **_name_of(action))
+        if action.on_exit and is_known:
+            self.visit(action.on_exit)
+        self._fire("exit", action, is_known=is_known)
+
+    def _fire(self, kind: str, action: Any, *, is_known: bool = True) -> None:
+        for handler in list(self.handlers):
+            if handler.kind != kind or not handler.matches(action):
+                continue
+            if not is_known and handler.target is None:
+                continue
+            entities = handler.entities
+            if callable(entities) and not isinstance(entities, Action):
+                entities = entities(Event(action=action, returncode=0), self.context)
+            self.visit(entities)
+
+
+def _ends(
+    package: str = "",
+    executable: str = "",
+    command: Sequence[str] = (),
+    **others: Any,
+) -> bool | None:
+    """Return whether a program ends by itself; None if nobody here knows."""
+    if executable in _ENDING or command[:1] == ["ros2"]:
+        return True
+    program = os.path.basename(command[0]) if command else ""
+    is_lasting = package in _LASTING_PACKAGES or program in _LASTING_PROGRAMS
+    return False if is_lasting or executable == "ros2_control_node" else None
+
+
+def _name_of(action: Any) -> dict[str, Any]:
+    package, executable = (getattr(action, k, None) for k in ("package", "executable"))
+    words = [str(word) for word in action.cmd if isinstance(word, str)]
+    return {"name": f"{package}/{executable}" if executable else " ".join(words)}

@@ -1,0 +1,669 @@
+"""Program that reads one launch file, and tells what it would start.
+
+`launch_files.load_launch` runs it in a process of its own: a launch file in Python is a
+program. Here it finds ours in the place of the modules that it knows from ROS, none of
+which is on PyPI (`launch`, `launch_ros`, `ament_index_python`, `xacro`,
+`moveit_configs_utils`, `nav2_common.launch`, `controller_manager.launch_utils`), and
+what packages bring themselves, in their source folders. It may take only so much memory
+and time, and is refused what would change the machine or leave it: starting programs,
+connections, files outside a temporary folder. That keeps honest files from harm; it is
+no wall against a program that means it.
+
+It reads one request from standard input as a line of JSON, asks for packages, and ends
+with what it noted, or with what is wrong.
+"""
+
+import contextlib
+import importlib.abc
+import importlib.machinery
+import io
+import json
+import os
+import resource
+import sys
+import tempfile
+import traceback
+import types
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TextIO
+
+import yaml
+
+from arm_drake.launch import actions, parameters, substitutions
+from arm_drake.launch.actions import LaunchRun
+from arm_drake.launch.launch_description_sources import (
+    load_as_module,
+    read_launch_file,
+)
+from arm_drake.launch.substitutions import (
+    LaunchContext,
+    LaunchError,
+    PackageNotFoundError,
+    perform,
+)
+
+# Modules that have actions, substitutions and conditions, also those of which there
+# are none here: what isn't known is noted when it comes to pass.
+_LAUNCH = ("launch", "launch_ros", "launch_xml", "launch_yaml", "launch_testing")
+
+Context = substitutions.LaunchContext
+
+
+def _public(module: types.ModuleType) -> dict[str, Any]:
+    return {
+        name: value
+        for name, value in vars(module).items()
+        if not name.startswith("_")
+        and getattr(value, "__module__", "") == module.__name__
+    }
+
+
+class _Launch(types.ModuleType):
+    """Module `launch` or one below it: knows all names of all of them."""
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        aliases = {
+            "PushROSNamespace": "PushRosNamespace",
+            "ROSTimer": "TimerAction",
+            "RosTimer": "TimerAction",
+            "SomeSubstitutionsType_types_tuple": "Substitution",
+            "SomeSubstitutionsType": "Substitution",
+        }
+        known = _public(substitutions) | _public(actions) | _public(parameters)
+        known = {k: v for k, v in known.items() if isinstance(v, type)}
+        if name in aliases or name in known:
+            return known[aliases.get(name, name)]
+        if name.endswith("LaunchDescriptionSource"):
+            return actions.LaunchDescriptionSource
+        if name in _FUNCTIONS:
+            return _FUNCTIONS[name]
+        if f"{self.__name__}.{name}" in sys.modules:
+            return sys.modules[f"{self.__name__}.{name}"]
+        if name[0].islower():
+            return importlib.import_module(f"{self.__name__}.{name}")
+        if self.__name__.endswith("substitutions"):
+            return type(name, (substitutions.Substitution,), {})
+        if self.__name__.endswith("events") or ".events." in self.__name__:
+            return type(name, (actions.Event,), {})
+        if name.startswith("On"):
+            return type(name, (actions.EventHandler,), {})
+        return type(name, (actions.UnknownAction,), {})
+
+
+def _normalize(given: Any) -> list[Any]:
+    return list(given) if isinstance(given, list | tuple) else [given]
+
+
+_FUNCTIONS: Mapping[str, Callable[..., Any]] = {
+    "evaluate_condition_expression": lambda context, expression: substitutions.is_true(
+        perform(context, expression)
+    ),
+    "expose_action": lambda name: lambda kind: kind,
+    "expose_substitution": lambda name: lambda kind: kind,
+    "load_python_launch_file_as_module": load_as_module,
+    "get_launch_description_from_python_launch_file": lambda path: load_as_module(
+        path
+    ).generate_launch_description(),
+    "normalize_to_list_of_substitutions": _normalize,
+    "normalize_parameters": _normalize,
+    "perform_substitutions": perform,
+    "perform_typed_substitution": lambda context, value, kind: kind(
+        perform(context, value)
+    ),
+    "evaluate_parameters": lambda context, given: tuple(
+        parameters.read_parameters(context, each) for each in given
+    ),
+    "is_a": lambda value, kind: isinstance(value, kind),
+    "get_logger": lambda *names: _Quiet(),
+}
+
+
+class _Quiet:
+    """A logger that says nothing."""
+
+    def __getattr__(self, name: str) -> Callable[..., None]:
+        return lambda *args, **kwargs: None
+
+
+class _Document:
+    """What takes the place of xacro's XML document."""
+
+    def __init__(self, file: str, arguments: Mapping[str, str] | None = None) -> None:
+        self.file, self.arguments = file, dict(arguments or {})
+
+    def toxml(self, *args: Any, **kwargs: Any) -> str:
+        arguments = {name: str(value) for name, value in self.arguments.items()}
+        return _context().describe(self.file, arguments)
+
+    toprettyxml = toxml
+
+
+def _context() -> Context:
+    return _current[-1]
+
+
+# The context of the launch file that is being read.
+_current: list[Context] = []
+
+
+def _process_file(input_file_name: Any, *args: Any, **kwargs: Any) -> _Document:
+    return _Document(os.fspath(input_file_name), kwargs.get("mappings"))
+
+
+def _parse_xacro(given: Any, filename: Any = None) -> _Document:
+    return _Document(filename or getattr(given, "name", ""))
+
+
+def _process_document(document: _Document, *args: Any, **kwargs: Any) -> None:
+    document.arguments |= dict(kwargs.get("mappings") or {})
+
+
+class MoveItConfigs:
+    """What `MoveItConfigsBuilder.to_moveit_configs` returns."""
+
+    def __init__(self, package_path: Path, values: Mapping[str, Any]) -> None:
+        self.package_path = str(package_path)
+        self._values = dict(values)
+
+    def __getattr__(self, name: str) -> Any:
+        return self._values.get(name, {})
+
+    def to_dict(self, include_moveit_configs: bool = True) -> dict[str, Any]:
+        """Return all parameters as one mapping."""
+        merged: dict[str, Any] = {"moveit_config_package": self.package_path}
+        for each in self._values.values():
+            merged |= each
+        return merged
+
+
+class MoveItConfigsBuilder:
+    """Of `moveit_configs_utils`: description, SRDF and where the rest lies."""
+
+    def __init__(
+        self,
+        robot_name: str,
+        robot_description: str = "robot_description",
+        package_name: str | None = None,
+    ) -> None:
+        self._package = Path(
+            substitutions.find_package(package_name or f"{robot_name}_moveit_config")
+        )
+        self._name, self._parameter = robot_name, robot_description
+        self._values: dict[str, Any] = {}
+        self._setup = {}
+        assistant = self._package / ".setup_assistant"
+        if assistant.is_file():
+            data = parameters.read_parameter_file(str(assistant)) or {}
+            self._setup = data.get("moveit_setup_assistant_config", {})
+
+    def robot_description(
+        self, file_path: Any = None, mappings: Mapping[str, Any] | None = None
+    ) -> "MoveItConfigsBuilder":
+        path = self._package / f"config/{self._name}.urdf.xacro"
+        urdf = self._setup.get("urdf") or self._setup.get("URDF") or {}
+        if file_path is not None:
+            path = self._package / str(file_path)
+        elif not path.is_file() and urdf.get("relative_path"):
+            package = substitutions.find_package(urdf["package"])
+            path = Path(package, urdf["relative_path"])
+        if path.is_file():
+            self._values["robot_description"] = {
+                self._parameter: _describe(path, mappings)
+            }
+        return self
+
+    def robot_description_semantic(
+        self, file_path: Any = None, mappings: Mapping[str, Any] | None = None
+    ) -> "MoveItConfigsBuilder":
+        srdf = self._setup.get("srdf") or self._setup.get("SRDF") or {}
+        name = file_path or srdf.get("relative_path", f"config/{self._name}.srdf")
+        self._values["robot_description_semantic"] = {
+            f"{self._parameter}_semantic": _describe(self._package / name, mappings)
+        }
+        return self
+
+    def __getattr__(self, name: str) -> Callable[..., "MoveItConfigsBuilder"]:
+        if name.startswith("_"):
+            raise AttributeError(name)
+
+        def take(*args: Any, **kwargs: Any) -> "MoveItConfigsBuilder":
+            given = kwargs.get("file_path", *args[:1]) if args or kwargs else None
+            if isinstance(given, str | Path):
+                path = self._package / given
+                self._values[name] = {f"{name}_file": str(path)}
+            return self
+
+        return take
+
+    def to_moveit_configs(self) -> MoveItConfigs:
+        """Return what was described."""
+        if "robot_description" not in self._values:
+            self.robot_description()
+        if "robot_description_semantic" not in self._values:
+            self.robot_description_semantic()
+        return MoveItConfigs(self._package, self._values)
+
+    def to_dict(self, include_moveit_configs: bool = True) -> dict[str, Any]:
+        """Return all parameters as one mapping."""
+        return self.to_moveit_configs().to_dict()
+
+
+def _describe(path: Path, mappings: Mapping[str, Any] | None) -> str:
+    context = _context()
+    return context.describe(
+        str(path), {k: perform(context, v) for k, v in (mappings or {}).items()}
+    )
+
+
+class ParameterBuilder:
+    """Of `launch_param_builder`: parameters from files of a package."""
+
+    def __init__(self, package_name: str) -> None:
+        self._package = Path(substitutions.find_package(package_name))
+        self._values: dict[str, Any] = {}
+
+    def yaml(self, file_path: Any, parameter_namespace: str | None = None) -> Any:
+        data = parameters.read_parameter_file(str(self._package / file_path))
+        self._values |= {parameter_namespace: data} if parameter_namespace else data
+        return self
+
+    def parameter(self, name: str, value: Any) -> Any:
+        self._values[name] = value
+        return self
+
+    def xacro_parameter(
+        self, parameter_name: str, file_path: Any, mappings: Any = None
+    ) -> Any:
+        self._values[parameter_name] = _describe(self._package / file_path, mappings)
+        return self
+
+    def to_dict(self) -> dict[str, Any]:
+        return self._values
+
+
+def _spawners(
+    controllers: Mapping[str, Any] | Sequence[str],
+    *args: Any,
+    **kwargs: Any,
+) -> actions.LaunchDescription:
+    """Return what `controller_manager.launch_utils` makes: arguments and a spawner."""
+    names, files = list(controllers), kwargs.get("controller_params_files") or []
+    if isinstance(controllers, Mapping):
+        given = [each for value in controllers.values() for each in _normalize(value)]
+        files = [file for file in given if file]
+    manager = substitutions.LaunchConfiguration(
+        "controller_manager_name", default="controller_manager"
+    )
+    words: list[Any] = [*names, "--controller-manager", manager]
+    for file in files:
+        words += ["--param-file", file]
+    words += [*(kwargs.get("extra_spawner_args") or [])]
+    return actions.LaunchDescription(
+        [
+            actions.DeclareLaunchArgument(
+                "controller_manager_name",
+                default_value="controller_manager",
+                description="Controller manager node name",
+            ),
+            actions.DeclareLaunchArgument(
+                "unload_on_kill",
+                default_value="false",
+                description="Wait until the node is interrupted, then unload it",
+            ),
+            actions.Node(
+                package="controller_manager", executable="spawner", arguments=words
+            ),
+        ]
+    )
+
+
+def _load_yaml(path: Any) -> Any:
+    with open(path, encoding="utf-8") as file:
+        return yaml.safe_load(file)
+
+
+def _make_modules() -> dict[str, types.ModuleType]:
+    def share(package_name: str, print_warning: bool = True) -> str:
+        return substitutions.find_package(package_name)
+
+    ament = {
+        "PackageNotFoundError": PackageNotFoundError,
+        "get_package_share_directory": share,
+        "get_package_share_path": lambda name, print_warning=True: Path(share(name)),
+        "get_package_prefix": lambda name: substitutions.prefix_of(name, share(name)),
+        "get_packages_with_prefixes": dict,
+    }
+    xacro = {
+        "process_file": _process_file,
+        "parse": _parse_xacro,
+        "process_doc": _process_document,
+        "process": lambda file, **kwargs: _process_file(file, **kwargs).toxml(),
+        "XacroException": type("XacroException", (Exception,), {}),
+    }
+    controller_manager = {
+        f"generate_{name}_launch_description{ending}": _spawners
+        for name in ("controllers_spawner", "spawner", "load_controller")
+        for ending in ("", "_from_dict")
+    }
+    moveit = {
+        "MoveItConfigsBuilder": MoveItConfigsBuilder,
+        "MoveItConfigs": MoveItConfigs,
+    }
+    nav2 = {
+        "RewrittenYaml": parameters.RewrittenYaml,
+        "ReplaceString": parameters.ReplaceString,
+        "HasNodeParams": type("HasNodeParams", (substitutions.Substitution,), {}),
+    }
+    builder = {
+        "ParameterBuilder": ParameterBuilder,
+        "load_yaml": _load_yaml,
+        "load_xacro": _describe,
+        "get_package_path": lambda name: Path(share(name)),
+    }
+    content: Mapping[str, Mapping[str, Any]] = {
+        "ament_index_python": ament,
+        "ament_index_python.packages": ament,
+        "ament_index_python.resources": ament,
+        "xacro": xacro,
+        "controller_manager": {},
+        "controller_manager.launch_utils": controller_manager,
+        "moveit_configs_utils": moveit,
+        "moveit_configs_utils.moveit_configs_builder": moveit,
+        "nav2_common": {},
+        "nav2_common.launch": nav2,
+        "launch_param_builder": builder,
+    }
+    modules = {}
+    for name, values in content.items():
+        module = modules[name] = types.ModuleType(name)
+        module.__path__ = []
+        vars(module).update(values)
+        parent, _, last = name.rpartition(".")
+        if parent:
+            setattr(modules[parent], last, module)
+    return modules
+
+
+class _Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
+    """Finds ours, and what packages bring themselves."""
+
+    def __init__(self, find_sources: Callable[[str], str | None]) -> None:
+        self._find_sources = find_sources
+
+    def find_spec(self, name: str, path: Any, target: Any = None) -> Any:
+        first = name.partition(".")[0]
+        if first in _LAUNCH:
+            spec = importlib.machinery.ModuleSpec(name, self, is_package=True)
+            return spec
+        if path is not None or first in sys.stdlib_module_names:
+            return None
+        return self._find_own(name)
+
+    def _find_own(self, name: str) -> Any:
+        source = self._find_sources(name)
+        if source is None:
+            return None
+        folders = [
+            source,
+            *(os.path.join(source, f) for f in ("src", "launch", "scripts")),
+        ]
+        return importlib.machinery.PathFinder.find_spec(name, folders)
+
+    def create_module(self, spec: Any) -> types.ModuleType:
+        return _Launch(spec.name)
+
+    def exec_module(self, module: types.ModuleType) -> None:
+        pass
+
+
+def install(context: Context, find_sources: Callable[[str], str | None]) -> None:
+    """Let launch files import what they know, in a context.
+
+    `find_sources` returns the source folder of a package, None if there is none.
+    """
+    _current.append(context)
+    vars(substitutions)["find_package"] = context.find_package
+    sys.modules.update(_make_modules())
+    finder = _Finder(find_sources)
+    # Before others for the modules of launch, after them for packages' own.
+    sys.meta_path.insert(0, finder)
+
+
+class _Other:
+    """The process that asked."""
+
+    def __init__(self, incoming: TextIO, outgoing: TextIO) -> None:
+        self._incoming, self._outgoing = incoming, outgoing
+        self._found: dict[str, str | None] = {}
+
+    def read(self) -> Any:
+        return json.loads(self._incoming.readline())
+
+    def tell(self, **values: Any) -> None:
+        print(json.dumps(values), file=self._outgoing, flush=True)
+
+    def find(self, name: str) -> str:
+        """Return the share folder of a package."""
+        folder = self._ask("find", name)
+        if folder is None:
+            raise PackageNotFoundError(name)
+        return folder
+
+    def find_sources(self, name: str) -> str | None:
+        """Return the source folder of a package, None if there is none."""
+        return self._ask("find_sources", name)
+
+    def _ask(self, what: str, name: str) -> str | None:
+        key = f"{what} {name}"
+        if key not in self._found:
+            self.tell(**{what: str(name)})
+            self._found[key] = self.read()
+        return self._found[key]
+
+
+# Events of Python of what a launch file may not do, by what they are.
+_REFUSED = {
+    "starts a program": (
+        "subprocess.Popen",
+        "os.exec",
+        "os.fork",
+        "os.forkpty",
+        "os.posix_spawn",
+        "os.spawn",
+        "os.startfile",
+        "os.system",
+        "pty.spawn",
+    ),
+    "opens a connection": (
+        "socket.__new__",
+        "socket.bind",
+        "socket.connect",
+        "socket.getaddrinfo",
+        "urllib.Request",
+    ),
+    "sends a signal": ("os.kill", "os.killpg", "signal.pthread_kill"),
+    "calls code that isn't Python's": ("ctypes.dlopen", "ctypes.dlsym"),
+}
+_REFUSED_EVENTS = {name: what for what, names in _REFUSED.items() for name in names}
+
+# Events that change files, by how many of their arguments are paths.
+_CHANGES = {
+    "os.chmod": 1,
+    "os.chown": 1,
+    "os.link": 2,
+    "os.mkdir": 1,
+    "os.remove": 1,
+    "os.removexattr": 1,
+    "os.rename": 2,
+    "os.rmdir": 1,
+    "os.setxattr": 1,
+    "os.symlink": 2,
+    "os.truncate": 1,
+    "os.utime": 1,
+    "shutil.move": 2,
+    "shutil.rmtree": 1,
+}
+
+_WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
+
+
+class _RefusedError(PermissionError):
+    """What a launch file may not do."""
+
+
+class _Watch:
+    """Refuses what changes the machine, and notes which files are read."""
+
+    def __init__(self, folder: str) -> None:
+        self._folder = os.path.realpath(folder)
+        self.opened: list[str] = []
+        self.refused: list[str] = []
+
+    def __call__(self, event: str, arguments: tuple[Any, ...]) -> None:
+        if event == "open":
+            path, _, flags = arguments
+            if not isinstance(path, str | bytes):
+                return
+            writes = isinstance(flags, int) and bool(flags & _WRITING)
+            if not writes:
+                self.opened.append(os.fsdecode(path))
+            elif os.fsdecode(path) != os.devnull:
+                self._check("writes", path)
+        elif event in _REFUSED_EVENTS:
+            what = arguments[0] if arguments else ""
+            self._refuse(_REFUSED_EVENTS[event], what)
+        elif event in _CHANGES:
+            paths = arguments[: _CHANGES[event]]
+            for path in paths[1:] if event == "os.symlink" else paths:
+                self._check("changes", path)
+
+    def _check(self, what: str, path: Any) -> None:
+        if isinstance(path, int):
+            return
+        full = os.path.realpath(os.fsdecode(path))
+        if os.path.commonpath([full, self._folder]) != self._folder:
+            self._refuse(what, full)
+
+    def _refuse(self, what: str, name: Any) -> None:
+        name = os.fsdecode(name) if isinstance(name, bytes) else name
+        text = f"{what}: {name}" if isinstance(name, str) else what
+        self.refused.append(text)
+        raise _RefusedError(f"it {text}, which a launch file here may not do")
+
+
+def main() -> None:
+    """Read the launch file that standard input names, and tell what it would do."""
+    # Nothing that a launch file prints may come between what is told.
+    other, said = _Other(sys.stdin, os.fdopen(os.dup(1), "w")), io.StringIO()
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    request = other.read()
+    _set_limits(request)
+    tempfile.tempdir = request["folder"]
+    sys.dont_write_bytecode = True
+    sys.argv = ["ros2", "launch", request["file"]]
+    context = LaunchContext(other.find)
+    install(context, other.find_sources)
+    run = LaunchRun(
+        context,
+        lambda path: _load(Path(path), request["stood_for"]),
+        only_shows_arguments=request["only_shows_arguments"],
+    )
+    watch = _Watch(request["folder"])
+    _seal(watch)
+    with contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
+        error = _launch(run, request)
+    other.tell(
+        error=error,
+        arguments=list(run.declared.values()),
+        values=context.launch_configurations,
+        records=run.records,
+        descriptions=context.descriptions,
+        environment=dict(os.environ),
+        opened=watch.opened[:10_000],
+        refused=watch.refused,
+        said=said.getvalue()[:10_000],
+    )
+
+
+def _set_limits(request: Mapping[str, Any]) -> None:
+    for kind, limit in (
+        (resource.RLIMIT_AS, request["memory"]),
+        (resource.RLIMIT_CPU, request["cpu_time"]),
+        (resource.RLIMIT_FSIZE, request["size"]),
+        (resource.RLIMIT_CORE, 0),
+    ):
+        _, hard = resource.getrlimit(kind)
+        least = limit if hard == resource.RLIM_INFINITY else min(limit, hard)
+        # Not every system has each.
+        with contextlib.suppress(OSError, ValueError):
+            resource.setrlimit(kind, (least, hard))
+
+
+def _seal(watch: _Watch) -> None:
+    """Refuse from now on what a launch file may not do."""
+    import subprocess  # noqa: F401  So that what it starts with is known here.
+
+    with contextlib.suppress(ImportError):
+        import _posixsubprocess
+
+        def refuse(*args: Any) -> None:
+            watch("subprocess.Popen", ())
+
+        vars(_posixsubprocess)["fork_exec"] = refuse
+    sys.addaudithook(watch)
+
+
+def _load(path: Path, stood_for: str) -> Any:
+    """Return what a launch file describes; None of a package that is stood for."""
+    return None if path.is_relative_to(stood_for) else read_launch_file(path)
+
+
+def _launch(run: LaunchRun, request: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Run a launch file; return what is wrong."""
+    try:
+        run.run(request["file"], request["arguments"])
+    except PackageNotFoundError as error:
+        return {"kind": "package", "name": error.args[0], **_place(error, run)}
+    except LaunchError as error:
+        return {"kind": "launch", "text": str(error), **_place(error, run)}
+    except SyntaxError as error:
+        text = f"{type(error).__name__}: {error.msg}"
+        return {
+            "kind": "python",
+            "text": text,
+            "file": error.filename,
+            "line": error.lineno,
+        }
+    except ImportError as error:
+        return {
+            "kind": "import",
+            "name": error.name or str(error),
+            **_place(error, run),
+        }
+    except MemoryError:
+        return {"kind": "memory"}
+    # A launch file is a program, which ends with whatever it likes.
+    except BaseException as error:
+        text = f"{type(error).__name__}: {str(error)[:500]}"
+        if isinstance(error, _RefusedError):
+            text = str(error)
+        return {"kind": "python", "text": text, **_place(error, run)}
+    return None
+
+
+# Where Python and its packages are.
+_INSTALLED = tuple({sys.prefix, sys.base_prefix, os.path.dirname(os.__file__)})
+
+
+def _place(error: BaseException, run: LaunchRun) -> dict[str, Any]:
+    """Return the line of a user's file that an error comes from, or the file."""
+    ours = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+    for frame in reversed(traceback.extract_tb(error.__traceback__)):
+        is_code = os.path.isabs(frame.filename) and os.path.isfile(frame.filename)
+        if is_code and not frame.filename.startswith((ours, *_INSTALLED)):
+            return {"file": frame.filename, "line": frame.lineno}
+    files = run.context.files
+    return {"file": files[-1] if files else None, "line": None}

@@ -1,0 +1,176 @@
+"""Parameters of the nodes of a launch file: values, files, and what rewrites them.
+
+They have the names of `launch_ros.parameter_descriptions` and `nav2_common.launch`.
+"""
+
+import tempfile
+import types
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from arm_drake.launch.substitutions import (
+    LaunchContext,
+    Substitution,
+    SubstitutionFailure,
+    is_substitution,
+    parse_substitution,
+    perform,
+)
+
+
+def read_parameter_file(path: str) -> Any:
+    """Return what a YAML file of parameters holds."""
+    try:
+        return yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    except (OSError, yaml.YAMLError) as error:
+        reason = " ".join(str(error).split())
+        raise SubstitutionFailure(f"{path} can't be read: {reason}") from None
+
+
+def save_parameters(text: str) -> str:
+    """Return the name of a new file with a text of parameters."""
+    with tempfile.NamedTemporaryFile("w", suffix=".yaml", delete=False) as file:
+        file.write(text)
+    return file.name
+
+
+class RewrittenYaml(Substitution):
+    """A YAML file with some values replaced, of `nav2_common.launch`."""
+
+    def __init__(
+        self,
+        source_file: Any,
+        param_rewrites: Mapping[str, Any] = types.MappingProxyType({}),
+        root_key: Any = None,
+        key_rewrites: Mapping[str, Any] | None = None,
+        convert_types: bool = False,
+        **kwargs: Any,
+    ) -> None:
+        super().__init__(source_file)
+        self.param_rewrites, self.root_key = dict(param_rewrites), root_key
+        self.convert_types, self.key_rewrites = convert_types, dict(key_rewrites or {})
+
+    def perform(self, context: LaunchContext) -> str:
+        values = {
+            name: yaml.safe_load(text) if self.convert_types else text
+            for name, given in self.param_rewrites.items()
+            for text in [perform(context, given)]
+        }
+        keys = {name: perform(context, k) for name, k in self.key_rewrites.items()}
+
+        def rewrite(data: Any, path: str) -> Any:
+            if not isinstance(data, Mapping):
+                return data
+            found = {}
+            for key, value in data.items():
+                full = f"{path}.{key}" if path else str(key)
+                is_leaf = not isinstance(value, Mapping)
+                if full in values or (is_leaf and key in values):
+                    value = values.get(full, values.get(key))
+                found[keys.get(key, key)] = rewrite(value, full)
+            return found
+
+        data = rewrite(read_parameter_file(perform(context, self.args[0])), "")
+        root = "" if self.root_key is None else perform(context, self.root_key)
+        return save_parameters(yaml.safe_dump({root: data} if root else data))
+
+
+class ReplaceString(Substitution):
+    """A file with some texts replaced, of `nav2_common.launch`."""
+
+    def __init__(
+        self, source_file: Any, replacements: Mapping[str, Any], condition: Any = None
+    ) -> None:
+        super().__init__(source_file)
+        self.replacements, self.condition = replacements, condition
+
+    def perform(self, context: LaunchContext) -> str:
+        path = perform(context, self.args[0])
+        if self.condition is not None and not self.condition.evaluate(context):
+            return path
+        text = Path(path).read_text(encoding="utf-8")
+        for old, new in self.replacements.items():
+            text = text.replace(old, perform(context, new))
+        return save_parameters(text)
+
+
+class ParameterValue:
+    """A value of a parameter, with the type that it must have."""
+
+    def __init__(self, value: Any, *, value_type: Any = None) -> None:
+        """Take the value."""
+        self.value, self.value_type = value, value_type
+
+    def evaluate(self, context: LaunchContext) -> Any:
+        """Return the value."""
+        value = _evaluate(context, self.value, is_text=self.value_type is str)
+        is_simple = self.value_type in (bool, int, float, str)
+        return self.value_type(value) if is_simple else value
+
+
+class ParameterFile:
+    """A YAML file of parameters, in which substitutions may be."""
+
+    def __init__(self, param_file: Any, *, allow_substs: Any = False) -> None:
+        """Take the path."""
+        self.param_file, self.allow_substs = param_file, allow_substs
+
+    def evaluate(self, context: LaunchContext) -> str:
+        """Return the path of the file, or of one with the texts in their places."""
+        path = perform(context, self.param_file)
+        allowed = self.allow_substs
+        if not isinstance(allowed, bool):
+            allowed = perform(context, allowed).lower() in ("true", "1")
+        if not allowed:
+            return path
+        text = Path(path).read_text(encoding="utf-8")
+        return save_parameters(perform(context, parse_substitution(text)))
+
+
+class Parameter(ParameterValue):
+    """A parameter with its name."""
+
+    def __init__(self, name: Any, value: Any = None, **kwargs: Any) -> None:
+        """Take name and value."""
+        super().__init__(value, value_type=kwargs.get("value_type"))
+        self.name = name
+
+
+def read_parameters(context: LaunchContext, given: Any) -> Any:
+    """Return the path of a file of parameters, or a mapping of their values."""
+    if isinstance(given, Parameter):
+        return {perform(context, given.name): given.evaluate(context)}
+    if isinstance(given, ParameterFile):
+        return given.evaluate(context)
+    if not isinstance(given, Mapping):
+        return perform(context, given)
+    flat: dict[str, Any] = {}
+    for name, value in given.items():
+        key = perform(context, name)
+        if isinstance(value, Mapping):
+            inner = read_parameters(context, value)
+            flat |= {f"{key}.{k}": v for k, v in inner.items()}
+        else:
+            flat[key] = _evaluate(context, value)
+    return flat
+
+
+def _evaluate(context: LaunchContext, value: Any, *, is_text: bool = False) -> Any:
+    """Return a value of a parameter; what substitutions stand for is read as YAML."""
+    if isinstance(value, ParameterValue):
+        return value.evaluate(context)
+    if is_substitution(value):
+        text = perform(context, value)
+        if is_text:
+            return text
+        try:
+            found = yaml.safe_load(text)
+        except yaml.YAMLError:
+            return text
+        return found if isinstance(found, bool | int | float | list) else text
+    if isinstance(value, list | tuple):
+        return [_evaluate(context, each) for each in value]
+    return str(value) if isinstance(value, Path) else value

@@ -1,0 +1,174 @@
+"""Plans of launch files: robots, controllers, worlds, as a diagram is built of them."""
+
+import dataclasses as dc
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from pydrake.systems.framework import Diagram
+
+from arm_drake.description.report import LoadReport
+from arm_drake.description.robot import Robot
+from arm_drake.diagram import build_diagram
+from arm_drake.errors import InputError
+from arm_drake.launch.robot import LaunchedRobot
+from arm_drake.launch.roles import NotStarted
+from arm_drake.options import SimulationOptions
+from arm_drake.scene import Scene
+from arm_drake.simulation.motion import Motion
+from arm_drake.simulation.motion_files import find_motion
+
+
+@dc.dataclass(frozen=True)
+class LaunchArgument:
+    """An argument that a launch file declares."""
+
+    name: str
+
+    # None if it must be given.
+    default: str | None
+    description: str
+    choices: tuple[str, ...] | None = None
+
+
+@dc.dataclass(frozen=True, eq=False)
+class LaunchPlan:
+    """What `load_launch` returns: what a launch file would start.
+
+    Its robots are loaded by `load_scene`; `build_diagram` does both.
+    """
+
+    file: Path
+
+    # All that are declared, also in included files that are found.
+    arguments: tuple[LaunchArgument, ...]
+    robots: tuple[LaunchedRobot, ...]
+
+    # Name of a built-in world, or an SDF file; None if no simulator is started.
+    world: str | Path | None
+
+    # Whether the simulator waits, and whether it has a window.
+    is_paused: bool
+    is_headless: bool
+
+    # RViz's configuration; "" for its own one; None if it isn't started.
+    rviz: Path | str | None
+
+    # Whether there are sliders for the joints, and a planner of MoveIt.
+    has_sliders: bool
+    has_move_group: bool
+
+    # Bridges of topics to Gazebo: as arguments, and the files of others.
+    bridges: tuple[str, ...]
+    bridge_files: tuple[Path, ...]
+
+    # Frames that are fixed to others: parent, child, pose.
+    static_frames: tuple[tuple[str, str, tuple[float, ...]], ...]
+
+    # Motion file of what it publishes and which goals it sends, if any.
+    motion: Path | None
+
+    # What isn't run here.
+    not_started: tuple[NotStarted, ...]
+
+    # What was not taken as written.
+    report: LoadReport
+
+    package_paths: tuple[Path, ...] = ()
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether controllers run, not only a view of the robot."""
+        return self.world is not None or any(r.is_controlled for r in self.robots)
+
+    def load_scene(
+        self,
+        *,
+        world: str | Path | None = None,
+        options: SimulationOptions | None = None,
+    ) -> Scene:
+        """Load the robots, and return them with their world.
+
+        Args:
+            world: Another world than that of the launch file.
+            options: How to simulate; which controllers run is added to it.
+
+        Raises:
+            InputError: If the file starts no robot, or one can't be loaded.
+        """
+        if not self.robots:
+            others = ", ".join(sorted({each.name for each in self.not_started}))
+            text = f"it starts no robot; it starts {others or 'nothing'}"
+            raise InputError(text, file=self.file)
+        options = options or SimulationOptions()
+        several = len(self.robots) > 1
+        names = _unlike([robot.chosen_name for robot in self.robots])
+        robots = []
+        active, inactive = list(options.active), list(options.inactive)
+        for launched, name in zip(self.robots, names, strict=True):
+            robot = launched.load(
+                name, [*self.package_paths], self.bridge_files, self.report
+            )
+            robots.append(robot)
+            prefix = f"{robot.name}/" if several else ""
+            for controller, state in launched.states_of(robot, self.report).items():
+                full = prefix + controller
+                if full not in (*active, *inactive):
+                    (active if state == "active" else inactive).append(full)
+        options = dc.replace(options, active=tuple(active), inactive=tuple(inactive))
+        return Scene(
+            robots=tuple(robots),
+            world=world or self.world or "empty",
+            options=options,
+            motions=self._find_motions(robots),
+            file=self.file,
+        )
+
+    def _find_motions(self, robots: Sequence[Robot]) -> dict[str, Motion]:
+        if self.motion is None or len(robots) > 1:
+            return {}
+        return {robots[0].name: find_motion(self.motion, robots[0], {})}
+
+    def build_diagram(self, **options: Any) -> Diagram:
+        """Return the Diagram of the robots in their world.
+
+        Args:
+            options: As of `arm_drake.build_diagram`, but for the robots.
+
+        Raises:
+            InputError: As of `load_scene` and `arm_drake.build_diagram`.
+        """
+        scene = self.load_scene(options=options.pop("options", None))
+        return build_diagram(scene, **options)
+
+    def __str__(self) -> str:
+        """Return the plan as lines."""
+        return "\n".join(self._lines())
+
+    def _lines(self) -> Iterator[str]:
+        yield f"launch file: {self.file}"
+        for robot in self.robots:
+            yield from robot.lines()
+        if self.world is not None:
+            state = ", paused" if self.is_paused else ""
+            yield f"world: {self.world}{state}"
+        if self.rviz is not None:
+            yield f"rviz: {self.rviz or 'its own configuration'}"
+        for text in (*self.bridges, *self.bridge_files):
+            yield f"bridge: {text}"
+        for parent, child, pose in self.static_frames:
+            yield f"static frame: {child} in {parent} at {list(pose)}"
+        for each in self.not_started:
+            yield str(each)
+
+
+def _unlike(names: Sequence[str | None]) -> list[str | None]:
+    """Return names, of which the same ones get numbers."""
+    found: list[str | None] = []
+    for name in names:
+        new, number = name, 1
+        while new is not None and new in found:
+            number += 1
+            new = f"{name}_{number}"
+        found.append(new)
+    return found

@@ -1,0 +1,303 @@
+"""Robots of a launch file: where each is described, what controls it, its place."""
+
+import dataclasses as dc
+import re
+import shutil
+import tempfile
+import weakref
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from arm_drake.description.packages import PackageFinder
+from arm_drake.description.report import LoadReport
+from arm_drake.description.robot import Pose, Robot
+from arm_drake.description.xacro import expand_xacro
+from arm_drake.errors import PackageError, suggest
+from arm_drake.loading import load_robot
+
+# Where a simulator's plugin names its controllers YAML.
+_PARAMETERS_TAG = re.compile(r"<parameters>\s*([^<]+?)\s*</parameters>")
+
+
+class PlanFolder:
+    """A folder of files that a launch file wrote, there as long as who needs them."""
+
+    def __init__(self) -> None:
+        """Create it."""
+        self.path = Path(tempfile.mkdtemp(prefix="arm_drake_launch_"))
+        self.remove = weakref.finalize(
+            self, shutil.rmtree, self.path, ignore_errors=True
+        )
+
+
+@dc.dataclass(frozen=True)
+class LaunchedRobot:
+    """Robots of a launch file: where each is described, what controls it, its place."""
+
+    # A URDF or xacro file, or the text of a URDF.
+    source: Path | str
+    xacro_args: Mapping[str, str] = dc.field(default_factory=dict)
+
+    # Its name in the simulator, and the name space of its nodes.
+    name: str | None = None
+    namespace: str = ""
+    frame_prefix: str = ""
+
+    # "gazebo" (Classic), "gz", or None.
+    simulator: str | None = None
+
+    # x, y, z [m], roll, pitch, yaw [rad]; None if nothing is said.
+    pose: Pose | None = None
+
+    # Whether a controller manager runs, in or beside a simulator.
+    has_manager: bool = False
+
+    # Parameter files, and states of controllers in the order of their spawners.
+    controllers: tuple[Path, ...] = ()
+    spawned: Mapping[str, str] = dc.field(default_factory=dict)
+
+    # What holds the files that were written.
+    folder: PlanFolder | None = dc.field(default=None, repr=False, compare=False)
+
+    @property
+    def is_controlled(self) -> bool:
+        """Whether something controls or simulates it."""
+        return self.has_manager or self.simulator is not None
+
+    @property
+    def chosen_name(self) -> str | None:
+        """What it is called beside others; None if as its description says."""
+        name = self.name or self.namespace or None
+        return None if name is None else name.strip("/").replace("/", "_")
+
+    def load(
+        self,
+        name: str | None,
+        package_paths: Sequence[Path],
+        bridges: Sequence[Path],
+        report: LoadReport,
+        *,
+        initial_positions: Mapping[str, float] | None = None,
+    ) -> Robot:
+        """Load it, with positions of joints at the start [rad] or [m].
+
+        Raises:
+            InputError: If it can't be loaded.
+        """
+        files = [*self._files(package_paths, report), *bridges]
+        return load_robot(
+            self.source,
+            xacro_args=self.xacro_args,
+            controllers=files or None,
+            package_paths=package_paths,
+            name=name,
+            pose=self.pose,
+            initial_positions=initial_positions,
+        )
+
+    def _files(self, package_paths: Sequence[Path], report: LoadReport) -> list[Path]:
+        """Return the controllers YAML, with those that a simulator's plugin names."""
+        if self.simulator is None or not self.controllers:
+            return list(self.controllers)
+        file = self.source if isinstance(self.source, Path) else Path.cwd() / "text"
+        packages = PackageFinder(file, tuple(package_paths))
+        text = self.source
+        if isinstance(text, Path):
+            text = expand_xacro(file, self.xacro_args, packages)
+        found = []
+        for name in dict.fromkeys(_PARAMETERS_TAG.findall(text)):
+            try:
+                path = packages.locate(name, file.parent)[0]
+            except PackageError:
+                continue
+            if path.is_file() and name.endswith((".yaml", ".yml")):
+                found.append(path.resolve())
+        return list(dict.fromkeys([*found, *self.controllers]))
+
+    def states_of(self, robot: Robot, report: LoadReport) -> dict[str, str]:
+        """Return which of a robot's controllers run, by name: active or inactive."""
+        known = [controller.name for controller in robot.controllers.controllers]
+        if not robot.description.hardware or not self.is_controlled:
+            return {}
+        for name in self.spawned:
+            if name not in known:
+                what = f"controller {name!r} is spawned but has no parameters"
+                done = f"it is left out; {suggest(name, known)}"
+                report.add("warning", "missing", what, done)
+        states = {name: s for name, s in self.spawned.items() if name in known}
+        if known and not states:
+            what = f"no controller of {robot.name!r} is spawned"
+            done = f"none runs; --active NAME starts one: {', '.join(known)}"
+            report.add("info", "ignored", what, done)
+        return states | {name: "inactive" for name in known if name not in states}
+
+    def lines(self) -> list[str]:
+        """Return it as lines of a plan."""
+        source = self.source if isinstance(self.source, Path) else "a text"
+        arguments = " ".join(f"{k}:={v}" for k, v in self.xacro_args.items())
+        place = "" if self.pose is None else f" at {list(self.pose)}"
+        lines = [
+            f"robot {self.chosen_name or ''}: {source} {arguments}".rstrip() + place
+        ]
+        lines += [f"  parameters: {path}" for path in self.controllers]
+        lines += [f"  controller {name}: {s}" for name, s in self.spawned.items()]
+        return lines
+
+
+class Description(NamedTuple):
+    """A description that something publishes or has."""
+
+    topic: str
+    namespace: str
+    source: Path | str
+    arguments: Mapping[str, str]
+    frame_prefix: str = ""
+
+
+class Spawn(NamedTuple):
+    """A robot that is put into a simulator."""
+
+    name: str | None
+    topic: str | None
+    description: Description | None
+    pose: Pose | None
+    simulator: str
+
+
+class Manager(NamedTuple):
+    """A controller manager beside no simulator."""
+
+    name: str
+    namespace: str
+    description: Description | None
+    topic: str
+    files: tuple[Path, ...]
+
+
+class Spawner(NamedTuple):
+    """Controllers that are started at once."""
+
+    names: tuple[str, ...]
+    state: str
+    manager: str
+    files: tuple[Path, ...]
+
+
+@dc.dataclass
+class RobotParts:
+    """What a launch file says of robots, in its order, to be put together."""
+
+    descriptions: list[Description] = dc.field(default_factory=list)
+    spawns: list[Spawn] = dc.field(default_factory=list)
+    managers: list[Manager] = dc.field(default_factory=list)
+    spawners: list[Spawner] = dc.field(default_factory=list)
+
+    # Controllers of robots that aren't there.
+    left_out: list[str] = dc.field(default_factory=list)
+
+    def find_robots(self) -> list[LaunchedRobot]:
+        """Return the robots of all descriptions, with what belongs to each."""
+        descriptions = list(self.descriptions)
+        for each in self.spawns:
+            if each.description and not _same(each.description, descriptions):
+                descriptions.append(each.description)
+        for manager in self.managers:
+            own = manager.description
+            if own is None or _same(own, descriptions, in_namespace=True):
+                continue
+            others = [d for d in descriptions if d.namespace == own.namespace]
+            if len(others) == 1 and others[0].source == own.source:
+                # What is published, but for arguments that concern its control.
+                index = descriptions.index(others[0])
+                descriptions[index] = own._replace(topic=others[0].topic)
+            else:
+                descriptions.append(own)
+        robots = []
+        for description in descriptions:
+            spawn = self._spawn_of(description, len(descriptions))
+            managers = [
+                m for m in self.managers if self._has(m, description, descriptions)
+            ]
+            robots.append(
+                LaunchedRobot(
+                    source=description.source,
+                    xacro_args=description.arguments,
+                    name=None if spawn is None else spawn.name,
+                    namespace=description.namespace,
+                    frame_prefix=description.frame_prefix,
+                    simulator=None if spawn is None else spawn.simulator,
+                    pose=None if spawn is None else spawn.pose,
+                    has_manager=bool(managers),
+                    controllers=tuple(f for m in managers for f in m.files),
+                )
+            )
+        return self._add_spawned(robots)
+
+    def _spawn_of(self, description: Description, count: int) -> Spawn | None:
+        for spawn in self.spawns:
+            if spawn.topic == description.topic and spawn.topic is not None:
+                return spawn
+            if spawn.description and _same(spawn.description, [description]):
+                return spawn
+        if count == 1 and len(self.spawns) == 1:
+            return self.spawns[0]
+        return None
+
+    def _has(
+        self,
+        manager: Manager,
+        description: Description,
+        descriptions: Sequence[Description],
+    ) -> bool:
+        """Return whether a controller manager is that of a description."""
+        if len(descriptions) == 1:
+            return True
+        if manager.description is not None:
+            is_there = description.namespace == manager.namespace
+            same = _same(manager.description, [description])
+            spaces = [d.namespace for d in descriptions]
+            return same and (is_there or manager.namespace not in spaces)
+        return manager.topic == description.topic
+
+    def _add_spawned(self, robots: list[LaunchedRobot]) -> list[LaunchedRobot]:
+        """Return robots with what their spawners start."""
+        for spawner in self.spawners:
+            index = self._index_of(spawner, robots)
+            if index is None:
+                self.left_out += spawner.names
+                continue
+            robot = robots[index]
+            spawned = dict(robot.spawned)
+            for name in spawner.names:
+                spawned[name] = spawner.state
+            files = dict.fromkeys((*robot.controllers, *spawner.files))
+            robots[index] = dc.replace(robot, spawned=spawned, controllers=tuple(files))
+        return robots
+
+    def _index_of(
+        self, spawner: Spawner, robots: Sequence[LaunchedRobot]
+    ) -> int | None:
+        """Return which robot a spawner's controller manager is that of."""
+        candidates = [i for i, robot in enumerate(robots) if robot.is_controlled]
+        candidates = candidates or list(range(len(robots)))
+        if len(candidates) <= 1:
+            return candidates[0] if candidates else None
+        space = spawner.manager.rpartition("/")[0].strip("/")
+        for index in candidates:
+            if robots[index].namespace == space:
+                return index
+        for index in candidates:
+            if space in (robots[index].name, robots[index].chosen_name):
+                return index
+        return candidates[0]
+
+
+def _same(
+    one: Description, others: Sequence[Description], *, in_namespace: bool = False
+) -> bool:
+    return any(
+        (one.source, dict(one.arguments)) == (other.source, dict(other.arguments))
+        and (not in_namespace or one.namespace == other.namespace)
+        for other in others
+    )

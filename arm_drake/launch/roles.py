@@ -1,0 +1,612 @@
+"""What the nodes and processes of a launch file are for, without ROS.
+
+Each is one of a robot's (its description, its controller manager, its spawners, its
+place), of the world's, of what is drawn, or is not run and told.
+"""
+
+import dataclasses as dc
+import functools
+import os
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from pydrake.common.eigen_geometry import Quaternion
+from pydrake.math import RollPitchYaw
+
+from arm_drake.description.elements import parse_float
+from arm_drake.description.packages import PackageFinder
+from arm_drake.description.report import LoadReport
+from arm_drake.description.robot import Pose
+from arm_drake.launch.robot import (
+    Description,
+    Manager,
+    PlanFolder,
+    RobotParts,
+    Spawn,
+    Spawner,
+)
+from arm_drake.launch.words import (
+    positional,
+    split_words,
+    value_of,
+    values_of,
+    without_options,
+)
+from arm_drake.worlds.world import WORLDS
+
+# Key of the description that `launch_process` puts in the place of an expanded one.
+_KEY = re.compile(r'<robot key="(\d+)" by="arm_drake"/>')
+
+_TOPIC = "robot_description"
+
+# Folder, below that of a plan, of packages that are stood for.
+STOOD_FOR = "stood_for"
+
+_GROUND = "model://ground_plane"
+
+# States of controllers that load_controller and others are asked for.
+_STATES = {"start": "active", "active": "active", "configure": "inactive"}
+
+
+@dc.dataclass(frozen=True)
+class NotStarted:
+    """Something of a launch file that isn't run here."""
+
+    # Package and executable of a node, or the words of a command.
+    name: str
+    kind: str = "node"
+    reason: str = ""
+
+    def __str__(self) -> str:
+        """Return it as a line."""
+        return f"not started: {self.kind} {self.name}" + (
+            f"; {self.reason}" if self.reason else ""
+        )
+
+
+class Roles:
+    """Reads what `launch_process` noted, record by record."""
+
+    def __init__(
+        self,
+        answer: Mapping[str, Any],
+        finder: PackageFinder,
+        report: LoadReport,
+        folder: PlanFolder,
+    ) -> None:
+        """Take the answer of the process, what finds packages, where files go."""
+        self._answer, self._finder, self._report = answer, finder, report
+        self._folder = folder
+        self._parts = RobotParts()
+        self._world: str | Path | None = None
+        self._is_paused, self._is_headless = False, True
+        self._rviz: Path | str | None = None
+        self._has_sliders = self._has_move_group = False
+        self._bridges: list[str] = []
+        self._bridge_files: list[Path] = []
+        self._frames: list[tuple[str, str, tuple[float, ...]]] = []
+        self._steps: list[dict[str, Any]] = []
+        self._models: list[tuple[Path, str | None, Pose | None]] = []
+        self._not_started: list[NotStarted] = []
+
+    def find(self) -> dict[str, Any]:
+        """Return the fields of a plan."""
+        for record in self._answer["records"]:
+            getattr(self, f"_read_{record['kind']}")(record)
+        robots = self._parts.find_robots()
+        for name in self._parts.left_out:
+            self._leave_out(name, "controller of a robot that isn't started")
+        return {
+            "robots": tuple(dc.replace(r, folder=self._folder) for r in robots),
+            "world": self._add_models(),
+            "motion": self._save_motion(),
+            "is_paused": self._is_paused,
+            "is_headless": self._is_headless,
+            "rviz": self._rviz,
+            "has_sliders": self._has_sliders,
+            "has_move_group": self._has_move_group,
+            "bridges": tuple(self._bridges),
+            "bridge_files": tuple(self._bridge_files),
+            "static_frames": tuple(self._frames),
+            "not_started": tuple(dict.fromkeys(self._not_started)),
+        }
+
+    def _add(self, severity: Any, kind: Any, what: str, done: str, record: Any) -> None:
+        file = record.get("file") or None
+        self._report.add(severity, kind, what, done, file=file)
+
+    def _read_log(self, record: Mapping[str, Any]) -> None:
+        self._add("info", "ignored", record["text"], "so says the launch file", record)
+
+    def _read_shutdown(self, record: Mapping[str, Any]) -> None:
+        what, done = "it shuts the launch down", "the simulation goes on"
+        self._add("info", "ignored", what, done, record)
+
+    def _read_event(self, record: Mapping[str, Any]) -> None:
+        what = f"event {record['name']}"
+        self._add("info", "unsupported", what, "it is not sent", record)
+
+    def _read_unknown(self, record: Mapping[str, Any]) -> None:
+        what = f"action {record['name']}"
+        self._add("warning", "unsupported", what, "it does nothing here", record)
+
+    def _read_assumed_end(self, record: Mapping[str, Any]) -> None:
+        what = f"something waits for the end of {record['name']}, which is not run"
+        self._add("info", "ignored", what, "it is taken as ended", record)
+
+    def _read_include(self, record: Mapping[str, Any]) -> None:
+        """Read a launch file of a package that is stood for."""
+        package, *_, name = (
+            Path(record["path"]).relative_to(self._folder.path / STOOD_FOR).parts
+        )
+        values = record["arguments"]
+        is_on = functools.partial(_is_true, values)
+        match package, name.partition(".")[0]:
+            case "gazebo_ros", "gazebo" | "gzserver" as which:
+                self._set_world(values.get("world", ""), record)
+                self._is_paused |= is_on("pause")
+                self._is_headless &= which == "gzserver" or not is_on("gui", "true")
+            case "gazebo_ros", "gzclient":
+                self._is_headless = False
+            case (("ros_gz_sim" | "ros_ign_gazebo" as which), _):
+                words = values.get(
+                    "gz_args" if which == "ros_gz_sim" else "ign_args",
+                    values.get("gz_args", values.get("ign_args", "")),
+                )
+                world = values.get("world_sdf_file", "")
+                self._read_gz(split_words(f"{words} {world}"), record)
+            case (("ros_gz_bridge" | "ros_ign_bridge"), _):
+                self._add_bridge_file(values.get("config_file", ""))
+            case _:
+                self._leave_out(f"{package}/{name}", "launch file")
+
+    def _read_process(self, record: Mapping[str, Any]) -> None:
+        words = record["command"]
+        program = os.path.basename(words[0]) if words else ""
+        match [program, *words[1:]]:
+            case ["ros2", "control", verb, *rest]:
+                self._read_control(verb, rest, record)
+            case ["gazebo" | "gzserver" as which, *rest]:
+                self._read_gazebo(rest, record)
+                self._is_headless &= which == "gzserver"
+            case ["gzclient", *_]:
+                self._is_headless = False
+            case ["gz" | "ign", "sim" | "gazebo", *rest] | ["gz-sim", *rest]:
+                self._read_gz(rest, record)
+            case ["ros2", "topic", "pub", *rest]:
+                self._read_publication(rest, record)
+            case ["ros2", "action", "send_goal", *rest]:
+                self._read_goal(rest, record)
+            case ["rviz2", *rest]:
+                self._rviz = value_of(rest, "-d", "--display-config") or ""
+            case _:
+                self._leave_out(" ".join(words)[:200], "process")
+
+    def _read_gazebo(self, words: Sequence[str], record: Mapping[str, Any]) -> None:
+        """Read the command line of Gazebo Classic."""
+        names, skip = [], False
+        for word in words:
+            if not skip and not word.startswith("-"):
+                names.append(word)
+            skip = word in ("-s", "-g", "-e", "--iters", "--physics", "--seed")
+        self._is_paused |= "-u" in words or "--pause" in words
+        self._set_world(names[0] if names else "", record)
+
+    def _read_gz(self, words: Sequence[str], record: Mapping[str, Any]) -> None:
+        """Read the arguments of `gz sim`."""
+        with_value = {
+            *("-v", "--verbose", "--gui-config", "--render-engine", "--seed", "-z"),
+            *("--iterations", "--record-path", "--playback", "--physics-engine"),
+            *("--render-engine-server", "--render-engine-gui", "--network-role"),
+        }
+        if "-g" in words:
+            self._is_headless = False
+            return
+        self._is_headless &= "-s" in words
+        names, skip = [], False
+        for word in words:
+            if not skip and not word.startswith("-"):
+                names.append(word)
+            skip = word in with_value
+        names = [n for n in names if not n.isdigit() and n != ".sdf"]
+        self._is_paused |= "-r" not in words and "--run" not in words
+        self._set_world(names[0] if names else "", record)
+
+    def _set_world(self, name: str, record: Mapping[str, Any]) -> None:
+        if not name or re.fullmatch(r"(worlds/)?empty(_world)?(\.\w+)?", name):
+            self._world = self._world or "empty"
+            return
+        environment = self._answer["environment"]
+        folders = [
+            Path(folder, below)
+            for variable in (
+                *("GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH"),
+                *("GAZEBO_RESOURCE_PATH", "GAZEBO_MODEL_PATH", "SDF_PATH"),
+            )
+            for folder in environment.get(variable, "").split(os.pathsep)
+            if folder
+            for below in ("", "worlds")
+        ]
+        for folder in [Path(record["file"]).parent, *folders]:
+            if (folder / name).is_file():
+                self._world = self._finder.real(folder / name)
+                return
+        self._world = "empty"
+        what = f"world {name!r} is in no folder that the launch file names"
+        done = f"the empty world is taken; --world has others: {', '.join(WORLDS)}"
+        self._add("warning", "missing", what, done, record)
+
+    def _add_models(self) -> str | Path | None:
+        """Return the world, with the SDF models that are put into it."""
+        if not self._models:
+            return self._world
+        root = ET.Element("sdf", version="1.9")
+        if isinstance(self._world, Path):
+            try:
+                root = ET.parse(self._world).getroot()  # noqa: S314  no entities.
+            except (ET.ParseError, OSError):
+                return self._world  # It is told when it is loaded.
+        world = root.find("world")
+        if world is None:
+            world = ET.SubElement(root, "world", name="empty")
+            ET.SubElement(ET.SubElement(world, "include"), "uri").text = _GROUND
+        for path, name, pose in self._models:
+            include = ET.SubElement(world, "include")
+            ET.SubElement(include, "uri").text = f"file://{self._finder.real(path)}"
+            if name is not None:
+                ET.SubElement(include, "name").text = name
+            ET.SubElement(include, "pose").text = " ".join(map(str, pose or (0.0,) * 6))
+        target = self._folder.path / "world.sdf"
+        ET.ElementTree(root).write(target, encoding="unicode")
+        return target
+
+    def _read_control(
+        self, verb: str, words: Sequence[str], record: Mapping[str, Any]
+    ) -> None:
+        """Read what follows `ros2 control`."""
+        manager = value_of(words, "-c", "--controller-manager") or "controller_manager"
+        state = _STATES.get(value_of(words, "--set-state") or "", "inactive")
+        names = positional(words, ("-c", "--controller-manager", "--set-state"))
+        match verb:
+            case "load_controller":
+                files = tuple(Path(name) for name in names[1:])
+                self._spawn(names[:1], state, manager, files)
+            case "set_controller_state" if len(names) > 1:
+                state = _STATES.get(names[1], "inactive")
+                self._spawn(names[:1], state, manager, ())
+            case "switch_controllers":
+                for key, state in (("activate", "active"), ("deactivate", "inactive")):
+                    for one in (f"--{key}", f"--{key}-controllers"):
+                        self._spawn(values_of(words, one), state, manager, ())
+            case _:
+                self._leave_out(f"ros2 control {verb} {' '.join(words)}", "process")
+
+    def _read_publication(
+        self, words: Sequence[str], record: Mapping[str, Any]
+    ) -> None:
+        """Read what `ros2 topic pub` publishes as steps of a motion."""
+        with_value = ("-r", "--rate", "-t", "--times", "-p", "--print", "-w", "-n")
+        topic, _, text = (*positional(words, with_value), "", "", "")[:3]
+        rate = parse_float(value_of(words, "-r", "--rate") or "1") or 1.0
+        times = parse_float(value_of(words, "-t", "--times") or "0") or 0.0
+        is_once = "--once" in words or "-1" in words
+        step = {"at": float(record["time"]), "topic": topic}
+        if not is_once:
+            step |= {"every": 1.0 / rate}
+            step |= {"count": int(times)} if times else {}
+        data = _parse(text)
+        if isinstance(data, Mapping) and "data" in data:
+            self._steps.append(step | {"data": data["data"]})
+        elif isinstance(data, Mapping) and "points" in data:
+            self._steps.append(step | {"trajectory": dict(data)})
+        else:
+            self._leave_out(f"ros2 topic pub {' '.join(words)}"[:200], "process")
+
+    def _read_goal(self, words: Sequence[str], record: Mapping[str, Any]) -> None:
+        """Read a goal of a trajectory or a gripper as a step of a motion."""
+        action, _, text = (*positional(words, ()), "", "", "")[:3]
+        controller, _, kind = action.strip("/").rpartition("/")
+        step: dict[str, Any] = {"at": float(record["time"]), "controller": controller}
+        data = _parse(text)
+        if kind == "follow_joint_trajectory" and isinstance(data, Mapping):
+            goal = {k: v for k, v in data.items() if k != "trajectory"}
+            self._steps.append(step | {"goal": goal | dict(data.get("trajectory", {}))})
+        elif kind == "gripper_cmd" and isinstance(data, Mapping):
+            self._steps.append(step | {"gripper_command": data.get("command", {})})
+        else:
+            self._leave_out(f"ros2 action send_goal {' '.join(words)}"[:200], "process")
+
+    def _save_motion(self) -> Path | None:
+        if not self._steps:
+            return None
+        path = self._folder.path / "motion.yaml"
+        path.write_text(yaml.safe_dump(self._steps), encoding="utf-8")
+        return path
+
+    def _spawn(
+        self, names: Sequence[str], state: str, manager: str, files: tuple[Path, ...]
+    ) -> None:
+        self._parts.spawners.append(Spawner(tuple(names), state, manager, files))
+
+    def _read_node(self, record: Mapping[str, Any]) -> None:
+        package, executable = record["package"], record["executable"]
+        executable = os.path.basename(executable)
+        match package, executable.removesuffix(".py"):
+            case "robot_state_publisher", _:
+                self._read_publisher(record)
+            case "joint_state_publisher_gui", _:
+                self._has_sliders = True
+            case "joint_state_publisher", _:
+                pass
+            case "rviz2", _:
+                path = value_of(record.get("arguments", ()), "-d", "--display-config")
+                self._rviz = "" if path is None else self._finder.real(Path(path))
+            case "controller_manager", "ros2_control_node":
+                self._read_manager(record)
+            case "controller_manager", "spawner":
+                self._read_spawner(record)
+            case "controller_manager", "unspawner":
+                names = positional(record["arguments"], ("-c", "--controller-manager"))
+                self._spawn(names, "inactive", "controller_manager", ())
+            case "gazebo_ros", "spawn_entity":
+                self._read_spawn(record, "gazebo")
+            case (("ros_gz_sim" | "ros_ign_gazebo"), "create"):
+                self._read_spawn(record, "gz")
+            case (("ros_gz_sim" | "ros_ign_gazebo" | "gazebo_ros"), "gzserver"):
+                values = _merge(record)
+                name = values.get("world_sdf_file", values.get("world", ""))
+                self._set_world(name, record)
+            case (("ros_gz_bridge" | "ros_ign_bridge"), _):
+                self._read_bridge(record)
+            case "tf2_ros", "static_transform_publisher":
+                self._read_static_frame(record)
+            case "moveit_ros_move_group", _:
+                self._has_move_group = True
+            case _:
+                self._leave_out(f"{package}/{executable}", "node")
+
+    def _leave_out(self, name: str, kind: str) -> None:
+        self._not_started.append(NotStarted(name, kind))
+
+    def _describe(
+        self, text: str, record: Mapping[str, Any], topic: str = _TOPIC
+    ) -> Description | None:
+        """Return the description that a text stands for, if it is one."""
+        space, prefix = record["namespace"], str(_merge(record).get("frame_prefix", ""))
+        match = _KEY.search(text)
+        if match is not None:
+            made = self._answer["descriptions"][int(match[1])]
+            file = self._finder.real(Path(made["file"]))
+            return Description(topic, space, file, made["arguments"], prefix)
+        if "<robot" not in text:
+            return None
+        for name in dict.fromkeys(self._answer["opened"]):
+            if name.endswith((".urdf", ".xacro", ".xml")) and _has_text(name, text):
+                file = self._finder.real(Path(name))
+                return Description(topic, space, file, {}, prefix)
+        return Description(topic, space, text, {}, prefix)
+
+    def _read_publisher(self, record: Mapping[str, Any]) -> None:
+        topic = _remapped(_TOPIC, record)
+        values = _merge(record)
+        text = values.get(_TOPIC)
+        if not isinstance(text, str):  # A file, in older versions.
+            names = [n for n in record.get("arguments", ()) if n.endswith(".urdf")]
+            text = Path(names[0]).read_text(encoding="utf-8") if names else ""
+        found = self._describe(text, record, topic)
+        if found is None:
+            what = "robot_state_publisher has no robot_description"
+            self._add("warning", "missing", what, "it is left out", record)
+        else:
+            self._parts.descriptions.append(found)
+
+    def _read_manager(self, record: Mapping[str, Any]) -> None:
+        values = _merge(record)
+        text = values.pop(_TOPIC, "")
+        files = [Path(p) for p in record["parameters"] if isinstance(p, str)]
+        name = record.get("name") or "controller_manager"
+        own = {
+            key: value
+            for each in record["parameters"]
+            if isinstance(each, Mapping)
+            for key, value in each.items()
+            if key not in (_TOPIC, "use_sim_time")
+        }
+        if own:
+            files.append(self._write_parameters(name, own))
+        topic = _TOPIC
+        for source, target in record.get("remappings", ()):
+            if source.strip("~/") == _TOPIC:
+                topic = target
+        self._parts.managers.append(
+            Manager(
+                name=_join(record["namespace"], name),
+                namespace=record["namespace"],
+                description=self._describe(str(text), record),
+                topic=_join(record["namespace"], topic),
+                files=tuple(self._finder.real(path) for path in files),
+            )
+        )
+
+    def _write_parameters(self, node: str, values: Mapping[str, Any]) -> Path:
+        data: dict[str, Any] = {}
+        for key, value in values.items():
+            place = data
+            *parents, last = key.split(".")
+            for parent in parents:
+                place = place.setdefault(parent, {})
+            place[last] = value
+        number = len(list(self._folder.path.glob("parameters_*.yaml")))
+        path = self._folder.path / f"parameters_{number}_{node}.yaml"
+        text = yaml.safe_dump({node: {"ros__parameters": data}})
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    def _read_spawner(self, record: Mapping[str, Any]) -> None:
+        words = record.get("arguments", ())
+        with_value = (
+            *("-c", "--controller-manager", "-n", "--namespace", "-t"),
+            *("--controller-type", "--controller-manager-timeout"),
+            *("--switch-timeout", "--service-call-timeout", "--controller-ros-args"),
+        )
+        files = tuple(
+            self._finder.real(Path(name))
+            for key in ("-p", "--param-file")
+            for name in values_of(words, key)
+        )
+        words_left = without_options(words, ("-p", "--param-file"))
+        # Its own parameter files are the controllers', too.
+        files += tuple(Path(p) for p in record["parameters"] if isinstance(p, str))
+        names = positional(words_left, with_value)
+        kind = value_of(words, "-t", "--controller-type")
+        manager = value_of(words, "-c", "--controller-manager") or "controller_manager"
+        space = value_of(words, "-n", "--namespace") or record["namespace"]
+        manager = _join(space, manager)
+        if kind is not None:
+            types = {f"{name}.type": kind for name in names}
+            node = manager.rpartition("/")[2]
+            files = (*files, self._write_parameters(node, types))
+        is_idle = any(
+            word in words for word in ("--inactive", "--stopped", "--load-only")
+        )
+        state = "inactive" if is_idle else "active"
+        self._parts.spawners.append(Spawner(tuple(names), state, manager, files))
+
+    def _read_spawn(self, record: Mapping[str, Any], simulator: str) -> None:
+        words, values = record.get("arguments", ()), _merge(record)
+
+        def given(*names: str) -> str | None:
+            found = value_of(words, *(f"-{name}" for name in names))
+            found = found or value_of(words, *(f"--{name}" for name in names))
+            if found is None and names[0] in values:
+                found = str(values[names[0]])
+            return found
+
+        topic, file, text = given("topic"), given("file"), given("string")
+        description = None
+        if file is not None:
+            path = Path(file)
+            if path.suffix == ".sdf" or (path.is_file() and _is_sdf(path)):
+                name = given("entity", "name")
+                self._models.append((path, name, self._read_pose(given, record)))
+                return
+            description = Description("", record["namespace"], path, {})
+        elif text is not None:
+            description = self._describe(text, record)
+        elif topic is None:
+            name = given("entity", "name") or given("database") or "model"
+            self._leave_out(f"{name} in the simulator", "model")
+            return
+        self._parts.spawns.append(
+            Spawn(
+                name=given("entity", "name"),
+                topic=None if topic is None else _join(record["namespace"], topic),
+                description=description,
+                pose=self._read_pose(given, record),
+                simulator=simulator,
+            )
+        )
+
+    def _read_pose(
+        self, given: Callable[..., str | None], record: Mapping[str, Any]
+    ) -> Pose | None:
+        texts = [given(axis) for axis in ("x", "y", "z", "R", "P", "Y")]
+        if all(text is None for text in texts):
+            return None
+        numbers = []
+        for axis, text in zip("xyzRPY", texts, strict=True):
+            number = parse_float(text or "0")
+            if number is None or not np.isfinite(number):
+                what = f"-{axis} {text} of a spawned robot is no number"
+                self._add("error", "ignored", what, "0 is taken", record)
+            numbers.append(number or 0.0)
+        x, y, z, roll, pitch, yaw = numbers
+        return (x, y, z, roll, pitch, yaw)
+
+    def _read_bridge(self, record: Mapping[str, Any]) -> None:
+        self._bridges += [word for word in record.get("arguments", ()) if "@" in word]
+        self._add_bridge_file(_merge(record).get("config_file", ""))
+
+    def _add_bridge_file(self, name: str) -> None:
+        if name:
+            self._bridge_files.append(self._finder.real(Path(name)))
+
+    def _read_static_frame(self, record: Mapping[str, Any]) -> None:
+        words = list(record.get("arguments", ()))
+        names = {"frame-id": "", "child-frame-id": ""}
+        keys = ("x", "y", "z", "roll", "pitch", "yaw", "qx", "qy", "qz", "qw")
+        values: dict[str, float] = {}
+        for key in (*keys, *names):
+            text = value_of(words, f"--{key}")
+            if text is not None and key in names:
+                names[key] = text
+            elif text is not None:
+                values[key] = parse_float(text) or 0.0
+        if not any(names.values()) and len(words) in (8, 9):
+            # The older form: x y z, yaw pitch roll or qx qy qz qw, parent, child.
+            *texts, names["frame-id"], names["child-frame-id"] = words
+            turns = ("yaw", "pitch", "roll") if len(words) == 8 else keys[6:]
+            order = ("x", "y", "z", *turns)
+            numbers = (parse_float(text) or 0.0 for text in texts)
+            values = dict(zip(order, numbers, strict=True))
+        x, y, z, roll, pitch, yaw, *q = (values.get(key, 0.0) for key in keys)
+        qx, qy, qz, qw = q
+        if any(q):
+            length = np.linalg.norm(q)
+            roll, pitch, yaw = RollPitchYaw(
+                Quaternion(np.array([qw, qx, qy, qz]) / length)
+            ).vector()
+        pose = tuple(round(float(each), 6) for each in (x, y, z, roll, pitch, yaw))
+        self._frames.append((names["frame-id"], names["child-frame-id"], pose))
+
+
+def _merge(record: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the parameters that a node is given by name."""
+    merged: dict[str, Any] = {}
+    for each in record.get("parameters", ()):
+        if isinstance(each, Mapping):
+            merged |= each
+    return merged
+
+
+def _remapped(topic: str, record: Mapping[str, Any]) -> str:
+    """Return what a topic of a node is called, from the root without a slash."""
+    for source, target in record.get("remappings", ()):
+        if source.strip("/~") == topic:
+            topic = target
+            break
+    return _join(record["namespace"], topic)
+
+
+def _join(space: str, name: str) -> str:
+    if name.startswith("/") or not space.strip("/"):
+        return name.strip("/")
+    return f"{space.strip('/')}/{name}"
+
+
+def _is_true(values: Mapping[str, str], name: str, default: str = "false") -> bool:
+    return str(values.get(name, default)).lower() in ("true", "1")
+
+
+def _parse(text: str) -> Any:
+    try:
+        return yaml.safe_load(text)
+    except yaml.YAMLError:
+        return None
+
+
+def _has_text(name: str, text: str) -> bool:
+    try:
+        return Path(name).read_text(encoding="utf-8", errors="replace") == text
+    except OSError:
+        return False
+
+
+def _is_sdf(path: Path) -> bool:
+    with path.open(encoding="utf-8", errors="replace") as file:
+        return "<sdf" in file.read(2000)

@@ -1,0 +1,478 @@
+"""Substitutions and conditions of launch files: texts that depend on a context.
+
+They have the names and the arguments of `launch.substitutions`,
+`launch_ros.substitutions` and `launch.conditions`; what they stand for is told by
+their documentation. They are used in the process that reads launch files alone.
+"""
+
+import os
+import re
+import shlex
+import tempfile
+import types
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+
+class LaunchError(Exception):
+    """What stops a launch file, in words for its user."""
+
+
+class SubstitutionFailure(LaunchError):
+    """A substitution that stands for nothing; the name is that of `launch`."""
+
+
+class InvalidConditionExpressionError(LaunchError):
+    """A condition that is neither true nor false; the name is that of `launch`."""
+
+
+class PackageNotFoundError(LookupError, LaunchError):
+    """A package that isn't found; the name is that of `ament_index_python`."""
+
+
+class LaunchContext:
+    """What substitutions are evaluated in: configurations, environment, files."""
+
+    def __init__(self, find_package: Callable[[str], str]) -> None:
+        """Create it, with what finds a package's share folder."""
+        self.find_package = find_package
+        self.launch_configurations: dict[str, str] = {}
+        self.locals = types.SimpleNamespace()
+        # Launch files that are being read, and xacro descriptions that were asked for.
+        self.files: list[str] = []
+        self.descriptions: list[dict[str, Any]] = []
+        self.parameters: list[Any] = []
+        self.remappings: list[tuple[str, str]] = []
+
+    @property
+    def environment(self) -> Any:
+        """The environment of what is started."""
+        return os.environ
+
+    def perform_substitution(self, substitution: Any) -> str:
+        """Return the text that a substitution stands for."""
+        return perform(self, substitution)
+
+    def describe(self, file: str, arguments: Mapping[str, str]) -> str:
+        """Return what takes the place of an expanded description, as XML."""
+        self.descriptions.append(
+            {"file": os.path.abspath(file), "arguments": dict(arguments)}
+        )
+        return f'<robot key="{len(self.descriptions) - 1}" by="arm_drake"/>'
+
+
+def perform(context: LaunchContext, value: Any) -> str:
+    """Return the text of a text, a substitution, or a list of them."""
+    if isinstance(value, str | bytes):
+        return value if isinstance(value, str) else value.decode()
+    if isinstance(value, Substitution):
+        return value.perform(context)
+    if hasattr(value, "perform"):  # One of a package's own.
+        return str(value.perform(context))
+    if isinstance(value, Mapping) or not isinstance(value, Iterable):
+        return str(value)
+    return "".join(perform(context, each) for each in value)
+
+
+def is_substitution(value: Any) -> bool:
+    """Return whether a value, or some of a list, must be evaluated."""
+    if isinstance(value, list | tuple):
+        return any(is_substitution(each) for each in value)
+    return hasattr(value, "perform")
+
+
+class Substitution:
+    """A text that depends on the context."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        """Take what describes it."""
+        self.args, self.kwargs = args, kwargs
+
+    def perform(self, context: LaunchContext) -> str:
+        """Return the text."""
+        raise SubstitutionFailure(f"substitution {type(self).__name__} is not known")
+
+    def describe(self) -> str:
+        """Return what it is, for messages."""
+        return f"{type(self).__name__}{self.args}"
+
+    def __truediv__(self, other: Any) -> "PathJoinSubstitution":
+        """Return a path, as in `PathSubstitution(a) / 'b'`."""
+        return PathJoinSubstitution([self, other])
+
+
+class TextSubstitution(Substitution):
+    def __init__(self, *, text: str) -> None:
+        super().__init__()
+        self.text = text
+
+    def perform(self, context: LaunchContext) -> str:
+        return str(self.text)
+
+
+class LaunchConfiguration(Substitution):
+    def __init__(self, variable_name: Any, *, default: Any = None) -> None:
+        super().__init__(variable_name)
+        self.variable_name, self.default = variable_name, default
+
+    def perform(self, context: LaunchContext) -> str:
+        name = perform(context, self.variable_name)
+        if name in context.launch_configurations:
+            return context.launch_configurations[name]
+        if self.default is None:
+            known = ", ".join(sorted(context.launch_configurations)) or "none"
+            raise SubstitutionFailure(
+                f"launch configuration {name!r} does not exist; known: {known}"
+            )
+        return perform(context, self.default)
+
+
+class PathJoinSubstitution(Substitution):
+    def __init__(self, substitutions: Iterable[Any]) -> None:
+        super().__init__()
+        self.substitutions = list(substitutions)
+
+    def perform(self, context: LaunchContext) -> str:
+        return os.path.join(*(perform(context, each) for each in self.substitutions))
+
+    def __truediv__(self, other: Any) -> "PathJoinSubstitution":
+        return PathJoinSubstitution([*self.substitutions, other])
+
+
+class PathSubstitution(PathJoinSubstitution):
+    def __init__(self, path: Any) -> None:
+        super().__init__([path])
+
+
+class StringJoinSubstitution(Substitution):
+    def __init__(self, substitutions: Iterable[Any], delimiter: Any = "") -> None:
+        super().__init__()
+        self.substitutions, self.delimiter = list(substitutions), delimiter
+
+    def perform(self, context: LaunchContext) -> str:
+        texts = [perform(context, each) for each in self.substitutions]
+        return perform(context, self.delimiter).join(texts)
+
+
+class FindPackageShare(Substitution):
+    def __init__(self, package: Any) -> None:
+        super().__init__(package)
+        self.package = package
+
+    def find(self, package_name: str) -> str:
+        """Return the share folder of a package, without a context."""
+        return find_package(package_name)
+
+    def perform(self, context: LaunchContext) -> str:
+        return context.find_package(perform(context, self.package))
+
+
+class FindPackagePrefix(FindPackageShare):
+    def find(self, package_name: str) -> str:
+        return prefix_of(package_name, find_package(package_name))
+
+    def perform(self, context: LaunchContext) -> str:
+        name = perform(context, self.package)
+        return prefix_of(name, context.find_package(name))
+
+
+def find_package(name: str) -> str:
+    """Return the share folder of a package; the process puts its own in this place."""
+    raise PackageNotFoundError(name)
+
+
+def prefix_of(name: str, share: str) -> str:
+    """Return a folder that has a package's share folder below `share`."""
+    prefix = Path(tempfile.gettempdir(), "prefix", name)
+    shown = prefix / "share" / name
+    if not shown.exists():
+        shown.parent.mkdir(parents=True, exist_ok=True)
+        shown.symlink_to(share)
+    return str(prefix)
+
+
+class ExecutableInPackage(Substitution):
+    def __init__(self, executable: Any, package: Any) -> None:
+        super().__init__(executable, package)
+
+    def perform(self, context: LaunchContext) -> str:
+        executable, package = (perform(context, each) for each in self.args)
+        return f"ros2 run {package} {executable}"
+
+
+class FindExecutable(Substitution):
+    def __init__(self, *, name: Any) -> None:
+        super().__init__(name)
+
+    def perform(self, context: LaunchContext) -> str:
+        return perform(context, self.args[0])
+
+
+class Command(Substitution):
+    """What a program prints: xacro's is expanded later, others are refused."""
+
+    def __init__(self, command: Any, *, on_stderr: Any = "fail") -> None:
+        super().__init__()
+        self.command = command
+
+    def perform(self, context: LaunchContext) -> str:
+        text = perform(context, self.command)
+        try:
+            program, *words = shlex.split(text)
+        except ValueError:
+            raise SubstitutionFailure(f"command {text!r}: no program's name") from None
+        if program == "ros2" and words[:2] in (["run", "xacro"],):
+            program, words = "xacro", words[3:]
+        files = [w for w in words if ":=" not in w and not w.startswith("-")]
+        if os.path.basename(program) in ("xacro", "xacro.py", "cat") and files:
+            pairs = (word.partition(":=") for word in words if ":=" in word)
+            return context.describe(files[0], {name: v for name, _, v in pairs})
+        raise SubstitutionFailure(
+            f"command {text!r} is not run; expected xacro FILE [NAME:=VALUE ...]"
+        )
+
+
+class EnvironmentVariable(Substitution):
+    def __init__(self, name: Any, *, default_value: Any = None) -> None:
+        super().__init__(name)
+        self.default_value = default_value
+
+    def perform(self, context: LaunchContext) -> str:
+        name = perform(context, self.args[0])
+        if name in context.environment:
+            return str(context.environment[name])
+        if self.default_value is None:
+            raise SubstitutionFailure(f"environment variable {name!r} does not exist")
+        return perform(context, self.default_value)
+
+
+class PythonExpression(Substitution):
+    def __init__(self, expression: Any, python_modules: Any = ("math",)) -> None:
+        super().__init__(expression)
+        self.python_modules = python_modules
+
+    def perform(self, context: LaunchContext) -> str:
+        text = perform(context, self.args[0])
+        names: dict[str, Any] = {}
+        for module in self.python_modules:
+            name = perform(context, module)
+            names[name] = __import__(name)
+            names |= {k: v for k, v in vars(names[name]).items() if k[0] != "_"}
+        try:
+            return str(eval(text, {}, names))  # noqa: S307  As launch files say.
+        except Exception as error:
+            raise SubstitutionFailure(
+                f"expression {text!r}: {type(error).__name__}: {error}"
+            ) from None
+
+
+class ThisLaunchFile(Substitution):
+    def perform(self, context: LaunchContext) -> str:
+        return context.files[-1]
+
+
+class ThisLaunchFileDir(Substitution):
+    def perform(self, context: LaunchContext) -> str:
+        return os.path.dirname(context.files[-1])
+
+
+class LocalSubstitution(Substitution):
+    def perform(self, context: LaunchContext) -> str:
+        value: Any = context.locals
+        for name in perform(context, self.args[0]).split("."):
+            value = getattr(value, name)
+        return str(value)
+
+
+class AnonName(Substitution):
+    def perform(self, context: LaunchContext) -> str:
+        return (
+            f"{perform(context, self.args[0] if self.args else self.kwargs['name'])}_1"
+        )
+
+
+class FileContent(Substitution):
+    def perform(self, context: LaunchContext) -> str:
+        return Path(perform(context, self.args[0])).read_text(encoding="utf-8")
+
+
+def is_true(text: str) -> bool:
+    """Return whether a text means true, as conditions read it."""
+    known = {"true": True, "1": True, "false": False, "0": False}
+    known |= {"on": True, "off": False, "yes": True, "no": False}
+    if text.strip().lower() not in known:
+        raise InvalidConditionExpressionError(
+            f"condition {text!r}: expected true, 1, false or 0"
+        )
+    return known[text.strip().lower()]
+
+
+class _Logic(Substitution):
+    """Substitution that is true or false."""
+
+    def perform(self, context: LaunchContext) -> str:
+        texts = [perform(context, each) for each in (*self.args, *self.kwargs.values())]
+        return str(self.decide(texts)).lower()
+
+    def decide(self, texts: list[str]) -> bool:
+        raise NotImplementedError
+
+
+class NotSubstitution(_Logic):
+    def decide(self, texts: list[str]) -> bool:
+        return not is_true(texts[0])
+
+
+class AndSubstitution(_Logic):
+    def decide(self, texts: list[str]) -> bool:
+        return all(map(is_true, texts))
+
+
+class OrSubstitution(_Logic):
+    def decide(self, texts: list[str]) -> bool:
+        return any(map(is_true, texts))
+
+
+class EqualsSubstitution(_Logic):
+    def decide(self, texts: list[str]) -> bool:
+        left, right = texts
+        try:
+            return left.lower() == right.lower() or float(left) == float(right)
+        except ValueError:
+            return False
+
+
+class NotEqualsSubstitution(EqualsSubstitution):
+    def decide(self, texts: list[str]) -> bool:
+        return not super().decide(texts)
+
+
+class IfElseSubstitution(Substitution):
+    def __init__(
+        self, condition: Any, if_value: Any = "", else_value: Any = ""
+    ) -> None:
+        super().__init__(condition)
+        self.if_value, self.else_value = if_value, else_value
+
+    def perform(self, context: LaunchContext) -> str:
+        is_so = is_true(perform(context, self.args[0]))
+        return perform(context, self.if_value if is_so else self.else_value)
+
+
+class Condition:
+    """Whether an action is executed."""
+
+    def __init__(
+        self, predicate: Callable[[LaunchContext], bool] | None = None
+    ) -> None:
+        """Take what decides."""
+        self._predicate = predicate
+
+    def evaluate(self, context: LaunchContext) -> bool:
+        """Return what it decides."""
+        return True if self._predicate is None else bool(self._predicate(context))
+
+
+class IfCondition(Condition):
+    def __init__(self, predicate_expression: Any) -> None:
+        super().__init__()
+        self.expression = predicate_expression
+
+    def evaluate(self, context: LaunchContext) -> bool:
+        return is_true(perform(context, self.expression))
+
+
+class UnlessCondition(IfCondition):
+    def evaluate(self, context: LaunchContext) -> bool:
+        return not super().evaluate(context)
+
+
+class LaunchConfigurationEquals(Condition):
+    def __init__(self, launch_configuration_name: Any, expected_value: Any) -> None:
+        super().__init__()
+        self.name, self.expected = launch_configuration_name, expected_value
+
+    def evaluate(self, context: LaunchContext) -> bool:
+        expected = None if self.expected is None else perform(context, self.expected)
+        return context.launch_configurations.get(self.name) == expected
+
+
+class LaunchConfigurationNotEquals(LaunchConfigurationEquals):
+    def evaluate(self, context: LaunchContext) -> bool:
+        return not super().evaluate(context)
+
+
+# What `$(NAME ...)` in XML, YAML and parameter files stands for.
+_BY_NAME: Mapping[str, Callable[..., Any]] = {
+    "and": AndSubstitution,
+    "anon": AnonName,
+    "any": OrSubstitution,
+    "all": AndSubstitution,
+    "command": lambda text, on_stderr="": Command(text),
+    "dirname": ThisLaunchFileDir,
+    "env": lambda name, default=None: EnvironmentVariable(name, default_value=default),
+    "equals": EqualsSubstitution,
+    "eval": lambda *words: PythonExpression(_with_spaces(words)),
+    "exec-in-pkg": ExecutableInPackage,
+    "file-content": FileContent,
+    "filename": ThisLaunchFile,
+    "find-exec": lambda name: FindExecutable(name=name),
+    "find-pkg-prefix": FindPackagePrefix,
+    "find-pkg-share": FindPackageShare,
+    "if": IfElseSubstitution,
+    "local": LocalSubstitution,
+    "not": NotSubstitution,
+    "not-equals": NotEqualsSubstitution,
+    "optenv": lambda name, default="": EnvironmentVariable(name, default_value=default),
+    "or": OrSubstitution,
+    "path-join": lambda *parts: PathJoinSubstitution(parts),
+    "var": lambda name, default=None: LaunchConfiguration(name, default=default),
+}
+
+_PIECE = re.compile(r"\$\(|\)|\s+|'|\"|\\.|[^$\s()'\"\\]+|.", re.DOTALL)
+
+
+def _with_spaces(words: Iterable[Any]) -> list[Any]:
+    return [part for word in words for part in (word, " ")][:-1]
+
+
+def parse_substitution(text: str) -> list[Any]:
+    """Return the parts of a text with `$(NAME ...)` in it, as XML and YAML have it."""
+    pieces = _PIECE.findall(str(text))
+    pieces.reverse()
+    parts: list[Any] = []
+    while pieces:
+        piece = pieces.pop()
+        parts.append(_parse_call(pieces) if piece == "$(" else piece)
+    return parts
+
+
+def _parse_call(pieces: list[str]) -> Substitution:
+    """Return a substitution whose `$(` was taken."""
+    words: list[list[Any]] = [[]]
+    quote = ""
+    while pieces:
+        piece = pieces.pop()
+        if piece == "$(":
+            words[-1].append(_parse_call(pieces))
+        elif quote and piece == quote:
+            quote = ""
+        elif quote:
+            words[-1].append(piece[1:] if piece in ("\\'", '\\"') else piece)
+        elif piece in ("'", '"'):
+            quote = piece
+            words[-1].append("")
+        elif piece == ")":
+            name, *rest = [word for word in words if word]
+            made = "".join(map(str, name))
+            if made not in _BY_NAME:
+                known = ", ".join(sorted(_BY_NAME))
+                raise SubstitutionFailure(f"unknown $({made} ...); known: {known}")
+            substitution: Substitution = _BY_NAME[made](*rest)
+            return substitution
+        elif piece.isspace():
+            words.append([])
+        else:
+            words[-1].append(piece)
+    raise SubstitutionFailure("a $( is never closed")

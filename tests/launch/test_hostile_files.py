@@ -1,0 +1,194 @@
+"""Launch files that do what they should not: one message each, and nothing done."""
+
+import os
+import time
+from pathlib import Path
+
+import pytest
+
+import arm_drake as ad
+from arm_drake.cli import main
+from arm_drake.errors import ArmDrakeError, InputError
+from arm_drake.launch import launch_files
+from tests.launch.packages import describe, make_package, write_launch
+
+WHOLE = "from launch import LaunchDescription\ndef generate_launch_description():\n    "
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    return make_package(tmp_path)
+
+
+def message(path: Path) -> str:
+    with pytest.raises(ArmDrakeError) as error:
+        ad.load_launch(path)
+    return str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected", "line"),
+    [
+        ("import rclpy\n", "it imports 'rclpy', which isn't there without ROS", 1),
+        ("def (:\n", "SyntaxError: invalid syntax", 1),
+        ("1 / 0\n", "ZeroDivisionError: division by zero", 1),
+        ("", "it has no function generate_launch_description()", None),
+        (WHOLE + "return None\n", "expected a LaunchDescription, got NoneType", None),
+        (WHOLE + "raise KeyError('x')\n", "KeyError: 'x'", 3),
+        (WHOLE + "return LaunchDescription([5])\n", "expected actions, got int", None),
+        (WHOLE + "return LaunchDescription(['a'])\n", "actions, got str 'a'", None),
+        (WHOLE + "import sys; sys.exit(3)\n", "SystemExit: 3", 3),
+        (WHOLE + "return generate_launch_description()\n", "RecursionError", 3),
+        (WHOLE + "return 'x' * 10**11\n", "needs more than 2048 MB of memory", None),
+    ],
+)
+def test_what_is_wrong_with_a_file_is_told_with_its_place(
+    package: Path, text: str, expected: str, line: int | None
+) -> None:
+    path = write_launch(package, text)
+
+    told = message(path)
+
+    assert expected in told
+    assert told.startswith(str(path) if line is None else f"{path}:{line}")
+    assert "Traceback" not in told
+    assert main(["launch", str(path), "--print"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("<launch>", "malformed XML: no element found"),
+        ("<robot/>", "expected <launch>, got <robot>"),
+        ("<launch><nod/></launch>", "unknown <nod>; known: append_env, arg"),
+        ("<launch><arg/></launch>", "<arg> has no attribute 'name'"),
+        ("<launch><log message='$(vr x)'/></launch>", "unknown $(vr ...); known: all"),
+        ("<launch><log message='$(var x'/></launch>", "a $( is never closed"),
+        ("<launch><log message='$(var x)'/></launch>", "'x' does not exist"),
+        ("<launch><log message=\"$(command 'ls')\"/></launch>", "'ls' is not run"),
+        ("<launch><include file='nowhere'/></launch>", "no such file"),
+        ("<launch><include file='$(filename)'/></launch>", "contain each other"),
+    ],
+)
+def test_what_is_wrong_in_xml_is_told(package: Path, text: str, expected: str) -> None:
+    told = message(write_launch(package, text, "test.launch.xml"))
+
+    assert expected in told
+    assert str(package) in told
+
+
+@pytest.mark.parametrize(
+    ("code", "expected"),
+    [
+        ("os.system('touch {file}')", "it starts a program: touch"),
+        ("import subprocess; subprocess.run(['touch', '{file}'])", "starts a program"),
+        ("os.fork()", "it starts a program"),
+        ("os.execvp('touch', ['touch', '{file}'])", "it starts a program: "),
+        ("open('{file}', 'w')", "it writes: {file}"),
+        ("os.open('{file}', os.O_CREAT | os.O_WRONLY)", "it writes: {file}"),
+        ("os.remove('{kept}')", "it changes: {kept}"),
+        ("os.rename('{kept}', '{file}')", "it changes: {kept}"),
+        ("import shutil; shutil.rmtree('{folder}')", "it changes: {folder}"),
+        ("os.symlink('{kept}', '{file}')", "it changes: {file}"),
+        ("os.mkdir('{file}')", "it changes: {file}"),
+        ("os.kill(os.getppid(), 9)", "it sends a signal"),
+        ("import socket; socket.socket()", "it opens a connection"),
+        (
+            "import urllib.request; urllib.request.urlopen('http://localhost:9')",
+            "it opens a connection",
+        ),
+        ("import ctypes; ctypes.CDLL(None)", "it calls code that isn't Python's"),
+    ],
+)
+def test_what_would_change_the_machine_is_refused(
+    package: Path, tmp_path: Path, code: str, expected: str
+) -> None:
+    kept, file = tmp_path / "kept", tmp_path / "made"
+    kept.write_text("as it was")
+    places = {"file": file, "kept": kept, "folder": package}
+    path = describe(package, "", before=code.format(**places))
+
+    told = message(path)
+
+    assert expected.format(**places) in told
+    assert told.startswith(str(path))
+    assert kept.read_text() == "as it was"
+    assert not file.exists()
+    assert path.is_file()
+
+
+def test_what_a_file_catches_is_in_the_report(package: Path) -> None:
+    before = """
+    try:
+        os.remove(YAML)
+    except OSError:
+        pass
+    """
+    plan = ad.load_launch(describe(package, "publisher(),", before))
+
+    (line,) = map(str, plan.report)
+    assert "it changes: " in line
+    assert "which a launch file here may not do" in line
+
+
+@pytest.mark.parametrize(
+    ("code", "expected"),
+    [
+        ("while True: pass", "takes more than 1 s of processor time"),
+        ("import time; time.sleep(1000)", "takes more than 3 s; launch files only say"),
+    ],
+)
+def test_a_file_that_never_ends_is_ended(
+    package: Path, monkeypatch: pytest.MonkeyPatch, code: str, expected: str
+) -> None:
+    monkeypatch.setattr(launch_files, "CPU_TIME", 1)
+    monkeypatch.setattr(launch_files, "TIME", 3.0)
+    start = time.monotonic()
+
+    told = message(describe(package, "", before=code))
+
+    assert expected in told
+    assert time.monotonic() - start < 60.0
+
+
+def test_actions_that_start_each_other_for_ever_are_ended(package: Path) -> None:
+    before = """
+    again = ExecuteProcess(cmd=["ros2", "control", "list"])
+    """
+    path = describe(
+        package,
+        """
+        again,
+        RegisterEventHandler(OnProcessExit(target_action=again, on_exit=[again])),
+        """,
+        before,
+    )
+
+    assert "it starts itself again" in message(path)
+
+
+def test_what_it_prints_does_not_come_between(package: Path) -> None:
+    before = """
+    import sys
+    print('{"error": null}')
+    sys.stdout.write("x" * 100000)
+    os.write(1, b'{"find": "x"}')
+    """
+    plan = ad.load_launch(describe(package, "publisher(),", before))
+
+    assert len(plan.robots) == 1
+
+
+def test_the_environment_of_this_process_stays(package: Path) -> None:
+    entities = "SetEnvironmentVariable('ARM_DRAKE_TEST_VARIABLE', '1'), publisher(),"
+
+    ad.load_launch(describe(package, entities))
+
+    assert "ARM_DRAKE_TEST_VARIABLE" not in os.environ
+
+
+def test_a_folder_that_is_not_there_is_told(package: Path) -> None:
+    path = describe(package, "publisher(),")
+
+    with pytest.raises(InputError, match="no such folder; expected one to search"):
+        ad.load_launch(path, package_paths=package / "nowhere")

@@ -1,0 +1,572 @@
+"""Launch files: what they start, as ROS's documentation of launch says."""
+
+import gc
+from pathlib import Path
+
+import pytest
+import yaml
+
+import arm_drake as ad
+from arm_drake.errors import InputError, PackageError
+from arm_drake.launch.launch_files import load_arguments, show_arguments
+from tests.launch.packages import describe, make_package, write_launch
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    return make_package(tmp_path)
+
+
+def states(plan: ad.LaunchPlan) -> dict[str, str]:
+    (robot,) = plan.robots
+    return dict(robot.spawned)
+
+
+def names(plan: ad.LaunchPlan) -> list[str]:
+    return [each.name for each in plan.not_started]
+
+
+def test_a_robot_runs_under_the_controllers_that_are_spawned(package: Path) -> None:
+    path = describe(
+        package,
+        """
+        publisher(), manager(),
+        spawner("joint_state_broadcaster"),
+        spawner("arm_controller", "--controller-manager", "/controller_manager"),
+        spawner("forward", "--inactive"),
+        """,
+    )
+
+    plan = ad.load_launch(path)
+
+    (robot,) = plan.robots
+    assert robot.source == package / "urdf" / "pendulum.urdf.xacro"
+    assert robot.controllers == (package / "config" / "controllers.yaml",)
+    assert plan.world is None
+    assert plan.is_simulated
+    simulation = ad.Simulation(plan.build_diagram())
+    found = {each.name: each.state for each in simulation.list_controllers()}
+    assert found == {
+        "joint_state_broadcaster": "active",
+        "arm_controller": "active",
+        "forward": "inactive",
+    }
+    simulation.run(0.1)
+
+
+def test_what_is_not_spawned_does_not_run(package: Path) -> None:
+    path = describe(package, "publisher(), manager(), spawner('forward'),")
+
+    scene = ad.load_launch(path).load_scene()
+
+    assert scene.options.active == ("forward",)
+    assert set(scene.options.inactive) == {"joint_state_broadcaster", "arm_controller"}
+
+
+def test_a_controller_without_parameters_is_told(package: Path) -> None:
+    path = describe(package, "publisher(), manager(), spawner('arm_controler'),")
+    plan = ad.load_launch(path)
+
+    scene = plan.load_scene()
+
+    assert "arm_controller" in scene.options.inactive
+    (line, *_) = map(str, plan.report)
+    assert "'arm_controler' is spawned but has no parameters" in line
+    assert "did you mean 'arm_controller'?" in line
+
+
+def test_arguments_have_defaults_choices_and_given_values(package: Path) -> None:
+    path = describe(
+        package,
+        """
+        DeclareLaunchArgument("side", default_value="left", choices=["left", "right"],
+                              description="Which side."),
+        DeclareLaunchArgument(
+            "prefix", default_value=[LaunchConfiguration("side"), "_"]),
+        publisher([*XACRO, " prefix:=", LaunchConfiguration("prefix")]),
+        """,
+    )
+
+    for given, prefix in (({}, "left_"), ({"side": "right"}, "right_")):
+        plan = ad.load_launch(path, arguments=given)
+        assert plan.robots[0].xacro_args == {"prefix": prefix}
+    side = plan.arguments[0]
+    assert (side.name, side.default, side.description) == (
+        "side",
+        "left",
+        "Which side.",
+    )
+    assert side.choices == ("left", "right")
+
+    with pytest.raises(InputError, match="side:=up: expected one of left, right"):
+        ad.load_launch(path, arguments={"side": "up"})
+    plan = ad.load_launch(path, arguments={"sid": "left"})
+    assert "no launch argument 'sid'; did you mean 'side'?" in str(plan.report)
+
+
+def test_arguments_without_a_default_are_shown_and_asked_for(package: Path) -> None:
+    path = describe(
+        package,
+        """
+        DeclareLaunchArgument("robot_ip", description="Where it is."),
+        LogInfo(msg=LaunchConfiguration("robot_ip", default="")),
+        """,
+    )
+
+    with pytest.raises(InputError, match="give it as robot_ip:=VALUE"):
+        ad.load_launch(path)
+    text = show_arguments(load_arguments(path))
+    assert "'robot_ip':\n        Where it is." in text
+
+
+def test_conditions_decide(package: Path) -> None:
+    before = """
+    def node(name, condition):
+        return Node(package="own", executable=name, condition=condition)
+    """
+    path = describe(
+        package,
+        """
+        SetLaunchConfiguration("on", "True"), SetLaunchConfiguration("side", "left"),
+        node("a", IfCondition(LaunchConfiguration("on"))),
+        node("b", UnlessCondition(LaunchConfiguration("on"))),
+        node("c", IfCondition(PythonExpression(["not ", LaunchConfiguration("on")]))),
+        node("d", IfCondition(PythonExpression(
+            ["'", LaunchConfiguration("side"), "' == 'left' and ",
+             LaunchConfiguration("on")]))),
+        node("e", LaunchConfigurationEquals("side", "left")),
+        node("f", LaunchConfigurationEquals("side", "right")),
+        """,
+        before,
+    )
+
+    assert names(ad.load_launch(path)) == ["own/a", "own/d", "own/e"]
+
+
+def test_a_condition_that_is_neither_is_an_error(package: Path) -> None:
+    path = describe(package, "LogInfo(msg='x', condition=IfCondition('maybe')),")
+
+    with pytest.raises(InputError, match="condition 'maybe': expected true, 1, false"):
+        ad.load_launch(path)
+
+
+def test_events_give_the_order(package: Path) -> None:
+    before = """
+    first = spawner("joint_state_broadcaster")
+    second = spawner("forward")
+    third = spawner("arm_controller", "--inactive")
+    """
+    path = describe(
+        package,
+        """
+        publisher(), manager(), first,
+        TimerAction(period=10.0, actions=[spawner("last")]),
+        RegisterEventHandler(OnProcessExit(target_action=second, on_exit=[third])),
+        RegisterEventHandler(OnProcessExit(target_action=first, on_exit=second)),
+        RegisterEventHandler(OnProcessStart(
+            target_action=third, on_start=lambda event, context: [
+                LogInfo(msg="third")])),
+        """,
+        before,
+    )
+
+    plan = ad.load_launch(path)
+
+    assert list(states(plan).items()) == [
+        ("joint_state_broadcaster", "active"),
+        ("forward", "active"),
+        ("arm_controller", "inactive"),
+        ("last", "active"),
+    ]
+    assert "third" in str(plan.report)
+
+
+def test_what_waits_for_a_node_of_ones_own_is_started_and_told(package: Path) -> None:
+    path = describe(
+        package,
+        """
+        publisher(), manager(), own,
+        RegisterEventHandler(OnProcessExit(
+            target_action=own, on_exit=[spawner("forward")])),
+        """,
+        'own = Node(package="own", executable="wait_for_it")',
+    )
+
+    plan = ad.load_launch(path)
+
+    assert states(plan) == {"forward": "active"}
+    assert "waits for the end of own/wait_for_it" in str(plan.report)
+
+
+def test_groups_have_names_spaces_and_configurations_of_their_own(
+    package: Path,
+) -> None:
+    path = describe(
+        package,
+        """
+        SetLaunchConfiguration("prefix", "outer_"),
+        GroupAction([
+            PushRosNamespace("left"),
+            SetLaunchConfiguration("prefix", "left_"),
+            publisher([*XACRO, " prefix:=", LaunchConfiguration("prefix")]), manager(),
+            spawner("forward"),
+        ]),
+        GroupAction([
+            PushRosNamespace("right"), publisher(XACRO), manager(),
+            spawner("arm_controller"),
+        ]),
+        LogInfo(msg=["prefix is ", LaunchConfiguration("prefix")]),
+        """,
+    )
+
+    plan = ad.load_launch(path)
+
+    left, right = plan.robots
+    assert (left.namespace, right.namespace) == ("left", "right")
+    assert left.xacro_args == {"prefix": "left_"}
+    assert (left.spawned, right.spawned) == (
+        {"forward": "active"},
+        {"arm_controller": "active"},
+    )
+    assert "prefix is outer_" in str(plan.report)
+
+
+def test_two_robots_run_beside_each_other(package: Path) -> None:
+    path = describe(
+        package,
+        """
+        *[GroupAction([PushRosNamespace(side), publisher(XACRO), manager(),
+                       spawner("arm_controller"), spawner("joint_state_broadcaster")])
+          for side in ("left", "right")],
+        """,
+    )
+
+    simulation = ad.Simulation(ad.load_launch(path).build_diagram())
+
+    found = {
+        each.name for each in simulation.list_controllers() if each.state == "active"
+    }
+    assert {"left/arm_controller", "right/arm_controller"} <= found
+
+
+def test_functions_and_included_files(package: Path) -> None:
+    write_launch(
+        package,
+        """
+        from launch import LaunchDescription
+        from launch.actions import DeclareLaunchArgument
+        from launch.substitutions import LaunchConfiguration
+        from launch_ros.actions import Node
+
+        def generate_launch_description():
+            return LaunchDescription([
+                DeclareLaunchArgument("mode", default_value="slow"),
+                Node(package="own", executable=LaunchConfiguration("mode")),
+            ])
+        """,
+        "inner.launch.py",
+    )
+    before = """
+    def setup(context, word, *args, **kwargs):
+        mode = LaunchConfiguration("mode").perform(context)
+        return [Node(package="own", executable=word + mode)]
+    """
+    path = describe(
+        package,
+        """
+        IncludeLaunchDescription(
+            PythonLaunchDescriptionSource([ThisLaunchFileDir(), "/inner.launch.py"]),
+            launch_arguments={"mode": "fast"}.items()),
+        OpaqueFunction(function=setup, args=["very_"]),
+        """,
+        before,
+    )
+
+    assert names(ad.load_launch(path)) == ["own/fast", "own/very_fast"]
+
+
+XML = """
+<launch>
+  <arg name="gui" default="false" description="Show it.">
+    <choice value="true"/><choice value="false"/></arg>
+  <let name="text"
+       value="$(command '$(find-exec xacro) $(var file) prefix:=$(env NONE a_)')"/>
+  <group>
+    <push-ros-namespace namespace="left"/>
+    <node pkg="robot_state_publisher" exec="robot_state_publisher">
+      <param name="robot_description" value="$(var text)"/>
+    </node>
+    <node pkg="controller_manager" exec="ros2_control_node">
+      <param from="$(find-pkg-share pendulum_bringup)/config/controllers.yaml"/>
+    </node>
+  </group>
+  <node pkg="controller_manager" exec="spawner"
+        args="forward --inactive -c /left/controller_manager"/>
+  <node pkg="own" exec="shown" if="$(var gui)"/>
+  <node pkg="own" exec="hidden" unless="$(eval '\\'$(var gui)\\' == \\'true\\'')"/>
+</launch>
+"""
+
+YAML = """
+launch:
+- arg: {name: gui, default: "false", description: Show it.}
+- let:
+    name: text
+    value: $(command '$(find-exec xacro) $(var file) prefix:=$(env NONE a_)')
+- group:
+  - push_ros_namespace: {namespace: left}
+  - node:
+      pkg: robot_state_publisher
+      exec: robot_state_publisher
+      param:
+      - {name: robot_description, value: $(var text)}
+  - node:
+      pkg: controller_manager
+      exec: ros2_control_node
+      param:
+      - from: $(find-pkg-share pendulum_bringup)/config/controllers.yaml
+- node:
+    pkg: controller_manager
+    exec: spawner
+    args: forward --inactive -c /left/controller_manager
+- node: {pkg: own, exec: shown, if: $(var gui)}
+- node: {pkg: own, exec: hidden, unless: $(var gui)}
+"""
+
+
+@pytest.mark.parametrize(("text", "suffix"), [(XML, "xml"), (YAML, "yaml")])
+def test_xml_and_yaml_say_the_same(package: Path, text: str, suffix: str) -> None:
+    urdf = package / "urdf" / "pendulum.urdf.xacro"
+    path = write_launch(package, text, f"test.launch.{suffix}")
+
+    plan = ad.load_launch(path, arguments={"file": str(urdf)})
+
+    (robot,) = plan.robots
+    assert (robot.source, robot.xacro_args) == (urdf, {"prefix": "a_"})
+    assert (robot.namespace, robot.spawned) == ("left", {"forward": "inactive"})
+    assert robot.controllers == (package / "config" / "controllers.yaml",)
+    assert names(plan) == ["own/hidden"]
+
+
+def test_files_of_parameters_are_rewritten_into_a_folder_of_the_plan(
+    package: Path,
+) -> None:
+    source = package / "config" / "substituted.yaml"
+    source.write_text("forward: {ros__parameters: {joints: [$(var joint)]}}")
+    before = """
+    from nav2_common.launch import RewrittenYaml
+    """
+    path = describe(
+        package,
+        """
+        SetLaunchConfiguration("joint", "swing"),
+        publisher(),
+        Node(package="controller_manager", executable="ros2_control_node",
+             parameters=[
+                 ParameterFile(os.path.join(PACKAGE, "config", "substituted.yaml"),
+                               allow_substs=True),
+                 RewrittenYaml(YAML, {"update_rate": "250"}, convert_types=True),
+                 {"update_rate": 500, "forward.type": "a/B"},
+             ]),
+        """,
+        before,
+    )
+
+    (robot,) = ad.load_launch(path).robots
+
+    data = [
+        yaml.safe_load(file.read_text(encoding="utf-8")) for file in robot.controllers
+    ]
+    assert data[0] == {"forward": {"ros__parameters": {"joints": ["swing"]}}}
+    assert data[1]["controller_manager"]["ros__parameters"]["update_rate"] == 250
+    assert data[2] == {
+        "controller_manager": {
+            "ros__parameters": {"update_rate": 500, "forward": {"type": "a/B"}}
+        }
+    }
+
+
+def test_what_is_written_is_gone_with_the_plan(package: Path) -> None:
+    path = describe(
+        package,
+        "publisher(), Node(package='controller_manager', "
+        "executable='ros2_control_node', parameters=[{'update_rate': 10}]),",
+    )
+    plan = ad.load_launch(path)
+    (file,) = plan.robots[0].controllers
+    assert file.is_file()
+
+    folder = file.parent
+    del plan
+    gc.collect()
+
+    assert not folder.exists()
+
+
+def test_a_simulator_has_a_world_and_poses(package: Path) -> None:
+    world = package / "worlds" / "hall.sdf"
+    world.parent.mkdir()
+    world.write_text('<sdf version="1.9"><world name="hall"/></sdf>')
+    path = describe(
+        package,
+        """
+        SetEnvironmentVariable("GZ_SIM_RESOURCE_PATH", os.path.join(PACKAGE, "worlds")),
+        IncludeLaunchDescription(
+            PythonLaunchDescriptionSource(PathJoinSubstitution(
+                [FindPackageShare("ros_gz_sim"), "launch", "gz_sim.launch.py"])),
+            launch_arguments={"gz_args": "-v 4 hall.sdf"}.items()),
+        publisher(),
+        Node(package="ros_gz_sim", executable="create", arguments=[
+            "-topic", "/robot_description", "-name", "left", "-z", "0.5",
+            "-Y", "1.57"]),
+        Node(package="ros_gz_bridge", executable="parameter_bridge", arguments=[
+            "/clock@rosgraph_msgs/msg/Clock[gz.msgs.Clock"]),
+        Node(package="tf2_ros", executable="static_transform_publisher", arguments=[
+            "--x", "1", "--yaw", "0.5", "--frame-id", "map",
+            "--child-frame-id", "odom"]),
+        Node(package="tf2_ros", executable="static_transform_publisher", arguments=[
+            "1", "2", "3", "0", "0", "1", "0", "a", "b"]),
+        """,
+    )
+
+    plan = ad.load_launch(path)
+
+    assert (plan.world, plan.is_paused) == (world, True)
+    (robot,) = plan.robots
+    assert (robot.name, robot.simulator) == ("left", "gz")
+    assert robot.pose == (0.0, 0.0, 0.5, 0.0, 0.0, 1.57)
+    assert plan.bridges == ("/clock@rosgraph_msgs/msg/Clock[gz.msgs.Clock",)
+    half_a_turn = (0.0, 0.0, 3.141593)
+    assert plan.static_frames == (
+        ("map", "odom", (1.0, 0.0, 0.0, 0.0, 0.0, 0.5)),
+        ("a", "b", (1.0, 2.0, 3.0, *half_a_turn)),
+    )
+
+
+def test_commands_mean_what_they_say(package: Path) -> None:
+    path = describe(
+        package,
+        """
+        ExecuteProcess(cmd=["gazebo", "--verbose", "-u", "-s", "libfactory.so"]),
+        publisher(),
+        ExecuteProcess(cmd=["ros2 run gazebo_ros spawn_entity.py -entity arm "
+                            "-topic robot_description"], shell=True),
+        ExecuteProcess(cmd=[[FindExecutable(name="ros2"), " control load_controller ",
+                             "--set-state active forward"]], shell=True),
+        ExecuteProcess(cmd=["ros2", "control", "load_controller", "arm_controller"]),
+        ExecuteProcess(cmd=["ros2", "topic", "pub", "--once", "/forward/commands",
+                            "std_msgs/msg/Float64MultiArray", "data: [0.5]"]),
+        ExecuteProcess(cmd=["ros2", "action", "send_goal",
+            "/arm_controller/follow_joint_trajectory",
+            "control_msgs/action/FollowJointTrajectory",
+            "{trajectory: {joint_names: [swing], points: [{positions: [0.5], "
+            "time_from_start: {sec: 1}}]}}"]),
+        ExecuteProcess(cmd=["make", "coffee"]),
+        """,
+    )
+
+    plan = ad.load_launch(path)
+
+    assert (plan.world, plan.is_paused) == ("empty", True)
+    assert states(plan) == {"forward": "active", "arm_controller": "inactive"}
+    assert plan.robots[0].name == "arm"
+    assert names(plan) == ["make coffee"]
+    assert plan.motion is not None
+    first, second = yaml.safe_load(plan.motion.read_text(encoding="utf-8"))
+    assert (first["topic"], first["data"]) == ("/forward/commands", [0.5])
+    assert second["goal"]["joint_names"] == ["swing"]
+
+
+def test_a_model_is_put_into_the_world(package: Path) -> None:
+    model = package / "ball.sdf"
+    model.write_text(
+        '<sdf version="1.9"><model name="ball"><link name="ball">'
+        "<inertial><mass>1</mass></inertial><collision name='c'><geometry><sphere>"
+        "<radius>0.1</radius></sphere></geometry></collision></link></model></sdf>"
+    )
+    path = describe(
+        package,
+        """
+        ExecuteProcess(cmd=["gz", "sim", "-r", "empty.sdf"]), publisher(),
+        Node(package="ros_gz_sim", executable="create", arguments=[
+            "-topic", "robot_description"]),
+        Node(package="ros_gz_sim", executable="create", arguments=[
+            "-file", os.path.join(PACKAGE, "ball.sdf"), "-name", "my_ball", "-z", "2"]),
+        """,
+    )
+
+    diagram = ad.load_launch(path).build_diagram()
+
+    plant = diagram.GetSubsystemByName("plant")
+    context = plant.GetMyContextFromRoot(diagram.CreateDefaultContext())
+    ball = plant.GetBodyByName("ball", plant.GetModelInstanceByName("my_ball"))
+    assert plant.EvalBodyPoseInWorld(context, ball).translation()[2] == pytest.approx(2)
+
+
+def test_a_package_that_is_not_there_is_told_with_who_asks(package: Path) -> None:
+    path = describe(package, "LogInfo(msg=FindPackageShare('pendulum_brinup')),")
+
+    with pytest.raises(PackageError, match="package 'pendulum_brinup' not found") as it:
+        ad.load_launch(path)
+
+    assert str(path) in str(it.value)
+    assert "pendulum_bringup" in str(it.value)
+
+
+def test_a_package_brings_its_own_modules(package: Path) -> None:
+    module = package / "pendulum_bringup" / "helpers.py"
+    module.parent.mkdir()
+    (module.parent / "__init__.py").touch()
+    module.write_text("NAME = 'helped'\n")
+    path = describe(
+        package,
+        "Node(package='own', executable=NAME),",
+        "from pendulum_bringup.helpers import NAME",
+    )
+
+    assert names(ad.load_launch(path)) == ["own/helped"]
+
+
+def test_moveit_configs_find_the_description(package: Path) -> None:
+    config = package / "config" / "pendulum.srdf"
+    config.write_text('<robot name="pendulum"/>')
+    path = describe(
+        package,
+        """
+        publisher(),
+        Node(package="moveit_ros_move_group", executable="move_group",
+             parameters=[configs.to_dict()]),
+        """,
+        """
+        from moveit_configs_utils import MoveItConfigsBuilder
+        configs = (
+            MoveItConfigsBuilder("pendulum", package_name="pendulum_bringup")
+            .robot_description(file_path="urdf/pendulum.urdf.xacro")
+            .joint_limits(file_path="config/joint_limits.yaml")
+            .to_moveit_configs())
+        """,
+    )
+
+    plan = ad.load_launch(path)
+
+    assert plan.has_move_group
+    assert len(plan.robots) == 1
+
+
+def test_a_file_is_found_by_its_package(package: Path, monkeypatch) -> None:
+    path = describe(package, "publisher(),")
+    monkeypatch.chdir(package.parent)
+
+    assert ad.load_launch("pendulum_bringup", "test.launch.py").file == path
+    assert ad.load_launch(package, "test.launch.py").file == path
+    with pytest.raises(InputError, match=r"did you mean 'test.launch.py'\?"):
+        ad.load_launch(package, "tst.launch.py")
+    with pytest.raises(InputError, match="no such launch file"):
+        ad.load_launch(package / "none.launch.py")
+
+
+def test_a_file_without_a_robot_is_told_so(package: Path) -> None:
+    path = describe(package, "Node(package='own', executable='node'),")
+
+    with pytest.raises(InputError, match="it starts no robot; it starts own/node"):
+        ad.load_launch(path).build_diagram()
