@@ -39,8 +39,8 @@ def run_launch(options: argparse.Namespace) -> int:
         _say_report(plan)
         return 0
     if not options.json:
-        for each in plan.not_started:
-            print(each, file=sys.stderr)
+        for line in dict.fromkeys(map(str, plan.not_started)):
+            print(line, file=sys.stderr)
     _use_rviz(options, plan)
     if plan.robots and not plan.is_simulated:
         return _view(options, plan)
@@ -147,6 +147,8 @@ def to_json(plan: LaunchPlan) -> dict[str, Any]:
             for robot in plan.robots
         ],
         "world": None if plan.world is None else str(plan.world),
+        "simulator": plan.simulator,
+        "models": [str(model.file) for model in plan.models],
         "paused": plan.is_paused,
         "rviz": None if plan.rviz is None else str(plan.rviz),
         "bridges": [*plan.bridges, *map(str, plan.bridge_files)],

@@ -183,6 +183,7 @@ def _read(
         file=path,
         arguments=arguments,
         report=report,
+        folder=folder,
         package_paths=(*folders, *finder.sources()),
         **roles.find(),
     )

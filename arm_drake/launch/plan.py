@@ -11,7 +11,12 @@ from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.diagram import build_diagram
 from arm_drake.errors import InputError
-from arm_drake.launch.robot import LaunchedRobot
+from arm_drake.launch.robot import (
+    LaunchedModel,
+    LaunchedRobot,
+    PlanFolder,
+    add_models,
+)
 from arm_drake.launch.roles import NotStarted
 from arm_drake.options import SimulationOptions
 from arm_drake.scene import Scene
@@ -47,6 +52,10 @@ class LaunchPlan:
     # Name of a built-in world, or an SDF file; None if no simulator is started.
     world: str | Path | None
 
+    # "gazebo" (Classic), "gz", or None; and the SDF models that are put into it.
+    simulator: str | None
+    models: tuple[LaunchedModel, ...]
+
     # Whether the simulator waits, and whether it has a window.
     is_paused: bool
     is_headless: bool
@@ -73,6 +82,9 @@ class LaunchPlan:
 
     # What was not taken as written.
     report: LoadReport
+
+    # What holds the files that were written.
+    folder: PlanFolder
 
     package_paths: tuple[Path, ...] = ()
 
@@ -118,7 +130,7 @@ class LaunchPlan:
         options = dc.replace(options, active=tuple(active), inactive=tuple(inactive))
         return Scene(
             robots=tuple(robots),
-            world=world or self.world or "empty",
+            world=add_models(world or self.world or "empty", self.models, self.folder),
             options=options,
             motions=self._find_motions(robots),
             file=self.file,
@@ -158,8 +170,9 @@ class LaunchPlan:
             yield f"bridge: {text}"
         for parent, child, pose in self.static_frames:
             yield f"static frame: {child} in {parent} at {list(pose)}"
-        for each in self.not_started:
-            yield str(each)
+        for model in self.models:
+            yield f"model: {model.file} at {list(model.pose or ())}"
+        yield from dict.fromkeys(map(str, self.not_started))
 
 
 def _unlike(names: Sequence[str | None]) -> list[str | None]:

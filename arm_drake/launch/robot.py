@@ -5,16 +5,20 @@ import re
 import shutil
 import tempfile
 import weakref
+import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from arm_drake.description.elements import parse_xml
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Pose, Robot
 from arm_drake.description.xacro import expand_xacro
 from arm_drake.errors import PackageError, suggest
 from arm_drake.loading import load_robot
+
+_GROUND = "model://ground_plane"
 
 # Where a simulator's plugin names its controllers YAML.
 _PARAMETERS_TAG = re.compile(r"<parameters>\s*([^<]+?)\s*</parameters>")
@@ -143,6 +147,39 @@ class LaunchedRobot:
         lines += [f"  parameters: {path}" for path in self.controllers]
         lines += [f"  controller {name}: {s}" for name, s in self.spawned.items()]
         return lines
+
+
+class LaunchedModel(NamedTuple):
+    """An SDF model that a launch file puts into a simulator."""
+
+    file: Path
+    name: str | None
+    pose: Pose | None
+
+
+def add_models(
+    world: str | Path, models: Sequence[LaunchedModel], folder: PlanFolder
+) -> str | Path:
+    """Return a world with some models in it, as an SDF file in a folder."""
+    if not models:
+        return world
+    root = ET.Element("sdf", version="1.9")
+    if isinstance(world, Path):
+        root = parse_xml(world.read_text(encoding="utf-8"), world)
+    place = root.find("world")
+    if place is None:
+        place = ET.SubElement(root, "world", name="empty")
+        ET.SubElement(ET.SubElement(place, "include"), "uri").text = _GROUND
+    for model in models:
+        include = ET.SubElement(place, "include")
+        ET.SubElement(include, "uri").text = f"file://{model.file}"
+        if model.name is not None:
+            ET.SubElement(include, "name").text = model.name
+        pose = model.pose or (0.0,) * 6
+        ET.SubElement(include, "pose").text = " ".join(map(str, pose))
+    target = folder.path / "world.sdf"
+    ET.ElementTree(root).write(target, encoding="unicode")
+    return target
 
 
 class Description(NamedTuple):

@@ -8,7 +8,6 @@ import dataclasses as dc
 import functools
 import os
 import re
-import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -24,6 +23,7 @@ from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Pose
 from arm_drake.launch.robot import (
     Description,
+    LaunchedModel,
     Manager,
     PlanFolder,
     RobotParts,
@@ -47,7 +47,6 @@ _TOPIC = "robot_description"
 # Folder, below that of a plan, of packages that are stood for.
 STOOD_FOR = "stood_for"
 
-_GROUND = "model://ground_plane"
 
 # States of controllers that load_controller and others are asked for.
 _STATES = {"start": "active", "active": "active", "configure": "inactive"}
@@ -91,7 +90,8 @@ class Roles:
         self._bridge_files: list[Path] = []
         self._frames: list[tuple[str, str, tuple[float, ...]]] = []
         self._steps: list[dict[str, Any]] = []
-        self._models: list[tuple[Path, str | None, Pose | None]] = []
+        self._models: list[LaunchedModel] = []
+        self._simulator: str | None = None
         self._not_started: list[NotStarted] = []
 
     def find(self) -> dict[str, Any]:
@@ -103,7 +103,9 @@ class Roles:
             self._leave_out(name, "controller of a robot that isn't started")
         return {
             "robots": tuple(dc.replace(r, folder=self._folder) for r in robots),
-            "world": self._add_models(),
+            "world": self._world,
+            "simulator": self._simulator,
+            "models": tuple(self._models),
             "motion": self._save_motion(),
             "is_paused": self._is_paused,
             "is_headless": self._is_headless,
@@ -113,7 +115,7 @@ class Roles:
             "bridges": tuple(self._bridges),
             "bridge_files": tuple(self._bridge_files),
             "static_frames": tuple(self._frames),
-            "not_started": tuple(dict.fromkeys(self._not_started)),
+            "not_started": tuple(self._not_started),
         }
 
     def _add(self, severity: Any, kind: Any, what: str, done: str, record: Any) -> None:
@@ -148,6 +150,7 @@ class Roles:
         is_on = functools.partial(_is_true, values)
         match package, name.partition(".")[0]:
             case "gazebo_ros", "gazebo" | "gzserver" as which:
+                self._simulator = "gazebo"
                 self._set_world(values.get("world", ""), record)
                 self._is_paused |= is_on("pause")
                 self._is_headless &= which == "gzserver" or not is_on("gui", "true")
@@ -189,6 +192,7 @@ class Roles:
 
     def _read_gazebo(self, words: Sequence[str], record: Mapping[str, Any]) -> None:
         """Read the command line of Gazebo Classic."""
+        self._simulator = "gazebo"
         names, skip = [], False
         for word in words:
             if not skip and not word.startswith("-"):
@@ -199,6 +203,7 @@ class Roles:
 
     def _read_gz(self, words: Sequence[str], record: Mapping[str, Any]) -> None:
         """Read the arguments of `gz sim`."""
+        self._simulator = "gz"
         with_value = {
             *("-v", "--verbose", "--gui-config", "--render-engine", "--seed", "-z"),
             *("--iterations", "--record-path", "--playback", "--physics-engine"),
@@ -218,9 +223,6 @@ class Roles:
         self._set_world(names[0] if names else "", record)
 
     def _set_world(self, name: str, record: Mapping[str, Any]) -> None:
-        if not name or re.fullmatch(r"(worlds/)?empty(_world)?(\.\w+)?", name):
-            self._world = self._world or "empty"
-            return
         environment = self._answer["environment"]
         folders = [
             Path(folder, below)
@@ -232,38 +234,16 @@ class Roles:
             if folder
             for below in ("", "worlds")
         ]
-        for folder in [Path(record["file"]).parent, *folders]:
+        for folder in [Path(record["file"]).parent, *folders] if name else []:
             if (folder / name).is_file():
                 self._world = self._finder.real(folder / name)
                 return
-        self._world = "empty"
+        self._world = self._world or "empty"
+        if not name or re.fullmatch(r"(worlds/)?empty(_world)?(\.\w+)?", name):
+            return
         what = f"world {name!r} is in no folder that the launch file names"
         done = f"the empty world is taken; --world has others: {', '.join(WORLDS)}"
         self._add("warning", "missing", what, done, record)
-
-    def _add_models(self) -> str | Path | None:
-        """Return the world, with the SDF models that are put into it."""
-        if not self._models:
-            return self._world
-        root = ET.Element("sdf", version="1.9")
-        if isinstance(self._world, Path):
-            try:
-                root = ET.parse(self._world).getroot()  # noqa: S314  no entities.
-            except (ET.ParseError, OSError):
-                return self._world  # It is told when it is loaded.
-        world = root.find("world")
-        if world is None:
-            world = ET.SubElement(root, "world", name="empty")
-            ET.SubElement(ET.SubElement(world, "include"), "uri").text = _GROUND
-        for path, name, pose in self._models:
-            include = ET.SubElement(world, "include")
-            ET.SubElement(include, "uri").text = f"file://{self._finder.real(path)}"
-            if name is not None:
-                ET.SubElement(include, "name").text = name
-            ET.SubElement(include, "pose").text = " ".join(map(str, pose or (0.0,) * 6))
-        target = self._folder.path / "world.sdf"
-        ET.ElementTree(root).write(target, encoding="unicode")
-        return target
 
     def _read_control(
         self, verb: str, words: Sequence[str], record: Mapping[str, Any]
@@ -479,6 +459,7 @@ class Roles:
 
     def _read_spawn(self, record: Mapping[str, Any], simulator: str) -> None:
         words, values = record.get("arguments", ()), _merge(record)
+        self._simulator = simulator
 
         def given(*names: str) -> str | None:
             found = value_of(words, *(f"-{name}" for name in names))
@@ -493,7 +474,9 @@ class Roles:
             path = Path(file)
             if path.suffix == ".sdf" or (path.is_file() and _is_sdf(path)):
                 name = given("entity", "name")
-                self._models.append((path, name, self._read_pose(given, record)))
+                pose = self._read_pose(given, record)
+                path = self._finder.real(path)
+                self._models.append(LaunchedModel(path, name, pose))
                 return
             description = Description("", record["namespace"], path, {})
         elif text is not None:
