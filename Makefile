@@ -71,6 +71,7 @@ bench: setup
 	$(BIN)/python -m pytest -m long
 	$(BIN)/python -m tests.benchmarks.ticks
 	$(BIN)/python -m tests.benchmarks.servo
+	$(BIN)/python -m tests.benchmarks.inverse_kinematics
 
 # For those who change the dependencies; needs uv.
 lock:

@@ -53,6 +53,12 @@ from arm_drake.notebook import (
     view as view,
 )
 from arm_drake.options import SimulationOptions as SimulationOptions
+from arm_drake.planning.inverse_kinematics import (
+    IkSolution as IkSolution,
+    NoSolution as NoSolution,
+    forward_kinematics as forward_kinematics,
+    solve_ik as solve_ik,
+)
 from arm_drake.plant.payloads import Payload as Payload
 from arm_drake.rollout.rollout import Rollout as Rollout
 from arm_drake.scene import Scene as Scene

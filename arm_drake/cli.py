@@ -393,6 +393,36 @@ def _add_graph_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_ik_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `ik`."""
+    _add_robot_arguments(parser)
+    add = parser.add_argument
+    add("--frame", metavar="LINK", required=True, help="the link to be placed")
+    add(
+        "--pose",
+        dest="target",
+        metavar="X,Y,Z[,R,P,Y]",
+        required=True,
+        help="where it should be in the world [m, rad]; without R, P, Y it may turn as "
+        "it likes; --pose=-0.1,0,0.3 where the first is negative",
+    )
+    add(
+        "--seed",
+        metavar="JOINT=VALUE",
+        action="append",
+        default=[],
+        type=pair("="),
+        help="position to start from [rad or m]; repeatable",
+    )
+    add(
+        "--pointing",
+        metavar="AXIS",
+        choices=("x", "y", "z"),
+        help="the link may turn about this axis of its own",
+    )
+    add("--all", action="store_true", help="the other solutions, too")
+
+
 def _add_cache_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `cache`."""
     parser.add_argument("--clear", action="store_true", help="remove them")
@@ -598,6 +628,12 @@ def _compare(options: argparse.Namespace) -> int:
     return run_compare(options)
 
 
+def _ik(options: argparse.Namespace) -> int:
+    from arm_drake.commands.planning import run_ik
+
+    return run_ik(options, load_robot_of(options))
+
+
 def _cache(options: argparse.Namespace) -> int:
     from arm_drake.description.meshes.conversion import cache_directory, clear_cache
 
@@ -671,6 +707,12 @@ _COMMANDS: Mapping[str, _Command] = {
         "they differ, 2 if a file can't be used.",
         add_compare_arguments,
         _compare,
+    ),
+    "ik": _Command(
+        "joint positions that put a link at a pose",
+        "Exits with 0 if there is a solution within the joints' limits, else with 2.",
+        add_ik_arguments,
+        _ik,
     ),
     "cache": _Command(
         "where converted meshes are kept",
