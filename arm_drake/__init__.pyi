@@ -53,6 +53,10 @@ from arm_drake.notebook import (
     view as view,
 )
 from arm_drake.options import SimulationOptions as SimulationOptions
+from arm_drake.planning.groups import (
+    PlanningGroup as PlanningGroup,
+    planning_groups as planning_groups,
+)
 from arm_drake.planning.inverse_kinematics import (
     IkSolution as IkSolution,
     NoSolution as NoSolution,

@@ -397,7 +397,7 @@ def add_ik_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `ik`."""
     _add_robot_arguments(parser)
     add = parser.add_argument
-    add("--frame", metavar="LINK", required=True, help="the link to be placed")
+    _add_group(parser)
     add(
         "--pose",
         dest="target",
@@ -421,6 +421,13 @@ def add_ik_arguments(parser: argparse.ArgumentParser) -> None:
         help="the link may turn about this axis of its own",
     )
     add("--all", action="store_true", help="the other solutions, too")
+
+
+def _add_group(parser: argparse.ArgumentParser) -> None:
+    """Add which joints move, and which link is meant."""
+    add = parser.add_argument
+    add("--group", metavar="NAME", help="planning group (the one of most joints)")
+    add("--frame", metavar="LINK", help="the link to be placed (the group's last)")
 
 
 def _add_cache_arguments(parser: argparse.ArgumentParser) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from arm_drake.description.elements import parse_float
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError
+from arm_drake.planning.groups import find_group
 from arm_drake.planning.inverse_kinematics import WHOLE_POSE, solve_ik
 
 
@@ -18,11 +19,15 @@ def run_ik(options: argparse.Namespace, robot: Robot) -> int:
             raise InputError("--pointing: expected --pose X,Y,Z,R,P,Y")
         free = 3 + "xyz".index(options.pointing)
         mask = tuple(row != free for row in range(6))
+    # A link that is named may be one that other joints move, too.
+    group = options.group
+    frame = options.frame or find_group(robot, group).tip
     solution = solve_ik(
         robot,
-        options.frame,
+        frame,
         pose,
         seed=read_positions("--seed", options.seed),
+        group=group,
         mask=mask,
         all_solutions=options.all,
     )
@@ -30,7 +35,7 @@ def run_ik(options: argparse.Namespace, robot: Robot) -> int:
     if options.json:
         content = {
             "robot": robot.name,
-            "frame": options.frame,
+            "frame": frame,
             "positions": dict(solution.positions),
             "others": [dict(other) for other in solution.others],
             "tries": solution.tries,

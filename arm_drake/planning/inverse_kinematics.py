@@ -19,6 +19,7 @@ from pydrake.multibody.tree import Frame, JacobianWrtVariable
 from arm_drake.description.joints import joints_above, last_master
 from arm_drake.description.robot import Robot
 from arm_drake.errors import ArmDrakeError, InputError, counted, quoted, suggest
+from arm_drake.planning.groups import find_group
 from arm_drake.plant.joint_ranges import joint_ranges
 from arm_drake.plant.plant import transform_of, trial_plant
 
@@ -123,7 +124,7 @@ def solve_ik(
     pose: RigidTransform | Sequence[float],
     *,
     seed: Mapping[str, float] | None = None,
-    group: Collection[str] | None = None,
+    group: str | Collection[str] | None = None,
     tolerance: tuple[float, float] = TOLERANCE,
     mask: Sequence[bool] = WHOLE_POSE,
     all_solutions: bool = False,
@@ -141,7 +142,8 @@ def solve_ik(
         seed: Positions [rad] or [m] to start from by joint, by default and for joints
             that are left out the initial ones. Joints that don't carry the link stay
             there.
-        group: The joints that may move; by default all that carry the link.
+        group: The joints that may move, or the name of their planning group; by default
+            all that carry the link.
         tolerance: What the pose may be missed by [m] and [rad].
         mask: What of the pose counts: x, y, z in the world, and turns about the x, y
             and z axis of the link. `(1, 1, 1, 1, 1, 0)` lets the link turn about its z
@@ -154,7 +156,8 @@ def solve_ik(
     """
     kinematics = _kinematics_of(robot)
     target = _Target.of(_read_pose(pose), mask, tolerance)
-    chain = kinematics.chain(frame, group)
+    joints = group if group is None else find_group(robot, group).joints
+    chain = kinematics.chain(frame, joints)
     q = kinematics.complete(seed or {})
     found, best = _search(chain, q, target, all_solutions)
     if not found:

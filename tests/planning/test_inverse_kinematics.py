@@ -282,10 +282,10 @@ BAD = [
         {"frame": "base"},
         "no joint moves link 'base'; expected one of those that carry it: none",
     ),
+    ({"group": []}, "group: expected at least one joint"),
     (
-        {"group": []},
-        "no joint of none moves link 'tip'; expected one of those that carry it: "
-        "'shoulder', 'elbow'",
+        {"group": "arm"},
+        "no planning group 'arm'; known: joint_trajectory_controller",
     ),
 ]
 
