@@ -63,6 +63,11 @@ from arm_drake.planning.inverse_kinematics import (
     forward_kinematics as forward_kinematics,
     solve_ik as solve_ik,
 )
+from arm_drake.planning.motion_planning import (
+    Plan as Plan,
+    PlanningError as PlanningError,
+    plan as plan,
+)
 from arm_drake.plant.payloads import Payload as Payload
 from arm_drake.rollout.rollout import Rollout as Rollout
 from arm_drake.scene import Scene as Scene

@@ -57,12 +57,17 @@ class MotionLimits(NamedTuple):
 
 
 def planning_groups(robot: Robot) -> dict[str, PlanningGroup]:
-    """Return the groups of a robot by name, the one with the most joints first."""
+    """Return the groups of a robot by name.
+
+    Those without a gripper's joints come first, then those with most joints.
+    """
     joints = {joint.name: joint for joint in robot.description.movable_joints}
     own = {name for name, joint in joints.items() if joint.mimic is None}
     groups: dict[str, tuple[tuple[str, ...], str | None]] = {}
+    grippers = {joint.name for joint in find_gripper_joints(robot)}
     for group in find_groups(robot):
         groups[group.name] = group.joints, group.tip
+        grippers |= set(group.joints if group.is_end_effector else ())
     for controller in robot.controllers.controllers:
         given = controller.parameters.get("joints")
         if controller.type == _TRAJECTORY_CONTROLLER and given is not None:
@@ -71,7 +76,6 @@ def planning_groups(robot: Robot) -> dict[str, PlanningGroup]:
             if named:
                 groups.setdefault(controller.name, (named, None))
     if not groups and own:
-        grippers = {joint.name for joint in find_gripper_joints(robot)}
         for label, members in ((ARM, own - grippers), (GRIPPER, own & grippers)):
             if members:
                 groups[label] = tuple(n for n in joints if n in members), None
@@ -81,11 +85,15 @@ def planning_groups(robot: Robot) -> dict[str, PlanningGroup]:
         )
         for name, (members, tip) in groups.items()
     }
-    return dict(sorted(found.items(), key=lambda item: -len(item[1].joints)))
+
+    def rank(name: str) -> tuple[bool, int]:
+        return bool(grippers & set(found[name].joints)), -len(found[name].joints)
+
+    return {name: found[name] for name in sorted(found, key=rank)}
 
 
 def find_group(robot: Robot, group: str | Collection[str] | None) -> PlanningGroup:
-    """Return a group by its name or its joints, by default the largest.
+    """Return a group by its name or its joints, by default the first.
 
     Raises:
         InputError: If there is no such group or joint, or no joint at all.

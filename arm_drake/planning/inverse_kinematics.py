@@ -9,11 +9,12 @@ import dataclasses as dc
 import functools
 import math
 import weakref
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from pydrake.math import RigidTransform
+from pydrake.common.eigen_geometry import AngleAxis
+from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.tree import Frame, JacobianWrtVariable
 
 from arm_drake.description.joints import joints_above, last_master
@@ -44,6 +45,9 @@ _DAMPING, _LEAST_DAMPING = 0.02, 1e-9
 
 # Solutions that differ by less are the same one [rad], [m].
 _SAME = 1e-3
+
+# The largest change of a joint between points of a line [rad], [m].
+_JUMP = 0.3
 
 # Tries when all solutions are wanted.
 _ALL_TRIES = 100
@@ -127,6 +131,7 @@ def solve_ik(
     group: str | Collection[str] | None = None,
     tolerance: tuple[float, float] = TOLERANCE,
     mask: Sequence[bool] = WHOLE_POSE,
+    collision_free: bool = False,
     all_solutions: bool = False,
 ) -> IkSolution:
     """Return joint positions that put a link at a pose, within the joints' limits.
@@ -148,6 +153,7 @@ def solve_ik(
         mask: What of the pose counts: x, y, z in the world, and turns about the x, y
             and z axis of the link. `(1, 1, 1, 1, 1, 0)` lets the link turn about its z
             axis: what an arm of five joints can do. `(1, 1, 1, 0, 0, 0)` is a position.
+        collision_free: Whether the robot may not touch itself.
         all_solutions: Whether to look for the other solutions, too.
 
     Raises:
@@ -155,11 +161,12 @@ def solve_ik(
         InputError: If an argument can't be used.
     """
     kinematics = _kinematics_of(robot)
-    target = _Target.of(_read_pose(pose), mask, tolerance)
+    target = _Target.of(read_pose(pose), mask, tolerance)
     joints = group if group is None else find_group(robot, group).joints
     chain = kinematics.chain(frame, joints)
     q = kinematics.complete(seed or {})
-    found, best = _search(chain, q, target, all_solutions)
+    is_free = _self_check(robot, chain, q) if collision_free else None
+    found, best = _search(chain, q, target, all_solutions, is_free)
     if not found:
         raise _no_solution(robot, chain, target, best, q)
     found.sort(key=lambda each: float(np.linalg.norm(each.end.values - q[chain.at])))
@@ -172,6 +179,59 @@ def solve_ik(
         orientation_error=first.end.orientation_error,
         others=tuple(positions[1:]),
     )
+
+
+def complete_positions(
+    robot: Robot, positions: Mapping[str, float]
+) -> dict[str, float]:
+    """Return positions of all movable joints, the others where they are initially."""
+    kinematics = _kinematics_of(robot)
+    return kinematics.named(kinematics.complete(positions))
+
+
+def follow_line(
+    robot: Robot,
+    frame: str,
+    pose: RigidTransform,
+    *,
+    seed: Mapping[str, float],
+    group: Collection[str],
+    mask: Sequence[bool],
+    step: tuple[float, float],
+) -> tuple[np.ndarray, float]:
+    """Return joint positions on a straight line from the seed, and how far they get.
+
+    The positions have the shape (m, n), n joints as in the group; the frame turns at a
+    constant rate. Points are `step` [m], [rad] apart, or closer. The line ends, at a
+    fraction below 1, where no positions nearby continue it.
+    """
+    kinematics = _kinematics_of(robot)
+    chain = kinematics.chain(frame, group)
+    own = [kinematics.at[name] for name in group]
+    q = kinematics.complete(seed)
+    X = kinematics.pose_of(q, frame)
+    turn = _rotation_vector(X.rotation().matrix().T @ pose.rotation().matrix())
+    shift = pose.translation() - X.translation()
+    count = max(
+        1,
+        math.ceil(np.linalg.norm(shift) / step[0]),
+        math.ceil(np.linalg.norm(turn) / step[1]),
+    )
+    angle = float(np.linalg.norm(turn))
+    axis = turn / angle if angle > 0.0 else np.array([0.0, 0.0, 1.0])
+    found = [q[own]]
+    for number in range(1, count + 1):
+        part = number / count
+        R = X.rotation() @ RotationMatrix(AngleAxis(part * angle, axis))
+        point = RigidTransform(R, X.translation() + part * shift)
+        target = _Target.of(point, mask, TOLERANCE)
+        end = chain.descend(q, q[chain.at], target)
+        jump = float(np.max(np.abs(end.values - q[chain.at])))
+        if not target.is_met(end) or jump > _JUMP:
+            return np.array(found), (number - 1) / count
+        q = chain.spread(q, end.values)
+        found.append(q[own])
+    return np.array(found), 1.0
 
 
 class _End(NamedTuple):
@@ -404,8 +464,24 @@ def _distance(one: float, other: float) -> float:
     return abs(one - other)
 
 
+def _self_check(
+    robot: Robot, chain: _Chain, q: np.ndarray
+) -> Callable[[np.ndarray], bool]:
+    """Return what says whether a robot doesn't touch itself."""
+    from arm_drake.planning.collisions import collision_model
+
+    positions = _kinematics_of(robot).named(q)
+    return collision_model(
+        robot, chain.joints, "void", padding=0.0, positions=positions
+    ).is_free
+
+
 def _search(
-    chain: _Chain, q: np.ndarray, target: _Target, finds_all: bool
+    chain: _Chain,
+    q: np.ndarray,
+    target: _Target,
+    finds_all: bool,
+    is_free: Callable[[np.ndarray], bool] | None,
 ) -> tuple[list[_Found], _End]:
     """Return solutions, and the best end of a try."""
     found: list[_Found] = []
@@ -418,6 +494,8 @@ def _search(
         if not target.is_met(end):
             continue
         end = end._replace(values=chain.unwind(end.values, q))
+        if is_free is not None and not is_free(end.values):
+            continue
         if all(np.max(np.abs(end.values - f.end.values)) > _SAME for f in found):
             found.append(_Found(end, tries))
         if not finds_all:
@@ -558,7 +636,8 @@ def _kinematics_of(robot: Robot) -> _Kinematics:
     return kinematics
 
 
-def _read_pose(pose: RigidTransform | Sequence[float]) -> RigidTransform:
+def read_pose(pose: RigidTransform | Sequence[float]) -> RigidTransform:
+    """Return a pose as a transform, or raise InputError."""
     if isinstance(pose, RigidTransform):
         numbers = np.append(pose.rotation().matrix(), pose.translation())
         if not np.all(np.isfinite(numbers)):
@@ -587,14 +666,16 @@ def _no_solution(
         f"no joint positions put {chain.frame!r} there; the best miss it by "
         f"{best.position_error * 1e3:.3g} mm and {best.orientation_error:.3g} rad"
     )
-    if is_far:
+    if target.is_met(best):
+        message = f"the robot touches itself wherever {chain.frame!r} is there"
+    elif is_far:
         message += (
             f"; it is out of reach: {away:.3g} m from joint {chain.base!r}, and "
             f"{chain.frame!r} gets {chain.reach:.3g} m far"
         )
     elif limits:
         message += f"; at their limits are {quoted(limits)}"
-    if not is_far and len(chain.joints) < counts:
+    if not (is_far or target.is_met(best)) and len(chain.joints) < counts:
         message += (
             f"; {counted(len(chain.joints), 'joint')} can't reach every pose: "
             "a mask says what of it counts"
