@@ -423,6 +423,43 @@ def add_ik_arguments(parser: argparse.ArgumentParser) -> None:
     add("--all", action="store_true", help="the other solutions, too")
 
 
+def add_plan_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `plan`."""
+    _add_robot_arguments(parser)
+    _add_group(parser)
+    add = parser.add_argument
+    several: Any = {"action": "append", "default": [], "type": pair("=")}
+    add(
+        "--to",
+        metavar="GOAL",
+        action="append",
+        required=True,
+        help="a state of the group, JOINT=VALUE,... or X,Y,Z[,R,P,Y] of the link [m, "
+        "rad] (--to=-0.1,0,0.3 where the first is negative); repeatable: way points",
+    )
+    add("--start", metavar="JOINT=VALUE", **several, help="position at the start")
+    add("--straight", action="store_true", help="on a straight line of the link")
+    add("--world", metavar="NAME|FILE", default="empty", help="as for sim (empty)")
+    add("--velocity-scaling", metavar="S", type=positive, default=1.0, help="up to 1")
+    add("--acceleration-scaling", metavar="S", type=positive, default=1.0, help="too")
+    add(
+        "--padding",
+        metavar="M",
+        type=not_negative,
+        default=0.005,
+        help="distance to keep [m] (0.005)",
+    )
+    add(
+        "--time-limit",
+        metavar="S",
+        type=positive,
+        default=5.0,
+        help="how long to look for a way [s] (5)",
+    )
+    add("--seed", metavar="N", type=int, default=0, help="of the random search (0)")
+    add("-o", "--output", metavar="FILE.yaml", type=Path, help="motion to write")
+
+
 def _add_group(parser: argparse.ArgumentParser) -> None:
     """Add which joints move, and which link is meant."""
     add = parser.add_argument
@@ -641,6 +678,12 @@ def _ik(options: argparse.Namespace) -> int:
     return run_ik(options, load_robot_of(options))
 
 
+def _plan(options: argparse.Namespace) -> int:
+    from arm_drake.commands.planning import run_plan
+
+    return run_plan(options, functools.partial(load_robot_of, options))
+
+
 def _cache(options: argparse.Namespace) -> int:
     from arm_drake.description.meshes.conversion import cache_directory, clear_cache
 
@@ -720,6 +763,13 @@ _COMMANDS: Mapping[str, _Command] = {
         "Exits with 0 if there is a solution within the joints' limits, else with 2.",
         add_ik_arguments,
         _ik,
+    ),
+    "plan": _Command(
+        "a motion of an arm that collides with nothing",
+        "Writes a motion that `sim --motion` plays, or says how long it would take. "
+        "A way around something needs `pip install 'arm-drake[planning]'`.",
+        add_plan_arguments,
+        _plan,
     ),
     "cache": _Command(
         "where converted meshes are kept",
