@@ -8,6 +8,7 @@ description.
 
 import dataclasses as dc
 import math
+import weakref
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -56,11 +57,27 @@ class MotionLimits(NamedTuple):
     acceleration: float
 
 
+# What was found for robots.
+_groups: "weakref.WeakKeyDictionary[Robot, dict[str, PlanningGroup]]" = (
+    weakref.WeakKeyDictionary()
+)
+_limits: "weakref.WeakKeyDictionary[Robot, dict[str, MotionLimits]]" = (
+    weakref.WeakKeyDictionary()
+)
+
+
 def planning_groups(robot: Robot) -> dict[str, PlanningGroup]:
     """Return the groups of a robot by name.
 
     Those without a gripper's joints come first, then those with most joints.
     """
+    # Looking for SRDF files takes longer than most plans.
+    if robot not in _groups:
+        _groups[robot] = _find_groups(robot)
+    return dict(_groups[robot])
+
+
+def _find_groups(robot: Robot) -> dict[str, PlanningGroup]:
     joints = {joint.name: joint for joint in robot.description.movable_joints}
     own = {name for name, joint in joints.items() if joint.mimic is None}
     groups: dict[str, tuple[tuple[str, ...], str | None]] = {}
@@ -124,6 +141,12 @@ def motion_limits(robot: Robot) -> dict[str, MotionLimits]:
     Raises:
         InputError: If a `joint_limits.yaml` can't be read.
     """
+    if robot not in _limits:
+        _limits[robot] = _read_limits(robot)
+    return dict(_limits[robot])
+
+
+def _read_limits(robot: Robot) -> dict[str, MotionLimits]:
     rows: dict[str, Mapping[str, Any]] = {}
     for file in find_srdf_files(robot):
         path = file.parent / _LIMITS_FILE
