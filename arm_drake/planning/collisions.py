@@ -12,6 +12,7 @@ twice the padding nothing between them is missed.
 import copy
 import dataclasses as dc
 import itertools
+import re
 import weakref
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -34,6 +35,7 @@ from arm_drake.description.srdf import find_disabled_collisions
 from arm_drake.plant.drake_log import drake_messages
 from arm_drake.plant.joint_ranges import joint_ranges
 from arm_drake.plant.plant import add_robot_model
+from arm_drake.worlds.sdf_world import LoadedWorld
 from arm_drake.worlds.world import World, load_world
 
 # Pairs of links that touch in so large a part of random configurations always do: their
@@ -69,6 +71,7 @@ class CollisionModel:
             positions: Where all joints of the robot are at first [rad] or [m].
         """
         self.joints = tuple(joints)
+        self.world = world  # As long as a model is kept, no other world has its id.
         self._padding = max(padding, _LEAST_PADDING)
         builder = RobotDiagramBuilder()
         plant = self._plant = builder.plant()
@@ -158,8 +161,12 @@ class CollisionModel:
             if matrix[int(bodies[0].index()), int(bodies[1].index())] != 0:
                 continue
             names = sorted(
-                inspector.GetName(geometry).rpartition("::")[0]
-                or inspector.GetName(geometry)
+                # Numbers tell shapes of the world apart.
+                re.sub(
+                    "^(WorldModelInstance::)+|::[0-9]+$",
+                    "",
+                    inspector.GetName(geometry),
+                )
                 if body.index() == plant.world_body().index()
                 else body.name()
                 for body, geometry in zip(bodies, (pair.id_A, pair.id_B), strict=True)
@@ -274,20 +281,18 @@ def add_standing_world(
     load_world(world, package_paths).add_to(source)
     source.Finalize()
     context, inspector = source.CreateDefaultContext(), scene_graph.model_inspector()
-    for number in range(source.num_bodies()):
-        body = source.get_body(BodyIndex(number))
+    numbers = itertools.count()
+    for index in range(source.num_bodies()):
+        body = source.get_body(BodyIndex(index))
         X_WB = source.EvalBodyPoseInWorld(context, body)
         for geometry in source.GetCollisionGeometriesForBody(body):
-            X_WG = X_WB @ RigidTransform(inspector.GetPoseInFrame(geometry))
-            properties = inspector.GetProximityProperties(geometry)
-            name = inspector.GetName(geometry).rpartition("::")[2]
-            owner = body.name() if number else name
+            name = body.name() if index else inspector.GetName(geometry)
             plant.RegisterCollisionGeometry(
                 plant.world_body(),
-                X_WG,
+                X_WB @ RigidTransform(inspector.GetPoseInFrame(geometry)),
                 inspector.GetShape(geometry),
-                f"{owner}::{number}::{name}",
-                properties,
+                f"{name}::{next(numbers)}",
+                inspector.GetProximityProperties(geometry),
             )
 
 
@@ -326,7 +331,7 @@ def collision_model(
     Building one takes half a second.
     """
     known = _models.setdefault(robot, {})
-    key = (tuple(joints), world, padding)
+    key = (tuple(joints), _identity(world), padding)
     model = known.pop(key, None)
     if model is None:
         model = CollisionModel(
@@ -337,3 +342,11 @@ def collision_model(
     while len(known) > _KEPT:
         del known[next(iter(known))]
     return model
+
+
+def _identity(world: World) -> object:
+    """Return what tells worlds apart, and a file from what it was before."""
+    if isinstance(world, str | Path):
+        file = Path(world).expanduser()
+        return world, file.stat().st_mtime_ns if file.is_file() else 0
+    return id(world) if isinstance(world, LoadedWorld) else world

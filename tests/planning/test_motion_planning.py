@@ -220,3 +220,29 @@ def test_without_the_extra_it_is_named(
     assert str(caught.value) == (
         "a plan around something needs `pip install 'arm-drake[planning]'`"
     )
+
+
+def test_every_built_in_world_can_be_planned_in(doosan: ad.Robot) -> None:
+    for world in ("void", "empty", "house"):
+        plan = ad.plan(doosan, {"joint1": 0.3}, world=world)
+
+        assert plan.end["joint1"] == pytest.approx(0.3)
+
+
+def test_things_of_a_world_are_named(doosan: ad.Robot) -> None:
+    with pytest.raises(ad.PlanningError) as caught:
+        ad.plan(doosan, INSIDE, start=START, world=with_a_post)
+
+    assert "'post'" in str(caught.value)
+
+
+def test_a_solution_that_must_be_free_is(doosan: ad.Robot) -> None:
+    X = doosan.forward_kinematics({"joint2": 0.4, "joint3": 1.9}, "link6")
+
+    solution = doosan.solve_ik("link6", X, collision_free=True)
+
+    joints = tuple(solution.positions)
+    model = CollisionModel(
+        doosan, joints, "void", padding=0.0, positions=solution.positions
+    )
+    assert model.is_free(np.array(list(solution.positions.values())))
