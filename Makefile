@@ -72,6 +72,7 @@ bench: setup
 	$(BIN)/python -m tests.benchmarks.ticks
 	$(BIN)/python -m tests.benchmarks.servo
 	$(BIN)/python -m tests.benchmarks.inverse_kinematics
+	$(BIN)/python -m tests.benchmarks.planning
 
 # For those who change the dependencies; needs uv.
 lock:

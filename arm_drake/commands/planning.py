@@ -3,6 +3,7 @@
 import argparse
 import json
 import shlex
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -96,11 +97,14 @@ def run_plan(options: argparse.Namespace, load: Callable[[], Robot]) -> int:
         "clearance": found.clearance,
         "planning_time": found.planning_time,
         "corners": len(found.path),
+        "warnings": list(found.warnings),
         "motion": None if options.output is None else str(options.output),
     }
     if options.json:
         print(json.dumps(content))
         return 0
+    for warning in found.warnings:
+        print(f"warning: {warning}", file=sys.stderr)
     print(
         f"group {found.group.name}: {found.duration:.2f} s, "
         f"{counted(len(found.path) - 2, 'corner')}, at least "

@@ -45,6 +45,9 @@ _ALWAYS, _SAMPLES = 0.95, 150
 # Steps are never smaller than those for this padding [m].
 _LEAST_PADDING = 1e-3
 
+# The weight of a joint that carries no shape [m].
+_NO_WEIGHT = 1e-3
+
 # Models of a robot that are kept, of different groups and worlds.
 _KEPT = 8
 
@@ -84,7 +87,8 @@ class CollisionModel:
         }
         self._find_followers(robot)
         weights = self._find_weights(robot, model, builder.scene_graph())
-        self.weights = weights
+        # Whether there is anything that could collide.
+        self.has_shapes = bool(np.any(weights[self._own] > _NO_WEIGHT))
         self.set_positions(positions)
         provider = LinearDistanceAndInterpolationProvider(plant, weights)
         with drake_messages():  # It tells how many contexts it has.
@@ -195,7 +199,7 @@ class CollisionModel:
         """Return how far a shape moves at most for each unit of a joint [m]."""
         plant, description = self._plant, robot.description
         ranges = {r.name: r for r in joint_ranges(description)}
-        weights = np.full(plant.num_positions(), 1e-3)
+        weights = np.full(plant.num_positions(), _NO_WEIGHT)
         for link in description.links:
             if not plant.HasBodyNamed(link, model):
                 continue

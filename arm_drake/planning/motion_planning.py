@@ -12,12 +12,12 @@ import dataclasses as dc
 import itertools
 import math
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from pydrake.math import RigidTransform
-from pydrake.multibody.optimization import Toppra
+from pydrake.multibody.optimization import Toppra, ToppraDiscretization
 from pydrake.trajectories import PiecewisePolynomial
 
 from arm_drake.description.joints import last_master
@@ -38,6 +38,7 @@ from arm_drake.planning.inverse_kinematics import (
     read_pose,
     solve_ik,
 )
+from arm_drake.plant.drake_log import drake_messages
 from arm_drake.plant.joint_ranges import joint_ranges
 from arm_drake.plant.plant import trial_plant
 from arm_drake.worlds.world import World
@@ -111,8 +112,8 @@ class Plan:
     # How long it took to find, without the model of what can collide [s].
     planning_time: float
 
-    # Whether the limits of effort could be kept, too.
-    keeps_effort_limits: bool
+    # What should be known of it.
+    warnings: tuple[str, ...] = ()
 
     @property
     def end(self) -> dict[str, float]:
@@ -203,8 +204,16 @@ def _solve(
         group=problem.group,
         controller=find_controller(problem.robot, problem.group),
         planning_time=time.monotonic() - began,
-        keeps_effort_limits=all(leg.keeps_effort_limits for leg in legs),
+        warnings=tuple(_warnings(problem, legs)),
     )
+
+
+def _warnings(problem: "_Problem", legs: Sequence["_Leg"]) -> Iterator[str]:
+    """Yield what should be known of a plan."""
+    if not problem.model.has_shapes:
+        yield "nothing that moves has a collision shape: whatever is there is passed"
+    if not all(leg.keeps_effort_limits for leg in legs):
+        yield "the joints' limits of effort can't be kept at the speed of the plan"
 
 
 def find_controller(robot: Robot, group: PlanningGroup) -> str | None:
@@ -514,15 +523,18 @@ def _parametrize(
     efforts = {j.name: j.limits.effort for j in problem.robot.description.joints}
     for name, at in zip(joints, chosen, strict=True):
         most_u[at] = min(efforts[name] or _UNLIMITED, _UNLIMITED)
-    for keeps in (True, False):
-        toppra = Toppra(whole, plant, grid)
-        toppra.AddJointVelocityLimit(-most_v, most_v)
-        toppra.AddJointAccelerationLimit(-most_a, most_a)
-        if keeps:
-            toppra.AddJointTorqueLimit(-most_u, most_u)
-        times = toppra.SolvePathParameterization()
-        if times is not None:
-            return times, keeps
+    # Interpolation is exact at more points, collocation rarely fails.
+    ways = (ToppraDiscretization.kInterpolation, ToppraDiscretization.kCollocation)
+    with drake_messages():  # It says so when it fails.
+        for keeps, way in itertools.product((True, False), ways):
+            toppra = Toppra(whole, plant, grid)
+            toppra.AddJointVelocityLimit(-most_v, most_v)
+            toppra.AddJointAccelerationLimit(-most_a, most_a, way)
+            if keeps:
+                toppra.AddJointTorqueLimit(-most_u, most_u, way)
+            times = toppra.SolvePathParameterization()
+            if times is not None:
+                return times, keeps
     raise PlanningError("no times were found for the path within the joints' limits")
 
 

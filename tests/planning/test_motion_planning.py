@@ -246,3 +246,23 @@ def test_a_solution_that_must_be_free_is(doosan: ad.Robot) -> None:
         doosan, joints, "void", padding=0.0, positions=solution.positions
     )
     assert model.is_free(np.array(list(solution.positions.values())))
+
+
+def test_a_robot_without_shapes_is_planned_for_with_a_warning() -> None:
+    inertia = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+    links = "".join(
+        f'<link name="{name}"><inertial><mass value="1"/>{inertia}</inertial></link>'
+        for name in ("base", "arm")
+    )
+    joint = (
+        '<joint name="turn" type="revolute"><parent link="base"/><child link="arm"/>'
+        '<limit lower="-1" upper="1" effort="9" velocity="2"/></joint>'
+    )
+    robot = ad.load_robot(f'<robot name="bare">{links}{joint}</robot>')
+
+    plan = ad.plan(robot, {"turn": 0.5})
+
+    assert plan.end == {"turn": 0.5}
+    assert plan.warnings == (
+        "nothing that moves has a collision shape: whatever is there is passed",
+    )
