@@ -71,6 +71,8 @@ bench: setup
 	$(BIN)/python -m pytest -m long
 	$(BIN)/python -m tests.benchmarks.ticks
 	$(BIN)/python -m tests.benchmarks.servo
+	$(BIN)/python -m tests.benchmarks.inverse_kinematics
+	$(BIN)/python -m tests.benchmarks.planning
 
 # For those who change the dependencies; needs uv.
 lock:

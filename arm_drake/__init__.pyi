@@ -57,6 +57,21 @@ from arm_drake.notebook import (
     view as view,
 )
 from arm_drake.options import SimulationOptions as SimulationOptions
+from arm_drake.planning.groups import (
+    PlanningGroup as PlanningGroup,
+    planning_groups as planning_groups,
+)
+from arm_drake.planning.inverse_kinematics import (
+    IkSolution as IkSolution,
+    NoSolution as NoSolution,
+    forward_kinematics as forward_kinematics,
+    solve_ik as solve_ik,
+)
+from arm_drake.planning.motion_planning import (
+    Plan as Plan,
+    PlanningError as PlanningError,
+    plan as plan,
+)
 from arm_drake.plant.payloads import Payload as Payload
 from arm_drake.rollout.rollout import Rollout as Rollout
 from arm_drake.scene import Scene as Scene

@@ -433,6 +433,80 @@ def _add_graph_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_ik_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `ik`."""
+    _add_robot_arguments(parser)
+    add = parser.add_argument
+    _add_group(parser)
+    add(
+        "--pose",
+        dest="target",
+        metavar="X,Y,Z[,R,P,Y]",
+        required=True,
+        help="where it should be in the world [m, rad]; without R, P, Y it may turn as "
+        "it likes; --pose=-0.1,0,0.3 where the first is negative",
+    )
+    add(
+        "--seed",
+        metavar="JOINT=VALUE",
+        action="append",
+        default=[],
+        type=pair("="),
+        help="position to start from [rad or m]; repeatable",
+    )
+    add(
+        "--pointing",
+        metavar="AXIS",
+        choices=("x", "y", "z"),
+        help="the link may turn about this axis of its own",
+    )
+    add("--all", action="store_true", help="the other solutions, too")
+
+
+def add_plan_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `plan`."""
+    _add_robot_arguments(parser)
+    _add_group(parser)
+    add = parser.add_argument
+    several: Any = {"action": "append", "default": [], "type": pair("=")}
+    add(
+        "--to",
+        metavar="GOAL",
+        action="append",
+        required=True,
+        help="a state of the group, JOINT=VALUE,... or X,Y,Z[,R,P,Y] of the link [m, "
+        "rad] (--to=-0.1,0,0.3 where the first is negative); repeatable: way points",
+    )
+    add("--start", metavar="JOINT=VALUE", **several, help="position at the start")
+    add("--straight", action="store_true", help="on a straight line of the link")
+    add("--world", metavar="NAME|FILE", default="empty", help="as for sim (empty)")
+    add("--velocity-scaling", metavar="S", type=positive, default=1.0, help="up to 1")
+    add("--acceleration-scaling", metavar="S", type=positive, default=1.0, help="too")
+    add(
+        "--padding",
+        metavar="M",
+        type=not_negative,
+        default=0.005,
+        help="distance to keep [m] (0.005)",
+    )
+    add(
+        "--time-limit",
+        metavar="S",
+        type=positive,
+        default=5.0,
+        help="how long to look for a way [s] (5)",
+    )
+    add("--seed", metavar="N", type=int, default=0, help="of the random search (0)")
+    add("-o", "--output", metavar="FILE.yaml", type=Path, help="motion to write")
+
+
+def _add_group(parser: argparse.ArgumentParser) -> None:
+    """Add which joints move, and which link is meant."""
+    add = parser.add_argument
+    add("--group", metavar="NAME", help="planning group (the one of most joints)")
+    add("--frame", metavar="LINK", help="the link to be placed (the group's last)")
+
+
 def _add_cache_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `cache`."""
     parser.add_argument("--clear", action="store_true", help="remove them")
@@ -645,6 +719,18 @@ def _compare(options: argparse.Namespace) -> int:
     return run_compare(options)
 
 
+def _ik(options: argparse.Namespace) -> int:
+    from arm_drake.commands.planning import run_ik
+
+    return run_ik(options, load_robot_of(options))
+
+
+def _plan(options: argparse.Namespace) -> int:
+    from arm_drake.commands.planning import run_plan
+
+    return run_plan(options, functools.partial(load_robot_of, options))
+
+
 def _cache(options: argparse.Namespace) -> int:
     from arm_drake.description.meshes.conversion import cache_directory, clear_cache
 
@@ -727,6 +813,19 @@ _COMMANDS: Mapping[str, _Command] = {
         "they differ, 2 if a file can't be used.",
         add_compare_arguments,
         _compare,
+    ),
+    "ik": _Command(
+        "joint positions that put a link at a pose",
+        "Exits with 0 if there is a solution within the joints' limits, else with 2.",
+        add_ik_arguments,
+        _ik,
+    ),
+    "plan": _Command(
+        "a motion of an arm that collides with nothing",
+        "Writes a motion that `sim --motion` plays, or says how long it would take. "
+        "A way around something needs `pip install 'arm-drake[planning]'`.",
+        add_plan_arguments,
+        _plan,
     ),
     "cache": _Command(
         "where converted meshes are kept",

@@ -44,6 +44,14 @@ joint_trajectory_controller:
     joint_names: [swing]
     points: [{positions: [0.0], time_from_start: 0.1}]
 """,
+    # As `arm-drake plan` writes it.
+    "motion.yaml": """
+- at: 0.0
+  controller: joint_trajectory_controller
+  goal:
+    joint_names: [joint1, joint2, joint3, joint4, joint5, joint6]
+    points: [{positions: [0.0, 0.0, 0.0, 0.0, 0.0, 0.0], time_from_start: 0.1}]
+""",
 }
 
 

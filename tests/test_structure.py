@@ -25,6 +25,7 @@ PACKAGES = [
     "manager",
     "hardware",
     "worlds",
+    "planning",
     "rollout",
     "simulation",
     "visualization",

@@ -6,7 +6,7 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from arm_drake.description.bridge import TopicAlias
 from arm_drake.description.controllers import ControllerManagerConfig
@@ -16,6 +16,9 @@ from arm_drake.description.report import LoadReport
 from arm_drake.description.sensors import SensorInfo
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.errors import InputError
+
+if TYPE_CHECKING:
+    import arm_drake
 
 # What may be an absolute path, as xacro writes it: of meshes as URIs, of other files
 # bare, and of the entry file in a comment. One that ends a value may have spaces.
@@ -145,6 +148,21 @@ class Robot:
         if self.has_free_base:
             roots.append(description.base)
         return {link for root in roots for link in links_on(description.joints, root)}
+
+    def forward_kinematics(self, positions: Mapping[str, float], frame: str) -> Any:
+        """Return where a link is; see `arm_drake.forward_kinematics`."""
+        import arm_drake
+
+        return arm_drake.forward_kinematics(self, positions, frame)
+
+    def solve_ik(self, frame: str, pose: Any, **options: Any) -> "arm_drake.IkSolution":
+        """Return joint positions that put a link at a pose; see `arm_drake.solve_ik`.
+
+        It takes the same options.
+        """
+        import arm_drake
+
+        return arm_drake.solve_ik(self, frame, pose, **options)
 
 
 def list_robots(robots: Robot | Sequence[Robot]) -> list[Robot]:

@@ -1,4 +1,4 @@
-"""MoveIt's SRDF: disabled collisions and named positions."""
+"""MoveIt's SRDF: groups of joints, disabled collisions and named positions."""
 
 import dataclasses as dc
 import xml.etree.ElementTree as ET
@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from arm_drake.description.elements import parse_number
+from arm_drake.description.joints import joints_above
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
@@ -31,6 +32,72 @@ class GroupState:
     def label(self) -> str:
         """A name that no other state has."""
         return f"{self.group}: {self.name}"
+
+
+@dc.dataclass(frozen=True)
+class GroupInfo:
+    """A `<group>`: joints that are planned for together."""
+
+    name: str
+
+    # Independent joints with one degree of freedom, in the order of the description.
+    joints: tuple[str, ...]
+
+    # The last link of its last chain; None without one.
+    tip: str | None = None
+
+    # Whether an `<end_effector>` names it.
+    is_end_effector: bool = False
+
+
+def find_groups(robot: Robot) -> tuple[GroupInfo, ...]:
+    """Return the groups with a joint that moves, in the order of the files.
+
+    A group is made of joints, of links (the joints that hold them), of chains and of
+    other groups, without passive joints. Of groups with one name the first counts.
+    """
+    groups: dict[str, GroupInfo] = {}
+    for _, root in _roots(robot, LoadReport()):
+        elements = {e.get("name", ""): e for e in reversed(root.findall("group"))}
+        passive = {e.get("name") for e in root.iter("passive_joint")}
+        effectors = {e.get("group") for e in root.iter("end_effector")}
+        for name in reversed(elements):
+            named, tip = _members(robot, elements, name, ())
+            joints = tuple(
+                joint.name
+                for joint in robot.description.movable_joints
+                if joint.name in named - passive and joint.mimic is None
+            )
+            if joints and name not in groups:
+                groups[name] = GroupInfo(name, joints, tip, name in effectors)
+    return tuple(groups.values())
+
+
+def _members(
+    robot: Robot, groups: Mapping[str, ET.Element], name: str, outer: tuple[str, ...]
+) -> tuple[set[str], str | None]:
+    """Return the joints of a group, and the end of its last chain."""
+    joints = robot.description.joints
+    holders = {joint.child: joint.name for joint in joints}
+    found: set[str] = set()
+    tip = None
+    for element in groups[name]:
+        other = element.get("name", "")
+        if element.tag == "joint":
+            found.add(other)
+        elif element.tag == "link" and other in holders:
+            found.add(holders[other])
+        elif element.tag == "chain":
+            end = element.get("tip_link", "")
+            above = joints_above(joints, end)
+            parents = [joint.parent for joint in above]
+            if (base := element.get("base_link", "")) in (end, *parents):
+                count = 0 if base == end else parents.index(base) + 1
+                found |= {joint.name for joint in above[:count]}
+                tip = end
+        elif element.tag == "group" and other in groups and other not in (*outer, name):
+            found |= _members(robot, groups, other, (*outer, name))[0]
+    return found, tip
 
 
 def find_disabled_collisions(robot: Robot, report: LoadReport) -> Pairs:

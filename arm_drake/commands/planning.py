@@ -1,0 +1,183 @@
+"""The commands `arm-drake ik` and `arm-drake plan`."""
+
+import argparse
+import json
+import shlex
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import yaml
+
+from arm_drake.description.elements import parse_float
+from arm_drake.description.robot import Robot
+from arm_drake.errors import InputError, counted, quoted
+from arm_drake.output_files import check_suffix, check_writable, writing
+from arm_drake.planning.groups import find_group
+from arm_drake.planning.inverse_kinematics import WHOLE_POSE, solve_ik
+from arm_drake.planning.motion_planning import Plan, Target, plan
+
+
+def run_ik(options: argparse.Namespace, robot: Robot) -> int:
+    """Print joint positions that put a link at a pose; return the exit code."""
+    pose, mask = read_pose(options.target)
+    if options.pointing is not None:
+        if mask != WHOLE_POSE:
+            raise InputError("--pointing: expected --pose X,Y,Z,R,P,Y")
+        free = 3 + "xyz".index(options.pointing)
+        mask = tuple(row != free for row in range(6))
+    # A link that is named may be one that other joints move, too.
+    group = options.group
+    frame = options.frame or find_group(robot, group).tip
+    solution = solve_ik(
+        robot,
+        frame,
+        pose,
+        seed=read_positions("--seed", options.seed),
+        group=group,
+        mask=mask,
+        all_solutions=options.all,
+    )
+    solutions = [solution.positions, *solution.others]
+    if options.json:
+        content = {
+            "robot": robot.name,
+            "frame": frame,
+            "positions": dict(solution.positions),
+            "others": [dict(other) for other in solution.others],
+            "tries": solution.tries,
+            "position_error": solution.position_error,
+            "orientation_error": solution.orientation_error,
+        }
+        print(json.dumps(content))
+        return 0
+    for number, positions in enumerate(solutions, start=1):
+        if options.all:
+            print(f"solution {number}:")
+        width = max(map(len, positions))
+        for name, position in positions.items():
+            print(f"{name:<{width}}  {position: .6f}")
+    return 0
+
+
+def run_plan(options: argparse.Namespace, load: Callable[[], Robot]) -> int:
+    """Plan a motion and write it as a motion file; return the exit code."""
+    if options.output is not None:
+        check_suffix(options.output, "a motion", (".yaml", ".yml"))
+        check_writable(options.output)
+    targets, masks = zip(*map(read_target, options.to), strict=True)
+    counting = {mask for mask in masks if mask is not None}
+    if len(counting) > 1:
+        raise InputError("--to: poses are all X,Y,Z, or all X,Y,Z,R,P,Y")
+    start = read_positions("--start", options.start)
+    robot = load()
+    found = plan(
+        robot,
+        list(targets),
+        group=options.group,
+        frame=options.frame,
+        world=options.world,
+        start=start,
+        straight=options.straight,
+        mask=next(iter(counting), WHOLE_POSE),
+        velocity_scaling=options.velocity_scaling,
+        acceleration_scaling=options.acceleration_scaling,
+        padding=options.padding,
+        time_limit=options.time_limit,
+        seed=options.seed,
+    )
+    if options.output is not None:
+        write_motion(options.output, found, robot)
+    content = {
+        "robot": robot.name,
+        "group": found.group.name,
+        "controller": found.controller,
+        "end": found.end,
+        "duration": found.duration,
+        "clearance": found.clearance,
+        "planning_time": found.planning_time,
+        "corners": len(found.path),
+        "warnings": list(found.warnings),
+        "motion": None if options.output is None else str(options.output),
+    }
+    if options.json:
+        print(json.dumps(content))
+        return 0
+    for warning in found.warnings:
+        print(f"warning: {warning}", file=sys.stderr)
+    print(
+        f"group {found.group.name}: {found.duration:.2f} s, "
+        f"{counted(len(found.path) - 2, 'corner')}, at least "
+        f"{1e3 * found.clearance:.1f} mm from everything; "
+        f"found in {found.planning_time:.2f} s"
+    )
+    if options.output is not None:
+        words = [options.robot, "--motion", str(options.output)]
+        words += [] if options.world == "empty" else ["--world", options.world]
+        for joint, value in start.items():
+            words += ["--initial", f"{joint}={value!r}"]
+        print(f"play it: arm-drake sim {shlex.join(words)}")
+    return 0
+
+
+def write_motion(path: Path, found: Plan, robot: Robot) -> None:
+    """Write a plan as a motion file, a goal of the group's trajectory controller."""
+    if found.controller is None:
+        names = [controller.name for controller in robot.controllers.controllers]
+        raise InputError(
+            f"no trajectory controller has exactly the joints of group "
+            f"{found.group.name!r}, {quoted(found.group.joints)}; there are "
+            f"{quoted(names) or 'none'}"
+        )
+    points = [
+        {
+            "positions": list(point.positions),
+            "velocities": list(point.velocities),
+            "accelerations": list(point.accelerations),
+            "time_from_start": point.time_from_start.to_seconds(),
+        }
+        for point in found.trajectory.points
+    ]
+    names = list(found.trajectory.joint_names)
+    goal = {"joint_names": names, "points": points}
+    steps = [{"at": 0.0, "controller": found.controller, "goal": goal}]
+    text = yaml.safe_dump(steps, sort_keys=False, default_flow_style=None, width=1000)
+    with writing(path):
+        path.write_text(f"# Planned by arm-drake plan.\n{text}", encoding="utf-8")
+
+
+def read_target(text: str) -> tuple[Target, tuple[bool, ...] | None]:
+    """Return a goal in words, and what of it counts; None if it is no pose."""
+    if "=" in text:
+        pairs = [word.partition("=") for word in text.split(",")]
+        words = [(joint.strip(), value) for joint, _, value in pairs]
+        return read_positions("--to", words), None
+    if "," in text:
+        return read_pose(text, "--to")
+    return text, None
+
+
+def read_pose(
+    text: str, option: str = "--pose"
+) -> tuple[Sequence[float], tuple[bool, ...]]:
+    """Return a pose in words, and what of it counts: its position, or all of it."""
+    numbers = [parse_float(word) for word in text.split(",")]
+    values = [number for number in numbers if number is not None]
+    if len(values) != len(numbers) or len(values) not in (3, 6):
+        raise InputError(
+            f"{option} {text}: expected X,Y,Z [m] or X,Y,Z,R,P,Y [m, rad] with commas"
+        )
+    if len(values) == 3:
+        return [*values, 0.0, 0.0, 0.0], (*WHOLE_POSE[:3], False, False, False)
+    return values, WHOLE_POSE
+
+
+def read_positions(option: str, words: Sequence[tuple[str, str]]) -> dict[str, float]:
+    """Return positions of JOINT=VALUE."""
+    positions = {}
+    for joint, text in words:
+        value = parse_float(text)
+        if value is None:
+            raise InputError(f"{option} {joint}={text}: expected a number [rad or m]")
+        positions[joint] = value
+    return positions

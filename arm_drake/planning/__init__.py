@@ -1,0 +1,1 @@
+"""Inverse kinematics, groups of joints and plans without collisions."""

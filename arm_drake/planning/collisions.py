@@ -1,0 +1,356 @@
+"""Collisions of a robot with itself and with a world, for planning.
+
+The model is Drake's SceneGraphCollisionChecker: the robot without what is only seen,
+and every shape of the world, standing where it is. What the planned joints don't move
+is checked against nothing but what they do.
+
+Edges are checked at steps that bound how far any shape moves between two checks: each
+joint counts with the longest way from it to a shape that it carries. With steps of
+twice the padding nothing between them is missed.
+"""
+
+import copy
+import dataclasses as dc
+import itertools
+import re
+import weakref
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from pydrake.geometry import HalfSpace, QueryObject, SceneGraph
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, RigidBody
+from pydrake.planning import (
+    LinearDistanceAndInterpolationProvider,
+    RobotDiagramBuilder,
+    SceneGraphCollisionChecker,
+)
+
+from arm_drake.description.joints import FREE_TYPES, joints_above, last_master
+from arm_drake.description.report import LoadReport
+from arm_drake.description.robot import Robot
+from arm_drake.description.srdf import find_disabled_collisions
+from arm_drake.plant.drake_log import drake_messages
+from arm_drake.plant.joint_ranges import joint_ranges
+from arm_drake.plant.plant import add_robot_model
+from arm_drake.worlds.sdf_world import LoadedWorld
+from arm_drake.worlds.world import World, load_world
+
+# Pairs of links that touch in so large a part of random configurations always do: their
+# shapes overlap where they are joined. MoveIt's setup assistant takes the same part.
+_ALWAYS, _SAMPLES = 0.95, 150
+
+# Steps are never smaller than those for this padding [m].
+_LEAST_PADDING = 1e-3
+
+# The weight of a joint that carries no shape [m].
+_NO_WEIGHT = 1e-3
+
+# Models of a robot that are kept, of different groups and worlds.
+_KEPT = 8
+
+
+class CollisionModel:
+    """What can collide when some joints of a robot move."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        joints: Sequence[str],
+        world: World,
+        *,
+        padding: float,
+        positions: Mapping[str, float],
+    ) -> None:
+        """Create it.
+
+        Args:
+            robot: The robot.
+            joints: The joints that move: independent ones.
+            world: As that of `load_world`; what moves in it stands where it starts.
+            padding: Distance that counts as a collision [m].
+            positions: Where all joints of the robot are at first [rad] or [m].
+        """
+        self.joints = tuple(joints)
+        self.world = world  # As long as a model is kept, no other world has its id.
+        self._padding = max(padding, _LEAST_PADDING)
+        builder = RobotDiagramBuilder()
+        plant = self._plant = builder.plant()
+        model = _add_robot(plant, robot)
+        add_standing_world(plant, world, robot.package_paths)
+        plant.Finalize()
+        self._at = {
+            joint.name: plant.GetJointByName(joint.name, model).position_start()
+            for joint in robot.description.movable_joints
+        }
+        self._find_followers(robot)
+        weights = self._find_weights(robot, model, builder.scene_graph())
+        # Whether there is anything that could collide.
+        self.has_shapes = bool(np.any(weights[self._own] > _NO_WEIGHT))
+        self.set_positions(positions)
+        provider = LinearDistanceAndInterpolationProvider(plant, weights)
+        with drake_messages():  # It tells how many contexts it has.
+            self.checker = SceneGraphCollisionChecker(
+                model=builder.Build(),
+                robot_model_instances=[model],
+                distance_and_interpolation_provider=provider,
+                edge_step_size=1.0,
+                env_collision_padding=padding,
+                self_collision_padding=padding,
+            )
+        # The builder's is no more.
+        self._plant = self.checker.plant()
+        self._filter(robot, model)
+        # A weighted norm of steps; the sum of their parts is at most this much more.
+        count = int(np.count_nonzero(self._E[:, self._own].any(axis=1)))
+        self.fine_step = 2.0 * self._padding / max(count, 1) ** 0.5
+
+    def set_positions(self, positions: Mapping[str, float]) -> None:
+        """Put the joints that aren't planned [rad] or [m]."""
+        self._rest = np.zeros(self._plant.num_positions())
+        for name, value in positions.items():
+            self._rest[self._at[name]] = value
+
+    def configuration(self, x: np.ndarray) -> np.ndarray:
+        """Return the model's positions where the planned joints have values."""
+        return self._rest + self._E[:, self._own] @ (x - self._rest[self._own])
+
+    def is_free(self, x: np.ndarray) -> bool:
+        """Whether nothing collides at values of the planned joints."""
+        return bool(self.checker.CheckConfigCollisionFree(self.configuration(x)))
+
+    def is_edge_free(self, x: np.ndarray, y: np.ndarray, step: float) -> bool:
+        """Whether nothing collides on a line, checked at steps of the weighted norm."""
+        self.checker.set_edge_step_size(step)
+        return bool(
+            self.checker.CheckEdgeCollisionFree(
+                self.configuration(x), self.configuration(y)
+            )
+        )
+
+    def first_collision(self, path: np.ndarray) -> int | None:
+        """Return the first segment of a path, shape (m, n), that isn't free."""
+        for index, (x, y) in enumerate(itertools.pairwise(path)):
+            if not self.is_edge_free(x, y, self.fine_step):
+                return index
+        return None
+
+    def clearance(self, path: np.ndarray, influence: float = 0.5) -> float:
+        """Return the smallest distance on points of a path [m], `influence` at most."""
+        smallest = influence
+        for x in path:
+            found = self.checker.CalcRobotClearance(self.configuration(x), smallest)
+            # Drake takes the padding off.
+            distances = np.array(found.distances())
+            if distances.size:
+                smallest = min(smallest, float(distances.min()))
+        return smallest + self._given_padding
+
+    def describe(self, x: np.ndarray) -> list[str]:
+        """Return what collides at values of the planned joints, in words."""
+        self.checker.UpdatePositions(self.configuration(x))
+        plant, context = self._plant, self.checker.plant_context()
+        query: QueryObject = plant.get_geometry_query_input_port().Eval(context)
+        inspector = query.inspector()
+        matrix = self.checker.GetFilteredCollisionMatrix()
+        found: dict[str, float] = {}
+        near = max(self._given_padding, 1e-9)
+        for pair in query.ComputeSignedDistancePairwiseClosestPoints(near):
+            bodies = [
+                plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
+                for geometry in (pair.id_A, pair.id_B)
+            ]
+            if matrix[int(bodies[0].index()), int(bodies[1].index())] != 0:
+                continue
+            names = sorted(
+                # Numbers tell shapes of the world apart.
+                re.sub(
+                    "^(WorldModelInstance::)+|::[0-9]+$",
+                    "",
+                    inspector.GetName(geometry),
+                )
+                if body.index() == plant.world_body().index()
+                else body.name()
+                for body, geometry in zip(bodies, (pair.id_A, pair.id_B), strict=True)
+            )
+            words = " and ".join(map(repr, names))
+            found[words] = min(found.get(words, np.inf), pair.distance)
+        return [
+            f"{words} overlap by {-1e3 * distance:.3g} mm"
+            if distance < 0.0
+            else f"{words} are {1e3 * distance:.3g} mm apart"
+            for words, distance in sorted(found.items(), key=lambda item: item[1])
+        ]
+
+    def _find_followers(self, robot: Robot) -> None:
+        size = self._plant.num_positions()
+        joints = {joint.name: joint for joint in robot.description.movable_joints}
+        self._E = np.zeros((size, size))
+        for name, joint in joints.items():
+            master, factor, _ = last_master(joint, joints)
+            self._E[self._at[name], self._at[master]] = factor
+        self._own = np.array([self._at[name] for name in self.joints])
+
+    def _find_weights(
+        self, robot: Robot, model: ModelInstanceIndex, scene_graph: SceneGraph
+    ) -> np.ndarray:
+        """Return how far a shape moves at most for each unit of a joint [m]."""
+        plant, description = self._plant, robot.description
+        ranges = {r.name: r for r in joint_ranges(description)}
+        weights = np.full(plant.num_positions(), _NO_WEIGHT)
+        for link in description.links:
+            if not plant.HasBodyNamed(link, model):
+                continue
+            body = plant.GetBodyByName(link, model)
+            radius = _radius(plant, scene_graph, body)
+            if radius is None:
+                continue
+            for joint in joints_above(description.joints, link):
+                if joint.name in self._at:
+                    at = self._at[joint.name]
+                    is_slide = joint.type == "prismatic"
+                    weights[at] = max(weights[at], 1.0 if is_slide else radius)
+                    if is_slide:
+                        r = ranges[joint.name]
+                        radius += max(abs(r.lower), abs(r.upper))
+                radius += float(np.linalg.norm(joint.origin.position))
+        return weights
+
+    def _filter(self, robot: Robot, model: ModelInstanceIndex) -> None:
+        """Leave out pairs of bodies that don't matter."""
+        plant, description = self._plant, robot.description
+        matrix = np.array(self.checker.GetFilteredCollisionMatrix())
+        joints = {joint.name: joint for joint in description.movable_joints}
+        moved = np.zeros(plant.num_bodies(), dtype=bool)
+        index = {}
+        for link in description.links:
+            if plant.HasBodyNamed(link, model):
+                at = int(plant.GetBodyByName(link, model).index())
+                index[link] = at
+                moved[at] = any(
+                    last_master(joint, joints)[0] in self.joints
+                    for joint in joints_above(description.joints, link)
+                    if joint.name in joints
+                )
+        still = ~moved
+        matrix[np.outer(still, still) & (matrix == 0)] = 1
+        for one, two in find_disabled_collisions(robot, LoadReport()):
+            if one in index and two in index:
+                _disable(matrix, index[one], index[two])
+        self.checker.SetCollisionFilterMatrix(matrix)
+        self._given_padding = float(self.checker.GetLargestPadding())
+        ranges = {r.name: r for r in joint_ranges(description)}
+        low = np.array([ranges[name].lower for name in self.joints])
+        high = np.array([ranges[name].upper for name in self.joints])
+        rng, counts = np.random.default_rng(0), np.zeros(matrix.shape, dtype=int)
+        for _ in range(_SAMPLES):
+            q = self.configuration(rng.uniform(low, high))
+            found = self.checker.CalcRobotClearance(q, 0.0)
+            pairs = set(zip(found.robot_indices(), found.other_indices(), strict=True))
+            for a, b in {tuple(sorted(map(int, pair))) for pair in pairs}:
+                counts[a, b] += 1
+        of_robot = set(index.values())
+        for a, b in np.argwhere(counts >= _ALWAYS * _SAMPLES):
+            if int(a) in of_robot and int(b) in of_robot:
+                _disable(matrix, int(a), int(b))
+        self.checker.SetCollisionFilterMatrix(matrix)
+
+
+def _disable(matrix: np.ndarray, one: int, two: int) -> None:
+    if matrix[one, two] == 0:
+        matrix[one, two] = matrix[two, one] = 1
+
+
+def _add_robot(plant: MultibodyPlant, robot: Robot) -> ModelInstanceIndex:
+    """Add a robot's links that collide, its base fixed."""
+    root = copy.deepcopy(robot.description.root)
+    for link in root.iterfind("link"):
+        for element in link.findall("visual"):
+            link.remove(element)
+    for joint in root.iterfind("joint"):
+        if joint.get("type") in FREE_TYPES:
+            joint.set("type", "fixed")
+    description = dc.replace(robot.description, root=root)
+    return add_robot_model(plant, description, robot.name, robot.pose)
+
+
+def add_standing_world(
+    plant: MultibodyPlant, world: World, package_paths: Sequence[Path] = ()
+) -> None:
+    """Add the shapes of a world to the world body, as they stand at the start."""
+    source, scene_graph = MultibodyPlant(time_step=1e-3), SceneGraph()
+    source.RegisterAsSourceForSceneGraph(scene_graph)
+    load_world(world, package_paths).add_to(source)
+    source.Finalize()
+    context, inspector = source.CreateDefaultContext(), scene_graph.model_inspector()
+    numbers = itertools.count()
+    for index in range(source.num_bodies()):
+        body = source.get_body(BodyIndex(index))
+        X_WB = source.EvalBodyPoseInWorld(context, body)
+        for geometry in source.GetCollisionGeometriesForBody(body):
+            name = body.name() if index else inspector.GetName(geometry)
+            plant.RegisterCollisionGeometry(
+                plant.world_body(),
+                X_WB @ RigidTransform(inspector.GetPoseInFrame(geometry)),
+                inspector.GetShape(geometry),
+                f"{name}::{next(numbers)}",
+                inspector.GetProximityProperties(geometry),
+            )
+
+
+def _radius(
+    plant: MultibodyPlant, scene_graph: SceneGraph, body: RigidBody
+) -> float | None:
+    """Return how far a link's shapes are from its origin at most [m]."""
+    inspector, largest = scene_graph.model_inspector(), None
+    for geometry in plant.GetCollisionGeometriesForBody(body):
+        if isinstance(inspector.GetShape(geometry), HalfSpace):
+            continue
+        box = inspector.GetObbInGeometryFrame(geometry)
+        X_LB = RigidTransform(inspector.GetPoseInFrame(geometry)) @ box.pose()
+        half = np.array(box.half_width())
+        corners = np.array(list(itertools.product((-1, 1), repeat=3))) * half
+        points = np.array([X_LB.multiply(corner) for corner in corners])
+        largest = max(largest or 0.0, float(np.linalg.norm(points, axis=1).max()))
+    return largest
+
+
+_models: "weakref.WeakKeyDictionary[Robot, dict[object, CollisionModel]]" = (
+    weakref.WeakKeyDictionary()
+)
+
+
+def collision_model(
+    robot: Robot,
+    joints: Sequence[str],
+    world: World,
+    *,
+    padding: float,
+    positions: Mapping[str, float],
+) -> CollisionModel:
+    """Return a model, one that is known where nothing but positions differ.
+
+    Building one takes half a second.
+    """
+    known = _models.setdefault(robot, {})
+    key = (tuple(joints), _identity(world), padding)
+    model = known.pop(key, None)
+    if model is None:
+        model = CollisionModel(
+            robot, joints, world, padding=padding, positions=positions
+        )
+    model.set_positions(positions)
+    known[key] = model
+    while len(known) > _KEPT:
+        del known[next(iter(known))]
+    return model
+
+
+def _identity(world: World) -> object:
+    """Return what tells worlds apart, and a file from what it was before."""
+    if isinstance(world, str | Path):
+        file = Path(world).expanduser()
+        return world, file.stat().st_mtime_ns if file.is_file() else 0
+    return id(world) if isinstance(world, LoadedWorld) else world

@@ -1,0 +1,690 @@
+"""Forward and inverse kinematics of any link of a robot.
+
+Levenberg-Marquardt on Drake's Jacobian. Joints at a limit that the step would leave are
+held there (an active set). A try that comes no nearer ends early; the next one starts
+from the nearest of a table of random poses, which is made once for a robot and frame.
+"""
+
+import dataclasses as dc
+import functools
+import math
+import weakref
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from pydrake.common.eigen_geometry import AngleAxis
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.tree import Frame, JacobianWrtVariable
+
+from arm_drake.description.joints import joints_above, last_master
+from arm_drake.description.robot import Robot
+from arm_drake.errors import ArmDrakeError, InputError, counted, quoted, suggest
+from arm_drake.planning.groups import find_group
+from arm_drake.plant.joint_ranges import joint_ranges
+from arm_drake.plant.plant import transform_of, trial_plant
+
+# What a solution may miss the pose by [m] and [rad].
+TOLERANCE = (1e-5, 1e-4)
+
+# All of a pose counts: x, y, z of the world, turns about x, y, z of the frame.
+WHOLE_POSE = (True,) * 6
+
+# Random poses to start from, and how many tries there are before there is none.
+_TABLE, _TRIES = 4000, 100
+
+# Steps of a try, at most; a try ends after a few that don't improve it enough.
+_STEPS, _PATIENCE, _PROGRESS = 40, 3, 0.7
+
+# The largest change of a joint in a step [rad]; a prismatic one's is as far as the
+# robot is large for each radian.
+_LARGEST_STEP = 1.0
+
+# Damping for each unit of squared error, and that which is left at the end.
+_DAMPING, _LEAST_DAMPING = 0.02, 1e-9
+
+# Solutions that differ by less are the same one [rad], [m].
+_SAME = 1e-3
+
+# The largest change of a joint between points of a line [rad], [m].
+_JUMP = 0.3
+
+# Tries when all solutions are wanted.
+_ALL_TRIES = 100
+
+
+@dc.dataclass(frozen=True)
+class IkSolution:
+    """Joint positions that put a frame where it should be."""
+
+    # [rad] or [m] of each movable joint of the robot, those that follow included.
+    positions: Mapping[str, float]
+
+    # How many starts it took.
+    tries: int
+
+    # What the pose is missed by [m], [rad], of what of it counts.
+    position_error: float
+    orientation_error: float
+
+    # Positions of the other solutions, the nearest to the seed first; none unless all
+    # were asked for.
+    others: tuple[Mapping[str, float], ...] = ()
+
+
+class NoSolution(ArmDrakeError, ValueError):
+    """No joint positions were found that put a frame where it should be.
+
+    Attributes:
+        positions: The best positions found [rad] or [m], by joint.
+        position_error: What they miss the pose by [m].
+        orientation_error: What they miss it by [rad].
+        at_limits: The joints that are at a limit there.
+        is_out_of_reach: Whether no joint positions at all reach so far.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        positions: Mapping[str, float],
+        position_error: float,
+        orientation_error: float,
+        at_limits: Sequence[str],
+        is_out_of_reach: bool,
+    ) -> None:
+        """Create it with what was found instead."""
+        super().__init__(message)
+        self.positions = positions
+        self.position_error = position_error
+        self.orientation_error = orientation_error
+        self.at_limits = tuple(at_limits)
+        self.is_out_of_reach = is_out_of_reach
+
+
+def forward_kinematics(
+    robot: Robot, positions: Mapping[str, float], frame: str
+) -> RigidTransform:
+    """Return where a link is in the world.
+
+    Args:
+        robot: The robot; its base is at its pose, the origin by default.
+        positions: Joint positions [rad] or [m] by name. Those that are left out are at
+            their initial positions; joints that follow are where their masters put them
+            unless they are named themselves.
+        frame: Name of the link.
+
+    Raises:
+        InputError: If there is no such link or joint, or a number isn't finite.
+    """
+    kinematics = _kinematics_of(robot)
+    kinematics.check_frame(frame)
+    return kinematics.pose_of(kinematics.complete(positions), frame)
+
+
+def solve_ik(
+    robot: Robot,
+    frame: str,
+    pose: RigidTransform | Sequence[float],
+    *,
+    seed: Mapping[str, float] | None = None,
+    group: str | Collection[str] | None = None,
+    tolerance: tuple[float, float] = TOLERANCE,
+    mask: Sequence[bool] = WHOLE_POSE,
+    collision_free: bool = False,
+    all_solutions: bool = False,
+) -> IkSolution:
+    """Return joint positions that put a link at a pose, within the joints' limits.
+
+    The same arguments give the same solution. Joints that turn without end, or more
+    than once, are at the turn nearest to the seed.
+
+    Args:
+        robot: The robot; its base is at its pose, the origin by default.
+        frame: Name of the link.
+        pose: Where it should be in the world, as a transform or as x, y, z [m], roll,
+            pitch, yaw [rad].
+        seed: Positions [rad] or [m] to start from by joint, by default and for joints
+            that are left out the initial ones. Joints that don't carry the link stay
+            there.
+        group: The joints that may move, or the name of their planning group; by default
+            all that carry the link.
+        tolerance: What the pose may be missed by [m] and [rad].
+        mask: What of the pose counts: x, y, z in the world, and turns about the x, y
+            and z axis of the link. `(1, 1, 1, 1, 1, 0)` lets the link turn about its z
+            axis: what an arm of five joints can do. `(1, 1, 1, 0, 0, 0)` is a position.
+        collision_free: Whether the robot may not touch itself.
+        all_solutions: Whether to look for the other solutions, too.
+
+    Raises:
+        NoSolution: If none was found.
+        InputError: If an argument can't be used.
+    """
+    kinematics = _kinematics_of(robot)
+    target = _Target.of(read_pose(pose), mask, tolerance)
+    joints = group if group is None else find_group(robot, group).joints
+    chain = kinematics.chain(frame, joints)
+    q = kinematics.complete(seed or {})
+    is_free = _self_check(robot, chain, q) if collision_free else None
+    found, best = _search(chain, q, target, all_solutions, is_free)
+    if not found:
+        raise _no_solution(robot, chain, target, best, q)
+    found.sort(key=lambda each: float(np.linalg.norm(each.end.values - q[chain.at])))
+    first = found[0]
+    positions = [kinematics.named(chain.spread(q, f.end.values)) for f in found]
+    return IkSolution(
+        positions=positions[0],
+        tries=first.tries,
+        position_error=first.end.position_error,
+        orientation_error=first.end.orientation_error,
+        others=tuple(positions[1:]),
+    )
+
+
+def complete_positions(
+    robot: Robot, positions: Mapping[str, float]
+) -> dict[str, float]:
+    """Return positions of all movable joints, the others where they are initially."""
+    kinematics = _kinematics_of(robot)
+    return kinematics.named(kinematics.complete(positions))
+
+
+def follow_line(
+    robot: Robot,
+    frame: str,
+    pose: RigidTransform,
+    *,
+    seed: Mapping[str, float],
+    group: Collection[str],
+    mask: Sequence[bool],
+    step: tuple[float, float],
+) -> tuple[np.ndarray, float]:
+    """Return joint positions on a straight line from the seed, and how far they get.
+
+    The positions have the shape (m, n), n joints as in the group; the frame turns at a
+    constant rate. Points are `step` [m], [rad] apart, or closer. The line ends, at a
+    fraction below 1, where no positions nearby continue it.
+    """
+    kinematics = _kinematics_of(robot)
+    chain = kinematics.chain(frame, group)
+    own = [kinematics.at[name] for name in group]
+    q = kinematics.complete(seed)
+    X = kinematics.pose_of(q, frame)
+    turn = _rotation_vector(X.rotation().matrix().T @ pose.rotation().matrix())
+    shift = pose.translation() - X.translation()
+    count = max(
+        1,
+        math.ceil(np.linalg.norm(shift) / step[0]),
+        math.ceil(np.linalg.norm(turn) / step[1]),
+    )
+    angle = float(np.linalg.norm(turn))
+    axis = turn / angle if angle > 0.0 else np.array([0.0, 0.0, 1.0])
+    found = [q[own]]
+    for number in range(1, count + 1):
+        part = number / count
+        R = X.rotation() @ RotationMatrix(AngleAxis(part * angle, axis))
+        point = RigidTransform(R, X.translation() + part * shift)
+        target = _Target.of(point, mask, TOLERANCE)
+        end = chain.descend(q, q[chain.at], target)
+        jump = float(np.max(np.abs(end.values - q[chain.at])))
+        if not target.is_met(end) or jump > _JUMP:
+            return np.array(found), (number - 1) / count
+        q = chain.spread(q, end.values)
+        found.append(q[own])
+    return np.array(found), 1.0
+
+
+class _End(NamedTuple):
+    """Where a try ended."""
+
+    values: np.ndarray
+    error: float
+    position_error: float
+    orientation_error: float
+
+
+class _Found(NamedTuple):
+    """A solution, and how many tries it took."""
+
+    end: _End
+    tries: int
+
+
+class _Target(NamedTuple):
+    """A pose, and what of it counts."""
+
+    R: np.ndarray
+    p: np.ndarray
+    rows: np.ndarray  # Which of x, y, z and the turns count.
+    pointing: int | None  # The one axis about which the frame may turn.
+    tolerance: tuple[float, float]
+
+    @staticmethod
+    def of(
+        pose: RigidTransform, mask: Sequence[bool], tolerance: tuple[float, float]
+    ) -> "_Target":
+        """Return it, or raise InputError."""
+        rows = [bool(flag) for flag in mask]
+        if len(rows) != 6 or not any(rows):
+            raise InputError(
+                "mask: expected six flags, for x, y, z and turns about x, y, z, with "
+                f"one that is set; got {list(mask)}"
+            )
+        if len(tolerance) != 2 or not all(0.0 < t < math.inf for t in tolerance):
+            raise InputError(
+                "tolerance: expected two positive numbers [m] and [rad], "
+                f"got {list(tolerance)}"
+            )
+        free = [axis for axis in range(3) if not rows[3 + axis]]
+        return _Target(
+            np.array(pose.rotation().matrix()),
+            np.array(pose.translation()),
+            np.flatnonzero(rows),
+            free[0] if len(free) == 1 else None,
+            tolerance,
+        )
+
+    def is_met(self, end: _End) -> bool:
+        """Whether a try ended at the pose."""
+        return (
+            end.position_error <= self.tolerance[0]
+            and end.orientation_error <= self.tolerance[1]
+        )
+
+    def miss(self, X: RigidTransform) -> np.ndarray:
+        """Return the twist from X to the pose: [m] in the world, [rad] in the frame."""
+        R = X.rotation().matrix()
+        twist = np.empty(6)
+        twist[:3] = self.p - X.translation()
+        if self.pointing is None:
+            twist[3:] = _rotation_vector(R.T @ self.R)
+        else:
+            twist[3:] = _swing(R.T @ self.R[:, self.pointing], self.pointing)
+        return twist
+
+
+def _rotation_vector(R: np.ndarray) -> np.ndarray:
+    """Return the axis of a rotation times its angle [rad]."""
+    v = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    s, c = math.sqrt(v @ v), R[0, 0] + R[1, 1] + R[2, 2] - 1.0
+    angle = math.atan2(s, c)
+    if s > 1e-6:
+        return v * (angle / s)
+    if c > 0.0:
+        return 0.5 * v
+    # Half a turn: the axis is the largest column of R + 1.
+    column = (R + np.eye(3))[:, int(np.argmax(np.diag(R)))]
+    return column * (math.pi / math.sqrt(column @ column))
+
+
+def _swing(direction: np.ndarray, axis: int) -> np.ndarray:
+    """Return the turn [rad] that brings an axis of the frame to a direction in it."""
+    one, two = (axis + 1) % 3, (axis + 2) % 3
+    turn = np.zeros(3)
+    s = math.hypot(direction[one], direction[two])
+    angle = math.atan2(s, direction[axis])
+    if s > 1e-9:
+        turn[one] = -direction[two] * angle / s
+        turn[two] = direction[one] * angle / s
+    elif direction[axis] < 0.0:
+        turn[one] = math.pi
+    return turn
+
+
+class _Chain:
+    """The joints that carry a frame, and the way to a pose by them."""
+
+    def __init__(
+        self, kinematics: "_Kinematics", frame: str, joints: Sequence[str]
+    ) -> None:
+        self._kinematics = kinematics
+        self.frame, self.joints = frame, list(joints)
+        self._frame = kinematics.frame_of(frame)
+        self.at = np.array([kinematics.at[name] for name in joints])
+        ranges = [kinematics.ranges[name] for name in joints]
+        self.lower = np.array([-math.inf if r.wraps else r.lower for r in ranges])
+        self.upper = np.array([math.inf if r.wraps else r.upper for r in ranges])
+        self._low = np.array([r.lower for r in ranges])
+        self._high = np.array([r.upper for r in ranges])
+        self.reach, self.base = kinematics.reach(frame, joints)
+        # Errors are angles: lengths count as parts of the reach.
+        self._length = max(self.reach if math.isfinite(self.reach) else 1.0, 1e-3)
+        self._turns = np.array([r.unit == "rad" for r in ranges])
+        self._step = np.where(self._turns, 1.0, self._length) * _LARGEST_STEP
+        # dq = E dx: columns are the joints, and what follows them.
+        self._E = kinematics.spreading[:, self.at]
+        self._table: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
+
+    def spread(self, q: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Return positions of all joints, where those of the chain have values."""
+        return q + self._E @ (values - q[self.at])
+
+    def starts(
+        self, q: np.ndarray, target: _Target, tries: int
+    ) -> Iterator[np.ndarray]:
+        """Yield where tries start: the seed, then random poses, the nearest first."""
+        yield np.clip(q[self.at], self.lower, self.upper)
+        if self._table is None:
+            self._table = self._make_table(q)
+        values, points, turns = self._table
+        rows = target.rows
+        shift = ((points - target.p) / self._length)[:, rows[rows < 3]]
+        distance = np.einsum("ij,ij->i", shift, shift)
+        if target.pointing is not None:
+            axis = turns[:, :, target.pointing] @ target.R[:, target.pointing]
+            distance += 2.0 - 2.0 * axis
+        elif np.any(rows >= 3):
+            distance += 3.0 - np.einsum("ijk,jk->i", turns, target.R)
+        for index in np.argsort(distance, kind="stable")[: tries - 1]:
+            yield values[index]
+
+    def _make_table(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        rng = np.random.default_rng(0)
+        values = rng.uniform(self._low, self._high, (_TABLE, len(self.joints)))
+        points, turns = np.empty((_TABLE, 3)), np.empty((_TABLE, 3, 3))
+        for index, row in enumerate(values):
+            X = self._kinematics.pose_of(self.spread(q, row), self.frame)
+            points[index], turns[index] = X.translation(), X.rotation().matrix()
+        return values, points, turns
+
+    def descend(self, q: np.ndarray, start: np.ndarray, target: _Target) -> _End:
+        """Return where a try from a start ends."""
+        kinematics, x, rows = self._kinematics, start, target.rows
+        scale = np.array([1.0 / self._length] * 3 + [1.0] * 3)[rows]
+        best, patience = math.inf, _PATIENCE
+        at = _End(x, math.inf, math.inf, math.inf)
+        for _ in range(_STEPS):
+            X, J = kinematics.jacobian(self.spread(q, x), self._frame)
+            twist = target.miss(X)[rows]
+            split = int(np.searchsorted(rows, 3))
+            e = scale * twist
+            error = float(e @ e)
+            if error < at.error:
+                at = _End(x, error, *_norms(twist, split))
+            if target.is_met(at):
+                break
+            patience = _PATIENCE if error < _PROGRESS * best else patience - 1
+            best = min(best, error)
+            if not patience:
+                break
+            J = np.vstack((J[3:], X.rotation().matrix().T @ J[:3]))[rows] @ self._E
+            J *= scale[:, np.newaxis]
+            x = self._improve(x, J, e, error)
+        return at
+
+    def _improve(
+        self, x: np.ndarray, J: np.ndarray, e: np.ndarray, error: float
+    ) -> np.ndarray:
+        """Return the values after a step, within their limits."""
+        H, g = J.T @ J, J.T @ e
+        H.flat[:: len(x) + 1] += _DAMPING * error + _LEAST_DAMPING
+        free = np.ones(len(x), dtype=bool)
+        dx = np.linalg.solve(H, g)
+        for _ in range(len(x)):
+            y = x + dx
+            leaves = free & ((y < self.lower) | (y > self.upper))
+            held = leaves & (
+                ((x <= self.lower) & (dx < 0.0)) | ((x >= self.upper) & (dx > 0.0))
+            )
+            if not held.any():
+                break
+            free &= ~held
+            dx = np.zeros(len(x))
+            if not free.any():
+                break
+            dx[free] = np.linalg.solve(H[np.ix_(free, free)], g[free])
+        largest = float(np.max(np.abs(dx) / self._step, initial=0.0))
+        if largest > 1.0:
+            dx /= largest
+        return np.clip(x + dx, self.lower, self.upper)
+
+    def unwind(self, values: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """Return values whose joints are at the turns nearest to the seed."""
+        unwound = values.copy()
+        for i, near in enumerate(q[self.at]):
+            # What follows the joint may follow by another factor.
+            if not self._turns[i] or np.count_nonzero(self._E[:, i]) > 1:
+                continue
+            turns = round((near - values[i]) / (2.0 * math.pi))
+            ends = [values[i] + 2.0 * math.pi * (turns + k) for k in (-1, 0, 1)]
+            fitting = [v for v in ends if self.lower[i] <= v <= self.upper[i]]
+            unwound[i] = min(
+                [values[i], *fitting], key=functools.partial(_distance, float(near))
+            )
+        return unwound
+
+    def at_limits(self, values: np.ndarray) -> list[str]:
+        """Return the joints that are at a limit."""
+        span = 1e-6
+        near = (values <= self.lower + span) | (values >= self.upper - span)
+        return [name for name, flag in zip(self.joints, near, strict=True) if flag]
+
+
+def _distance(one: float, other: float) -> float:
+    return abs(one - other)
+
+
+def _self_check(
+    robot: Robot, chain: _Chain, q: np.ndarray
+) -> Callable[[np.ndarray], bool]:
+    """Return what says whether a robot doesn't touch itself."""
+    from arm_drake.planning.collisions import collision_model
+
+    positions = _kinematics_of(robot).named(q)
+    return collision_model(
+        robot, chain.joints, "void", padding=0.0, positions=positions
+    ).is_free
+
+
+def _search(
+    chain: _Chain,
+    q: np.ndarray,
+    target: _Target,
+    finds_all: bool,
+    is_free: Callable[[np.ndarray], bool] | None,
+) -> tuple[list[_Found], _End]:
+    """Return solutions, and the best end of a try."""
+    found: list[_Found] = []
+    best: _End | None = None
+    starts = chain.starts(q, target, _ALL_TRIES if finds_all else _TRIES)
+    for tries, start in enumerate(starts, start=1):
+        end = chain.descend(q, start, target)
+        if best is None or end.error < best.error:
+            best = end
+        if not target.is_met(end):
+            continue
+        end = end._replace(values=chain.unwind(end.values, q))
+        if is_free is not None and not is_free(end.values):
+            continue
+        if all(np.max(np.abs(end.values - f.end.values)) > _SAME for f in found):
+            found.append(_Found(end, tries))
+        if not finds_all:
+            break
+    assert best is not None
+    return found, best
+
+
+def _norms(twist: np.ndarray, split: int) -> tuple[float, float]:
+    shift, turn = twist[:split], twist[split:]
+    return math.sqrt(shift @ shift), math.sqrt(turn @ turn)
+
+
+class _Kinematics:
+    """A robot's reduced plant, and the names of what is in it."""
+
+    def __init__(self, robot: Robot) -> None:
+        description = robot.description
+        self._description = description
+        self._plant = plant = trial_plant(robot)
+        self._context = plant.CreateDefaultContext()
+        self.ranges = {r.name: r for r in joint_ranges(description)}
+        self.at = {
+            name: plant.GetJointByName(name).position_start() for name in self.ranges
+        }
+        joints = {joint.name: joint for joint in description.movable_joints}
+        self._masters = {
+            name: last_master(joint, joints) for name, joint in joints.items()
+        }
+        self.spreading = np.zeros((plant.num_positions(), plant.num_positions()))
+        for name, (master, factor, _) in self._masters.items():
+            self.spreading[self.at[name], self.at[master]] = factor
+        self._initial = dict(robot.initial_positions)
+        self._chains: dict[tuple[str, tuple[str, ...]], _Chain] = {}
+
+    def check_frame(self, frame: str) -> None:
+        """Raise InputError if there is no such link."""
+        links = self._description.links
+        if frame not in links:
+            raise InputError(f"no link {frame!r}; {suggest(frame, links)}")
+
+    def complete(self, positions: Mapping[str, float]) -> np.ndarray:
+        """Return the plant's positions, or raise InputError."""
+        q = np.zeros(self._plant.num_positions())
+        for name, value in positions.items():
+            if name not in self.at:
+                raise InputError(f"no joint {name!r}; {suggest(name, self.at)}")
+            if not math.isfinite(value):
+                problem = f"expected a finite number [rad or m], got {value}"
+                raise InputError(f"joint {name!r}: {problem}")
+        for name, (master, factor, offset) in self._masters.items():
+            if name in positions:
+                q[self.at[name]] = positions[name]
+            else:
+                value = positions.get(master, self._initial.get(master, 0.0))
+                q[self.at[name]] = factor * value + offset
+        return q
+
+    def named(self, q: np.ndarray) -> dict[str, float]:
+        """Return positions by joint."""
+        return {name: float(q[at]) for name, at in self.at.items()}
+
+    def pose_of(self, q: np.ndarray, frame: str) -> RigidTransform:
+        """Return where a link is."""
+        self._plant.SetPositions(self._context, q)
+        body = self._plant.GetBodyByName(frame)
+        return self._plant.EvalBodyPoseInWorld(self._context, body)
+
+    def jacobian(
+        self, q: np.ndarray, frame: Frame
+    ) -> tuple[RigidTransform, np.ndarray]:
+        """Return where a link is, and its Jacobian: rows of turns first."""
+        plant, context = self._plant, self._context
+        plant.SetPositions(context, q)
+        world = plant.world_frame()
+        J = plant.CalcJacobianSpatialVelocity(
+            context, JacobianWrtVariable.kV, frame, _ORIGIN, world, world
+        )
+        return plant.EvalBodyPoseInWorld(context, frame.body()), J
+
+    def frame_of(self, link: str) -> Frame:
+        """Return the frame of a link."""
+        return self._plant.GetBodyByName(link).body_frame()
+
+    def chain(self, frame: str, joints: Collection[str] | None) -> _Chain:
+        """Return the chain of a link, or raise InputError."""
+        self.check_frame(frame)
+        above = reversed(joints_above(self._description.joints, frame))
+        carriers = [j.name for j in above if j.name in self.at]
+        own = list(dict.fromkeys(self._masters[name][0] for name in carriers))
+        if joints is not None:
+            for name in joints:
+                if name not in self.at:
+                    raise InputError(f"no joint {name!r}; {suggest(name, self.at)}")
+            own = [name for name in own if name in joints]
+        if not own:
+            which = "" if joints is None else f" of {quoted(joints) or 'none'}"
+            raise InputError(
+                f"no joint{which} moves link {frame!r}; expected one of those that "
+                f"carry it: {quoted(carriers) or 'none'}"
+            )
+        key = (frame, tuple(own))
+        if key not in self._chains:
+            self._chains[key] = _Chain(self, frame, own)
+        return self._chains[key]
+
+    def reach(self, frame: str, joints: Sequence[str]) -> tuple[float, str]:
+        """Return how far a link gets from the first joint that moves it [m]."""
+        length, first = 0.0, joints[0]
+        for joint in joints_above(self._description.joints, frame):
+            if joint.type == "prismatic":
+                r = self.ranges[joint.name]
+                length += max(abs(r.lower), abs(r.upper))
+            if self._masters.get(joint.name, ("",))[0] in joints:
+                first = joint.name
+        for joint in joints_above(self._description.joints, frame):
+            if joint.name == first:
+                break
+            length += float(np.linalg.norm(joint.origin.position))
+        return length, first
+
+    def place_of(self, q: np.ndarray, joint: str) -> np.ndarray:
+        """Return where a joint is in the world [m], shape (3,)."""
+        self._plant.SetPositions(self._context, q)
+        frame = self._plant.GetJointByName(joint).frame_on_parent()
+        return np.array(frame.CalcPoseInWorld(self._context).translation())
+
+
+_ORIGIN = np.zeros(3)
+
+_known: "weakref.WeakKeyDictionary[Robot, _Kinematics]" = weakref.WeakKeyDictionary()
+
+
+def _kinematics_of(robot: Robot) -> _Kinematics:
+    kinematics = _known.get(robot)
+    if kinematics is None:
+        kinematics = _known[robot] = _Kinematics(robot)
+    return kinematics
+
+
+def read_pose(pose: RigidTransform | Sequence[float]) -> RigidTransform:
+    """Return a pose as a transform, or raise InputError."""
+    if isinstance(pose, RigidTransform):
+        numbers = np.append(pose.rotation().matrix(), pose.translation())
+        if not np.all(np.isfinite(numbers)):
+            raise InputError("pose: expected finite numbers")
+        return pose
+    expected = "expected a RigidTransform, or x, y, z [m], roll, pitch, yaw [rad]"
+    try:
+        x, y, z, roll, pitch, yaw = (float(number) for number in pose)
+    except (TypeError, ValueError):
+        raise InputError(f"pose: {expected}; got {pose!r}") from None
+    if not all(map(math.isfinite, (x, y, z, roll, pitch, yaw))):
+        raise InputError(f"pose: {expected}, all finite; got {list(pose)}")
+    return transform_of((x, y, z, roll, pitch, yaw))
+
+
+def _no_solution(
+    robot: Robot, chain: _Chain, target: _Target, best: _End, q: np.ndarray
+) -> NoSolution:
+    kinematics = _kinematics_of(robot)
+    positions = chain.spread(q, best.values)
+    away = float(np.linalg.norm(target.p - kinematics.place_of(q, chain.base)))
+    counts = len(target.rows)
+    is_far = bool(np.all(np.isin([0, 1, 2], target.rows))) and away > chain.reach
+    limits = chain.at_limits(best.values)
+    message = (
+        f"no joint positions put {chain.frame!r} there; the best miss it by "
+        f"{best.position_error * 1e3:.3g} mm and {best.orientation_error:.3g} rad"
+    )
+    if target.is_met(best):
+        message = f"the robot touches itself wherever {chain.frame!r} is there"
+    elif is_far:
+        message += (
+            f"; it is out of reach: {away:.3g} m from joint {chain.base!r}, and "
+            f"{chain.frame!r} gets {chain.reach:.3g} m far"
+        )
+    elif limits:
+        message += f"; at their limits are {quoted(limits)}"
+    if not (is_far or target.is_met(best)) and len(chain.joints) < counts:
+        message += (
+            f"; {counted(len(chain.joints), 'joint')} can't reach every pose: "
+            "a mask says what of it counts"
+        )
+    return NoSolution(
+        message,
+        positions=kinematics.named(positions),
+        position_error=best.position_error,
+        orientation_error=best.orientation_error,
+        at_limits=limits,
+        is_out_of_reach=is_far,
+    )

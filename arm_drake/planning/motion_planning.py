@@ -1,0 +1,619 @@
+"""Plans: motions of a group of joints that touch nothing, timed.
+
+A straight line between joint positions is tried first. Where it isn't free, OMPL's
+RRT-Connect looks for a way and shortens it, on edges that Drake checks in large steps.
+Corners are rounded, Drake's Toppra finds the times within the limits of velocity,
+acceleration and effort, and what comes of it is checked again before it is handed out,
+at steps that bound how far any link moves. Where that finds a collision, corners become
+sharper, then the search's steps smaller.
+"""
+
+import dataclasses as dc
+import itertools
+import math
+import time
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from pydrake.math import RigidTransform
+from pydrake.multibody.optimization import Toppra, ToppraDiscretization
+from pydrake.trajectories import PiecewisePolynomial
+
+from arm_drake.description.joints import last_master
+from arm_drake.description.robot import Robot
+from arm_drake.errors import ArmDrakeError, InputError, MissingExtraError
+from arm_drake.messages import JointTrajectory, JointTrajectoryPoint
+from arm_drake.planning.collisions import CollisionModel, collision_model
+from arm_drake.planning.groups import (
+    PlanningGroup,
+    find_group,
+    find_state,
+    motion_limits,
+)
+from arm_drake.planning.inverse_kinematics import (
+    complete_positions,
+    follow_line,
+    forward_kinematics,
+    read_pose,
+    solve_ik,
+)
+from arm_drake.plant.drake_log import drake_messages
+from arm_drake.plant.joint_ranges import joint_ranges
+from arm_drake.plant.plant import trial_plant
+from arm_drake.worlds.world import World
+
+# A pose is a transform, or x, y, z [m], roll, pitch, yaw [rad].
+Target: TypeAlias = str | Mapping[str, float] | RigidTransform | Sequence[float]
+
+# The search's steps, in those of the last check; one after the other.
+_COARSER = (10.0, 3.0, 1.0)
+
+# How far from a corner a path leaves its lines, in units of the path's parameter: the
+# time that a joint needs at full speed [s].
+_ROUNDINGS = (0.2, 0.05, 0.01)
+
+# Time between points of a trajectory [s].
+_PERIOD = 0.02
+
+# Goals of a pose that a search heads for at once.
+_GOALS = 8
+
+# Toppra exceeds limits between its grid points by some percent.
+_MARGIN, _GRID = 0.98, 100
+
+# Grid points aren't closer than this; what is no limit for Toppra.
+_SMALLEST, _UNLIMITED = 1e-6, 1e6
+
+# Steps of a straight line [m], [rad].
+_LINE_STEP, _LINE_TURN = 5e-3, 0.02
+
+# Points on which the clearance is measured, and how far it is looked for [m].
+_CLEARANCE_POINTS, _FAR = 40, 0.3
+
+
+class PlanningError(ArmDrakeError):
+    """No plan was found, or what was asked for can't be planned.
+
+    Attributes:
+        fraction: How much of a straight line is free, from 0 to 1.
+    """
+
+    def __init__(self, message: str, *, fraction: float = 0.0) -> None:
+        """Create it."""
+        super().__init__(message)
+        self.fraction = fraction
+
+
+@dc.dataclass(frozen=True)
+class Plan:
+    """A motion of a group of joints that touches nothing."""
+
+    # What a trajectory controller takes: positions, velocities and accelerations.
+    trajectory: JointTrajectory
+
+    # Joint positions of the corners [rad] or [m], shape (m, n) for n joints, before
+    # these were rounded.
+    path: np.ndarray
+
+    # [s].
+    duration: float
+
+    # Smallest distance of what moves to anything else on the way [m], at points of the
+    # trajectory; 0.3 m where it is further.
+    clearance: float
+
+    # The group that moves.
+    group: PlanningGroup
+
+    # The trajectory controller that has the group's joints, if there is one.
+    controller: str | None
+
+    # How long it took to find, without the model of what can collide [s].
+    planning_time: float
+
+    # What should be known of it.
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def end(self) -> dict[str, float]:
+        """Joint positions at the end [rad] or [m] by name."""
+        names = self.trajectory.joint_names
+        return dict(zip(names, self.trajectory.points[-1].positions, strict=True))
+
+
+def plan(
+    robot: Robot,
+    to: Target | Sequence[Target],
+    *,
+    group: str | Collection[str] | None = None,
+    frame: str | None = None,
+    world: World = "empty",
+    start: Mapping[str, float] | None = None,
+    straight: bool = False,
+    mask: Sequence[bool] = (True,) * 6,
+    velocity_scaling: float = 1.0,
+    acceleration_scaling: float = 1.0,
+    padding: float = 0.005,
+    time_limit: float = 5.0,
+    seed: int = 0,
+) -> Plan:
+    """Return a motion of a group of joints to a goal that collides with nothing.
+
+    The same arguments give the same plan, if it is found in time. A way around
+    something needs the extra `planning`; free and straight lines don't.
+
+    Args:
+        robot: The robot; its base is at its pose and doesn't move.
+        to: The name of a state of the group; joint positions [rad] or [m] by name; a
+            pose of the frame in the world, as that of `solve_ik`; or a list of these,
+            to be passed one after the other.
+        group: A planning group, or names of joints; by default the first group.
+        frame: The link that poses are for; by default the group's tip.
+        world: What is around the robot, as that of `load_world`. What could move stands
+            where it is at the start.
+        start: Joint positions at the start [rad] or [m]; by default, and for joints
+            that are left out, the initial ones.
+        straight: Whether the frame moves on a straight line and turns evenly.
+        mask: What of poses counts, as that of `solve_ik`.
+        velocity_scaling: Part of the joints' speed to use, above 0 and up to 1.
+        acceleration_scaling: Part of their acceleration to use.
+        padding: Distance that counts as a collision [m].
+        time_limit: How long to look for a way to each goal [s].
+        seed: Seed of the random search, at least 0.
+
+    Raises:
+        PlanningError: If the start or a goal is in collision, or no way was found.
+        NoSolution: If a pose can't be reached.
+        InputError: If an argument can't be used.
+        MissingExtraError: If the extra is needed and isn't installed.
+    """
+    scaling = velocity_scaling, acceleration_scaling
+    _check_numbers(*scaling, padding, time_limit, seed)
+    chosen = find_group(robot, group)
+    positions = complete_positions(robot, start or {})
+    model = collision_model(
+        robot, chosen.joints, world, padding=padding, positions=positions
+    )
+    link = frame or chosen.tip
+    problem = _Problem(robot, chosen, link, model, positions, tuple(mask), seed)
+    return _solve(problem, _list_targets(to), straight, scaling, time_limit)
+
+
+def _solve(
+    problem: "_Problem",
+    targets: Sequence[Target],
+    straight: bool,
+    scaling: tuple[float, float],
+    time_limit: float,
+) -> Plan:
+    """Return the plan that passes goals one after the other."""
+    began = time.monotonic()
+    problem.check_start()
+    legs, x = [], problem.start
+    for target in targets:
+        legs.append(_plan_leg(problem, x, target, straight, scaling, time_limit))
+        x = legs[-1].path[-1]
+    samples = _join([leg.samples for leg in legs])
+    every = max(1, len(samples.t) // _CLEARANCE_POINTS)
+    return Plan(
+        trajectory=_message(problem.group.joints, samples),
+        path=np.vstack([legs[0].path[:1], *(leg.path[1:] for leg in legs)]),
+        duration=float(samples.t[-1]),
+        clearance=problem.model.clearance(samples.q[::every], _FAR),
+        group=problem.group,
+        controller=find_controller(problem.robot, problem.group),
+        planning_time=time.monotonic() - began,
+        warnings=tuple(_warnings(problem, legs)),
+    )
+
+
+def _warnings(problem: "_Problem", legs: Sequence["_Leg"]) -> Iterator[str]:
+    """Yield what should be known of a plan."""
+    if not problem.model.has_shapes:
+        yield "nothing that moves has a collision shape: whatever is there is passed"
+    if not all(leg.keeps_effort_limits for leg in legs):
+        yield "the joints' limits of effort can't be kept at the speed of the plan"
+
+
+def find_controller(robot: Robot, group: PlanningGroup) -> str | None:
+    """Return the name of the trajectory controller of exactly a group's joints."""
+    for controller in robot.controllers.controllers:
+        given = controller.parameters.get("joints")
+        has_joints = given is not None and isinstance(given.value, list)
+        if (
+            has_joints
+            and controller.type.endswith("JointTrajectoryController")
+            and set(map(str, given.value)) == set(group.joints)  # type: ignore[union-attr]
+        ):
+            return controller.name
+    return None
+
+
+class _Samples(NamedTuple):
+    """A motion in time: [s], shape (k,); positions and derivatives, shape (k, n)."""
+
+    t: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+
+
+class _Leg(NamedTuple):
+    """The way to one goal."""
+
+    path: np.ndarray
+    samples: _Samples
+    keeps_effort_limits: bool
+
+
+class _Problem(NamedTuple):
+    """What is planned for."""
+
+    robot: Robot
+    group: PlanningGroup
+    frame: str
+    model: CollisionModel
+    positions: dict[str, float]
+    mask: tuple[bool, ...]
+    seed: int
+
+    @property
+    def start(self) -> np.ndarray:
+        """Where the group's joints are at first."""
+        return np.array([self.positions[name] for name in self.group.joints])
+
+    def named(self, x: np.ndarray) -> dict[str, float]:
+        """Return positions of the robot's independent joints."""
+        values = zip(self.group.joints, map(float, x), strict=True)
+        return {**_independent(self.robot, self.positions), **dict(values)}
+
+    def limits(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the lower and upper ends of the joints; infinite where they turn."""
+        ranges = {r.name: r for r in joint_ranges(self.robot.description)}
+        chosen = [ranges[name] for name in self.group.joints]
+        lower = [-math.inf if r.wraps else r.lower for r in chosen]
+        upper = [math.inf if r.wraps else r.upper for r in chosen]
+        return np.array(lower), np.array(upper)
+
+    def check_start(self) -> None:
+        """Raise PlanningError if nothing can start here."""
+        self.check_limits(self.start, "start")
+        if not self.model.is_free(self.start):
+            raise PlanningError(
+                f"the start is in collision: {_listed(self.model, self.start)}"
+            )
+
+    def check_limits(self, x: np.ndarray, what: str) -> None:
+        """Raise PlanningError if joints are beyond their limits."""
+        lower, upper = self.limits()
+        for name, value, low, high in zip(
+            self.group.joints, x, lower, upper, strict=True
+        ):
+            if not low - 1e-9 <= value <= high + 1e-9:
+                raise PlanningError(
+                    f"{what}: joint {name!r} is at {value:.6g}, out of its limits; "
+                    f"expected {low:.6g} to {high:.6g}"
+                )
+
+
+def _plan_leg(
+    problem: _Problem,
+    start: np.ndarray,
+    target: Target,
+    straight: bool,
+    scaling: tuple[float, float],
+    time_limit: float,
+) -> _Leg:
+    """Return the way to one goal."""
+    if straight:
+        path = _straight_path(problem, start, target)
+        for rounding in _ROUNDINGS:
+            samples, keeps = _time(problem, path, rounding, scaling)
+            at = problem.model.first_collision(samples.q)
+            if at is None:
+                return _Leg(path, samples, keeps)
+        assert at is not None
+        part = float(samples.t[at] / samples.t[-1])
+        after = samples.q[at : at + 2]
+        where = [words for x in after for words in problem.model.describe(x)]
+        raise PlanningError(
+            f"the straight line is free for {100 * part:.0f} % of its time; then "
+            f"{', '.join(where[:3]) or 'links come too close'}",
+            fraction=part,
+        )
+    goals = _find_goals(problem, start, target)
+    deadline = time.monotonic() + time_limit
+    for number, coarser in enumerate(_COARSER):
+        step = coarser * problem.model.fine_step
+        path = _find_path(problem, start, goals, step, deadline, number)
+        for rounding in _ROUNDINGS:
+            samples, keeps = _time(problem, path, rounding, scaling)
+            if problem.model.first_collision(samples.q) is None:
+                return _Leg(path, samples, keeps)
+    raise PlanningError(
+        f"no plan: each of {len(_COARSER)} ways that were found comes closer than the "
+        "padding between the search's checks; a larger padding may help"
+    )
+
+
+def _find_goals(
+    problem: _Problem, start: np.ndarray, target: Target
+) -> list[np.ndarray]:
+    """Return joint positions of a goal that are free, the nearest first."""
+    model, joints = problem.model, problem.group.joints
+    if isinstance(target, str | Mapping):
+        given = find_state(problem.group, target) if isinstance(target, str) else target
+        x = start.copy()
+        for name, value in given.items():
+            if name not in joints:
+                raise InputError(
+                    f"to: joint {name!r} is not of group {problem.group.name!r}, which "
+                    f"has {', '.join(joints)}"
+                )
+            if not math.isfinite(value):
+                raise InputError(
+                    f"to: joint {name!r}: expected a finite number, got {value}"
+                )
+            x[joints.index(name)] = value
+        problem.check_limits(x, "goal")
+        candidates = [x]
+    else:
+        solution = solve_ik(
+            problem.robot,
+            problem.frame,
+            read_pose(target),
+            seed=problem.named(start),
+            group=joints,
+            mask=problem.mask,
+            all_solutions=True,
+        )
+        found = [solution.positions, *solution.others]
+        candidates = [np.array([f[name] for name in joints]) for f in found]
+    free = [x for x in candidates if model.is_free(x)]
+    if not free:
+        what = "the goal is" if len(candidates) == 1 else "all solutions found are"
+        raise PlanningError(f"{what} in collision: {_listed(model, candidates[0])}")
+    return free[:_GOALS]
+
+
+def _straight_path(problem: _Problem, start: np.ndarray, target: Target) -> np.ndarray:
+    """Return joint positions on a straight line to a pose."""
+    if isinstance(target, str | Mapping):
+        goal = _find_goals(problem, start, target)[0]
+        X_WG = forward_kinematics(problem.robot, problem.named(goal), problem.frame)
+    else:
+        X_WG = read_pose(target)
+    path, fraction = follow_line(
+        problem.robot,
+        problem.frame,
+        X_WG,
+        seed=problem.named(start),
+        group=problem.group.joints,
+        mask=problem.mask,
+        step=(_LINE_STEP, _LINE_TURN),
+    )
+    if fraction < 1.0:
+        raise PlanningError(
+            f"{problem.frame!r} gets along {100 * fraction:.0f} % of the straight "
+            "line; then no joint positions nearby continue it",
+            fraction=fraction,
+        )
+    return path
+
+
+def _find_path(
+    problem: _Problem,
+    start: np.ndarray,
+    goals: Sequence[np.ndarray],
+    step: float,
+    deadline: float,
+    number: int,
+) -> np.ndarray:
+    """Return the corners of a way to one of the goals, checked at steps."""
+    for goal in goals:
+        if problem.model.is_edge_free(start, goal, step):
+            return np.array([start, goal])
+    try:
+        from arm_drake.planning.search import find_way
+    except ImportError:
+        raise MissingExtraError("a plan around something", "planning") from None
+    lower, upper = problem.limits()
+    ends = np.array([start, *goals])
+    lower = np.where(np.isfinite(lower), lower, ends.min(axis=0) - math.pi)
+    upper = np.where(np.isfinite(upper), upper, ends.max(axis=0) + math.pi)
+    way = find_way(
+        problem.model,
+        start,
+        goals,
+        (np.minimum(lower, ends.min(axis=0)), np.maximum(upper, ends.max(axis=0))),
+        step=step,
+        deadline=deadline,
+        seed=1 + problem.seed + 7919 * number,
+    )
+    if way is None:
+        raise PlanningError(
+            "no plan in time: RRT-Connect found no way from the start to any of "
+            f"{len(goals)} goals; a longer time_limit or a smaller padding may help"
+        )
+    return way
+
+
+def _time(
+    problem: _Problem,
+    path: np.ndarray,
+    rounding: float,
+    scaling: tuple[float, float],
+) -> tuple[_Samples, bool]:
+    """Return a motion along a path within the limits, and whether efforts keep theirs.
+
+    Corners are rounded by parabolas that begin `rounding` before them.
+    """
+    robot, joints = problem.robot, problem.group.joints
+    limits = motion_limits(robot)
+    v = np.array([limits[name].velocity for name in joints]) * scaling[0]
+    a = np.array([limits[name].acceleration for name in joints]) * scaling[1]
+    lengths = [float(np.max(np.abs(y - x) / v)) for x, y in itertools.pairwise(path)]
+    keep = [True, *(length > 1e-9 for length in lengths)]
+    path, lengths = path[keep], [length for length in lengths if length > 1e-9]
+    if not lengths:
+        still = np.zeros((1, len(joints)))
+        return _Samples(np.zeros(1), path[:1], still, still), True
+    curve = _round(path, lengths, rounding)
+    times, keeps = _parametrize(problem, curve, v, a)
+    count = max(2, math.ceil(times.end_time() / _PERIOD) + 1)
+    t = np.linspace(0.0, times.end_time(), count)
+    s, s1, s2 = (f.vector_values(t)[0] for f in _derivatives(times))
+    q, q1, q2 = (f.vector_values(s).T for f in _derivatives(curve))
+    velocities = q1 * s1[:, np.newaxis]
+    accelerations = q2 * (s1**2)[:, np.newaxis] + q1 * s2[:, np.newaxis]
+    slower = max(
+        1.0,
+        float(np.max(np.abs(velocities) / v)),
+        math.sqrt(float(np.max(np.abs(accelerations) / a))),
+    )
+    velocities[[0, -1]] = 0.0
+    q[0], q[-1] = path[0], path[-1]
+    return (
+        _Samples(t * slower, q, velocities / slower, accelerations / slower**2),
+        keeps,
+    )
+
+
+def _derivatives(curve: PiecewisePolynomial) -> list[PiecewisePolynomial]:
+    return [curve, curve.derivative(1), curve.derivative(2)]
+
+
+def _round(
+    path: np.ndarray, lengths: Sequence[float], rounding: float
+) -> PiecewisePolynomial:
+    """Return a curve of lines and of parabolas at the corners."""
+    u = [(y - x) / n for x, y, n in zip(path, path[1:], lengths, strict=False)]
+    breaks, values, slopes = [0.0], [path[0]], [u[0]]
+    at = 0.0
+    for i in range(1, len(path) - 1):
+        at += lengths[i - 1]
+        b = min(rounding, 0.45 * lengths[i - 1], 0.45 * lengths[i])
+        breaks += [at - b, at + b]
+        values += [path[i] - b * u[i - 1], path[i] + b * u[i]]
+        slopes += [u[i - 1], u[i]]
+    breaks.append(at + lengths[-1])
+    values.append(path[-1])
+    slopes.append(u[-1])
+    # Cubics that are given by values and slopes at their ends are these curves.
+    return PiecewisePolynomial.CubicHermite(
+        breaks, np.array(values).T, np.array(slopes).T
+    )
+
+
+def _parametrize(
+    problem: _Problem, curve: PiecewisePolynomial, v: np.ndarray, a: np.ndarray
+) -> tuple[PiecewisePolynomial, bool]:
+    """Return the curve's parameter by time, and whether limits of effort are kept."""
+    plant, joints = trial_plant(problem.robot), problem.group.joints
+    chosen = [plant.GetJointByName(name).position_start() for name in joints]
+    whole = _of_all_joints(problem, curve)
+    breaks = np.array(curve.get_segment_times())
+    even = np.linspace(breaks[0], breaks[-1], _GRID)
+    grid = np.unique(np.concatenate([breaks, even]))
+    grid = grid[np.append(np.diff(grid) > _SMALLEST, True)]
+    grid[0] = breaks[0]
+    most_v, most_a, most_u = np.full((3, plant.num_positions()), _UNLIMITED)
+    most_v[chosen], most_a[chosen] = v, _MARGIN * a
+    efforts = {j.name: j.limits.effort for j in problem.robot.description.joints}
+    for name, at in zip(joints, chosen, strict=True):
+        most_u[at] = min(efforts[name] or _UNLIMITED, _UNLIMITED)
+    # Interpolation is exact at more points, collocation rarely fails.
+    ways = (ToppraDiscretization.kInterpolation, ToppraDiscretization.kCollocation)
+    with drake_messages():  # It says so when it fails.
+        for keeps, way in itertools.product((True, False), ways):
+            toppra = Toppra(whole, plant, grid)
+            toppra.AddJointVelocityLimit(-most_v, most_v)
+            toppra.AddJointAccelerationLimit(-most_a, most_a, way)
+            if keeps:
+                toppra.AddJointTorqueLimit(-most_u, most_u, way)
+            times = toppra.SolvePathParameterization()
+            if times is not None:
+                return times, keeps
+    raise PlanningError("no times were found for the path within the joints' limits")
+
+
+def _of_all_joints(problem: _Problem, curve: PiecewisePolynomial) -> Any:
+    """Return the curve with the joints that follow, and those that stay."""
+    plant, group = trial_plant(problem.robot), problem.group.joints
+    joints = {joint.name: joint for joint in problem.robot.description.movable_joints}
+    rest = np.zeros(plant.num_positions())
+    spread = np.zeros((plant.num_positions(), len(group)))
+    for name, joint in joints.items():
+        at = plant.GetJointByName(name).position_start()
+        rest[at] = problem.positions[name]
+        master, factor, _ = last_master(joint, joints)
+        if master in group:
+            spread[at, group.index(master)] = factor
+    breaks = curve.get_segment_times()
+    values = np.array([curve.value(s)[:, 0] for s in breaks])
+    slopes = np.array([curve.EvalDerivative(s, 1)[:, 0] for s in breaks])
+    offsets = rest + (values - problem.start) @ spread.T
+    return PiecewisePolynomial.CubicHermite(breaks, offsets.T, (slopes @ spread.T).T)
+
+
+def _join(legs: Sequence[_Samples]) -> _Samples:
+    """Return motions one after the other; each begins where the last one ends."""
+    parts, end = [legs[0]], legs[0].t[-1]
+    for leg in legs[1:]:
+        parts.append(_Samples(leg.t[1:] + end, leg.q[1:], leg.v[1:], leg.a[1:]))
+        end += leg.t[-1]
+    return _Samples(*(np.concatenate(rows) for rows in zip(*parts, strict=True)))
+
+
+def _message(joints: Sequence[str], samples: _Samples) -> JointTrajectory:
+    points = [
+        JointTrajectoryPoint(
+            positions=tuple(map(float, q)),
+            velocities=tuple(map(float, v)),
+            accelerations=tuple(map(float, a)),
+            time_from_start=float(t),  # type: ignore[arg-type]
+        )
+        for t, q, v, a in zip(*samples, strict=True)
+    ]
+    return JointTrajectory(joint_names=tuple(joints), points=tuple(points))
+
+
+def _list_targets(to: Any) -> list[Target]:
+    """Return the goals; six numbers are a pose, not six goals."""
+    if isinstance(to, str | Mapping | RigidTransform):
+        return [to]
+    targets = list(to)
+    if targets and all(isinstance(t, int | float | np.number) for t in targets):
+        return [targets]
+    if not targets:
+        raise InputError("to: expected a state, joint positions, a pose or a list")
+    return targets
+
+
+def _independent(robot: Robot, positions: Mapping[str, float]) -> dict[str, float]:
+    joints = robot.description.movable_joints
+    return {j.name: positions[j.name] for j in joints if j.mimic is None}
+
+
+def _listed(model: CollisionModel, x: np.ndarray) -> str:
+    found = model.describe(x)
+    more = f" and {len(found) - 3} more" if len(found) > 3 else ""
+    return (", ".join(found[:3]) or "links come closer than the padding") + more
+
+
+def _check_numbers(
+    velocity: float, acceleration: float, padding: float, time_limit: float, seed: int
+) -> None:
+    for name, value in (
+        ("velocity_scaling", velocity),
+        ("acceleration_scaling", acceleration),
+    ):
+        if not 0.0 < value <= 1.0:
+            raise InputError(f"{name}: expected a number above 0, at most 1; {value}")
+    if not 0.0 <= padding < math.inf:
+        raise InputError(f"padding: expected a distance of at least 0 m, got {padding}")
+    if not 0.0 < time_limit < math.inf:
+        raise InputError(f"time_limit: expected a positive time [s], got {time_limit}")
+    if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
+        raise InputError(f"seed: expected an integer of at least 0, got {seed!r}")

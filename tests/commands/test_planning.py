@@ -1,0 +1,112 @@
+import json
+from pathlib import Path
+
+import pytest
+
+import arm_drake as ad
+from arm_drake.cli import main
+
+FRAME = "link6"
+
+
+def test_ik_prints_positions_that_reach_the_pose(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    words = ["ik", "doosan_a0912", "--frame", FRAME, "--pose", "0.4,0.2,0.6", "--json"]
+
+    code = main(words)
+
+    content = json.loads(capsys.readouterr().out)
+    assert code == 0
+    assert content["position_error"] < 1e-5
+    assert content["tries"] >= 1
+
+
+def test_ik_says_what_is_out_of_reach(capsys: pytest.CaptureFixture[str]) -> None:
+    code = main(["ik", "doosan_a0912", "--frame", FRAME, "--pose=-9,0,0"])
+
+    error = capsys.readouterr().err
+    assert code == 2
+    assert error.startswith(f"arm-drake: no joint positions put '{FRAME}' there; ")
+    assert "; it is out of reach: " in error
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (
+            ["--pose", "1,2"],
+            "--pose 1,2: expected X,Y,Z [m] or X,Y,Z,R,P,Y [m, rad] with commas",
+        ),
+        (
+            ["--pose", "0,0,1", "--seed", "j=one"],
+            "--seed j=one: expected a number [rad or m]",
+        ),
+        (
+            ["--pose", "0,0,1", "--pointing", "x"],
+            "--pointing: expected --pose X,Y,Z,R,P,Y",
+        ),
+    ],
+)
+def test_ik_refuses_words(
+    words: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["ik", "doosan_a0912", "--frame", FRAME, *words]) == 2
+
+    assert capsys.readouterr().err == f"arm-drake: {message}\n"
+
+
+# As a plan ends, so the controller's goal does: within 5 mrad.
+@pytest.mark.slow
+def test_a_plan_is_a_motion_that_sim_plays(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    motion = tmp_path / "motion.yaml"
+    words = ["--to", "joint1=0.4,joint3=0.5", "--to", "0.4,0.2,0.6"]
+
+    assert main(["plan", "doosan_a0912", *words, "-o", str(motion), "--json"]) == 0
+    content = json.loads(capsys.readouterr().out)
+    log = tmp_path / "log.npz"
+    played = ["--motion", str(motion), "--headless", "--log", str(log)]
+    code = main(["sim", "doosan_a0912", *played])
+
+    assert code == 0
+    rollout = ad.Rollout.load(log)
+    last = dict(zip(rollout.joint_names, rollout.position[-1], strict=True))
+    assert last == pytest.approx(content["end"], abs=5e-3)
+    X = ad.forward_kinematics(ad.load_robot("doosan_a0912"), last, FRAME)
+    assert X.translation() == pytest.approx([0.4, 0.2, 0.6], abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--to", "hom"], "group 'joint_trajectory_controller' has no state 'hom'; "),
+        (["--to", "1,2"], "--to 1,2: expected X,Y,Z [m] or X,Y,Z,R,P,Y [m, rad] with"),
+        (["--to", "joint1=x"], "--to joint1=x: expected a number [rad or m]"),
+        (
+            ["--to", "home", "-o", "motion.txt"],
+            "motion.txt: unknown type '.txt' of a motion; ",
+        ),
+        (["--to", "home", "--seed=-1"], "seed: expected an integer of at least 0"),
+    ],
+)
+def test_plan_refuses_words(
+    words: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["plan", "doosan_a0912", *words]) == 2
+
+    assert capsys.readouterr().err.startswith(f"arm-drake: {message}")
+
+
+def test_a_plan_for_joints_without_a_controller_is_no_motion(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--to", "home", "--group", "arm", "-o", str(tmp_path / "motion.yaml")]
+
+    assert main(["plan", "mycobot_280", *words]) == 2
+
+    error = capsys.readouterr().err
+    assert error.startswith(
+        "arm-drake: no trajectory controller has exactly the joints of group 'arm', "
+    )

@@ -1,0 +1,118 @@
+"""Groups of SRDF files, and of controllers where there are none."""
+
+from pathlib import Path
+
+import pytest
+
+import arm_drake as ad
+from arm_drake.planning.groups import find_group, find_state, motion_limits
+
+JOINT = """<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/>
+<limit lower="-1" upper="1" effort="1" velocity="{3}"/>{4}</joint>"""
+
+URDF = (
+    '<robot name="arm">'
+    + "".join(f'<link name="{n}"/>' for n in ("base", "one", "two", "three", "l", "r"))
+    + JOINT.format("a", "base", "one", 2, "")
+    + JOINT.format("b", "one", "two", 3, "")
+    + JOINT.format("c", "two", "three", 0, "")
+    + JOINT.format("left", "three", "l", 1, "")
+    + JOINT.format("right", "three", "r", 1, '<mimic joint="left"/>')
+    + "</robot>"
+)
+
+SRDF = """<robot name="arm">
+  <virtual_joint name="v" type="fixed" parent_frame="world" child_link="base"/>
+  <group name="arm"><chain base_link="base" tip_link="three"/></group>
+  <group name="gripper"><link name="l"/><joint name="right"/></group>
+  <group name="both"><group name="arm"/><group name="gripper"/></group>
+  <group name="circle"><group name="circle"/><joint name="a"/></group>
+  <group name="empty"/>
+  <passive_joint name="b"/>
+  <end_effector name="hand" parent_link="three" group="gripper"/>
+  <group_state name="up" group="arm"><joint name="a" value="0.5"/>
+    <joint name="c" value="-0.5"/></group_state>
+  <group_state name="half" group="arm"><joint name="a" value="0.5"/></group_state>
+</robot>"""
+
+LIMITS = """joint_limits:
+  a: {has_velocity_limits: true, max_velocity: 1.5,
+      has_acceleration_limits: true, max_acceleration: 7}
+  b: {has_velocity_limits: false, max_velocity: 1.0}
+"""
+
+
+@pytest.fixture
+def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ad.Robot:
+    monkeypatch.setattr(Path, "home", lambda: tmp_path.parent)
+    files = {
+        "arm/package.xml": "<name>arm</name>",
+        "arm/urdf/arm.urdf": URDF,
+        "arm_moveit_config/package.xml": "<name>arm_moveit_config</name>",
+        "arm_moveit_config/config/arm.srdf": SRDF,
+        "arm_moveit_config/config/joint_limits.yaml": LIMITS,
+    }
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    return ad.load_robot(tmp_path / "arm")
+
+
+def test_groups_are_those_of_the_srdf_then_controllers(robot: ad.Robot) -> None:
+    groups = ad.planning_groups(robot)
+
+    members = {name: group.joints for name, group in groups.items()}
+    # Passive joints and those that follow others are in none; "empty" is no group.
+    from_srdf = {
+        "arm": ("a", "c"),
+        "gripper": ("left",),
+        "both": ("a", "c", "left"),
+        "circle": ("a",),
+    }
+    assert from_srdf.items() <= members.items()
+    assert set(members) - set(from_srdf) == {"joint_trajectory_controller"}
+    assert groups["arm"].tip == "three"
+    assert groups["circle"].tip == "one"
+
+
+def test_states_are_those_for_all_joints_of_a_group(robot: ad.Robot) -> None:
+    group = find_group(robot, "arm")
+
+    assert find_state(group, "up") == {"a": 0.5, "c": -0.5}
+    assert find_state(group, "center") == {"a": 0.0, "c": 0.0}
+    with pytest.raises(ad.ArmDrakeError) as caught:
+        find_state(group, "half")
+    assert str(caught.value) == (
+        "group 'arm' has no state 'half'; known: center, home, initial, up"
+    )
+
+
+def test_speeds_are_those_of_moveit_then_the_description(robot: ad.Robot) -> None:
+    limits = motion_limits(robot)
+
+    assert limits["a"] == (1.5, 7.0)
+    # Full speed takes half a second where nothing is said.
+    assert limits["b"] == (3.0, 6.0)
+    # A speed of 0 is none: 1 rad/s.
+    assert limits["c"] == (1.0, 2.0)
+
+
+def test_a_robot_without_srdf_has_its_controllers_as_groups() -> None:
+    robot = ad.load_robot("doosan_a0912")
+
+    (group,) = ad.planning_groups(robot).values()
+
+    assert group.joints == tuple(f"joint{i}" for i in range(1, 7))
+    assert group.tip == "link6"
+    assert group.name in [c.name for c in robot.controllers.controllers]
+
+
+def test_unknown_groups_and_joints_are_named(robot: ad.Robot) -> None:
+    for wrong, message in [
+        ("am", "no planning group 'am'; did you mean 'arm'? known: "),
+        (["d"], "no joint 'd'; known: a, b, c, left"),
+        ([], "group: expected at least one joint"),
+    ]:
+        with pytest.raises(ad.ArmDrakeError) as caught:
+            find_group(robot, wrong)
+        assert str(caught.value).startswith(message)

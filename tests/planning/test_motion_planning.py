@@ -1,0 +1,268 @@
+"""Plans, judged by other means than those that made them."""
+
+import itertools
+import math
+import sys
+
+import numpy as np
+import pytest
+from pydrake.geometry import Box
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
+
+import arm_drake as ad
+from arm_drake.planning.collisions import CollisionModel
+from arm_drake.planning.groups import motion_limits
+from arm_drake.worlds.world import add_world
+
+START = {"joint1": -1.0, "joint2": 0.9, "joint3": 0.8}
+END = {"joint1": 1.0, "joint2": 0.9, "joint3": 0.8}
+
+
+def with_a_post(plant: MultibodyPlant) -> None:
+    """Add the ground, and a post in front of the robot."""
+    add_world(plant, "empty")
+    plant.RegisterCollisionGeometry(
+        plant.world_body(),
+        RigidTransform([0.7, 0.0, 0.4]),
+        Box(0.2, 0.2, 0.8),
+        "post",
+        CoulombFriction(1.0, 1.0),
+    )
+
+
+@pytest.fixture(scope="module")
+def doosan() -> ad.Robot:
+    return ad.load_robot("doosan_a0912")
+
+
+@pytest.fixture(scope="module")
+def around(doosan: ad.Robot) -> ad.Plan:
+    pytest.importorskip("ompl")
+    return ad.plan(doosan, END, start=START, world=with_a_post)
+
+
+def positions_of(plan: ad.Plan) -> np.ndarray:
+    return np.array([point.positions for point in plan.trajectory.points])
+
+
+def without_padding(robot: ad.Robot, plan: ad.Plan) -> CollisionModel:
+    joints, initial = plan.trajectory.joint_names, robot.initial_positions
+    return CollisionModel(robot, joints, with_a_post, padding=0.0, positions=initial)
+
+
+def test_the_straight_line_is_blocked_and_the_plan_is_free(
+    doosan: ad.Robot, around: ad.Plan
+) -> None:
+    q = positions_of(around)
+    model = without_padding(doosan, around)
+
+    # Each 2 mrad, which is 3 mm at the hand.
+    def is_free(x: np.ndarray, y: np.ndarray) -> bool:
+        count = 2 + int(np.max(np.abs(y - x)) / 2e-3)
+        return all(model.is_free(x + s * (y - x)) for s in np.linspace(0, 1, count))
+
+    assert not is_free(q[0], q[-1])
+    assert all(is_free(x, y) for x, y in itertools.pairwise(q))
+    assert around.clearance >= 0.005 - 1e-6
+
+
+def test_a_plan_begins_and_ends_at_rest_where_it_should(around: ad.Plan) -> None:
+    first, last = around.trajectory.points[0], around.trajectory.points[-1]
+    names = around.trajectory.joint_names
+
+    starts = dict(zip(names, first.positions, strict=True))
+    assert {name: starts[name] for name in START} == START
+    assert {name: around.end[name] for name in END} == pytest.approx(END)
+    assert first.velocities == last.velocities == (0.0,) * 6
+    assert around.controller == "joint_trajectory_controller"
+
+
+def test_a_plan_keeps_the_limits_of_speed(doosan: ad.Robot, around: ad.Plan) -> None:
+    limits = motion_limits(doosan)
+    v_max = np.array([limits[n].velocity for n in around.trajectory.joint_names])
+    a_max = np.array([limits[n].acceleration for n in around.trajectory.joint_names])
+    points = around.trajectory.points
+
+    v = np.array([point.velocities for point in points])
+    a = np.array([point.accelerations for point in points])
+
+    assert np.all(np.abs(v) <= v_max * (1 + 1e-9))
+    assert np.all(np.abs(a) <= a_max * (1 + 1e-9))
+    # They are those of the positions: between two points the mean velocity differs from
+    # the mean of the ends by a quarter of what the acceleration can do, at most.
+    t = np.array([point.time_from_start.to_seconds() for point in points])
+    dt = np.diff(t)[:, np.newaxis]
+    mean = np.diff(positions_of(around), axis=0) / dt
+    assert np.all(np.abs(mean - 0.5 * (v[1:] + v[:-1])) <= a_max * dt / 4 + 1e-6)
+
+
+def test_the_same_seed_gives_the_same_plan(doosan: ad.Robot, around: ad.Plan) -> None:
+    again = ad.plan(doosan, END, start=START, world=with_a_post)
+
+    assert again.trajectory == around.trajectory
+
+
+def test_a_line_that_is_free_is_taken_at_full_speed(doosan: ad.Robot) -> None:
+    plan = ad.plan(doosan, {"joint1": 1.0}, start=START, world="void")
+
+    # From rest to rest, one joint at most at its limits: a trapezoid of velocity.
+    limits = motion_limits(doosan)["joint1"]
+    ramp = limits.velocity / limits.acceleration
+    assert limits.velocity * ramp < 2.0
+    assert plan.duration == pytest.approx(2.0 / limits.velocity + ramp, rel=0.05)
+    assert len(plan.path) == 2
+
+
+def test_a_slower_plan_takes_longer(doosan: ad.Robot) -> None:
+    fast = ad.plan(doosan, {"joint1": 1.0}, world="void")
+    slow = ad.plan(doosan, {"joint1": 1.0}, world="void", velocity_scaling=0.1)
+
+    velocity = 0.1 * motion_limits(doosan)["joint1"].velocity
+    assert slow.duration == pytest.approx(1.0 / velocity, rel=0.15)
+    assert slow.duration > fast.duration
+
+
+def test_a_pose_is_reached(doosan: ad.Robot) -> None:
+    X = doosan.forward_kinematics({**END, "joint5": 0.5}, "link6")
+
+    plan = ad.plan(doosan, X, start=START, world="void")
+
+    assert doosan.forward_kinematics(plan.end, "link6").IsNearlyEqualTo(X, 1e-4)
+
+
+def test_a_straight_line_is_straight(doosan: ad.Robot) -> None:
+    start = {"joint2": 0.3, "joint3": 1.5, "joint5": 1.0}
+    X = doosan.forward_kinematics(start, "link6")
+    shift = np.array([0.1, 0.2, -0.15])
+    goal = RigidTransform(X.rotation(), X.translation() + shift)
+
+    plan = ad.plan(doosan, goal, start=start, world="void", straight=True)
+
+    direction = shift / np.linalg.norm(shift)
+    names = plan.trajectory.joint_names
+    for point in plan.trajectory.points:
+        at = doosan.forward_kinematics(
+            dict(zip(names, point.positions, strict=True)), "link6"
+        )
+        away = at.translation() - X.translation()
+        assert np.linalg.norm(away - direction * (away @ direction)) < 2e-4
+        assert np.allclose(at.rotation().matrix(), X.rotation().matrix(), atol=2e-3)
+    assert away == pytest.approx(shift, abs=1e-4)
+
+
+def test_a_straight_line_out_of_reach_says_how_far_it_gets(doosan: ad.Robot) -> None:
+    start = {"joint2": 0.3, "joint3": 1.5, "joint5": 1.0}
+    X = doosan.forward_kinematics(start, "link6")
+    goal = RigidTransform(X.rotation(), X.translation() + np.array([2.0, 0, 0]))
+
+    with pytest.raises(ad.PlanningError) as caught:
+        ad.plan(doosan, goal, start=start, world="void", straight=True)
+
+    assert 0.05 < caught.value.fraction < 0.6
+    assert "% of the straight line" in str(caught.value)
+
+
+def test_way_points_are_passed(doosan: ad.Robot) -> None:
+    middle = {"joint1": 0.5, "joint4": 1.0}
+
+    plan = ad.plan(doosan, [middle, "home"], world="void")
+
+    assert np.min(np.abs(positions_of(plan)[:, [0, 3]] - [0.5, 1.0]).sum(axis=1)) < 1e-9
+    assert plan.end == pytest.approx(dict(doosan.initial_positions))
+
+
+INSIDE = {"joint1": 0.0, "joint2": 0.9, "joint3": 0.8}
+
+BAD = [
+    ({"to": INSIDE}, "the goal is in collision: 'link"),
+    ({"to": END, "start": INSIDE}, "the start is in collision: 'link"),
+    ({"to": {"joint1": 99.0}}, "goal: joint 'joint1' is at 99, out of its limits; "),
+    ({"to": {"joint9": 0.0}}, "to: joint 'joint9' is not of group "),
+    ({"to": {"joint1": math.nan}}, "to: joint 'joint1': expected a finite number"),
+    ({"to": "hom"}, "group 'joint_trajectory_controller' has no state 'hom'; did you"),
+    ({"to": []}, "to: expected a state, joint positions, a pose or a list"),
+    ({"to": END, "group": "arms"}, "no planning group 'arms'; "),
+    ({"to": [9.0, 0, 0, 0, 0, 0]}, "no joint positions put 'link6' there; "),
+    ({"to": END, "velocity_scaling": 2.0}, "velocity_scaling: expected a number above"),
+    ({"to": END, "padding": -1.0}, "padding: expected a distance of at least 0 m"),
+    ({"to": END, "time_limit": 0.0}, "time_limit: expected a positive time [s]"),
+    ({"to": END, "seed": -1}, "seed: expected an integer of at least 0, got -1"),
+]
+
+
+@pytest.mark.parametrize(("wrong", "message"), BAD)
+def test_what_can_not_be_planned(doosan: ad.Robot, wrong: dict, message: str) -> None:
+    with pytest.raises(ad.ArmDrakeError) as caught:
+        ad.plan(doosan, **{"world": with_a_post, "start": START, **wrong})
+
+    assert str(caught.value).startswith(message)
+
+
+def test_no_way_in_time_is_an_error(doosan: ad.Robot) -> None:
+    pytest.importorskip("ompl")
+
+    with pytest.raises(ad.PlanningError) as caught:
+        ad.plan(doosan, END, start=START, world=with_a_post, time_limit=1e-6)
+
+    assert str(caught.value).startswith("no plan in time: RRT-Connect found no way")
+
+
+def test_without_the_extra_it_is_named(
+    doosan: ad.Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "ompl", None)
+    monkeypatch.delitem(sys.modules, "arm_drake.planning.search", raising=False)
+
+    with pytest.raises(ad.ArmDrakeError) as caught:
+        ad.plan(doosan, END, start=START, world=with_a_post)
+
+    assert str(caught.value) == (
+        "a plan around something needs `pip install 'arm-drake[planning]'`"
+    )
+
+
+def test_every_built_in_world_can_be_planned_in(doosan: ad.Robot) -> None:
+    for world in ("void", "empty", "house"):
+        plan = ad.plan(doosan, {"joint1": 0.3}, world=world)
+
+        assert plan.end["joint1"] == pytest.approx(0.3)
+
+
+def test_things_of_a_world_are_named(doosan: ad.Robot) -> None:
+    with pytest.raises(ad.PlanningError) as caught:
+        ad.plan(doosan, INSIDE, start=START, world=with_a_post)
+
+    assert "'post'" in str(caught.value)
+
+
+def test_a_solution_that_must_be_free_is(doosan: ad.Robot) -> None:
+    X = doosan.forward_kinematics({"joint2": 0.4, "joint3": 1.9}, "link6")
+
+    solution = doosan.solve_ik("link6", X, collision_free=True)
+
+    joints = tuple(solution.positions)
+    model = CollisionModel(
+        doosan, joints, "void", padding=0.0, positions=solution.positions
+    )
+    assert model.is_free(np.array(list(solution.positions.values())))
+
+
+def test_a_robot_without_shapes_is_planned_for_with_a_warning() -> None:
+    inertia = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+    links = "".join(
+        f'<link name="{name}"><inertial><mass value="1"/>{inertia}</inertial></link>'
+        for name in ("base", "arm")
+    )
+    joint = (
+        '<joint name="turn" type="revolute"><parent link="base"/><child link="arm"/>'
+        '<limit lower="-1" upper="1" effort="9" velocity="2"/></joint>'
+    )
+    robot = ad.load_robot(f'<robot name="bare">{links}{joint}</robot>')
+
+    plan = ad.plan(robot, {"turn": 0.5})
+
+    assert plan.end == {"turn": 0.5}
+    assert plan.warnings == (
+        "nothing that moves has a collision shape: whatever is there is passed",
+    )
