@@ -8,369 +8,32 @@ import json
 import sys
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
+from arm_drake.commands.arguments import (
+    XACRO,
+    add_cache_arguments,
+    add_compare_arguments,
+    add_graph_arguments,
+    add_ik_arguments,
+    add_json,
+    add_launch_arguments,
+    add_plan_arguments,
+    add_replay_arguments,
+    add_robot_arguments,
+    add_sim_arguments,
+    add_view_arguments,
+    pair,
+)
 from arm_drake.commands.process import (
     check_process,
     drop_output,
     shortage,
     terminating,
 )
-from arm_drake.errors import ArmDrakeError, InputError, suggest
+from arm_drake.errors import ArmDrakeError, InputError
 from arm_drake.importing import without_collection
 from arm_drake.output_files import unbroken
-from arm_drake.visualization.plot import PLOT_KINDS
-
-
-def pair(separator: str) -> Any:
-    """Return what parses NAME<separator>VALUE."""
-
-    def parse(text: str) -> tuple[str, str]:
-        name, found, value = text.partition(separator)
-        if not found or not name:
-            raise argparse.ArgumentTypeError(
-                f"expected NAME{separator}VALUE, got {text!r}"
-            )
-        return name, value
-
-    return parse
-
-
-def positive(text: str) -> float:
-    """Return a number above 0."""
-    number = not_negative(text)
-    if number == 0.0:
-        raise argparse.ArgumentTypeError("expected a positive number, got 0")
-    return number
-
-
-def not_negative(text: str) -> float:
-    """Return a number of at least 0."""
-    try:
-        number = float(text)
-    except ValueError:
-        number = -1.0
-    if not 0.0 <= number < float("inf"):
-        raise argparse.ArgumentTypeError(f"expected a positive number, got {text!r}")
-    return number
-
-
-def words_of(known: Sequence[str]) -> Any:
-    """Return what parses words of a list, with commas between them."""
-
-    def parse(text: str) -> tuple[str, ...]:
-        words = tuple(word for word in text.replace(" ", "").split(",") if word)
-        for word in words:
-            if word not in known:
-                raise argparse.ArgumentTypeError(
-                    f"unknown {word!r}; {suggest(word, known)}"
-                )
-        return words
-
-    return parse
-
-
-# What a page can show of a robot.
-SHOWN = ("visual", "frames", "names", "collision", "inertia", "joint_axes")
-
-
-def add_view_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `view`."""
-    _add_robot_arguments(parser)
-    parser.add_argument(
-        "--position",
-        metavar="V",
-        nargs="+",
-        action="extend",
-        default=[],
-        help="JOINT=VALUE, or a value for each movable joint that follows no other "
-        "[rad or m]",
-    )
-    parser.add_argument(
-        "--named-pose",
-        metavar="NAME",
-        help="a pose that the SRDF names, as NAME or 'GROUP: NAME'",
-    )
-    parser.add_argument(
-        "--ghost",
-        metavar="V",
-        nargs="+",
-        action="extend",
-        default=[],
-        help="pose of a transparent copy, as --position",
-    )
-    parser.add_argument(
-        "--no-watch",
-        action="store_true",
-        help="do not reload the robot when its files change",
-    )
-    parser.add_argument(
-        "--screenshot", metavar="FILE.png", type=Path, help="picture to write"
-    )
-    add_page_arguments(parser)
-
-
-def add_page_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what a page in the browser shows, and where it is."""
-    add = parser.add_argument
-    add(
-        "--show",
-        metavar="WHAT",
-        action="extend",
-        default=[],
-        type=words_of(SHOWN),
-        help=f"what to draw, with commas between: {', '.join(SHOWN)} (visual)",
-    )
-    add_server_arguments(parser)
-    add("--fixed-frame", metavar="LINK", help="link that stays where it is (the world)")
-
-
-def add_server_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add where a page is, and how much of meshes is sent to it."""
-    add = parser.add_argument
-    add(
-        "--max-faces",
-        metavar="N",
-        type=int,
-        help="draw meshes with at most so many triangles, for smaller recordings",
-    )
-    add("--host", default="localhost", help="address of the page (localhost)")
-    add("--port", type=int, help="port of the page (first free from 7000)")
-    add(
-        "--open",
-        action=argparse.BooleanOptionalAction,
-        help="open the page in a browser (on a terminal, where there is a screen)",
-    )
-
-
-def add_plot_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of a plot of a rollout."""
-    add = parser.add_argument
-    add("--plot", metavar="FILE.png", type=Path, help="draw reference and measurement")
-    add(
-        "--plot-kind",
-        metavar="KIND",
-        choices=PLOT_KINDS,
-        help=f"what --plot draws instead: {', '.join(PLOT_KINDS[1:])}",
-    )
-
-
-def add_sim_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `sim`."""
-    _add_robot_arguments(parser)
-    _add_scene_arguments(parser)
-    _add_solver_arguments(parser)
-    _add_output_arguments(parser)
-    _add_shown_arguments(parser)
-
-
-def add_launch_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `launch`."""
-    add = parser.add_argument
-    add("robot", metavar="[PACKAGE] FILE", help="a launch file, by its package or path")
-    add(
-        "xacro_args", metavar="NAME:=VALUE", nargs="*", default=[], help="its arguments"
-    )
-    add("--show-args", action="store_true", help="say which arguments it has")
-    add("--print", action="store_true", help="say what it would start")
-    several: Any = {"action": "append", "default": []}
-    add(
-        "--package-path",
-        metavar="DIR",
-        **several,
-        help="folder to search for packages; repeatable",
-    )
-    add(
-        "--strict",
-        action="store_true",
-        help="take every line of the report as an error",
-    )
-    _add_json(parser)
-    _add_run_arguments(parser)
-    _add_solver_arguments(parser)
-    _add_output_arguments(parser)
-    _add_shown_arguments(parser)
-
-
-def _add_run_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what happens, and for how long."""
-    add = parser.add_argument
-    several: Any = {"action": "append", "default": []}
-    add("--motion", metavar="NAME|FILE", help="what to send to the controllers")
-    add(
-        "--set",
-        metavar="NAME=VALUE",
-        **several,
-        type=pair("="),
-        help="value of a motion's parameter, as in YAML; repeatable",
-    )
-    add("--duration", metavar="S", type=positive, help="how long to simulate [s]")
-    add(
-        "--world",
-        metavar="NAME|FILE",
-        help="built-in world (empty), or a .world or .sdf file",
-    )
-    add(
-        "--gravity",
-        choices=("on", "off"),
-        help="gravity of 9.81 m/s^2 (that of the world)",
-    )
-    add(
-        "--active",
-        metavar="NAME",
-        **several,
-        help="controller to start before the others; repeatable",
-    )
-    add(
-        "--inactive",
-        metavar="NAME",
-        **several,
-        help="controller not to start; repeatable",
-    )
-
-
-def _add_shown_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what a page or a recording shows of a simulation."""
-    add = parser.add_argument
-    add("--paused", action="store_true", help="wait for the page's play button")
-    add("--ghost", action="store_true", help="draw the commanded positions, too")
-    add("--trail", metavar="LINK", help="draw the way of a link's origin")
-    add("--contacts", action="store_true", help="draw contact forces")
-    add_page_arguments(parser)
-
-
-def _add_scene_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what happens, where it does, and how it starts."""
-    _add_run_arguments(parser)
-    add = parser.add_argument
-    several: Any = {"action": "append", "default": []}
-    add(
-        "--pose",
-        metavar=("X", "Y", "Z", "R", "P", "Y"),
-        nargs=6,
-        type=float,
-        help="pose of the base [m, rad]",
-    )
-    add(
-        "--payload",
-        metavar="LINK=KG[,X,Y,Z]",
-        **several,
-        type=pair("="),
-        help="mass on a link, and where it is in the link's frame [m]; repeatable",
-    )
-    add(
-        "--initial",
-        metavar="JOINT=VALUE",
-        **several,
-        type=pair("="),
-        help="initial position [rad or m]; repeatable",
-    )
-
-
-def _add_solver_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add how time passes, and the physics' step."""
-    add = parser.add_argument
-    add("--headless", action="store_true", help="no browser")
-    add(
-        "--wait",
-        action=argparse.BooleanOptionalAction,
-        help="start a motion when a browser shows the page (on a terminal)",
-    )
-    add(
-        "--hold",
-        action=argparse.BooleanOptionalAction,
-        help="keep the page, with all that was, until Ctrl-C (on a terminal)",
-    )
-    add(
-        "--rate",
-        metavar="R",
-        type=not_negative,
-        help="simulated seconds per second; 0 is as fast as it goes "
-        "(1 with the browser, 0 headless)",
-    )
-    add(
-        "--preset",
-        metavar="NAME",
-        help="accurate (the default), fast: arms that touch nothing, in large steps; "
-        "or kinematic: joints are where their commands say, without physics",
-    )
-    add(
-        "--time-step",
-        metavar="S",
-        type=positive,
-        help="largest step [s] (0.001; fast: 0.01)",
-    )
-
-
-def _add_output_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the files that are written."""
-    add = parser.add_argument
-    add("--log", metavar="FILE", type=Path, help="write the rollout: .npz, .csv, .mcap")
-    add("--log-contacts", action="store_true", help="contact forces in the log, too")
-    add("--record", metavar="FILE.html", type=Path, help="write an animated page")
-    add("--loop", action="store_true", help="the page of --record plays for ever")
-    add_plot_arguments(parser)
-    add("--screenshot", metavar="FILE.png", type=Path, help="take a picture at the end")
-    add("--video", metavar="FILE.mp4", type=Path, help="film the simulation")
-
-
-_LOG = "a log: .npz, .csv or .mcap"
-
-
-def add_compare_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `compare`."""
-    parser.add_argument("a", metavar="A", type=Path, help=_LOG)
-    parser.add_argument("b", metavar="B", type=Path, help="another one")
-    parser.add_argument(
-        "--tolerance",
-        metavar="T",
-        type=not_negative,
-        default=0.0,
-        help="what counts as equal, in the unit of each quantity (0)",
-    )
-    parser.add_argument(
-        "--plot", metavar="FILE.png", type=Path, help="draw what differs most"
-    )
-    parser.add_argument("--name", help="robot to compare, in logs of several")
-    _add_json(parser)
-
-
-def add_replay_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `replay`."""
-    add = parser.add_argument
-    add("file", metavar="FILE", type=Path, help=_LOG)
-    add(
-        "xacro_args",
-        metavar="NAME:=VALUE",
-        nargs="*",
-        default=[],
-        type=pair(":="),
-        help="xacro arguments of --robot",
-    )
-    add("--robot", help="the robot, as for sim (the description in the log)")
-    add("--name", help="robot to show, in logs of several")
-    add(
-        "--package-path",
-        metavar="DIR",
-        action="append",
-        default=[],
-        help="folder to search for the packages of its meshes; repeatable",
-    )
-    add("--rate", metavar="R", type=positive, default=1.0, help="speed (1)")
-    add("--record", metavar="FILE.html", type=Path, help="write an animated page")
-    add("--loop", action="store_true", help="the page of --record plays for ever")
-    add_plot_arguments(parser)
-    add("--screenshot", metavar="FILE.png", type=Path, help="take a picture of the end")
-    add("--video", metavar="FILE.mp4", type=Path, help="film it")
-    add_server_arguments(parser)
-    # What a robot is loaded with besides, and files that this command doesn't write.
-    parser.set_defaults(
-        controllers=None, var=[], distro="jazzy", decompose=False, log=None, json=False
-    )
-
-
-_XACRO = ":="
 
 # Options of several values.
 _SEVERAL = ("position", "ghost")
@@ -389,12 +52,12 @@ def parse_arguments(arguments: Sequence[str] | None = None) -> argparse.Namespac
         # An option of several values takes whatever follows.
         for several in (getattr(options, name, None) for name in _SEVERAL):
             if isinstance(several, list):
-                words = [*(word for word in several if _XACRO in word), *words]
-                several[:] = [word for word in several if _XACRO not in word]
-        xacro = [w for w in words if _XACRO in w and not w.startswith("-")]
+                words = [*(word for word in several if XACRO in word), *words]
+                several[:] = [word for word in several if XACRO not in word]
+        xacro = [w for w in words if XACRO in w and not w.startswith("-")]
         words = [word for word in words if word not in xacro]
         try:
-            parsed = [pair(_XACRO)(word) for word in xacro]
+            parsed = [pair(XACRO)(word) for word in xacro]
         except argparse.ArgumentTypeError as error:
             parser.error(str(error))
         options.xacro_args = [*options.xacro_args, *parsed]
@@ -418,155 +81,6 @@ def make_parser() -> argparse.ArgumentParser:
             commands.add_parser(name, help=command.help, description=description)
         )
     return parser
-
-
-def _add_graph_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `graph`."""
-    _add_robot_arguments(parser)
-    parser.add_argument(
-        "-o",
-        "--output",
-        metavar="FILE",
-        type=Path,
-        required=True,
-        help="picture to write: .svg, .png, .pdf, or .dot for Graphviz",
-    )
-
-
-def add_ik_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `ik`."""
-    _add_robot_arguments(parser)
-    add = parser.add_argument
-    _add_group(parser)
-    add(
-        "--pose",
-        dest="target",
-        metavar="X,Y,Z[,R,P,Y]",
-        required=True,
-        help="where it should be in the world [m, rad]; without R, P, Y it may turn as "
-        "it likes; --pose=-0.1,0,0.3 where the first is negative",
-    )
-    add(
-        "--seed",
-        metavar="JOINT=VALUE",
-        action="append",
-        default=[],
-        type=pair("="),
-        help="position to start from [rad or m]; repeatable",
-    )
-    add(
-        "--pointing",
-        metavar="AXIS",
-        choices=("x", "y", "z"),
-        help="the link may turn about this axis of its own",
-    )
-    add("--all", action="store_true", help="the other solutions, too")
-
-
-def add_plan_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `plan`."""
-    _add_robot_arguments(parser)
-    _add_group(parser)
-    add = parser.add_argument
-    several: Any = {"action": "append", "default": [], "type": pair("=")}
-    add(
-        "--to",
-        metavar="GOAL",
-        action="append",
-        required=True,
-        help="a state of the group, JOINT=VALUE,... or X,Y,Z[,R,P,Y] of the link [m, "
-        "rad] (--to=-0.1,0,0.3 where the first is negative); repeatable: way points",
-    )
-    add("--start", metavar="JOINT=VALUE", **several, help="position at the start")
-    add("--straight", action="store_true", help="on a straight line of the link")
-    add("--world", metavar="NAME|FILE", default="empty", help="as for sim (empty)")
-    add("--velocity-scaling", metavar="S", type=positive, default=1.0, help="up to 1")
-    add("--acceleration-scaling", metavar="S", type=positive, default=1.0, help="too")
-    add(
-        "--padding",
-        metavar="M",
-        type=not_negative,
-        default=0.005,
-        help="distance to keep [m] (0.005)",
-    )
-    add(
-        "--time-limit",
-        metavar="S",
-        type=positive,
-        default=5.0,
-        help="how long to look for a way [s] (5)",
-    )
-    add("--seed", metavar="N", type=int, default=0, help="of the random search (0)")
-    add("-o", "--output", metavar="FILE.yaml", type=Path, help="motion to write")
-
-
-def _add_group(parser: argparse.ArgumentParser) -> None:
-    """Add which joints move, and which link is meant."""
-    add = parser.add_argument
-    add("--group", metavar="NAME", help="planning group (the one of most joints)")
-    add("--frame", metavar="LINK", help="the link to be placed (the group's last)")
-
-
-def _add_cache_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `cache`."""
-    parser.add_argument("--clear", action="store_true", help="remove them")
-    _add_json(parser)
-
-
-def _add_robot_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add which robot to load, and how."""
-    parser.add_argument(
-        "robot",
-        metavar="ROBOT",
-        help="a bundled robot, a .urdf or .xacro file, a folder; for sim and view a "
-        "scene, too: a .yaml file",
-    )
-    parser.add_argument(
-        "xacro_args",
-        metavar="NAME:=VALUE",
-        nargs="*",
-        default=[],
-        type=pair(_XACRO),
-        help="xacro arguments",
-    )
-    parser.add_argument(
-        "--controllers",
-        metavar="YAML",
-        action="append",
-        help="controllers YAML; repeatable",
-    )
-    parser.add_argument(
-        "--package-path",
-        metavar="DIR",
-        action="append",
-        default=[],
-        help="folder to search for packages; repeatable",
-    )
-    parser.add_argument(
-        "--var",
-        metavar="NAME=VALUE",
-        action="append",
-        default=[],
-        type=pair("="),
-        help="value of $(var NAME) in the YAML; repeatable",
-    )
-    parser.add_argument(
-        "--decompose",
-        action="store_true",
-        help="collide with several convex parts of a mesh, not with its convex hull",
-    )
-    parser.add_argument("--distro", default="jazzy", help="ROS distribution (jazzy)")
-    parser.add_argument("--name", help="name of the robot")
-    parser.add_argument(
-        "--strict",
-        action="store_true",
-        help="take every line of the report as an error",
-    )
-    _add_json(parser)
-
-
-def _add_json(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
 
 
 _USAGE_ERROR = 2
@@ -757,12 +271,12 @@ class _Command(NamedTuple):
 
 
 _COMMANDS: Mapping[str, _Command] = {
-    "list": _Command("bundled robots, worlds and motions", None, _add_json, _list),
+    "list": _Command("bundled robots, worlds and motions", None, add_json, _list),
     "check": _Command(
         "load a robot and print what was not taken as written",
         "Exits with 0 if the robot can be used, 1 if something is lost "
         "(with --strict: if there is anything to report), 2 if it can't be loaded.",
-        _add_robot_arguments,
+        add_robot_arguments,
         _check,
     ),
     "view": _Command(
@@ -796,7 +310,7 @@ _COMMANDS: Mapping[str, _Command] = {
         "Draws which controllers read and command which interfaces. "
         "Every system and port of Drake's own diagram is in "
         "build_diagram(robot).GetGraphvizString().",
-        _add_graph_arguments,
+        add_graph_arguments,
         _graph,
     ),
     "replay": _Command(
@@ -830,7 +344,7 @@ _COMMANDS: Mapping[str, _Command] = {
     "cache": _Command(
         "where converted meshes are kept",
         "Prints the folder of converted meshes, and how much is in it.",
-        _add_cache_arguments,
+        add_cache_arguments,
         _cache,
     ),
 }

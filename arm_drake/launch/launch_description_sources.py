@@ -15,6 +15,7 @@ from arm_drake.launch.substitutions import (
     Condition,
     IfCondition,
     LaunchError,
+    PackageNotFoundError,
     UnlessCondition,
     parse_substitution,
 )
@@ -248,6 +249,8 @@ def read_launch_file(path: Path) -> LaunchDescription:
         if path.suffix == ".py":
             return _read_python(path)
         return _read_data(path, path.read_text(encoding="utf-8"))
+    except PackageNotFoundError:
+        raise
     except LaunchError as error:
         if str(path) in str(error):
             raise

@@ -61,6 +61,9 @@ class LaunchedRobot:
     controllers: tuple[Path, ...] = ()
     spawned: Mapping[str, str] = dc.field(default_factory=dict)
 
+    # Values of `$(var NAME)` in parameter files.
+    variables: Mapping[str, str] = dc.field(default_factory=dict)
+
     # What holds the files that were written.
     folder: PlanFolder | None = dc.field(default=None, repr=False, compare=False)
 
@@ -95,6 +98,7 @@ class LaunchedRobot:
             xacro_args=self.xacro_args,
             controllers=files or None,
             package_paths=package_paths,
+            variables=self.variables,
             name=name,
             pose=self.pose,
             initial_positions=initial_positions,

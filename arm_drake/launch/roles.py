@@ -99,10 +99,11 @@ class Roles:
         for record in self._answer["records"]:
             getattr(self, f"_read_{record['kind']}")(record)
         robots = self._parts.find_robots()
+        shared = {"folder": self._folder, "variables": self._answer["values"]}
         for name in self._parts.left_out:
             self._leave_out(name, "controller of a robot that isn't started")
         return {
-            "robots": tuple(dc.replace(r, folder=self._folder) for r in robots),
+            "robots": tuple(dc.replace(robot, **shared) for robot in robots),
             "world": self._world,
             "simulator": self._simulator,
             "models": tuple(self._models),

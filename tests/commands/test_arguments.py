@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from arm_drake.cli import add_page_arguments, make_parser, parse_arguments
+from arm_drake.cli import make_parser, parse_arguments
+from arm_drake.commands.arguments import add_page_arguments
 
 A_B = [("a", "1"), ("b", "2")]
 

@@ -1,0 +1,111 @@
+"""Every real launch file ends as a plan, or says what it needs.
+
+`python -m tests.launch.test_real_launch_files` prints what came out of each.
+"""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import arm_drake as ad
+from arm_drake.cli import main
+from arm_drake.errors import ArmDrakeError
+from tests.launch.test_expected_plans import launch_folder
+
+REPOSITORIES = (
+    "create3_sim",
+    "gazebo_ros2_control",
+    "gz_ros2_control",
+    "mycobot_ros2",
+    "open_manipulator",
+    "robotic_arm_environment",
+    "ros2_control_demos",
+    "ros2_robotiq_gripper",
+    "xarm_ros2",
+)
+
+# What a launch file may lack: arguments, packages and their modules, its own files.
+LACKS = re.compile(
+    r"give it as \w+:=VALUE|launch configuration '\w+' does not exist"
+    r"|package '\w+' not found|it imports '\w+', which isn't there without ROS"
+)
+
+DOOSAN = "robotic_arm_environment/my_doosan_pkg/launch"
+MYCOBOT = "mycobot_ros2/mycobot_gazebo/launch/mycobot_280_arduino_bringup"
+
+
+def launch_files(repository: str) -> Iterator[Path]:
+    for path in sorted((launch_folder() / repository).rglob("*launch.*")):
+        if path.suffix in (".py", ".xml", ".yaml"):
+            yield path
+
+
+@pytest.mark.parametrize("repository", REPOSITORIES)
+def test_all_launch_files_end_as_plans_or_say_what_they_need(repository: str) -> None:
+    plans, errors = [], []
+    for path in launch_files(repository):
+        try:
+            plans.append(ad.load_launch(path))
+        except ArmDrakeError as error:
+            errors.append(str(error))
+
+    assert plans
+    assert [error for error in errors if not LACKS.search(error)] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "file",
+    [
+        f"{DOOSAN}/my_doosan_gazebo.launch.py",
+        f"{DOOSAN}/my_doosan_controller.launch.py",
+        f"{MYCOBOT}_classic_gazebo.launch.py",
+        f"{MYCOBOT}_gazebo.launch.py",
+        f"{MYCOBOT}_ros2_control_classic_gazebo.launch.py",
+        f"{MYCOBOT}_ros2_control_gazebo.launch.py",
+        "robotic_arm_environment/my_environment_pkg/launch/my_environment.launch.py",
+    ],
+)
+def test_the_tutorials_launch_files_run(file: str) -> None:
+    simulation = ad.Simulation(ad.load_launch(launch_folder() / file).build_diagram())
+
+    simulation.run(0.1)
+
+    assert simulation.time == pytest.approx(0.1)
+
+
+@pytest.mark.slow
+def test_the_doosan_moves_by_its_launch_file(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = launch_folder() / DOOSAN / "my_doosan_gazebo_controller.launch.py"
+
+    code = main(["launch", str(path), "--headless", "--motion", "tutorial"])
+
+    assert code == 0
+    assert "joint_trajectory_controller: SUCCEEDED" in capsys.readouterr().out
+
+
+def print_table() -> None:
+    """Print a row for each launch file: what it starts, what isn't run."""
+    for repository in REPOSITORIES:
+        for path in launch_files(repository):
+            try:
+                plan = ad.load_launch(path)
+            except ArmDrakeError as error:
+                print(f"| {path.name} | {str(error).rpartition(': ')[2][:100]} | | |")
+                continue
+            robots = ", ".join(Path(str(r.source)).name for r in plan.robots) or "none"
+            spawned = [
+                f"{name} {state}"
+                for r in plan.robots
+                for name, state in r.spawned.items()
+            ]
+            rest = ", ".join(sorted({each.name for each in plan.not_started}))
+            print(f"| {path.name} | {robots} | {', '.join(spawned)} | {rest} |")
+
+
+if __name__ == "__main__":
+    print_table()
