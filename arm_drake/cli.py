@@ -24,6 +24,7 @@ from arm_drake.commands.arguments import (
     add_sim_arguments,
     add_view_arguments,
     pair,
+    read_initial,
 )
 from arm_drake.commands.process import (
     check_process,
@@ -133,14 +134,7 @@ def load_robot_of(
     with unbroken(), without_collection():  # Drake would make an ImportError of Ctrl-C.
         from arm_drake.loading import load_robot
 
-    initial = dict(positions or {})
-    for name, text in getattr(options, "initial", ()):
-        try:
-            initial[name] = float(text)
-        except ValueError:
-            raise InputError(
-                f"--initial {name}={text}: expected a number [rad or m]"
-            ) from None
+    initial = {**(positions or {}), **read_initial(getattr(options, "initial", ()))}
     return load_robot(
         options.robot,
         controllers=options.controllers,

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from arm_drake.errors import suggest
+from arm_drake.errors import InputError, suggest
 from arm_drake.visualization.plot import PLOT_KINDS
 
 
@@ -40,6 +40,18 @@ def not_negative(text: str) -> float:
     if not 0.0 <= number < float("inf"):
         raise argparse.ArgumentTypeError(f"expected a positive number, got {text!r}")
     return number
+
+
+def read_initial(words: Sequence[tuple[str, str]]) -> dict[str, float]:
+    """Return the positions of `--initial JOINT=VALUE` [rad or m]."""
+    initial = {}
+    for name, text in words:
+        try:
+            initial[name] = float(text)
+        except ValueError:
+            problem = f"--initial {name}={text}: expected a number [rad or m]"
+            raise InputError(problem) from None
+    return initial
 
 
 def words_of(known: Sequence[str]) -> Any:
@@ -173,14 +185,24 @@ def add_launch_arguments(parser: argparse.ArgumentParser) -> None:
         help="take every line of the report as an error",
     )
     add_json(parser)
-    _add_run_arguments(parser)
+    _add_scene_arguments(parser)
     _add_solver_arguments(parser)
     _add_output_arguments(parser)
     _add_shown_arguments(parser)
 
 
-def _add_run_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what happens, and for how long."""
+def _add_shown_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what a page or a recording shows of a simulation."""
+    add = parser.add_argument
+    add("--paused", action="store_true", help="wait for the page's play button")
+    add("--ghost", action="store_true", help="draw the commanded positions, too")
+    add("--trail", metavar="LINK", help="draw the way of a link's origin")
+    add("--contacts", action="store_true", help="draw contact forces")
+    add_page_arguments(parser)
+
+
+def _add_scene_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what happens, where it does, and how it starts."""
     add = parser.add_argument
     several: Any = {"action": "append", "default": []}
     add("--motion", metavar="NAME|FILE", help="what to send to the controllers")
@@ -214,23 +236,6 @@ def _add_run_arguments(parser: argparse.ArgumentParser) -> None:
         **several,
         help="controller not to start; repeatable",
     )
-
-
-def _add_shown_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what a page or a recording shows of a simulation."""
-    add = parser.add_argument
-    add("--paused", action="store_true", help="wait for the page's play button")
-    add("--ghost", action="store_true", help="draw the commanded positions, too")
-    add("--trail", metavar="LINK", help="draw the way of a link's origin")
-    add("--contacts", action="store_true", help="draw contact forces")
-    add_page_arguments(parser)
-
-
-def _add_scene_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what happens, where it does, and how it starts."""
-    _add_run_arguments(parser)
-    add = parser.add_argument
-    several: Any = {"action": "append", "default": []}
     add(
         "--pose",
         metavar=("X", "Y", "Z", "R", "P", "Y"),

@@ -1,13 +1,20 @@
 """The command `arm-drake launch`: what a package's launch file starts, without ROS."""
 
 import argparse
+import dataclasses as dc
 import json
 import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from arm_drake.commands.sim import choose_motion, simulate, simulation_options
+from arm_drake.commands.arguments import read_initial
+from arm_drake.commands.sim import (
+    choose_motion,
+    read_payloads,
+    simulate,
+    simulation_options,
+)
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError
 from arm_drake.launch.launch_files import load_arguments, load_launch, show_arguments
@@ -44,10 +51,31 @@ def run_launch(options: argparse.Namespace) -> int:
     _use_rviz(options, plan)
     if plan.robots and not plan.is_simulated:
         return _view(options, plan)
+    plan, initial = _with_place(options, plan)
     options.paused = options.paused or (plan.is_paused and not options.headless)
-    scene = plan.load_scene(world=options.world, options=simulation_options(options))
+    scene = plan.load_scene(
+        world=options.world,
+        options=simulation_options(options),
+        initial_positions=initial,
+    )
     _say_report(plan)
-    return simulate(options, _with_motion(options, scene))
+    payloads = read_payloads(options.payload)
+    scene = dc.replace(_with_motion(options, scene), payloads=payloads)
+    return simulate(options, scene)
+
+
+def _with_place(
+    options: argparse.Namespace, plan: LaunchPlan
+) -> tuple[LaunchPlan, dict[str, float]]:
+    """Return a plan whose robot starts where the command line says, and its joints."""
+    for word in ("pose", "initial"):
+        if getattr(options, word) and len(plan.robots) != 1:
+            text = f"--{word} is for one robot; it starts {len(plan.robots)}"
+            raise InputError(text, file=plan.file)
+    if options.pose:
+        robot = dc.replace(plan.robots[0], pose=tuple(options.pose))
+        plan = dc.replace(plan, robots=(robot,))
+    return plan, read_initial(options.initial)
 
 
 def _with_motion(options: argparse.Namespace, scene: Scene) -> Scene:
@@ -57,8 +85,7 @@ def _with_motion(options: argparse.Namespace, scene: Scene) -> Scene:
         raise InputError("--motion is for one robot; the launch file starts several")
     (robot,) = scene.robots
     motion = choose_motion(options.motion, options.set, robot)
-    motions = {} if motion is None else {robot.name: motion}
-    return type(scene)(**{**vars(scene), "motions": motions})
+    return dc.replace(scene, motions={} if motion is None else {robot.name: motion})
 
 
 def _say_report(plan: LaunchPlan) -> None:

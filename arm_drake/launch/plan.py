@@ -1,7 +1,7 @@
 """Plans of launch files: robots, controllers, worlds, as a diagram is built of them."""
 
 import dataclasses as dc
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -98,12 +98,14 @@ class LaunchPlan:
         *,
         world: str | Path | None = None,
         options: SimulationOptions | None = None,
+        initial_positions: Mapping[str, float] | None = None,
     ) -> Scene:
         """Load the robots, and return them with their world.
 
         Args:
             world: Another world than that of the launch file.
             options: How to simulate; which controllers run is added to it.
+            initial_positions: Initial positions by joint, of a single robot [rad or m].
 
         Raises:
             InputError: If the file starts no robot, or one can't be loaded.
@@ -119,7 +121,11 @@ class LaunchPlan:
         active, inactive = list(options.active), list(options.inactive)
         for launched, name in zip(self.robots, names, strict=True):
             robot = launched.load(
-                name, [*self.package_paths], self.bridge_files, self.report
+                name,
+                self.package_paths,
+                self.bridge_files,
+                self.report,
+                initial_positions=initial_positions,
             )
             robots.append(robot)
             prefix = f"{robot.name}/" if several else ""

@@ -7,6 +7,7 @@ import pytest
 import yaml
 
 import arm_drake as ad
+from arm_drake.cli import main
 from arm_drake.errors import InputError, PackageError
 from arm_drake.launch.launch_files import load_arguments, show_arguments
 from tests.launch.packages import describe, make_package, write_launch
@@ -570,3 +571,31 @@ def test_a_file_without_a_robot_is_told_so(package: Path) -> None:
 
     with pytest.raises(InputError, match="it starts no robot; it starts own/node"):
         ad.load_launch(path).build_diagram()
+
+
+def test_the_command_line_says_where_one_robot_starts(
+    package: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    path = describe(package, "publisher(), manager(), spawner('forward'),")
+    log = tmp_path / "log.npz"
+    words = ["launch", str(path), "--headless", "--duration", "0.1", "--log", str(log)]
+
+    code = main([*words, "--initial", "swing=0.5", "--pose", *"000000"])
+
+    assert code == 0
+    assert ad.Rollout.load(log).position[0] == pytest.approx([0.5])
+    assert main([*words, "--initial", "swing=up"]) == 2
+    assert "--initial swing=up: expected a number" in capsys.readouterr().err
+
+
+def test_a_place_for_one_of_two_robots_is_refused(
+    package: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = describe(
+        package,
+        "*[GroupAction([PushRosNamespace(side), publisher(XACRO), manager()])"
+        " for side in 'ab'],",
+    )
+
+    assert main(["launch", str(path), "--headless", "--initial", "swing=1"]) == 2
+    assert "--initial is for one robot; it starts 2" in capsys.readouterr().err
