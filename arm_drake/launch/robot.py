@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from arm_drake.description.elements import parse_xml
+from arm_drake.description.entry import text_of
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Pose, Robot
@@ -19,6 +20,8 @@ from arm_drake.errors import PackageError, suggest
 from arm_drake.loading import load_robot
 
 _GROUND = "model://ground_plane"
+
+_VARIABLE = re.compile(r"\$\(var\s+(\w+)\s*\)")
 
 # Where a simulator's plugin names its controllers YAML.
 _PARAMETERS_TAG = re.compile(r"<parameters>\s*([^<]+?)\s*</parameters>")
@@ -98,11 +101,17 @@ class LaunchedRobot:
             xacro_args=self.xacro_args,
             controllers=files or None,
             package_paths=package_paths,
-            variables=self.variables,
+            variables=self._variables_in(files),
             name=name,
             pose=self.pose,
             initial_positions=initial_positions,
         )
+
+    def _variables_in(self, files: Sequence[Path]) -> dict[str, str]:
+        """Return the values of what `$(var NAME)` asks for in some files."""
+        texts = [text_of(file) for file in files]
+        asked = {name for text in texts for name in _VARIABLE.findall(text)}
+        return {k: v for k, v in self.variables.items() if k in asked}
 
     def _files(self, package_paths: Sequence[Path], report: LoadReport) -> list[Path]:
         """Return the controllers YAML, with those that a simulator's plugin names."""

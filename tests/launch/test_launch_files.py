@@ -599,3 +599,22 @@ def test_a_place_for_one_of_two_robots_is_refused(
 
     assert main(["launch", str(path), "--headless", "--initial", "swing=1"]) == 2
     assert "--initial is for one robot; it starts 2" in capsys.readouterr().err
+
+
+def test_variables_of_parameter_files_are_launch_configurations(package: Path) -> None:
+    file = package / "config" / "controllers.yaml"
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace("[swing]", '["$(var joint)"]'), encoding="utf-8")
+    path = describe(
+        package,
+        """
+        SetLaunchConfiguration("joint", "swing"), SetLaunchConfiguration("other", "x"),
+        publisher(), manager(), spawner("forward"),
+        """,
+    )
+
+    (robot,) = ad.load_launch(path).load_scene().robots
+
+    assert "other" not in str(robot.report)
+    (forward,) = (c for c in robot.controllers.controllers if c.name == "forward")
+    assert forward.parameters["joints"].value == ["swing"]
