@@ -24,6 +24,7 @@ from arm_drake.commands.arguments import (
     add_sim_arguments,
     add_view_arguments,
     pair,
+    read_frames,
     read_initial,
 )
 from arm_drake.commands.process import (
@@ -147,6 +148,8 @@ def load_robot_of(
         initial_positions=initial,
         decompose=options.decompose,
         max_faces=getattr(options, "max_faces", None),
+        frames=read_frames(options.add_frame),
+        srdf=options.srdf,
     )
 
 

@@ -31,7 +31,12 @@ from arm_drake.description.report import LoadReport, find_place
 from arm_drake.description.robot import Pose, Robot
 from arm_drake.description.sensors import add_contact_sensors, find_sensors
 from arm_drake.description.source_files import find_source_files
-from arm_drake.description.urdf import RobotDescription, parse_urdf
+from arm_drake.description.urdf import (
+    Frames,
+    RobotDescription,
+    add_frames,
+    parse_urdf,
+)
 from arm_drake.description.xacro import expand_xacro, read_sources
 from arm_drake.errors import InputError, suggest
 from arm_drake.hardware.drives import check_model
@@ -83,6 +88,8 @@ def load_robot(
     decompose: bool = False,
     max_faces: int | None = None,
     controller_types: Mapping[str, ControllerType] | None = None,
+    frames: Frames | None = None,
+    srdf: Source | Sequence[Source] | None = None,
 ) -> Robot:
     """Load a robot from its description and its controllers YAML.
 
@@ -112,6 +119,11 @@ def load_robot(
             `decimate`. By default meshes are drawn as they are.
         controller_types: Controller types of this robot alone, by the names that its
             YAML calls them; they come before all others.
+        frames: Frames fixed to links, such as the point of a tool, by name: the link,
+            and x, y, z [m], roll, pitch, yaw [rad] in it. Each is a link without mass.
+        srdf: SRDF files of MoveIt for this robot, with the `joint_limits.yaml` beside
+            them. By default those with its name in its package and in the
+            `moveit_config` packages around it.
 
     Raises:
         MissingExtraError: If an extra is needed that isn't installed.
@@ -119,13 +131,29 @@ def load_robot(
             was not taken as written.
     """
     given = {k: v for k, v in locals().items() if k != "controller_types"}
-    loading = _start(source, package_paths, distro, name, controller_types)
-    description = _read_description(loading, xacro_args, decompose, max_faces)
-    bridges, config = _read_controllers(loading, description, controllers, variables)
+    return _load(given, controller_types)
+
+
+def _load(
+    given: Mapping[str, Any], controller_types: Mapping[str, ControllerType] | None
+) -> Robot:
+    """Load what `load_robot` is given, stage by stage."""
+    loading = _start(
+        *(given[key] for key in ("source", "package_paths", "distro", "name")),
+        controller_types,
+    )
+    description = _read_description(
+        loading,
+        *(given[key] for key in ("xacro_args", "decompose", "max_faces")),
+        given["frames"] or {},
+    )
+    bridges, config = _read_controllers(
+        loading, description, given["controllers"], given["variables"]
+    )
     description, config = _complete(loading, description, config)
     robot = _make_robot(loading, description, config, bridges, given)
     _try(loading, robot)
-    if strict and len(robot.report):
+    if given["strict"] and len(robot.report):
         raise InputError(f"not everything was taken as written:\n{robot.report}")
     return robot
 
@@ -184,6 +212,7 @@ def _read_description(
     xacro_args: Mapping[str, str] | None,
     decompose: bool,
     max_faces: int | None,
+    frames: Frames,
 ) -> RobotDescription:
     """Return the robot that the entry file describes."""
     entry, packages, report = loading.entry, loading.packages, loading.report
@@ -192,6 +221,8 @@ def _read_description(
         text = expand_xacro(entry, arguments, packages, report, files=loading.files)
     else:
         check_text(text, arguments, entry)
+    if frames:
+        text = add_frames(text, frames, entry)
     return parse_urdf(
         text, entry, packages, report, decompose=decompose, max_faces=max_faces
     )
@@ -274,6 +305,7 @@ def _make_robot(
         topic_aliases=load_bridges(bridges, report),
         controller_types=loading.types,
         load_options=given,
+        srdf_files=_check_srdf(given["srdf"]),
     )
 
 
@@ -331,6 +363,16 @@ def _check_distro(distro: str, report: LoadReport) -> str:
             f"parameters and defaults are its own, behaviour is {_MODELLED_DISTRO}'s",
         )
     return known
+
+
+def _check_srdf(given: Source | Sequence[Source] | None) -> tuple[Path, ...] | None:
+    if given is None:
+        return None
+    files = [given] if isinstance(given, str | os.PathLike) else given
+    for file in map(Path, files):
+        if not file.is_file():
+            raise InputError("no such SRDF file", file=file)
+    return tuple(map(Path, files))
 
 
 def _existing_folder(path: Source) -> Path:

@@ -162,6 +162,11 @@ class Scene:
             if key in _FILES:
                 several = [value] if isinstance(value, str | os.PathLike) else value
                 value = [_name_file(name, folder) for name in several]
+            elif key == "frames":
+                value = {
+                    k: {"parent": parent, "pose": list(map(float, pose))}
+                    for k, (parent, pose) in value.items()
+                }
             elif isinstance(value, Mapping):
                 value = {
                     k: float(v) if key == "initial" else str(v)
@@ -517,10 +522,23 @@ def _count(value: _Value) -> int:
     return count
 
 
+def _frames(value: _Value) -> dict[str, tuple[str, Pose]]:
+    """Return frames fixed to links by name, each its parent and its pose in it."""
+    frames = {}
+    for name, each in value.mapping().items():
+        fields = each.mapping(("parent", "pose"))
+        if "parent" not in fields:
+            raise each.error("expected parent: a link")
+        pose = fields["pose"].pose() if "pose" in fields else (0.0,) * 6
+        frames[name] = fields["parent"].text(), pose
+    return frames
+
+
 # What `load_robot` takes besides the robot, by its key.
 _FILES: Mapping[str, Callable[[_Value], Any]] = {
     "controllers": _paths,
     "package_paths": _paths,
+    "srdf": _paths,
 }
 _LOAD_OPTIONS: Mapping[str, Callable[[_Value], Any]] = {
     **_FILES,
@@ -532,6 +550,7 @@ _LOAD_OPTIONS: Mapping[str, Callable[[_Value], Any]] = {
     "distro": _Value.text,
     "decompose": _flag,
     "max_faces": _count,
+    "frames": _frames,
 }
 _ROBOT_KEYS = ("robot", *_LOAD_OPTIONS, "payload", "motion", "motion_parameters")
 

@@ -832,3 +832,29 @@ def test_a_robot_that_was_on_trial_can_be_pickled():
 
     assert again.description == robot.description
     assert ad.build_diagram(again).num_output_ports()
+
+
+def test_a_frame_is_where_its_link_has_it(tmp_path):
+    turned = ("a", (0.1, 0, 0, 0, 0, math.pi / 2))
+    frames = {"tool": turned, 'tip "of" it': ("tool", (0.2, 0, 0, 0, 0, 0))}
+    robot = load(tmp_path, ARM.format(more=""), frames=frames)
+
+    pose = robot.forward_kinematics({"j": math.pi / 2}, 'tip "of" it')
+
+    # The joint turns x to -z; the tool's x is the link's y.
+    assert pose.translation() == pytest.approx([0, 0.2, -0.1], abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("frames", "message"),
+    [
+        ({"tool": ("b", (0,) * 6)}, "frame 'tool': no link 'b'; known: a, world"),
+        ({"a": ("world", (0,) * 6)}, "frame 'a': a link is called so"),
+        ({"": ("a", (0,) * 6)}, "frame '': expected a name"),
+        ({"tool": ("a", (0, 0, 1))}, "expected x, y, z .* got .0, 0, 1"),
+        ({"tool": ("a", (0, 0, math.nan, 0, 0, 0))}, "expected x, y, z .*nan"),
+    ],
+)
+def test_a_frame_that_can_not_be_is_refused(tmp_path, frames, message):
+    with pytest.raises(ArmDrakeError, match=message):
+        load(tmp_path, ARM.format(more=""), frames=frames)

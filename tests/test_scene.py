@@ -27,6 +27,7 @@ robots:
 - robot: ./ball.urdf
   name: two
   payload: {ball: {mass: 2.0, com: [0, 0, 0.1]}}
+  frames: {top: {parent: ball, pose: [0, 0, 0.1]}}
 world: empty
 things:
 - {name: cube, box: [0.05, 0.05, 0.05], mass: 0.1, color: red, pose: [2, 0, 0.2]}

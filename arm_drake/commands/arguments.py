@@ -54,6 +54,24 @@ def read_initial(words: Sequence[tuple[str, str]]) -> dict[str, float]:
     return initial
 
 
+def read_frames(
+    words: Sequence[tuple[str, str]],
+) -> dict[str, tuple[str, tuple[float, ...]]]:
+    """Return the frames of `--add-frame NAME=LINK,X,Y,Z[,R,P,Y]` [m, rad]."""
+    frames = {}
+    for name, text in words:
+        link, *rest = text.split(",")
+        try:
+            numbers = tuple(float(number) for number in rest)
+        except ValueError:
+            numbers = ()
+        if len(numbers) not in (3, 6):
+            problem = f"--add-frame {name}={text}: expected a link and where it is in "
+            raise InputError(f"{problem}it [m, rad]: link6,0,0,0.1 or with angles")
+        frames[name] = (link, (*numbers, 0.0, 0.0, 0.0)[:6])
+    return frames
+
+
 def words_of(known: Sequence[str]) -> Any:
     """Return what parses words of a list, with commas between them."""
 
@@ -357,7 +375,14 @@ def add_replay_arguments(parser: argparse.ArgumentParser) -> None:
     add_server_arguments(parser)
     # What a robot is loaded with besides, and files that this command doesn't write.
     parser.set_defaults(
-        controllers=None, var=[], distro="jazzy", decompose=False, log=None, json=False
+        controllers=None,
+        var=[],
+        distro="jazzy",
+        decompose=False,
+        log=None,
+        json=False,
+        add_frame=[],
+        srdf=None,
     )
 
 
@@ -459,13 +484,15 @@ def add_cache_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_robot_arguments(parser: argparse.ArgumentParser) -> None:
     """Add which robot to load, and how."""
-    parser.add_argument(
+    add = parser.add_argument
+    several: Any = {"action": "append", "default": []}
+    add(
         "robot",
         metavar="ROBOT",
         help="a bundled robot, a .urdf or .xacro file, a folder; for sim and view a "
         "scene, too: a .yaml file",
     )
-    parser.add_argument(
+    add(
         "xacro_args",
         metavar="NAME:=VALUE",
         nargs="*",
@@ -473,39 +500,27 @@ def add_robot_arguments(parser: argparse.ArgumentParser) -> None:
         type=pair(XACRO),
         help="xacro arguments",
     )
-    parser.add_argument(
+    add(
         "--controllers",
         metavar="YAML",
         action="append",
         help="controllers YAML; repeatable",
     )
-    parser.add_argument(
-        "--package-path",
-        metavar="DIR",
-        action="append",
-        default=[],
-        help="folder to search for packages; repeatable",
-    )
-    parser.add_argument(
-        "--var",
-        metavar="NAME=VALUE",
-        action="append",
-        default=[],
-        type=pair("="),
-        help="value of $(var NAME) in the YAML; repeatable",
-    )
-    parser.add_argument(
-        "--decompose",
-        action="store_true",
-        help="collide with several convex parts of a mesh, not with its convex hull",
-    )
-    parser.add_argument("--distro", default="jazzy", help="ROS distribution (jazzy)")
-    parser.add_argument("--name", help="name of the robot")
-    parser.add_argument(
-        "--strict",
-        action="store_true",
-        help="take every line of the report as an error",
-    )
+    text = "folder to search for packages; repeatable"
+    add("--package-path", metavar="DIR", **several, help=text)
+    text = "value of $(var NAME) in the YAML; repeatable"
+    add("--var", metavar="NAME=VALUE", **several, type=pair("="), help=text)
+    text = "collide with several convex parts of a mesh, not with its convex hull"
+    add("--decompose", action="store_true", help=text)
+    text = "frame fixed to a link [m, rad], such as the point of a tool; repeatable"
+    metavar = "NAME=LINK,X,Y,Z[,R,P,Y]"
+    add("--add-frame", metavar=metavar, **several, type=pair("="), help=text)
+    text = "SRDF of MoveIt (those with the robot's name around it); repeatable"
+    add("--srdf", metavar="FILE", action="append", help=text)
+    add("--distro", default="jazzy", help="ROS distribution (jazzy)")
+    add("--name", help="name of the robot")
+    text = "take every line of the report as an error"
+    add("--strict", action="store_true", help=text)
     add_json(parser)
 
 

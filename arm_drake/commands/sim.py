@@ -121,6 +121,8 @@ _OF_SCENES = (
     "name",
     "decompose",
     "max_faces",
+    "add_frame",
+    "srdf",
     "pose",
     "initial",
     "payload",

@@ -126,6 +126,9 @@ class Robot:
     # Each ControllerType of this robot alone, by its ros2_control name.
     controller_types: Mapping[str, Any] = dc.field(default_factory=dict)
 
+    # SRDF files of MoveIt that are for it; None for those around the description.
+    srdf_files: tuple[Path, ...] | None = None
+
     # Arguments of `load_robot` that made it, but for types of controllers.
     load_options: Mapping[str, Any] = dc.field(default_factory=dict)
 

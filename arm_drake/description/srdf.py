@@ -144,15 +144,16 @@ def find_srdf_files(robot: Robot) -> tuple[Path, ...]:
 
 def _roots(robot: Robot, report: LoadReport) -> Iterator[tuple[Path, ET.Element]]:
     """Yield the files that are for a robot, and their roots."""
-    description = robot.description
-    for path in _files(description.file, robot.package_paths):
+    description, named = robot.description, robot.srdf_files
+    files = _files(description.file, robot.package_paths) if named is None else named
+    for path in files:
         try:
             root = ET.parse(path).getroot()  # noqa: S314  no external entities.
         except (OSError, ET.ParseError, ValueError) as error:
             what = f"the SRDF can't be read ({' '.join(str(error).split())})"
             report.add("warning", "invalid", what, "it has no effect", file=path)
             continue
-        if root.get("name") == description.name:
+        if named is not None or root.get("name") == description.name:
             yield path, root
 
 

@@ -11,6 +11,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
+from xml.sax.saxutils import quoteattr
 
 from arm_drake.description.elements import ElementReader, parse_float, parse_xml
 from arm_drake.description.gazebo import (
@@ -47,7 +48,7 @@ from arm_drake.description.ros2_control import (
     read_hardware,
     report_hardware,
 )
-from arm_drake.errors import DescriptionError
+from arm_drake.errors import DescriptionError, InputError, suggest
 
 # Shapes of a kind that one link may have.
 _MOST_SHAPES = 1000
@@ -148,6 +149,47 @@ class RobotDescription:
     def joint(self, name: str) -> JointInfo:
         """Return the joint of this name; KeyError if there is none."""
         return {joint.name: joint for joint in self.joints}[name]
+
+
+# Frames fixed to links, by name: the link, and x, y, z [m], roll, pitch, yaw [rad].
+Frames = Mapping[str, tuple[str, Sequence[float]]]
+
+
+def add_frames(text: str, frames: Frames, file: Path) -> str:
+    """Return a URDF text with links without mass, each fixed to another.
+
+    Raises:
+        InputError: If a frame's link isn't there, its name is taken, or its pose wrong.
+    """
+    root = parse_xml(text, file)
+    links = [link.get("name", "") for link in root.iterfind("link")]
+    joints = {joint.get("name", "") for joint in root.iterfind("joint")}
+    added = ""
+    for name, (parent, pose) in frames.items():
+        where = f"frame {name!r}"
+        if not name or name in links:
+            problem = "a link is called so" if name else "expected a name"
+            raise InputError(problem, file=file, where=where)
+        if parent not in links:
+            problem = f"no link {parent!r}; {suggest(parent, links)}"
+            raise InputError(problem, file=file, where=where)
+        numbers = [float(number) for number in pose]
+        if len(numbers) != 6 or not all(map(math.isfinite, numbers)):
+            problem = f"expected x, y, z [m], roll, pitch, yaw [rad], got {list(pose)}"
+            raise InputError(problem, file=file, where=where)
+        joint = f"{name}_fixed_joint"
+        while joint in joints:
+            joint += "_"
+        xyz, rpy = (" ".join(map(str, part)) for part in (numbers[:3], numbers[3:]))
+        added += (
+            f"<link name={quoteattr(name)}/>"
+            f'<joint name={quoteattr(joint)} type="fixed">'
+            f"<parent link={quoteattr(parent)}/><child link={quoteattr(name)}/>"
+            f'<origin xyz="{xyz}" rpy="{rpy}"/></joint>'
+        )
+        links.append(name)
+    before, end, after = text.rpartition("</robot>")
+    return before + added + end + after if end else text
 
 
 def parse_urdf(

@@ -12,6 +12,7 @@ from arm_drake.description.srdf import (
     find_group_states,
     find_srdf_files,
 )
+from arm_drake.errors import ArmDrakeError
 from arm_drake.plant.joint_ranges import find_gripper_ranges
 from tests import models
 
@@ -147,6 +148,19 @@ def test_states_of_another_robot_are_left_out(robot, tmp_path):
 
     assert find_group_states(robot)[0].positions["one"] == 0.1
     assert find_srdf_files(robot) == (mine,)
+
+
+def test_files_that_are_named_are_taken_in_place_of_those_around(robot, tmp_path):
+    write(tmp_path / "arm/srdf/arm.srdf", STATES.format(name="overlapping"))
+    other = tmp_path / "other.srdf"
+    write(other, STATES.format(name="another").replace("0.1", "0.7"))
+
+    chosen = ad.load_robot(robot.description.file, srdf=other)
+
+    assert find_group_states(chosen)[0].positions["one"] == 0.7
+    assert find_srdf_files(chosen) == (other,)
+    with pytest.raises(ArmDrakeError, match=r"none\.srdf: no such SRDF file"):
+        ad.load_robot(robot.description.file, srdf=[tmp_path / "none.srdf"])
 
 
 def test_states_called_open_and_closed_are_those_of_the_gripper(tmp_path, monkeypatch):
