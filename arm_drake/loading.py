@@ -138,15 +138,9 @@ def _load(
     given: Mapping[str, Any], controller_types: Mapping[str, ControllerType] | None
 ) -> Robot:
     """Load what `load_robot` is given, stage by stage."""
-    loading = _start(
-        *(given[key] for key in ("source", "package_paths", "distro", "name")),
-        controller_types,
-    )
-    description = _read_description(
-        loading,
-        *(given[key] for key in ("xacro_args", "decompose", "max_faces")),
-        given["frames"] or {},
-    )
+    folders, distro, name = given["package_paths"], given["distro"], given["name"]
+    loading = _start(given["source"], folders, distro, name, controller_types)
+    description = _read_description(loading, given)
     bridges, config = _read_controllers(
         loading, description, given["controllers"], given["variables"]
     )
@@ -207,24 +201,23 @@ def _start(
     )
 
 
-def _read_description(
-    loading: _Loading,
-    xacro_args: Mapping[str, str] | None,
-    decompose: bool,
-    max_faces: int | None,
-    frames: Frames,
-) -> RobotDescription:
-    """Return the robot that the entry file describes."""
+def _read_description(loading: _Loading, given: Mapping[str, Any]) -> RobotDescription:
+    """Return the robot that the entry file describes; `given` to load_robot."""
     entry, packages, report = loading.entry, loading.packages, loading.report
-    arguments, text = dict(xacro_args or {}), loading.text
+    arguments, text = dict(given["xacro_args"] or {}), loading.text
     if text is None:
         text = expand_xacro(entry, arguments, packages, report, files=loading.files)
     else:
         check_text(text, arguments, entry)
-    if frames:
-        text = add_frames(text, frames, entry)
+    if given["frames"]:
+        text = add_frames(text, given["frames"], entry)
     return parse_urdf(
-        text, entry, packages, report, decompose=decompose, max_faces=max_faces
+        text,
+        entry,
+        packages,
+        report,
+        decompose=given["decompose"],
+        max_faces=given["max_faces"],
     )
 
 
