@@ -194,6 +194,7 @@ def to_json(plan: LaunchPlan) -> dict[str, Any]:
                 "controllers": dict(robot.spawned),
                 "pose": None if robot.pose is None else list(robot.pose),
                 "simulator": robot.simulator,
+                "srdf": None if robot.srdf is None else str(robot.srdf),
             }
             for robot in plan.robots
         ],

@@ -224,6 +224,7 @@ class LaunchedRobot:
         ]
         lines += [f"  parameters: {path}" for path in self.controllers]
         lines += [f"  controller {name}: {s}" for name, s in self.spawned.items()]
+        lines += [f"  planning groups: {self.srdf}"] if self.srdf else []
         return lines
 
 
