@@ -27,6 +27,14 @@ from arm_drake.controllers.cycles import UpdateContext as UpdateContext
 from arm_drake.description.report import LoadReport as LoadReport
 from arm_drake.description.robot import Robot as Robot
 from arm_drake.diagram import build_diagram as build_diagram
+from arm_drake.environments.environment import (
+    Environment as Environment,
+    Evaluation as Evaluation,
+    ReachTask as ReachTask,
+    Task as Task,
+    TaskShape as TaskShape,
+    make_env as make_env,
+)
 from arm_drake.errors import (
     ArmDrakeError as ArmDrakeError,
     ParameterError as ParameterError,

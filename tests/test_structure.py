@@ -30,6 +30,7 @@ PACKAGES = [
     "simulation",
     "visualization",
     "batch",
+    "environments",
     "launch",
     "commands",
 ]

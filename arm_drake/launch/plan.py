@@ -115,9 +115,9 @@ class LaunchPlan:
             InputError: If the file starts no robot, or one can't be loaded.
         """
         if not self.robots:
-            names = {each.name for each in self.not_started}
-            names |= {"MoveIt's move_group"} if self.has_move_group else set()
-            others = ", ".join(sorted(names))
+            other = {each.name for each in self.not_started}
+            other |= {"MoveIt's move_group"} if self.has_move_group else set()
+            others = ", ".join(sorted(other))
             text = f"it starts no robot; it starts {others or 'nothing'}"
             raise InputError(text, file=self.file)
         options = options or SimulationOptions()

@@ -1,0 +1,220 @@
+"""Environments: what Gymnasium asks of one, and what can be learnt in it."""
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
+from pydrake.math import RigidTransform
+
+import arm_drake as ad
+from arm_drake.errors import InputError
+from tests import models
+from tests.snippets import read_blocks
+
+REACH = "arm_drake.environments:ArmDrake/Reach-v0"
+
+# Bent, for a stretched arm can't move along itself.
+BENT = {"joint2": 0.2, "joint3": 1.5, "joint5": 1.4}
+
+
+class Swing(ad.Task):
+    """The joint comes to an angle; a task as a user writes it."""
+
+    time_limit = 0.5
+
+    def bounds(self, environment: ad.Environment) -> Any:
+        return -np.ones(1), np.ones(1)
+
+    def reset(
+        self, environment: ad.Environment, generator: np.random.Generator
+    ) -> None:
+        self.angle = generator.uniform(-1.0, 1.0)
+
+    def observe(self, environment: ad.Environment) -> Any:
+        return np.array([self.angle])
+
+    def evaluate(self, environment: ad.Environment) -> ad.Evaluation:
+        position = environment.simulation.joint_states().position[0]
+        return ad.Evaluation(-abs(position - self.angle))
+
+
+def swing(tmp_path: Any, kind: str, interface: str, **options: Any) -> ad.Environment:
+    limit = 'lower="-3" upper="3" effort="100" velocity="5"'
+    control = models.ros2_control("swing", command=interface)
+    urdf = models.pendulum(limit=limit, control=control)
+    controllers = f"""
+controller_manager: {{ros__parameters: {{update_rate: 100, forward: {{type: {kind}}}}}}}
+forward: {{ros__parameters: {{joints: [swing]}}}}"""
+    robot = models.load(tmp_path, urdf, controllers)
+    return ad.make_env(robot, task=Swing(), **options)
+
+
+@pytest.mark.slow
+def test_it_is_what_gymnasium_asks_for() -> None:
+    environment = gymnasium.make(REACH, robot="doosan_a0912").unwrapped
+
+    check_env(environment)
+
+    space = environment.observation_space
+    assert space.shape == (18,)
+    assert np.isfinite([space.low, space.high]).all()
+
+
+@pytest.mark.slow
+def test_the_same_seed_gives_the_same_bits_alone_and_among_others() -> None:
+    def make() -> gymnasium.Env:
+        return gymnasium.make(REACH, robot="doosan_a0912")
+
+    actions = np.random.default_rng(1).uniform(-1, 1, (10, 6))
+
+    def run(environment: Any, several: int | None = None) -> list[Any]:
+        seen = [environment.reset(seed=7)[0]]
+        for action in actions:
+            given = action if several is None else np.tile(action, (several, 1))
+            seen.append(environment.step(given)[0])
+        environment.close()
+        return seen if several is None else [each[0] for each in seen]
+
+    alone = run(make())
+
+    assert np.array_equal(alone, run(make()))
+    assert np.array_equal(alone, run(SyncVectorEnv([make, make]), 2))
+    context = "spawn" if sys.platform == "darwin" else None
+    assert np.array_equal(alone, run(AsyncVectorEnv([make, make], context=context), 2))
+
+
+@pytest.mark.slow
+def test_the_sphere_is_where_the_picture_shows_it() -> None:
+    environment = ad.make_env("doosan_a0912", render_mode="rgb_array")
+    colors = []
+    for seed in (1, 2):
+        environment.reset(seed=seed)
+        picture = environment.render().astype(int)
+        is_green = (picture[..., 1] > 1.5 * picture[..., 0]) & (picture[..., 1] > 60)
+        colors.append(np.argwhere(is_green).mean(axis=0))
+
+    assert picture.shape == (480, 640, 3)
+    assert np.isfinite(colors).all()
+    # It went somewhere else, and is one.
+    assert np.linalg.norm(colors[0] - colors[1]) > 10
+
+
+@pytest.mark.parametrize(
+    ("interface", "kind", "expected"),
+    [
+        # After 0.5 s of an action of 0.5, of a limit of 5 rad/s.
+        ("position", "position_controllers/JointGroupPositionController", 1.25),
+        ("velocity", "velocity_controllers/JointGroupVelocityController", 1.25),
+    ],
+)
+def test_an_action_is_a_share_of_the_limit(
+    tmp_path: Any, interface: str, kind: str, expected: float
+) -> None:
+    environment = swing(tmp_path, kind, interface)
+    environment.reset(seed=0)
+
+    for _ in range(10):
+        _, _, is_terminated, is_truncated, _ = environment.step(np.array([0.5]))
+
+    assert (is_terminated, is_truncated) == (False, True)
+    for _ in range(10):  # It comes to rest there.
+        environment.step(np.zeros(1))
+    position = environment.simulation.joint_states().position[0]
+    assert position == pytest.approx(expected, abs=0.01)
+
+
+def test_what_can_not_be_is_refused(tmp_path: Any) -> None:
+    kind = "position_controllers/JointGroupPositionController"
+    with pytest.raises(InputError, match="controller 'foward' isn't there; did you"):
+        swing(tmp_path, kind, "position", controller="foward")
+    with pytest.raises(InputError, match="unknown render_mode 'rgb'; "):
+        swing(tmp_path, kind, "position", render_mode="rgb")
+    with pytest.raises(InputError, match="no controller takes trajectories"):
+        swing(tmp_path, "joint_state_broadcaster/JointStateBroadcaster", "position")
+    environment = swing(tmp_path, kind, "position")
+    environment.reset()
+    with pytest.raises(InputError, match=r"action: expected \(1,\) finite numbers"):
+        environment.step(np.array([np.nan]))
+    with pytest.raises(InputError, match="no link 'hand'; known"):
+        ad.make_env(environment.robot, task=ad.ReachTask(frame="hand"))
+    with pytest.raises(InputError, match="expected a radius"):
+        ad.ReachTask(radius=0.0)
+    with pytest.raises(InputError, match="region: expected least and largest"):
+        ad.ReachTask(region=((1.0, 0.0, 0.0), (0.0, 1.0, 1.0)))
+
+
+def test_goals_of_a_region_lie_in_it() -> None:
+    task = ad.ReachTask(region=((0.4, 0.0, 0.3), (0.5, 0.1, 0.4)))
+    environment = ad.make_env("doosan_a0912", task=task)
+
+    goals = []
+    for seed in range(20):
+        environment.reset(seed=seed)
+        goals.append(task.goal)
+
+    assert np.all(np.min(goals, axis=0) >= [0.4, 0.0, 0.3])
+    assert np.all(np.max(goals, axis=0) <= [0.5, 0.1, 0.4])
+    assert len(np.unique(goals, axis=0)) == 20
+    assert isinstance(environment.link_pose("link6"), RigidTransform)
+
+
+@pytest.mark.slow
+def test_the_programs_of_the_page_run(capsys: pytest.CaptureFixture[str]) -> None:
+    page = Path(__file__).parents[2] / "docs" / "environments.md"
+    names: dict[str, Any] = {}
+
+    for block in read_blocks(page):
+        if block.language == "python":
+            exec(compile(block.text, str(page), "exec"), names)  # noqa: S102
+
+    assert float(capsys.readouterr().out) == names["info"]["distance"]
+    _, info = names["env"].reset(seed=0)
+    assert info == {"is_success": True}  # It begins upright.
+
+
+@pytest.mark.slow
+def test_a_linear_policy_learns_to_reach_the_sphere() -> None:
+    """The cross-entropy method finds 24 numbers: from the way there to the joints."""
+    task = ad.ReachTask(region=((0.45, -0.3, 0.3), (0.8, 0.3, 0.75)), time_limit=2.5)
+    environment = ad.make_env(
+        "doosan_a0912", task=task, period=0.1, initial_positions=BENT
+    )
+
+    def run(weights: Any, seed: int) -> tuple[float, bool]:
+        seen, _ = environment.reset(seed=seed)
+        total = 0.0
+        while True:
+            action = np.tanh(weights @ np.append(seen[12:15], 0.1))
+            seen, reward, is_terminated, is_truncated, info = environment.step(action)
+            total += float(reward)
+            if is_terminated or is_truncated:
+                return total, info["is_success"]
+
+    generator = np.random.default_rng(1)
+    mean, spread = np.zeros((6, 4)), np.full((6, 4), 3.0)
+    for round_ in range(11):
+        tried = mean + spread * generator.normal(size=(30, 6, 4))
+        seeds = [int(s) for s in generator.integers(1_000_000, size=3)]
+        totals = [np.mean([run(each, s)[0] for s in seeds]) for each in tried]
+        best = tried[np.argsort(totals)[-6:]]
+        mean = 0.3 * mean + 0.7 * best.mean(axis=0) if round_ else best.mean(axis=0)
+        spread = best.std(axis=0) + 0.5 * 0.8**round_
+
+    successes = [run(mean, 1_000_000 + trial)[1] for trial in range(200)]
+
+    assert np.mean(successes) > 0.9
+    # It is learnt: without, the arm stays where it is.
+    assert not any(run(np.zeros((6, 4)), seed)[1] for seed in range(5))
+
+
+def test_nothing_of_it_is_imported_by_who_does_not_learn() -> None:
+    code = "import arm_drake as ad, sys; ad.load_robot; ad.Simulation; "
+    code += "assert 'gymnasium' not in sys.modules"
+
+    subprocess.run([sys.executable, "-c", code], check=True)
