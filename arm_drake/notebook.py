@@ -27,9 +27,9 @@ from arm_drake.errors import InputError
 from arm_drake.loading import load_robot
 from arm_drake.options import SimulationOptions
 from arm_drake.output_files import writing
+from arm_drake.simulation.motion import default_duration
 from arm_drake.simulation.motion_files import (
     MotionSource,
-    default_duration,
     find_motion,
 )
 from arm_drake.simulation.simulation import Simulation
