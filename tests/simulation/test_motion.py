@@ -31,6 +31,7 @@ from arm_drake.simulation.motion import (
     CarriedPayloads,
     Motion,
     MotionStep,
+    PlanTo,
     TopicMessage,
 )
 from arm_drake.simulation.motion_files import load_motion, parse_motion
@@ -328,6 +329,7 @@ def test_the_motions_of_the_docs_can_be_read():
         Float64MultiArray,
         SpeedScalingFactor,
         SwitchController,
+        PlanTo,
         TopicMessage,
         Twist,
         type(None),
