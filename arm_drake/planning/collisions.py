@@ -4,14 +4,16 @@ The model is Drake's SceneGraphCollisionChecker: the robot without what is only 
 and every shape of the world, standing where it is. What the planned joints don't move
 is checked against nothing but what they do.
 
-Edges are checked at steps that bound how far any shape moves between two checks: each
+Lines are checked at steps that bound how far any shape moves between two checks: each
 joint counts with the longest way from it to a shape that it carries. With steps of
 twice the padding nothing between them is missed.
 """
 
 import copy
 import dataclasses as dc
+import functools
 import itertools
+import math
 import re
 import weakref
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -128,14 +130,15 @@ class CollisionModel:
             for link in robot.description.links
             if plant.HasBodyNamed(link, model)
         }
-        weights = self._find_weights(self._radii)
+        self._weights = self._find_weights(self._radii)
         self.set_positions(positions)
-        provider = LinearDistanceAndInterpolationProvider(plant, weights)
         with drake_messages():  # It tells how many contexts it has.
             self.checker = SceneGraphCollisionChecker(
                 model=builder.Build(),
                 robot_model_instances=[model],
-                distance_and_interpolation_provider=provider,
+                distance_and_interpolation_provider=(
+                    LinearDistanceAndInterpolationProvider(plant)
+                ),
                 edge_step_size=1.0,
                 env_collision_padding=padding,
                 self_collision_padding=padding,
@@ -144,9 +147,8 @@ class CollisionModel:
         self._plant = self.checker.plant()
         self._names: dict[int, str] = {}
         self._filter(robot, model)
-        # A weighted norm of steps; the sum of their parts is at most this much more.
-        count = int(np.count_nonzero(self._E[:, self._own].any(axis=1)))
-        self.fine_step = 2.0 * self._padding / max(count, 1) ** 0.5
+        # How far links may move between two checks [m]; nothing is missed then.
+        self.fine_step = 2.0 * self._padding
 
     def set_things(self, things: Sequence[PlacedShape]) -> None:
         """Put what isn't part of the robot and the world, in place of what was.
@@ -176,10 +178,7 @@ class CollisionModel:
             if each.link:
                 reach = _reach(each.shape, each.pose) + (radii[each.link] or 0.0)
                 radii[each.link] = reach
-        weights = self._find_weights(radii)
-        checker.SetDistanceAndInterpolationProvider(
-            LinearDistanceAndInterpolationProvider(plant, weights)
-        )
+        self._weights = self._find_weights(radii)
         self._allow_touching(held)
 
     def _allow_touching(self, held: Collection[str | None]) -> None:
@@ -213,19 +212,36 @@ class CollisionModel:
         return bool(self.checker.CheckConfigCollisionFree(self.configuration(x)))
 
     def is_edge_free(self, x: np.ndarray, y: np.ndarray, step: float) -> bool:
-        """Whether nothing collides on a line, checked at steps of the weighted norm."""
-        self.checker.set_edge_step_size(step)
-        return bool(
-            self.checker.CheckEdgeCollisionFree(
-                self.configuration(x), self.configuration(y)
-            )
-        )
+        """Whether nothing collides on a line, checked where links move by steps [m].
+
+        The end is checked first, then the middle, and so on: what isn't free is seen
+        soon.
+        """
+        p, q = self.configuration(x), self.configuration(y)
+        count = math.ceil(float(self._weights @ np.abs(q - p)) / step)
+        check = self.checker.CheckConfigCollisionFree
+        return all(check(p + part * (q - p)) for part in _spread(max(count, 1)))
 
     def first_collision(self, path: np.ndarray) -> int | None:
-        """Return the first segment of a path, shape (m, n), that isn't free."""
-        for index, (x, y) in enumerate(itertools.pairwise(path)):
-            if not self.is_edge_free(x, y, self.fine_step):
-                return index
+        """Return the first segment of a path, shape (m, n), that isn't free.
+
+        Links move by no more than `fine_step` between checks.
+        """
+        qs = np.array([self.configuration(x) for x in path])
+        lengths = np.abs(np.diff(qs, axis=0)) @ self._weights
+        at = np.append(0.0, np.cumsum(lengths))
+        count = math.ceil(at[-1] / self.fine_step)
+        places = np.linspace(0.0, at[-1], count + 1)
+        segments = np.searchsorted(at, places, side="right") - 1
+        for place, index in zip(
+            places, np.minimum(segments, len(path) - 2), strict=True
+        ):
+            if index < 0:  # One point is no path.
+                return None if self.is_free(path[0]) else 0
+            part = (place - at[index]) / max(lengths[index], 1e-12)
+            q = qs[index] + min(part, 1.0) * (qs[index + 1] - qs[index])
+            if not self.checker.CheckConfigCollisionFree(q):
+                return int(index)
         return None
 
     def clearance(self, path: np.ndarray, influence: float = 0.5) -> float:
@@ -353,6 +369,19 @@ class CollisionModel:
                 _disable(matrix, int(a), int(b))
         self.checker.SetCollisionFilterMatrix(matrix)
         self._model, self._bodies, self._filters = model, index, matrix
+
+
+@functools.cache
+def _spread(count: int) -> tuple[float, ...]:
+    """Return parts of a line, from the end to ever finer halves, and its start."""
+    found: list[int] = []
+    waiting = [(0, count)]
+    for low, high in waiting:  # It grows.
+        middle = (low + high) // 2
+        if low < middle < high:
+            found.append(middle)
+            waiting += [(low, middle), (middle, high)]
+    return tuple(each / count for each in (count, *found, 0))
 
 
 def _disable(matrix: np.ndarray, one: int, two: int) -> None:
