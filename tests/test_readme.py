@@ -9,12 +9,17 @@ from arm_drake.bundled import bundled_motions, bundled_robots
 from arm_drake.controllers import CONTROLLER_TYPES, find_controller_type
 from arm_drake.controllers.other_types import load_other_types
 from arm_drake.description.plugin_control import PLUGIN_TYPES
+from arm_drake.launch import actions, parameters, substitutions
+from arm_drake.launch.actions import Action, EventHandler
+from arm_drake.launch.launch_description_sources import _MAKERS
+from arm_drake.launch.nodes import NODES
+from arm_drake.launch.substitutions import _BY_NAME, Condition, Substitution
 from arm_drake.worlds.world import WORLDS
 from tests.snippets import ROOT, read_blocks
 from tests.type_table import render_others, render_types
 
 README = ROOT / "README.md"
-PAGES = [README, ROOT / "docs/controllers.md"]
+PAGES = [README, ROOT / "docs/controllers.md", ROOT / "docs/launch.md"]
 
 # A whole table below its name.
 TABLE = re.compile(r"^<!-- table: (\w+) -->\n((?:\|[^\n]*\n)*)", flags=re.MULTILINE)
@@ -59,12 +64,55 @@ def render_run_as() -> str:
     return f"{render_others(run_as)}\n"
 
 
+def render_nodes() -> str:
+    """Return the nodes of launch files that have a meaning, and what each becomes."""
+    rows = []
+    for role in NODES:
+        packages = ", ".join(f"`{package}`" for package in role.packages)
+        names = ", ".join(f"`{name}`" for name in role.executables)
+        rows.append([packages, names or "all", role.becomes])
+    return render_table(["package", "node", "here"], rows)
+
+
+def render_launch() -> str:
+    """Return the names of `launch` and `launch_ros` that launch files may use."""
+    kinds: dict[str, list[str]] = {
+        "actions": [],
+        "event handlers": [],
+        "substitutions": [],
+        "conditions": [],
+        "in XML, YAML and parameter files": [
+            *(f"<{tag}>" for tag in sorted(_MAKERS)),
+            *(f"$({name})" for name in sorted(_BY_NAME)),
+        ],
+    }
+    bases = {
+        Action: "actions",
+        EventHandler: "event handlers",
+        Substitution: "substitutions",
+        Condition: "conditions",
+    }
+    for module in (actions, substitutions, parameters):
+        for name, value in sorted(vars(module).items()):
+            is_own = getattr(value, "__module__", "") == module.__name__
+            if is_own and isinstance(value, type) and name[0] != "_":
+                for base, kind in bases.items():
+                    if issubclass(value, base) and value is not base:
+                        kinds[kind].append(name)
+    for own in ("LambdaAction", "UnknownAction"):
+        kinds["actions"].remove(own)
+    rows = [[k, ", ".join(f"`{n}`" for n in names)] for k, names in kinds.items()]
+    return render_table(["what", "names"], rows)
+
+
 # How each table is made.
 MAKERS: dict[str, Callable[[], str]] = {
     "robots": render_robots,
     "bundled": render_bundled,
     "types": lambda: f"{render_types(CONTROLLER_TYPES)}\n",
     "others": render_run_as,
+    "nodes": render_nodes,
+    "launch": render_launch,
 }
 
 

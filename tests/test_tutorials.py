@@ -9,6 +9,7 @@ import pytest
 
 import arm_drake as ad
 from arm_drake.cli import main
+from tests.launch.test_expected_plans import launch_folder
 from tests.robots import read_index, robots_folder
 
 PAGE = Path(__file__).parents[1] / "docs/tutorials.md"
@@ -40,14 +41,18 @@ def test_a_command_runs(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     words = shlex.split(command)
+    if words[0] == "launch":
+        words += ["--package-path", str(launch_folder())]
+        is_shown = re.search("rviz|view", words[2])
+        words += [] if is_shown else ["--headless", "--duration", str(DURATION)]
     root = PAGE.parents[1]
     words = [str(root / w) if w.startswith("configs/") else w for w in words]
     if words[0] == "sim":
         words += ["--headless"] if "--headless" not in words else []
         words += ["--duration", str(DURATION)]
-    if words[0] == "view":
+    if words[0] == "view" or (words[0] == "launch" and "--headless" not in words):
         # Without a browser: what it shows can be loaded, and the pose is one.
-        words = ["view", *words[1:], "--json"]
+        words = [*words, "--json"]
         run = "arm_drake.visualization.page.robot_viewer.RobotViewer.run"
         monkeypatch.setattr(run, _end_at_once)
     monkeypatch.chdir(tmp_path)
@@ -72,7 +77,8 @@ def test_every_capability_has_its_row() -> None:
 
 def test_every_bundled_robot_has_its_section() -> None:
     robots = set(ad.bundled.bundled_robots())
-    used = {shlex.split(command)[1] for command in COMMANDS}
+    commands = map(shlex.split, COMMANDS)
+    used = {robot for word, robot, *_ in commands if word != "launch"}
 
     assert used == robots
 

@@ -87,6 +87,9 @@ def words_of(known: Sequence[str]) -> Any:
     return parse
 
 
+# An option whose words are added up.
+_EXTEND: Any = {"action": "extend", "default": []}
+
 # What a page can show of a robot.
 SHOWN = ("visual", "frames", "names", "collision", "inertia", "joint_axes")
 
@@ -98,8 +101,7 @@ def add_view_arguments(parser: argparse.ArgumentParser) -> None:
         "--position",
         metavar="V",
         nargs="+",
-        action="extend",
-        default=[],
+        **_EXTEND,
         help="JOINT=VALUE, or a value for each movable joint that follows no other "
         "[rad or m]",
     )
@@ -112,8 +114,7 @@ def add_view_arguments(parser: argparse.ArgumentParser) -> None:
         "--ghost",
         metavar="V",
         nargs="+",
-        action="extend",
-        default=[],
+        **_EXTEND,
         help="pose of a transparent copy, as --position",
     )
     parser.add_argument(
@@ -179,6 +180,8 @@ def add_sim_arguments(parser: argparse.ArgumentParser) -> None:
     _add_solver_arguments(parser)
     _add_output_arguments(parser)
     _add_shown_arguments(parser)
+    text = "draw the commanded positions, too"
+    parser.add_argument("--ghost", action="store_true", help=text)
 
 
 def add_launch_arguments(parser: argparse.ArgumentParser) -> None:
@@ -203,6 +206,16 @@ def add_launch_arguments(parser: argparse.ArgumentParser) -> None:
         help="take every line of the report as an error",
     )
     add_json(parser)
+    text = "; where nothing is simulated"
+    add("--position", metavar="V", nargs="+", **_EXTEND, help=f"as for view{text}")
+    add("--named-pose", metavar="NAME", help=f"as for view{text}")
+    add("--no-watch", action="store_true", help=f"as for view{text}")
+    add(
+        "--ghost",
+        metavar="V",
+        nargs="*",
+        help=f"draw the commanded positions, too; as for view{text}",
+    )
     _add_scene_arguments(parser)
     _add_solver_arguments(parser)
     _add_output_arguments(parser)
@@ -213,7 +226,6 @@ def _add_shown_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what a page or a recording shows of a simulation."""
     add = parser.add_argument
     add("--paused", action="store_true", help="wait for the page's play button")
-    add("--ghost", action="store_true", help="draw the commanded positions, too")
     add("--trail", metavar="LINK", help="draw the way of a link's origin")
     add("--contacts", action="store_true", help="draw contact forces")
     add_page_arguments(parser)

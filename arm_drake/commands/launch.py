@@ -22,6 +22,14 @@ from arm_drake.launch.plan import LaunchPlan
 from arm_drake.launch.rviz import read_rviz
 from arm_drake.scene import Scene
 
+# Options without a meaning where a robot is only shown.
+_OF_SIMULATIONS = (
+    *("motion", "set", "duration", "world", "gravity", "active", "inactive", "pose"),
+    *("payload", "initial", "rate", "preset", "time_step", "log", "log_contacts"),
+    *("record", "loop", "plot", "plot_kind", "video", "paused", "trail", "contacts"),
+    *("wait", "hold"),
+)
+
 
 def run_launch(options: argparse.Namespace) -> int:
     """Do what a launch file says; return the exit code."""
@@ -51,6 +59,7 @@ def run_launch(options: argparse.Namespace) -> int:
     _use_rviz(options, plan)
     if plan.robots and not plan.is_simulated:
         return _view(options, plan)
+    _check_simulated(options, plan)
     plan, initial = _with_place(options, plan)
     options.paused = options.paused or (plan.is_paused and not options.headless)
     scene = plan.load_scene(
@@ -113,6 +122,19 @@ def _use_rviz(options: argparse.Namespace, plan: LaunchPlan) -> None:
         print(f"info: {plan.rviz}: displays without a page: {names}", file=sys.stderr)
 
 
+def _check_simulated(options: argparse.Namespace, plan: LaunchPlan) -> None:
+    """Raise InputError for options of `view` where something is simulated."""
+    for word in ("position", "named_pose", "no_watch"):
+        if getattr(options, word):
+            text = f"--{word.replace('_', '-')} is for what only shows a robot; this "
+            text += "is simulated: --initial JOINT=VALUE says where a joint starts"
+            raise InputError(text, file=plan.file)
+    if options.ghost:
+        text = f"--ghost {options.ghost[0]}: the ghost of what is simulated is what "
+        raise InputError(f"{text}is commanded; expected --ghost alone", file=plan.file)
+    options.ghost = options.ghost is not None
+
+
 def _view(options: argparse.Namespace, plan: LaunchPlan) -> int:
     """Show robots that nothing controls, with sliders for their joints."""
     from arm_drake.commands.view import view, view_scene
@@ -121,8 +143,19 @@ def _view(options: argparse.Namespace, plan: LaunchPlan) -> int:
         text = "it starts no controllers: there is nothing to simulate without a page"
         raise InputError(text, file=plan.file)
     _check_frame(options, plan)
+    for word in _OF_SIMULATIONS:
+        if getattr(options, word):
+            text = f"--{word.replace('_', '-')} is for a simulation; this launch file "
+            raise InputError(f"{text}only shows its robot", file=plan.file)
+    if options.ghost == []:
+        text = "--ghost: expected a pose, as --position has it"
+        raise InputError(text, file=plan.file)
+    options.ghost = options.ghost or []
     if len(plan.robots) > 1:
-        options.ghost = []
+        for word in ("position", "named_pose"):
+            if getattr(options, word):
+                text = f"--{word.replace('_', '-')} is for one robot; it starts "
+                raise InputError(f"{text}{len(plan.robots)}", file=plan.file)
         return view_scene(options, plan.load_scene())
     (launched,) = plan.robots
     defaults: Mapping[str, Any] = {
@@ -130,21 +163,12 @@ def _view(options: argparse.Namespace, plan: LaunchPlan) -> int:
         "xacro_args": list(launched.xacro_args.items()),
         "controllers": list(launched.controllers) or None,
         "package_path": list(plan.package_paths),
-        "position": [],
-        "named_pose": None,
-        "ghost": [],
-        "no_watch": isinstance(launched.source, str),
+        "no_watch": options.no_watch or isinstance(launched.source, str),
     }
     vars(options).update(defaults)
 
     def load(positions: Mapping[str, float]) -> Robot:
-        return launched.load(
-            launched.chosen_name,
-            plan.package_paths,
-            (),
-            plan.report,
-            initial_positions=positions,
-        )
+        return plan.load_robot(launched, launched.chosen_name, positions)
 
     return view(options, load)
 
@@ -170,6 +194,7 @@ def to_json(plan: LaunchPlan) -> dict[str, Any]:
                 "controllers": dict(robot.spawned),
                 "pose": None if robot.pose is None else list(robot.pose),
                 "simulator": robot.simulator,
+                "srdf": None if robot.srdf is None else str(robot.srdf),
             }
             for robot in plan.robots
         ],
@@ -178,7 +203,7 @@ def to_json(plan: LaunchPlan) -> dict[str, Any]:
         "models": [str(model.file) for model in plan.models],
         "paused": plan.is_paused,
         "rviz": None if plan.rviz is None else str(plan.rviz),
-        "bridges": [*plan.bridges, *map(str, plan.bridge_files)],
+        "bridges": [*map(str, plan.bridges), *map(str, plan.bridge_files)],
         "static_frames": [list(frame) for frame in plan.static_frames],
         "not_started": [each.name for each in plan.not_started],
         "report": plan.report.to_json(),

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from arm_drake.launch.nodes import find_role
 from arm_drake.launch.parameters import read_parameters
 from arm_drake.launch.substitutions import (
     LaunchContext,
@@ -22,29 +23,9 @@ from arm_drake.launch.substitutions import (
 )
 from arm_drake.launch.words import split_words
 
-# Programs that end by themselves, after which others may start: executables of nodes,
-# and what follows `ros2` or `gz`.
-_ENDING = {
-    "spawner",
-    "spawner.py",
-    "unspawner",
-    "unspawner.py",
-    "hardware_spawner",
-    "spawn_entity.py",
-    "create",
-    "remove",
-    "gz_spawn_model",
-}
-_LASTING_PACKAGES = {
-    "robot_state_publisher",
-    "joint_state_publisher",
-    "joint_state_publisher_gui",
-    "rviz2",
-    "ros_gz_bridge",
-    "ros_ign_bridge",
-    "moveit_ros_move_group",
-    "tf2_ros",
-}
+# Programs that end by themselves, after which others may start, and those that don't;
+# nodes that have a meaning here say it themselves.
+_ENDING = {"hardware_spawner", "remove"}
 _LASTING_PROGRAMS = {"gazebo", "gzserver", "gzclient", "gz", "ign", "rviz2", "rqt"}
 
 # How long what ends by itself takes [s]: only its place among timers matters.
@@ -564,7 +545,7 @@ class ComposableNode:
 
     def __init__(self, *, package: Any, plugin: Any, **kwargs: Any) -> None:
         """Take what describes it."""
-        self.package, self.plugin, self.kwargs = package, plugin, kwargs
+        self.node = Node(package=package, executable=plugin, **kwargs)
 
 
 class ComposableNodeContainer(Node):
@@ -575,11 +556,8 @@ class ComposableNodeContainer(Node):
         self.loaded = composable_node_descriptions or []
 
     def execute(self, run: "LaunchRun") -> None:
-        for each in self.loaded:
-            package, plugin = (
-                perform(run.context, e) for e in (each.package, each.plugin)
-            )
-            run.start_node(self, package, plugin)
+        run.visit([each.node for each in self.loaded])
+        run.begin(self)
 
 
 class LoadComposableNodes(ComposableNodeContainer):
@@ -713,9 +691,13 @@ class LaunchRun:
         """Note a program, and what follows its start and its end."""
         self.note(kind, **values)
         ends = _ends(**values)
-        self.later(0.0, lambda: self._fire("start", action))
+        self.begin(action)
         if ends is not False:
             self.later(_TAKES, lambda: self._end(action, is_known=bool(ends)))
+
+    def begin(self, action: ExecuteLocal) -> None:
+        """Let come to pass what follows the start of a program."""
+        self.later(0.0, lambda: self._fire("start", action))
 
     def _end(self, action: ExecuteLocal, *, is_known: bool) -> None:
         if not is_known:
@@ -748,9 +730,11 @@ def _ends(
     """Return whether a program ends by itself; None if nobody here knows."""
     if executable in _ENDING or command[:1] == ["ros2"]:
         return True
+    role = find_role(package, executable)
+    if role is not None:
+        return role.ends
     program = os.path.basename(command[0]) if command else ""
-    is_lasting = package in _LASTING_PACKAGES or program in _LASTING_PROGRAMS
-    return False if is_lasting or executable == "ros2_control_node" else None
+    return False if program in _LASTING_PROGRAMS else None
 
 
 def _name_of(action: Any) -> dict[str, Any]:

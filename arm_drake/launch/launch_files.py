@@ -21,6 +21,7 @@ from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import ArmDrakeError, InputError, PackageError, suggest
 from arm_drake.launch.launch_description_sources import is_launch_file
+from arm_drake.launch.nodes import PACKAGES
 from arm_drake.launch.plan import LaunchArgument, LaunchPlan
 from arm_drake.launch.robot import PlanFolder
 from arm_drake.launch.roles import STOOD_FOR, Roles
@@ -31,31 +32,6 @@ CPU_TIME = 20
 TIME = 30.0
 MEMORY = 2**31
 _SIZE = 2**24
-
-# Packages of ROS and Gazebo whose launch files and programs have a meaning here.
-PACKAGES = frozenset(
-    {
-        "controller_manager",
-        "gazebo_ros",
-        "gz_ros2_control",
-        "ign_ros2_control",
-        "gazebo_ros2_control",
-        "joint_state_publisher",
-        "joint_state_publisher_gui",
-        "moveit_configs_utils",
-        "moveit_ros_move_group",
-        "robot_state_publisher",
-        "ros_gz",
-        "ros_gz_bridge",
-        "ros_gz_sim",
-        "ros_ign",
-        "ros_ign_bridge",
-        "ros_ign_gazebo",
-        "rviz2",
-        "tf2_ros",
-        "xacro",
-    }
-)
 
 
 def find_launch_file(

@@ -230,13 +230,27 @@ class MoveItConfigsBuilder:
             raise AttributeError(name)
 
         def take(*args: Any, **kwargs: Any) -> "MoveItConfigsBuilder":
-            given = kwargs.get("file_path", *args[:1]) if args or kwargs else None
-            if isinstance(given, str | Path):
-                path = self._package / given
-                self._values[name] = {f"{name}_file": str(path)}
             return self
 
         return take
+
+    def joint_limits(self, file_path: Any = None) -> "MoveItConfigsBuilder":
+        path = file_path or "config/joint_limits.yaml"
+        return self._take_file("joint_limits", "planning", path)
+
+    def robot_description_kinematics(
+        self, file_path: Any = None
+    ) -> "MoveItConfigsBuilder":
+        path = file_path or "config/kinematics.yaml"
+        return self._take_file("robot_description_kinematics", "kinematics", path)
+
+    def _take_file(self, name: str, ending: str, path: Any) -> "MoveItConfigsBuilder":
+        """Take a YAML of the package as a parameter, if it is there."""
+        file = self._package / str(path)
+        if file.is_file():
+            content = parameters.read_parameter_file(str(file)) or {}
+            self._values[name] = {f"{self._parameter}_{ending}": content}
+        return self
 
     def to_moveit_configs(self) -> MoveItConfigs:
         """Return what was described."""
@@ -244,6 +258,10 @@ class MoveItConfigsBuilder:
             self.robot_description()
         if "robot_description_semantic" not in self._values:
             self.robot_description_semantic()
+        if "joint_limits" not in self._values:
+            self.joint_limits()
+        if "robot_description_kinematics" not in self._values:
+            self.robot_description_kinematics()
         return MoveItConfigs(self._package, self._values)
 
     def to_dict(self, include_moveit_configs: bool = True) -> dict[str, Any]:

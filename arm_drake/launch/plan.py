@@ -1,6 +1,7 @@
 """Plans of launch files: robots, controllers, worlds, as a diagram is built of them."""
 
 import dataclasses as dc
+import functools
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,11 +12,14 @@ from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.diagram import build_diagram
 from arm_drake.errors import InputError
+from arm_drake.launch.frames import Placed, StaticFrame, place_frames
 from arm_drake.launch.robot import (
+    Bridge,
     LaunchedModel,
     LaunchedRobot,
     PlanFolder,
     add_models,
+    write_bridges,
 )
 from arm_drake.launch.roles import NotStarted
 from arm_drake.options import SimulationOptions
@@ -68,11 +72,11 @@ class LaunchPlan:
     has_move_group: bool
 
     # Bridges of topics to Gazebo: as arguments, and the files of others.
-    bridges: tuple[str, ...]
+    bridges: tuple[Bridge, ...]
     bridge_files: tuple[Path, ...]
 
-    # Frames that are fixed to others: parent, child, pose.
-    static_frames: tuple[tuple[str, str, tuple[float, ...]], ...]
+    # Frames that are fixed to others.
+    static_frames: tuple[StaticFrame, ...]
 
     # Motion file of what it publishes and which goals it sends, if any.
     motion: Path | None
@@ -111,7 +115,9 @@ class LaunchPlan:
             InputError: If the file starts no robot, or one can't be loaded.
         """
         if not self.robots:
-            others = ", ".join(sorted({each.name for each in self.not_started}))
+            names = {each.name for each in self.not_started}
+            names |= {"MoveIt's move_group"} if self.has_move_group else set()
+            others = ", ".join(sorted(names))
             text = f"it starts no robot; it starts {others or 'nothing'}"
             raise InputError(text, file=self.file)
         options = options or SimulationOptions()
@@ -120,13 +126,7 @@ class LaunchPlan:
         robots = []
         active, inactive = list(options.active), list(options.inactive)
         for launched, name in zip(self.robots, names, strict=True):
-            robot = launched.load(
-                name,
-                self.package_paths,
-                self.bridge_files,
-                self.report,
-                initial_positions=initial_positions,
-            )
+            robot = self.load_robot(launched, name, initial_positions)
             robots.append(robot)
             prefix = f"{robot.name}/" if several else ""
             for controller, state in launched.states_of(robot, self.report).items():
@@ -141,6 +141,47 @@ class LaunchPlan:
             motions=self._find_motions(robots),
             file=self.file,
         )
+
+    def load_robot(
+        self,
+        launched: LaunchedRobot,
+        name: str | None,
+        initial_positions: Mapping[str, float] | None = None,
+    ) -> Robot:
+        """Load one of its robots, by a name, with positions at the start [rad, m].
+
+        Raises:
+            InputError: If it can't be loaded.
+        """
+        bridges = [*self.bridge_files, *write_bridges(self.bridges, self.folder)]
+        (placed,) = (
+            each
+            for each, robot in zip(self._placed, self.robots, strict=True)
+            if robot is launched
+        )
+        return launched.load(
+            name,
+            self.package_paths,
+            bridges,
+            placed,
+            initial_positions=initial_positions,
+        )
+
+    @functools.cached_property
+    def _placed(self) -> list[Placed]:
+        """What the static frames are for each robot."""
+        if not self.static_frames:
+            return [Placed({}, None) for _ in self.robots]
+        links = [
+            (robot.frame_prefix.lstrip("/"), robot.read_carriers(self.package_paths))
+            for robot in self.robots
+        ]
+
+        def leave_out(frame: StaticFrame, reason: str) -> None:
+            what = f"static frame {frame.child!r} in {frame.parent!r}"
+            self.report.add("info", "ignored", what, f"it is left out: {reason}")
+
+        return place_frames(self.static_frames, links, leave_out)
 
     def _find_motions(self, robots: Sequence[Robot]) -> dict[str, Motion]:
         if self.motion is None or len(robots) > 1:
@@ -172,8 +213,8 @@ class LaunchPlan:
             yield f"world: {self.world}{state}"
         if self.rviz is not None:
             yield f"rviz: {self.rviz or 'its own configuration'}"
-        for text in (*self.bridges, *self.bridge_files):
-            yield f"bridge: {text}"
+        for bridge in (*self.bridges, *self.bridge_files):
+            yield f"bridge: {bridge}"
         for parent, child, pose in self.static_frames:
             yield f"static frame: {child} in {parent} at {list(pose)}"
         for model in self.models:

@@ -10,14 +10,19 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import yaml
+
 from arm_drake.description.elements import parse_xml
-from arm_drake.description.entry import text_of
+from arm_drake.description.entry import TEXT, text_of
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Pose, Robot
 from arm_drake.description.xacro import expand_xacro
 from arm_drake.errors import PackageError, suggest
+from arm_drake.launch.frames import Placed
 from arm_drake.loading import load_robot
+from arm_drake.manager.loading import load_controllers_of
+from arm_drake.options import SimulationOptions
 
 _GROUND = "model://ground_plane"
 
@@ -36,6 +41,12 @@ class PlanFolder:
         self.remove = weakref.finalize(
             self, shutil.rmtree, self.path, ignore_errors=True
         )
+
+
+# What holds the files of robots that are in use.
+_folders: "weakref.WeakKeyDictionary[Robot, PlanFolder | None]" = (
+    weakref.WeakKeyDictionary()
+)
 
 
 @dc.dataclass(frozen=True)
@@ -64,6 +75,12 @@ class LaunchedRobot:
     controllers: tuple[Path, ...] = ()
     spawned: Mapping[str, str] = dc.field(default_factory=dict)
 
+    # Controllers of which all run or none (`--activate-as-group`).
+    groups: tuple[tuple[str, ...], ...] = ()
+
+    # SRDF file that a planner is given, with what lies beside it.
+    srdf: Path | None = None
+
     # Values of `$(var NAME)` in parameter files.
     variables: Mapping[str, str] = dc.field(default_factory=dict)
 
@@ -86,7 +103,7 @@ class LaunchedRobot:
         name: str | None,
         package_paths: Sequence[Path],
         bridges: Sequence[Path],
-        report: LoadReport,
+        placed: Placed,
         *,
         initial_positions: Mapping[str, float] | None = None,
     ) -> Robot:
@@ -95,17 +112,44 @@ class LaunchedRobot:
         Raises:
             InputError: If it can't be loaded.
         """
-        files = [*self._files(package_paths, report), *bridges]
-        return load_robot(
+        files = [*self._files(package_paths), *bridges]
+        robot = load_robot(
             self.source,
             xacro_args=self.xacro_args,
             controllers=files or None,
             package_paths=package_paths,
             variables=self._variables_in(files),
             name=name,
-            pose=self.pose,
+            pose=placed.pose if self.pose is None else self.pose,
             initial_positions=initial_positions,
+            frames=placed.frames,
+            srdf=self.srdf,
         )
+        _folders[robot] = self.folder
+        return robot
+
+    def read_carriers(self, package_paths: Sequence[Path]) -> dict[str, str | None]:
+        """Return for each link the one that carries it, None for a root.
+
+        Raises:
+            InputError: If the description can't be read.
+        """
+        file, text = self._expand(package_paths)
+        root = parse_xml(text, file)
+        carriers = {link.get("name", ""): None for link in root.iterfind("link")}
+        found: dict[str, str | None] = dict(carriers)
+        for joint in root.iterfind("joint"):
+            parent, child = joint.find("parent"), joint.find("child")
+            if parent is not None and child is not None:
+                found[child.get("link", "")] = parent.get("link", "")
+        return found
+
+    def _expand(self, package_paths: Sequence[Path]) -> tuple[Path, str]:
+        """Return the description's file, and its text without xacro."""
+        if not isinstance(self.source, Path):
+            return Path.cwd() / TEXT, self.source
+        packages = PackageFinder(self.source, tuple(package_paths))
+        return self.source, expand_xacro(self.source, self.xacro_args, packages)
 
     def _variables_in(self, files: Sequence[Path]) -> dict[str, str]:
         """Return the values of what `$(var NAME)` asks for in some files."""
@@ -113,15 +157,12 @@ class LaunchedRobot:
         asked = {name for text in texts for name in _VARIABLE.findall(text)}
         return {k: v for k, v in self.variables.items() if k in asked}
 
-    def _files(self, package_paths: Sequence[Path], report: LoadReport) -> list[Path]:
+    def _files(self, package_paths: Sequence[Path]) -> list[Path]:
         """Return the controllers YAML, with those that a simulator's plugin names."""
         if self.simulator is None or not self.controllers:
             return list(self.controllers)
-        file = self.source if isinstance(self.source, Path) else Path.cwd() / "text"
+        file, text = self._expand(package_paths)
         packages = PackageFinder(file, tuple(package_paths))
-        text = self.source
-        if isinstance(text, Path):
-            text = expand_xacro(file, self.xacro_args, packages)
         found = []
         for name in dict.fromkeys(_PARAMETERS_TAG.findall(text)):
             try:
@@ -143,11 +184,35 @@ class LaunchedRobot:
                 done = f"it is left out; {suggest(name, known)}"
                 report.add("warning", "missing", what, done)
         states = {name: s for name, s in self.spawned.items() if name in known}
+        for group in self.groups:
+            self._stop_group(group, states, robot, report)
         if known and not states:
             what = f"no controller of {robot.name!r} is spawned"
             done = f"none runs; --active NAME starts one: {', '.join(known)}"
             report.add("info", "ignored", what, done)
         return states | {name: "inactive" for name in known if name not in states}
+
+    def _stop_group(
+        self,
+        group: Sequence[str],
+        states: dict[str, str],
+        robot: Robot,
+        report: LoadReport,
+    ) -> None:
+        """Let none of a group's controllers run if one of them can't."""
+        active = tuple(name for name, state in states.items() if state == "active")
+        inactive = tuple(c.name for c in robot.controllers.controllers)
+        options = SimulationOptions(
+            active=active, inactive=tuple(n for n in inactive if n not in active)
+        )
+        loaded, _ = load_controllers_of(robot, options=options)
+        running = {each.name for each in loaded if each.state == "active"}
+        failed = [name for name in group if name not in running]
+        if failed:
+            what = f"controllers {', '.join(group)} start as a group"
+            done = f"none of them runs, for {', '.join(failed)} can't"
+            report.add("warning", "ignored", what, done)
+            states.update({name: "inactive" for name in group if name in states})
 
     def lines(self) -> list[str]:
         """Return it as lines of a plan."""
@@ -159,6 +224,7 @@ class LaunchedRobot:
         ]
         lines += [f"  parameters: {path}" for path in self.controllers]
         lines += [f"  controller {name}: {s}" for name, s in self.spawned.items()]
+        lines += [f"  planning groups: {self.srdf}"] if self.srdf else []
         return lines
 
 
@@ -193,6 +259,50 @@ def add_models(
     target = folder.path / "world.sdf"
     ET.ElementTree(root).write(target, encoding="unicode")
     return target
+
+
+class Bridge(NamedTuple):
+    """An argument of a `parameter_bridge`: a topic of Gazebo, its types and direction.
+
+    Source: ros_gz_bridge, README.md.
+    """
+
+    argument: str
+
+    # What the topic is called in ROS, after remappings.
+    ros_topic: str
+
+    def __str__(self) -> str:
+        """Return the argument."""
+        return self.argument
+
+
+_ARGUMENT = re.compile(r"(?P<topic>[^@]+)@(?P<ros>[^@[\]]+)(?P<way>[@[\]])(?P<gz>.+)")
+_WAYS = {"@": "BIDIRECTIONAL", "[": "GZ_TO_ROS", "]": "ROS_TO_GZ"}
+
+
+def write_bridges(bridges: Sequence[Bridge], folder: PlanFolder) -> list[Path]:
+    """Return arguments of bridges as a YAML file of one, if there are any."""
+    entries = []
+    for argument, ros_topic in bridges:
+        match = _ARGUMENT.fullmatch(argument)
+        if match is None:
+            entries.append({"service_name": argument.partition("@")[0]})
+            continue
+        entries.append(
+            {
+                "ros_topic_name": ros_topic,
+                "gz_topic_name": match["topic"],
+                "ros_type_name": match["ros"],
+                "gz_type_name": match["gz"],
+                "direction": _WAYS[match["way"]],
+            }
+        )
+    if not any("ros_topic_name" in entry for entry in entries):
+        return []
+    path = folder.path / "parameter_bridge.yaml"
+    path.write_text(yaml.safe_dump(entries, sort_keys=False), encoding="utf-8")
+    return [path]
 
 
 class Description(NamedTuple):
@@ -233,6 +343,9 @@ class Spawner(NamedTuple):
     manager: str
     files: tuple[Path, ...]
 
+    # Whether all of them run or none.
+    is_group: bool = False
+
 
 @dc.dataclass
 class RobotParts:
@@ -242,6 +355,9 @@ class RobotParts:
     spawns: list[Spawn] = dc.field(default_factory=list)
     managers: list[Manager] = dc.field(default_factory=list)
     spawners: list[Spawner] = dc.field(default_factory=list)
+
+    # SRDF files of planners, with their name spaces.
+    semantics: list[tuple[str, Path]] = dc.field(default_factory=list)
 
     # Controllers of robots that aren't there.
     left_out: list[str] = dc.field(default_factory=list)
@@ -280,9 +396,16 @@ class RobotParts:
                     pose=None if spawn is None else spawn.pose,
                     has_manager=bool(managers),
                     controllers=tuple(f for m in managers for f in m.files),
+                    srdf=self._semantics_of(description, len(descriptions)),
                 )
             )
         return self._add_spawned(robots)
+
+    def _semantics_of(self, description: Description, count: int) -> Path | None:
+        for namespace, path in self.semantics:
+            if count == 1 or namespace == description.namespace:
+                return path
+        return None
 
     def _spawn_of(self, description: Description, count: int) -> Spawn | None:
         for spawn in self.spawns:
@@ -322,7 +445,12 @@ class RobotParts:
             for name in spawner.names:
                 spawned[name] = spawner.state
             files = dict.fromkeys((*robot.controllers, *spawner.files))
-            robots[index] = dc.replace(robot, spawned=spawned, controllers=tuple(files))
+            groups = robot.groups
+            if spawner.is_group and spawner.state == "active":
+                groups = (*groups, spawner.names)
+            robots[index] = dc.replace(
+                robot, spawned=spawned, controllers=tuple(files), groups=groups
+            )
         return robots
 
     def _index_of(

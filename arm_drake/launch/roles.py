@@ -8,20 +8,23 @@ import dataclasses as dc
 import functools
 import os
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
-from pydrake.common.eigen_geometry import Quaternion
-from pydrake.math import RollPitchYaw
 
 from arm_drake.description.elements import parse_float
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Pose
+from arm_drake.description.xacro import expand_xacro
+from arm_drake.errors import PackageError
+from arm_drake.launch.frames import StaticFrame, read_static_frame
+from arm_drake.launch.nodes import find_role
 from arm_drake.launch.robot import (
+    Bridge,
     Description,
     LaunchedModel,
     Manager,
@@ -52,6 +55,42 @@ STOOD_FOR = "stood_for"
 _STATES = {"start": "active", "active": "active", "configure": "inactive"}
 
 
+# What does the same here, by package.
+_INSTEAD = {
+    "joy": "the page's teleop moves a base",
+    "plotjuggler": "--plot and `arm-drake compare` draw what was measured",
+    "rqt_controller_manager": "the page switches controllers",
+    "rqt_joint_trajectory_controller": "the page has a slider for each joint",
+    "rqt_plot": "--plot draws what was measured",
+    "rqt_robot_steering": "the page's teleop moves a base",
+    "teleop_twist_joy": "the page's teleop moves a base",
+    "teleop_twist_keyboard": "the page's teleop moves a base",
+}
+
+# How rclpy and rclcpp say it: what is done, the type, the name.
+_CALLS = (
+    r"create_(subscription|publisher|service|client)"
+    r"\(\s*([\w.]+)\s*,\s*f?['\"]([^'\"]+)['\"]",
+    r"(Action(?:Client|Server))\(\s*\w+\s*,\s*([\w.]+)\s*,\s*['\"]([^'\"]+)['\"]",
+    r"create_(subscription|publisher|service|client)"
+    r"<\s*([\w:]+)\s*>\s*\(\s*\"([^\"]+)\"",
+    r"(create_(?:client|server))<\s*([\w:]+)\s*>\s*\(\s*[\w>()-]+\s*,\s*\"([^\"]+)\"",
+)
+_DOES = {
+    "subscription": "subscribe to",
+    "publisher": "publish",
+    "service": "offer",
+    "client": "call",
+    "ActionClient": "send goals to",
+    "ActionServer": "take goals of",
+    "create_client": "send goals to",
+    "create_server": "take goals of",
+}
+
+# Larger ones are none of somebody's own hand [bytes].
+_LARGEST = 500_000
+
+
 @dc.dataclass(frozen=True)
 class NotStarted:
     """Something of a launch file that isn't run here."""
@@ -59,6 +98,8 @@ class NotStarted:
     # Package and executable of a node, or the words of a command.
     name: str
     kind: str = "node"
+
+    # What it would do, and what is there instead.
     reason: str = ""
 
     def __str__(self) -> str:
@@ -86,9 +127,9 @@ class Roles:
         self._is_paused, self._is_headless = False, True
         self._rviz: Path | str | None = None
         self._has_sliders = self._has_move_group = False
-        self._bridges: list[str] = []
+        self._bridges: list[Bridge] = []
         self._bridge_files: list[Path] = []
-        self._frames: list[tuple[str, str, tuple[float, ...]]] = []
+        self._frames: list[StaticFrame] = []
         self._steps: list[dict[str, Any]] = []
         self._models: list[LaunchedModel] = []
         self._simulator: str | None = None
@@ -315,41 +356,52 @@ class Roles:
         self._parts.spawners.append(Spawner(tuple(names), state, manager, files))
 
     def _read_node(self, record: Mapping[str, Any]) -> None:
-        package, executable = record["package"], record["executable"]
-        executable = os.path.basename(executable)
-        match package, executable.removesuffix(".py"):
-            case "robot_state_publisher", _:
-                self._read_publisher(record)
-            case "joint_state_publisher_gui", _:
-                self._has_sliders = True
-            case "joint_state_publisher", _:
-                pass
-            case "rviz2", _:
-                path = value_of(record.get("arguments", ()), "-d", "--display-config")
-                self._rviz = "" if path is None else self._finder.real(Path(path))
-            case "controller_manager", "ros2_control_node":
-                self._read_manager(record)
-            case "controller_manager", "spawner":
-                self._read_spawner(record)
-            case "controller_manager", "unspawner":
-                names = positional(record["arguments"], ("-c", "--controller-manager"))
-                self._spawn(names, "inactive", "controller_manager", ())
-            case "gazebo_ros", "spawn_entity":
-                self._read_spawn(record, "gazebo")
-            case (("ros_gz_sim" | "ros_ign_gazebo"), "create"):
-                self._read_spawn(record, "gz")
-            case (("ros_gz_sim" | "ros_ign_gazebo" | "gazebo_ros"), "gzserver"):
-                values = _merge(record)
-                name = values.get("world_sdf_file", values.get("world", ""))
-                self._set_world(name, record)
-            case (("ros_gz_bridge" | "ros_ign_bridge"), _):
-                self._read_bridge(record)
-            case "tf2_ros", "static_transform_publisher":
-                self._read_static_frame(record)
-            case "moveit_ros_move_group", _:
-                self._has_move_group = True
-            case _:
-                self._leave_out(f"{package}/{executable}", "node")
+        package = record["package"]
+        executable = os.path.basename(record["executable"])
+        role = find_role(package, executable)
+        if role is None:
+            name = f"{package}/{executable}"
+            self._not_started.append(_describe_node(record, self._finder, name))
+        elif role.reads:
+            getattr(self, f"_read_{role.reads}")(record)
+
+    def _read_sliders(self, record: Mapping[str, Any]) -> None:
+        self._has_sliders = True
+
+    def _read_rviz(self, record: Mapping[str, Any]) -> None:
+        path = value_of(record.get("arguments", ()), "-d", "--display-config")
+        self._rviz = "" if path is None else self._finder.real(Path(path))
+
+    def _read_unspawner(self, record: Mapping[str, Any]) -> None:
+        names = positional(record["arguments"], ("-c", "--controller-manager"))
+        self._spawn(names, "inactive", "controller_manager", ())
+
+    def _read_server(self, record: Mapping[str, Any]) -> None:
+        values = _merge(record)
+        name = values.get("world_sdf_file", values.get("world", ""))
+        self._set_world(name, record)
+
+    def _read_move_group(self, record: Mapping[str, Any]) -> None:
+        """Write SRDF and limits of a planner to files, as a package has them."""
+        self._has_move_group = True
+        values = _nest(_merge(record))
+        text = values.get(f"{_TOPIC}_semantic")
+        found = self._describe(text, record) if isinstance(text, str) else None
+        if found is None:
+            return
+        text = found.source
+        if isinstance(text, Path):
+            text = expand_xacro(text, found.arguments, self._finder)
+        folder = self._folder.path / f"moveit_{len(self._parts.semantics)}"
+        folder.mkdir()
+        srdf = folder / "robot.srdf"
+        srdf.write_text(text, encoding="utf-8")
+        for key, file in (("planning", "joint_limits"), ("kinematics", "kinematics")):
+            content = values.get(f"{_TOPIC}_{key}")
+            if isinstance(content, Mapping):
+                path = folder / f"{file}.yaml"
+                path.write_text(yaml.safe_dump(dict(content)), encoding="utf-8")
+        self._parts.semantics.append((record["namespace"], srdf))
 
     def _leave_out(self, name: str, kind: str) -> None:
         self._not_started.append(NotStarted(name, kind))
@@ -415,16 +467,9 @@ class Roles:
         )
 
     def _write_parameters(self, node: str, values: Mapping[str, Any]) -> Path:
-        data: dict[str, Any] = {}
-        for key, value in values.items():
-            place = data
-            *parents, last = key.split(".")
-            for parent in parents:
-                place = place.setdefault(parent, {})
-            place[last] = value
         number = len(list(self._folder.path.glob("parameters_*.yaml")))
         path = self._folder.path / f"parameters_{number}_{node}.yaml"
-        text = yaml.safe_dump({node: {"ros__parameters": data}})
+        text = yaml.safe_dump({node: {"ros__parameters": _nest(values)}})
         path.write_text(text, encoding="utf-8")
         return path
 
@@ -456,7 +501,16 @@ class Roles:
             word in words for word in ("--inactive", "--stopped", "--load-only")
         )
         state = "inactive" if is_idle else "active"
-        self._parts.spawners.append(Spawner(tuple(names), state, manager, files))
+        is_group = "--activate-as-group" in words
+        self._parts.spawners.append(
+            Spawner(tuple(names), state, manager, files, is_group)
+        )
+
+    def _read_classic_spawn(self, record: Mapping[str, Any]) -> None:
+        self._read_spawn(record, "gazebo")
+
+    def _read_gz_spawn(self, record: Mapping[str, Any]) -> None:
+        self._read_spawn(record, "gz")
 
     def _read_spawn(self, record: Mapping[str, Any], simulator: str) -> None:
         words, values = record.get("arguments", ()), _merge(record)
@@ -513,7 +567,10 @@ class Roles:
         return (x, y, z, roll, pitch, yaw)
 
     def _read_bridge(self, record: Mapping[str, Any]) -> None:
-        self._bridges += [word for word in record.get("arguments", ()) if "@" in word]
+        for word in record.get("arguments", ()):
+            if "@" in word:
+                topic = word.partition("@")[0]
+                self._bridges.append(Bridge(word, _renamed(topic, record)))
         self._add_bridge_file(_merge(record).get("config_file", ""))
 
     def _add_bridge_file(self, name: str) -> None:
@@ -521,32 +578,8 @@ class Roles:
             self._bridge_files.append(self._finder.real(Path(name)))
 
     def _read_static_frame(self, record: Mapping[str, Any]) -> None:
-        words = list(record.get("arguments", ()))
-        names = {"frame-id": "", "child-frame-id": ""}
-        keys = ("x", "y", "z", "roll", "pitch", "yaw", "qx", "qy", "qz", "qw")
-        values: dict[str, float] = {}
-        for key in (*keys, *names):
-            text = value_of(words, f"--{key}")
-            if text is not None and key in names:
-                names[key] = text
-            elif text is not None:
-                values[key] = parse_float(text) or 0.0
-        if not any(names.values()) and len(words) in (8, 9):
-            # The older form: x y z, yaw pitch roll or qx qy qz qw, parent, child.
-            *texts, names["frame-id"], names["child-frame-id"] = words
-            turns = ("yaw", "pitch", "roll") if len(words) == 8 else keys[6:]
-            order = ("x", "y", "z", *turns)
-            numbers = (parse_float(text) or 0.0 for text in texts)
-            values = dict(zip(order, numbers, strict=True))
-        x, y, z, roll, pitch, yaw, *q = (values.get(key, 0.0) for key in keys)
-        qx, qy, qz, qw = q
-        if any(q):
-            length = np.linalg.norm(q)
-            roll, pitch, yaw = RollPitchYaw(
-                Quaternion(np.array([qw, qx, qy, qz]) / length)
-            ).vector()
-        pose = tuple(round(float(each), 6) for each in (x, y, z, roll, pitch, yaw))
-        self._frames.append((names["frame-id"], names["child-frame-id"], pose))
+        words = record.get("arguments", ())
+        self._frames.append(read_static_frame(words, _merge(record)))
 
 
 def _merge(record: Mapping[str, Any]) -> dict[str, Any]:
@@ -556,6 +589,27 @@ def _merge(record: Mapping[str, Any]) -> dict[str, Any]:
         if isinstance(each, Mapping):
             merged |= each
     return merged
+
+
+def _nest(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return parameters as a tree of mappings, by the dots in their names."""
+    data: dict[str, Any] = {}
+    for key, value in values.items():
+        place = data
+        *parents, last = key.split(".")
+        for parent in parents:
+            place = place.setdefault(parent, {})
+        place[last] = value
+    return data
+
+
+def _renamed(topic: str, record: Mapping[str, Any]) -> str:
+    """Return what a node's remappings call a topic, with a slash in front."""
+    for source, target in record.get("remappings", ()):
+        if source.strip("/") == topic.strip("/"):
+            topic = target
+            break
+    return "/" + _join(record["namespace"], topic)
 
 
 def _remapped(topic: str, record: Mapping[str, Any]) -> str:
@@ -594,3 +648,57 @@ def _has_text(name: str, text: str) -> bool:
 def _is_sdf(path: Path) -> bool:
     with path.open(encoding="utf-8", errors="replace") as file:
         return "<sdf" in file.read(2000)
+
+
+def _describe_node(
+    record: Mapping[str, Any], finder: PackageFinder, name: str
+) -> NotStarted:
+    """Return a node of somebody's, with what it would do as far as its source says."""
+    package, executable = record["package"], Path(record["executable"]).name
+    reasons = []
+    if does := _find_what_it_does(package, executable, record, finder):
+        reasons.append(f"it would {does}")
+    if package == "topic_tools" and executable == "relay":
+        reasons.append(f"it would pass on {' to '.join(record.get('arguments', ()))}")
+    if package in _INSTEAD:
+        reasons.append(_INSTEAD[package])
+    return NotStarted(name, reason="; ".join(reasons))
+
+
+def _find_what_it_does(
+    package: str, executable: str, record: Mapping[str, Any], finder: PackageFinder
+) -> str:
+    try:
+        folder = finder.source(package)
+    except PackageError:
+        return ""
+    renamed = {source.lstrip("~/"): new for source, new in record.get("remappings", ())}
+    found: dict[str, list[str]] = {}
+    for path in _sources(folder, executable):
+        text = path.read_text(encoding="utf-8", errors="replace")
+        for pattern in _CALLS:
+            for what, kind, topic in re.findall(pattern, text):
+                topic = renamed.get(topic.lstrip("~/"), topic)
+                line = f"{topic} ({re.split('[.:]', kind)[-1]})"
+                lines = found.setdefault(_DOES[what], [])
+                if line not in lines:
+                    lines.append(line)
+    return ", ".join(f"{does} {', '.join(lines)}" for does, lines in found.items())
+
+
+def _sources(folder: Path, executable: str) -> Iterator[Path]:
+    """Yield the files that a node of a package is made of, as far as it is told."""
+    stem = executable.removesuffix(".py")
+    names = {executable, f"{stem}.py", f"{stem}.cpp", f"{stem}.cc"}
+    for setup in (folder / "setup.py", folder / "setup.cfg", folder / "CMakeLists.txt"):
+        if not setup.is_file():
+            continue
+        text = setup.read_text(encoding="utf-8", errors="replace")
+        for module in re.findall(rf"\b{re.escape(stem)}\s*=\s*([\w.]+):\w+", text):
+            names.add(f"{module.rpartition('.')[2]}.py")
+        call = rf"add_executable\(\s*{re.escape(stem)}\s+([^)]*)\)"
+        for files in re.findall(call, text):
+            names |= {Path(file).name for file in files.split()}
+    for path in sorted(folder.rglob("*")):
+        if path.name in names and path.is_file() and path.stat().st_size < _LARGEST:
+            yield path

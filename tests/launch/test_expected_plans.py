@@ -87,7 +87,7 @@ def to_record(plan: ad.LaunchPlan, root: Path) -> dict[str, Any]:
         "rviz": plan.rviz and Path(plan.rviz).name,
         "sliders": plan.has_sliders,
         "bridge": [
-            *plan.bridges,
+            *map(str, plan.bridges),
             *(f"config: {below(p, root)}" for p in plan.bridge_files),
         ],
         "static_frames": [[p, c, list(pose)] for p, c, pose in plan.static_frames],

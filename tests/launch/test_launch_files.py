@@ -10,6 +10,7 @@ import arm_drake as ad
 from arm_drake.cli import main
 from arm_drake.errors import InputError, PackageError
 from arm_drake.launch.launch_files import load_arguments, show_arguments
+from arm_drake.planning.groups import motion_limits
 from tests.launch.packages import describe, make_package, write_launch
 
 
@@ -436,7 +437,8 @@ def test_a_simulator_has_a_world_and_poses(package: Path) -> None:
     (robot,) = plan.robots
     assert (robot.name, robot.simulator) == ("left", "gz")
     assert robot.pose == (0.0, 0.0, 0.5, 0.0, 0.0, 1.57)
-    assert plan.bridges == ("/clock@rosgraph_msgs/msg/Clock[gz.msgs.Clock",)
+    (bridge,) = plan.bridges
+    assert str(bridge) == "/clock@rosgraph_msgs/msg/Clock[gz.msgs.Clock"
     half_a_turn = (0.0, 0.0, 3.141593)
     assert plan.static_frames == (
         ("map", "odom", (1.0, 0.0, 0.0, 0.0, 0.0, 0.5)),
@@ -618,3 +620,201 @@ def test_variables_of_parameter_files_are_launch_configurations(package: Path) -
     assert "other" not in str(robot.report)
     (forward,) = (c for c in robot.controllers.controllers if c.name == "forward")
     assert forward.parameters["joints"].value == ["swing"]
+
+
+def test_arguments_of_a_bridge_give_topics_their_names(package: Path) -> None:
+    path = package / "urdf" / "pendulum.urdf.xacro"
+    plugin = """
+      <gazebo><plugin filename="gz-sim-joint-position-controller-system"
+          name="gz::sim::systems::JointPositionController">
+        <joint_name>swing</joint_name><topic>/swing_to</topic></plugin></gazebo>
+    </robot>"""
+    text = path.read_text(encoding="utf-8")
+    text = text[: text.index("<ros2_control")] + plugin
+    path.write_text(text, encoding="utf-8")
+    file = describe(
+        package,
+        """
+        ExecuteProcess(cmd=["gz", "sim", "-r", "empty.sdf"]), publisher(),
+        Node(package="ros_gz_sim", executable="create", arguments=[
+            "-topic", "robot_description"]),
+        Node(package="ros_gz_bridge", executable="parameter_bridge", arguments=[
+                "/swing_to@std_msgs/msg/Float64]gz.msgs.Double",
+                "/world/empty/set_pose@ros_gz_interfaces/srv/SetEntityPose"],
+            remappings=[("/swing_to", "/arm/command")]),
+        """,
+    )
+
+    (robot,) = ad.load_launch(file).load_scene().robots
+
+    (alias,) = robot.topic_aliases
+    assert (alias.ros_name, alias.gz_name) == ("/arm/command", "/swing_to")
+    assert (alias.is_to_gz, alias.is_to_ros) == (True, False)
+
+
+FRAMES = """
+    publisher(), manager(),
+    Node(package="tf2_ros", executable="static_transform_publisher", arguments=[
+        "--x", "0.1", "--z", "-1", "--frame-id", "arm", "--child-frame-id", "tool"]),
+    Node(package="tf2_ros", executable="static_transform_publisher", arguments=[
+        "0", "0", "-0.1", "0", "0", "0", "tool", "tip"]),
+    Node(package="tf2_ros", executable="static_transform_publisher", arguments=[
+        "1", "0", "0", "0", "0", "0", "map", "odom"]),
+    Node(package="tf2_ros", executable="static_transform_publisher", arguments=[
+        "1", "0", "0", "0", "0", "0", "map", "arm"]),
+"""
+
+
+def test_static_frames_are_frames_of_the_robot(package: Path) -> None:
+    plan = ad.load_launch(describe(package, FRAMES))
+
+    (robot,) = plan.load_scene().robots
+
+    tip = robot.forward_kinematics({"swing": 0.0}, "tip")
+    assert tip.translation() == pytest.approx([0.1, 0.0, -1.1])
+    assert robot.pose is None
+    lines = [entry.what for entry in plan.report if "frame" in entry.what]
+    assert lines == ["static frame 'arm' in 'map'", "static frame 'odom' in 'map'"]
+
+
+def test_a_static_frame_says_where_a_robot_stands(package: Path) -> None:
+    path = package / "urdf" / "pendulum.urdf.xacro"
+    text = path.read_text(encoding="utf-8").replace('"world"', '"foot"')
+    path.write_text(text, encoding="utf-8")
+    file = describe(
+        package,
+        """
+        publisher(),
+        ComposableNodeContainer(name="c", namespace="", package="rclcpp_components",
+            executable="component_container", composable_node_descriptions=[
+                ComposableNode(package="tf2_ros",
+                    plugin="tf2_ros::StaticTransformBroadcasterNode",
+                    parameters=[{"frame_id": "map", "child_frame_id": "foot",
+                        "translation": {"x": 1.0}, "rotation": {"z": 1.0}}])]),
+        """,
+        "from launch_ros.actions import ComposableNodeContainer\n"
+        "from launch_ros.descriptions import ComposableNode",
+    )
+
+    (robot,) = ad.load_launch(file).load_scene().robots
+
+    assert robot.pose == pytest.approx((1.0, 0.0, 0.0, 0.0, 0.0, 3.141593))
+
+
+def test_a_planner_gives_the_robot_its_groups_and_limits(package: Path) -> None:
+    (package / "config" / "my.srdf.xacro").write_text(
+        '<robot name="other" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+        '<xacro:arg name="group" default=""/><group name="$(arg group)">'
+        '<joint name="swing"/></group><group_state name="up" group="$(arg group)">'
+        '<joint name="swing" value="3"/></group_state></robot>'
+    )
+    (package / "config" / "joint_limits.yaml").write_text(
+        "joint_limits: {swing: {has_velocity_limits: true, max_velocity: 0.7}}"
+    )
+    path = describe(
+        package,
+        """
+        publisher(),
+        Node(package="moveit_ros_move_group", executable="move_group",
+             parameters=[configs.to_dict()]),
+        """,
+        """
+        from moveit_configs_utils import MoveItConfigsBuilder
+        configs = (
+            MoveItConfigsBuilder("pendulum", package_name="pendulum_bringup")
+            .robot_description(file_path="urdf/pendulum.urdf.xacro")
+            .robot_description_semantic("config/my.srdf.xacro", {"group": "whole"})
+            .planning_pipelines(pipelines=["ompl"])
+            .to_moveit_configs())
+        """,
+    )
+
+    (robot,) = ad.load_launch(path).load_scene().robots
+
+    group = ad.planning_groups(robot)["whole"]
+    assert group.states["up"] == {"swing": 3.0}
+    assert motion_limits(robot)["swing"].velocity == 0.7
+
+
+@pytest.mark.parametrize("word", ["", "--activate-as-group"])
+def test_a_group_of_controllers_runs_whole_or_not_at_all(
+    package: Path, word: str
+) -> None:
+    # Both want the position of the joint.
+    words = f"'arm_controller', 'forward', {word!r}" if word else "'forward'"
+    plan = ad.load_launch(
+        describe(
+            package,
+            "publisher(), manager(), spawner('joint_state_broadcaster'),"
+            f" spawner({words}),",
+        )
+    )
+
+    options = plan.load_scene().options
+
+    running = {"joint_state_broadcaster"} | (set() if word else {"forward"})
+    assert set(options.active) == running
+    lines = [str(entry) for entry in plan.report]
+    assert any("start as a group" in line for line in lines) == bool(word)
+
+
+def test_a_node_that_is_not_run_is_told_with_what_it_would_do(package: Path) -> None:
+    (package / "setup.py").write_text(
+        "setup(entry_points={'console_scripts': ["
+        "'sphere = pendulum_bringup.random_sphere:main']})"
+    )
+    (package / "CMakeLists.txt").write_text("add_executable(mover src/my_mover.cpp)")
+    for name, text in {
+        "pendulum_bringup/random_sphere.py": (
+            "self.create_subscription(JointState, '/joint_states', self.take, 10)\n"
+            "self.create_publisher(msgs.Marker, 'marker', 10)\n"
+            "ActionClient(self, FollowJointTrajectory, '/arm/follow')"
+        ),
+        "src/my_mover.cpp": (
+            'pub_ = create_publisher<std_msgs::msg::Float64>("command", 10);\n'
+            'create_service<Trigger>("~/go", call);'
+        ),
+    }.items():
+        (package / name).parent.mkdir(exist_ok=True)
+        (package / name).write_text(text)
+    path = describe(
+        package,
+        """
+        Node(package="pendulum_bringup", executable="sphere",
+             remappings=[("marker", "/ball")]),
+        Node(package="pendulum_bringup", executable="mover"),
+        Node(package="teleop_twist_keyboard", executable="teleop_twist_keyboard"),
+        """,
+    )
+
+    sphere, mover, teleop = map(str, ad.load_launch(path).not_started)
+
+    assert sphere == (
+        "not started: node pendulum_bringup/sphere; it would subscribe to "
+        "/joint_states (JointState), publish /ball (Marker), "
+        "send goals to /arm/follow (FollowJointTrajectory)"
+    )
+    assert mover.endswith("it would publish command (Float64), offer ~/go (Trigger)")
+    assert teleop.endswith("; the page's teleop moves a base")
+
+
+@pytest.mark.parametrize(
+    ("entities", "words", "message"),
+    [
+        ("publisher(),", ["--motion", "home"], "--motion is for a simulation"),
+        ("publisher(),", ["--ghost"], "--ghost: expected a pose"),
+        ("publisher(), manager(),", ["--position", "1"], "--initial JOINT=VALUE says"),
+        ("publisher(), manager(),", ["--ghost", "1"], "expected --ghost alone"),
+    ],
+)
+def test_options_of_another_kind_of_launch_are_refused(
+    package: Path,
+    capsys: pytest.CaptureFixture[str],
+    entities: str,
+    words: list[str],
+    message: str,
+) -> None:
+    path = describe(package, entities)
+
+    assert main(["launch", str(path), *words]) == 2
+    assert message in capsys.readouterr().err

@@ -33,7 +33,6 @@ LACKS = re.compile(
 )
 
 DOOSAN = "robotic_arm_environment/my_doosan_pkg/launch"
-MYCOBOT = "mycobot_ros2/mycobot_gazebo/launch/mycobot_280_arduino_bringup"
 
 
 def launch_files(repository: str) -> Iterator[Path]:
@@ -53,27 +52,6 @@ def test_all_launch_files_end_as_plans_or_say_what_they_need(repository: str) ->
 
     assert plans
     assert [error for error in errors if not LACKS.search(error)] == []
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "file",
-    [
-        f"{DOOSAN}/my_doosan_gazebo.launch.py",
-        f"{DOOSAN}/my_doosan_controller.launch.py",
-        f"{MYCOBOT}_classic_gazebo.launch.py",
-        f"{MYCOBOT}_gazebo.launch.py",
-        f"{MYCOBOT}_ros2_control_classic_gazebo.launch.py",
-        f"{MYCOBOT}_ros2_control_gazebo.launch.py",
-        "robotic_arm_environment/my_environment_pkg/launch/my_environment.launch.py",
-    ],
-)
-def test_the_tutorials_launch_files_run(file: str) -> None:
-    simulation = ad.Simulation(ad.load_launch(launch_folder() / file).build_diagram())
-
-    simulation.run(0.1)
-
-    assert simulation.time == pytest.approx(0.1)
 
 
 @pytest.mark.slow

@@ -1,0 +1,132 @@
+"""The nodes of launch files that have a meaning here, and what each becomes."""
+
+from typing import NamedTuple
+
+
+class NodeRole(NamedTuple):
+    """What nodes become here."""
+
+    packages: tuple[str, ...]
+
+    # Executables without `.py`, or plugins of components; none for all.
+    executables: tuple[str, ...]
+
+    # Method of `Roles` that reads one; empty if nothing is to be read.
+    reads: str
+
+    # For the documentation.
+    becomes: str
+
+    # Whether it ends by itself, after which others may start.
+    ends: bool = False
+
+
+# The nodes that have a meaning here; all others are users' own, which aren't run.
+NODES = (
+    NodeRole(
+        ("robot_state_publisher",),
+        (),
+        "publisher",
+        'the robot: `robot_description` from `Command(["xacro ", ...])`, '
+        "`xacro.process_file`, a file or a text; `frame_prefix`",
+    ),
+    NodeRole(
+        ("controller_manager",),
+        ("ros2_control_node",),
+        "manager",
+        "its controller manager; parameters in files and in the launch file",
+    ),
+    NodeRole(
+        ("controller_manager",),
+        ("spawner",),
+        "spawner",
+        "which controllers run: `--inactive`, `--stopped`, `--load-only`, "
+        "`--param-file`, `--controller-type`, `--activate-as-group`, "
+        "`--controller-manager`, `--namespace`. What isn't spawned doesn't run",
+        ends=True,
+    ),
+    NodeRole(
+        ("controller_manager",),
+        ("unspawner",),
+        "unspawner",
+        "which of them don't",
+        ends=True,
+    ),
+    NodeRole(
+        ("gazebo_ros",),
+        ("spawn_entity",),
+        "classic_spawn",
+        "the robot's name and pose",
+        ends=True,
+    ),
+    NodeRole(
+        ("ros_gz_sim", "ros_ign_gazebo"),
+        ("create",),
+        "gz_spawn",
+        "the same; an SDF model goes into the world",
+        ends=True,
+    ),
+    NodeRole(
+        ("ros_gz_sim", "ros_ign_gazebo", "gazebo_ros"),
+        ("gzserver",),
+        "server",
+        "the world",
+    ),
+    NodeRole(
+        ("ros_gz_bridge", "ros_ign_bridge"),
+        (),
+        "bridge",
+        "topics' names in ROS, by arguments or a `config_file`",
+    ),
+    NodeRole(
+        ("joint_state_publisher",),
+        (),
+        "",
+        "nothing: joints are where they are simulated or set",
+    ),
+    NodeRole(("joint_state_publisher_gui",), (), "sliders", "the sliders of the page"),
+    NodeRole(
+        ("rviz2",),
+        (),
+        "rviz",
+        "the page; of its configuration the fixed frame, robot model, TF and the "
+        "camera of an orbit view",
+    ),
+    NodeRole(
+        ("tf2_ros",),
+        ("static_transform_publisher", "tf2_ros::StaticTransformBroadcasterNode"),
+        "static_frame",
+        "a frame on the robot's link, or where a robot that nothing spawns stands",
+    ),
+    NodeRole(
+        ("moveit_ros_move_group",),
+        (),
+        "move_group",
+        "the robot's SRDF and limits: `ad.plan`, `arm-drake plan` take its groups",
+    ),
+)
+
+
+# Packages of ROS and Gazebo that launch files name and that needn't be there.
+PACKAGES = frozenset(
+    {
+        *(package for role in NODES for package in role.packages),
+        "gazebo_ros2_control",
+        "gz_ros2_control",
+        "ign_ros2_control",
+        "moveit_configs_utils",
+        "ros_gz",
+        "ros_ign",
+        "xacro",
+    }
+)
+
+
+def find_role(package: str, executable: str) -> NodeRole | None:
+    """Return what a node becomes, None if it is a user's own."""
+    executable = executable.removesuffix(".py")
+    for role in NODES:
+        is_meant = not role.executables or executable in role.executables
+        if package in role.packages and is_meant:
+            return role
+    return None
