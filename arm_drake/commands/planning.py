@@ -21,6 +21,7 @@ from arm_drake.planning.motion_planning import (
     plan,
     require_controller,
 )
+from arm_drake.visualization.plot import check_plot_path
 
 
 def run_ik(options: argparse.Namespace, robot: Robot) -> int:
@@ -67,9 +68,7 @@ def run_ik(options: argparse.Namespace, robot: Robot) -> int:
 
 def run_plan(options: argparse.Namespace, load: Callable[[], Robot]) -> int:
     """Plan a motion and write it as a motion file; return the exit code."""
-    if options.output is not None:
-        check_suffix(options.output, "a motion", (".yaml", ".yml"))
-        check_writable(options.output)
+    _check_files(options)
     targets, masks = zip(*map(read_target, options.to), strict=True)
     counting = {mask for mask in masks if mask is not None}
     if len(counting) > 1:
@@ -93,6 +92,10 @@ def run_plan(options: argparse.Namespace, load: Callable[[], Robot]) -> int:
     )
     if options.output is not None:
         write_motion(options.output, found, robot)
+    if options.plot is not None:
+        found.plot(options.plot)
+    if options.record is not None:
+        found.animate().save(options.record)
     content = {
         "robot": robot.name,
         "group": found.group.name,
@@ -123,6 +126,19 @@ def run_plan(options: argparse.Namespace, load: Callable[[], Robot]) -> int:
             words += ["--initial", f"{joint}={value!r}"]
         print(f"play it: arm-drake sim {shlex.join(words)}")
     return 0
+
+
+def _check_files(options: argparse.Namespace) -> None:
+    """Raise OutputError if what is asked for can't be written."""
+    if options.output is not None:
+        check_suffix(options.output, "a motion", (".yaml", ".yml"))
+    if options.plot is not None:
+        check_plot_path(options.plot)
+    if options.record is not None:
+        check_suffix(options.record, "a recording", (".html",))
+    for path in (options.output, options.plot, options.record):
+        if path is not None:
+            check_writable(path)
 
 
 def write_motion(path: Path, found: Plan, robot: Robot) -> None:

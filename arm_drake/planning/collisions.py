@@ -50,6 +50,7 @@ from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.description.srdf import find_disabled_collisions
 from arm_drake.errors import InputError, suggest
+from arm_drake.plant.contact import GROUND
 from arm_drake.plant.drake_log import drake_messages
 from arm_drake.plant.joint_ranges import joint_ranges
 from arm_drake.plant.kinematics import KinematicPlant
@@ -69,6 +70,9 @@ _NO_WEIGHT = 1e-3
 
 # Models of a robot that are kept, of different groups and worlds.
 _KEPT = 8
+
+# How shapes look that aren't seen otherwise.
+_COLOR = np.array([0.75, 0.65, 0.5, 1.0])
 
 # Shapes that moved by less are where they were [m], [1].
 _SAME_PLACE = 1e-6
@@ -467,6 +471,33 @@ def _register(plant: MultibodyPlant, shapes: Sequence[_Standing]) -> None:
             f"{placed.name}::{number}",
             properties,
         )
+
+
+def show_standing(
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    robot: ModelInstanceIndex,
+    things: Sequence[PlacedShape],
+) -> None:
+    """Let shapes be seen that aren't: those of the world, and things around a robot."""
+    inspector = scene_graph.model_inspector()
+    for index in range(plant.num_bodies()):
+        body = plant.get_body(BodyIndex(index))
+        is_seen = plant.GetVisualGeometriesForBody(body)
+        if body.model_instance() == robot or is_seen:
+            continue
+        for geometry in plant.GetCollisionGeometriesForBody(body):
+            name = inspector.GetName(geometry)
+            if GROUND not in name:
+                X = RigidTransform(inspector.GetPoseInFrame(geometry))
+                shape = inspector.GetShape(geometry)
+                plant.RegisterVisualGeometry(body, X, shape, f"{name}_seen", _COLOR)
+    for number, each in enumerate(things):
+        body = plant.world_body()
+        if each.link is not None:
+            body = plant.GetBodyByName(each.link, robot)
+        name = f"thing_{number}"
+        plant.RegisterVisualGeometry(body, each.pose, each.shape, name, _COLOR)
 
 
 class Surroundings(NamedTuple):

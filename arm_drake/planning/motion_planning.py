@@ -9,10 +9,12 @@ sharper, then the search's steps smaller.
 """
 
 import dataclasses as dc
+import importlib
 import math
 import time
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple, Protocol, TypeAlias
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw
@@ -49,6 +51,14 @@ from arm_drake.planning.inverse_kinematics import (
 from arm_drake.plant.joint_ranges import joint_ranges
 from arm_drake.plant.payloads import Payload
 from arm_drake.worlds.world import World
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    import arm_drake
+
+# What draws plans; by name, as it stands above.
+_PLOT, _ANIMATE = "arm_drake.visualization.plot", "arm_drake.notebook"
 
 # A pose is a transform, or x, y, z [m], roll, pitch, yaw [rad].
 Target: TypeAlias = str | Mapping[str, float] | RigidTransform | Sequence[float]
@@ -116,11 +126,51 @@ class Plan:
     # How long it took to find, without the model of what can collide [s].
     planning_time: float
 
+    # What was planned for: the robot, the link that poses are for, where all joints are
+    # at the start [rad] or [m], and what is around it: a world, and things that stand
+    # in it or are held.
+    robot: Robot = dc.field(repr=False)
+    frame: str = dc.field(repr=False)
+    start: Mapping[str, float] = dc.field(repr=False)
+    world: World = dc.field(repr=False)
+    things: tuple[PlacedShape, ...] = dc.field(default=(), repr=False)
+
     # What should be known of it.
     warnings: tuple[str, ...] = ()
 
-    # The robot's name.
-    robot: str = ""
+    def positions_at(self, index: int) -> dict[str, float]:
+        """Return where all joints are at a point of the trajectory [rad] or [m]."""
+        names = self.trajectory.joint_names
+        q = self.trajectory.points[index].positions
+        return complete_positions(
+            self.robot,
+            {
+                **_independent(self.robot, self.start),
+                **dict(zip(names, q, strict=True)),
+            },
+        )
+
+    def plot(self, path: str | Path | None = None) -> "Figure":
+        """Return a picture, which a notebook shows: joints over time, the link's way.
+
+        Args:
+            path: `.png`, `.svg` or `.pdf` file to write, too; None writes none.
+
+        Raises:
+            OutputError: If the picture can't be written, or its type is unknown.
+        """
+        draw: Callable[..., Figure] = importlib.import_module(_PLOT).draw_plan
+        return draw(self, None if path is None else Path(path))
+
+    def animate(self, *, loop: bool = True) -> "arm_drake.Recording":
+        """Return a page that plays the plan in the browser, which a notebook shows.
+
+        Args:
+            loop: Whether it begins anew at its end.
+        """
+        module = importlib.import_module(_ANIMATE)
+        record: Callable[..., arm_drake.Recording] = module.record_plan
+        return record(self, loop=loop)
 
     @property
     def end(self) -> dict[str, float]:
@@ -259,6 +309,8 @@ def plan(robot: Robot | Running, to: Target | Sequence[Target], **options: Any) 
         model,
         setting.positions,
         setting.payloads,
+        setting.world,
+        setting.things,
         chosen,
     )
     return _solve(problem, _list_targets(to))
@@ -390,7 +442,11 @@ def _solve(problem: "_Problem", targets: Sequence[Target]) -> Plan:
         controller=find_controller(problem.robot, problem.group),
         planning_time=time.monotonic() - began,
         warnings=tuple(_warnings(problem, legs)),
-        robot=problem.robot.name,
+        robot=problem.robot,
+        frame=problem.frame,
+        start=problem.positions,
+        world=problem.world,
+        things=problem.things,
     )
 
 
@@ -455,6 +511,8 @@ class _Problem(NamedTuple):
     model: CollisionModel
     positions: dict[str, float]
     payloads: Mapping[str, Payload]
+    world: World
+    things: tuple[PlacedShape, ...]
     options: PlanOptions
 
     @property

@@ -624,7 +624,7 @@ class Simulation:
         """Send a plan to its controller."""
         from arm_drake.planning.motion_planning import require_controller
 
-        manager = self.directory.manager(found.robot)
+        manager = self.directory.manager(found.robot.name)
         name = f"{manager.prefix}{require_controller(manager.robot, found.group)}"
         return self.controller(name).send_goal(found.trajectory, where=where)
 

@@ -144,7 +144,7 @@ def test_another_robot_is_in_the_way() -> None:
     plan = ad.plan(left, {"joint1": 0.0, "joint2": 1.4}, start=START, world="void")
 
     assert "'link5' and 'right/base_0' overlap by" in str(caught.value)
-    assert plan.robot == "left"
+    assert plan.robot.name == "left"
 
 
 def test_a_robot_that_moves_is_not_planned_for(simulation: ad.Simulation) -> None:
