@@ -77,6 +77,7 @@ from arm_drake.planning.inverse_kinematics import (
 )
 from arm_drake.planning.motion_planning import (
     Plan as Plan,
+    PlanOptions as PlanOptions,
     PlanningError as PlanningError,
     plan as plan,
 )

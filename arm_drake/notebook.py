@@ -20,6 +20,9 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.systems.framework import DiagramBuilder
+
 from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot, list_robots
 from arm_drake.diagram import build_diagram
@@ -27,9 +30,12 @@ from arm_drake.errors import InputError
 from arm_drake.loading import load_robot
 from arm_drake.options import SimulationOptions
 from arm_drake.output_files import writing
+from arm_drake.planning.collisions import show_standing
+from arm_drake.planning.motion_planning import Plan
+from arm_drake.plant.plant import add_robot_model, add_visualizer
+from arm_drake.simulation.motion import default_duration
 from arm_drake.simulation.motion_files import (
     MotionSource,
-    default_duration,
     find_motion,
 )
 from arm_drake.simulation.simulation import Simulation
@@ -39,11 +45,12 @@ from arm_drake.visualization.drawing import (
     frame_robots,
     run_drawing,
 )
+from arm_drake.visualization.meshcat import frame_shapes, show_ground
 from arm_drake.visualization.page import Page, Scene
 from arm_drake.visualization.page.live_simulation import LiveSimulation
 from arm_drake.visualization.page.robot_viewer import RobotViewer
 from arm_drake.visualization.recording import make_recording, start_recording
-from arm_drake.worlds.world import World
+from arm_drake.worlds.world import World, load_world
 
 _LAYOUT = 'width="100%" height="520" style="border: 1px solid #ccc"'
 
@@ -477,6 +484,38 @@ def animate(
         names = ", ".join(robot.title for robot in loaded)
         page = make_recording(meshcat, names, loop=loop)
     return simulation, Recording(page)
+
+
+def record_plan(plan: Plan, *, loop: bool = True) -> Recording:
+    """Return a page that plays a plan; `Plan.animate` does that."""
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 1e-3)
+    load_world(plan.world, plan.robot.package_paths).add_to(plant)
+    robot = plan.robot
+    model = add_robot_model(plant, robot.description, robot.name, robot.pose)
+    show_standing(plant, scene_graph, model, plan.things)
+    plant.Finalize()
+    rate = SimulationOptions.frame_rate
+    with Scene() as scene:
+        meshcat = scene.meshcat
+        show_ground(meshcat)
+        add_visualizer(builder, scene_graph, meshcat)
+        diagram = builder.Build()
+        root = diagram.CreateDefaultContext()
+        context = plant.GetMyMutableContextFromRoot(root)
+        start_recording(meshcat, rate)
+        for index, point in enumerate(plan.trajectory.points):
+            root.SetTime(point.time_from_start.to_seconds())
+            q = plant.GetPositions(context)
+            for name, value in plan.positions_at(index).items():
+                q[plant.GetJointByName(name, model).position_start()] = value
+            plant.SetPositions(context, q)
+            diagram.ForcedPublish(root)
+        query = scene_graph.get_query_output_port().Eval(
+            scene_graph.GetMyContextFromRoot(root)
+        )
+        frame_shapes(meshcat, query, models=[robot.name], room=ROOM_TO_MOVE)
+        return Recording(make_recording(meshcat, f"{robot.title}: plan", loop=loop))
 
 
 def _load(robots: Robots) -> list[Robot]:

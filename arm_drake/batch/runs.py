@@ -24,10 +24,9 @@ from arm_drake.options import SimulationOptions
 from arm_drake.plant.payloads import Payloads
 from arm_drake.rollout.rollout import Rollout
 from arm_drake.simulation.mailbox import GoalHandle
-from arm_drake.simulation.motion import Motion
+from arm_drake.simulation.motion import Motion, default_duration
 from arm_drake.simulation.motion_files import (
     MotionSource,
-    default_duration,
     find_motion,
 )
 from arm_drake.simulation.recording import list_failures

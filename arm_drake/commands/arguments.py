@@ -479,6 +479,8 @@ def add_plan_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add("--seed", metavar="N", type=int, default=0, help="of the random search (0)")
     add("-o", "--output", metavar="FILE.yaml", type=Path, help="motion to write")
+    add("--plot", metavar="FILE.png", type=Path, help="picture of it to write")
+    add("--record", metavar="FILE.html", type=Path, help="page to write that plays it")
 
 
 def _add_group(parser: argparse.ArgumentParser) -> None:

@@ -11,11 +11,17 @@ import yaml
 
 from arm_drake.description.elements import parse_float
 from arm_drake.description.robot import Robot
-from arm_drake.errors import InputError, counted, quoted
+from arm_drake.errors import InputError, counted
 from arm_drake.output_files import check_suffix, check_writable, writing
 from arm_drake.planning.groups import find_group
 from arm_drake.planning.inverse_kinematics import WHOLE_POSE, solve_ik
-from arm_drake.planning.motion_planning import Plan, Target, plan
+from arm_drake.planning.motion_planning import (
+    Plan,
+    Target,
+    plan,
+    require_controller,
+)
+from arm_drake.visualization.plot import check_plot_path
 
 
 def run_ik(options: argparse.Namespace, robot: Robot) -> int:
@@ -62,9 +68,7 @@ def run_ik(options: argparse.Namespace, robot: Robot) -> int:
 
 def run_plan(options: argparse.Namespace, load: Callable[[], Robot]) -> int:
     """Plan a motion and write it as a motion file; return the exit code."""
-    if options.output is not None:
-        check_suffix(options.output, "a motion", (".yaml", ".yml"))
-        check_writable(options.output)
+    _check_files(options)
     targets, masks = zip(*map(read_target, options.to), strict=True)
     counting = {mask for mask in masks if mask is not None}
     if len(counting) > 1:
@@ -88,6 +92,10 @@ def run_plan(options: argparse.Namespace, load: Callable[[], Robot]) -> int:
     )
     if options.output is not None:
         write_motion(options.output, found, robot)
+    if options.plot is not None:
+        found.plot(options.plot)
+    if options.record is not None:
+        found.animate().save(options.record)
     content = {
         "robot": robot.name,
         "group": found.group.name,
@@ -120,15 +128,22 @@ def run_plan(options: argparse.Namespace, load: Callable[[], Robot]) -> int:
     return 0
 
 
+def _check_files(options: argparse.Namespace) -> None:
+    """Raise OutputError if what is asked for can't be written."""
+    if options.output is not None:
+        check_suffix(options.output, "a motion", (".yaml", ".yml"))
+    if options.plot is not None:
+        check_plot_path(options.plot)
+    if options.record is not None:
+        check_suffix(options.record, "a recording", (".html",))
+    for path in (options.output, options.plot, options.record):
+        if path is not None:
+            check_writable(path)
+
+
 def write_motion(path: Path, found: Plan, robot: Robot) -> None:
     """Write a plan as a motion file, a goal of the group's trajectory controller."""
-    if found.controller is None:
-        names = [controller.name for controller in robot.controllers.controllers]
-        raise InputError(
-            f"no trajectory controller has exactly the joints of group "
-            f"{found.group.name!r}, {quoted(found.group.joints)}; there are "
-            f"{quoted(names) or 'none'}"
-        )
+    controller = require_controller(robot, found.group)
     points = [
         {
             "positions": list(point.positions),
@@ -140,7 +155,7 @@ def write_motion(path: Path, found: Plan, robot: Robot) -> None:
     ]
     names = list(found.trajectory.joint_names)
     goal = {"joint_names": names, "points": points}
-    steps = [{"at": 0.0, "controller": found.controller, "goal": goal}]
+    steps = [{"at": 0.0, "controller": controller, "goal": goal}]
     text = yaml.safe_dump(steps, sort_keys=False, default_flow_style=None, width=1000)
     with writing(path):
         path.write_text(f"# Planned by arm-drake plan.\n{text}", encoding="utf-8")

@@ -35,8 +35,8 @@ from arm_drake.options import SimulationOptions
 from arm_drake.plant.drake_log import use_native_logging
 from arm_drake.plant.payloads import Payload
 from arm_drake.scene import Scene, load_scene
-from arm_drake.simulation.motion import Motion
-from arm_drake.simulation.motion_files import default_duration, find_motion
+from arm_drake.simulation.motion import Motion, default_duration
+from arm_drake.simulation.motion_files import find_motion
 from arm_drake.simulation.playback import check_motion
 from arm_drake.simulation.recording import find_build_info, list_failures
 from arm_drake.simulation.simulation import Simulation

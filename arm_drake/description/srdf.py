@@ -104,15 +104,20 @@ def find_disabled_collisions(robot: Robot, report: LoadReport) -> Pairs:
     """Return the pairs of links, in order of name, whose collisions are disabled.
 
     The SRDF files of the description's own package and of the MoveIt packages around
-    it are read; those for another robot are left out.
+    it are read; those for another robot are left out. Where there are several, as for
+    a robot with a gripper and one without, a pair must be in all of them.
     """
-    pairs, description = set(), robot.description
-    for _, root in _roots(robot, report):
-        for element in root.iter("disable_collisions"):
-            one, two = sorted((element.get("link1", ""), element.get("link2", "")))
-            if {one, two} <= set(description.links):
-                pairs.add((one, two))
-    return frozenset(pairs)
+    links = set(robot.description.links)
+    found = [
+        {
+            (min(one, two), max(one, two))
+            for element in root.iter("disable_collisions")
+            if {one := element.get("link1", ""), two := element.get("link2", "")}
+            <= links
+        }
+        for _, root in _roots(robot, report)
+    ]
+    return frozenset(set.intersection(*found) if found else ())
 
 
 def find_group_states(robot: Robot) -> tuple[GroupState, ...]:
@@ -146,6 +151,7 @@ def _roots(robot: Robot, report: LoadReport) -> Iterator[tuple[Path, ET.Element]
     """Yield the files that are for a robot, and their roots."""
     description, named = robot.description, robot.srdf_files
     files = _files(description.file, robot.package_paths) if named is None else named
+    found = []
     for path in files:
         try:
             root = ET.parse(path).getroot()  # noqa: S314  no external entities.
@@ -154,7 +160,14 @@ def _roots(robot: Robot, report: LoadReport) -> Iterator[tuple[Path, ET.Element]
             report.add("warning", "invalid", what, "it has no effect", file=path)
             continue
         if named is not None or root.get("name") == description.name:
-            yield path, root
+            found.append((path, root))
+    # Several may have the robot's name: those called as its file, or as itself, count.
+    for stem in (description.file.stem, description.name):
+        chosen = [each for each in found if each[0].stem == stem]
+        if chosen and named is None:
+            found = chosen
+            break
+    yield from found
 
 
 def _files(file: Path, package_paths: Sequence[Path]) -> Iterator[Path]:

@@ -4,36 +4,56 @@ The model is Drake's SceneGraphCollisionChecker: the robot without what is only 
 and every shape of the world, standing where it is. What the planned joints don't move
 is checked against nothing but what they do.
 
-Edges are checked at steps that bound how far any shape moves between two checks: each
+Lines are checked at steps that bound how far any shape moves between two checks: each
 joint counts with the longest way from it to a shape that it carries. With steps of
 twice the padding nothing between them is missed.
 """
 
 import copy
 import dataclasses as dc
+import functools
 import itertools
+import math
 import re
 import weakref
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
-from pydrake.geometry import HalfSpace, QueryObject, SceneGraph
+from pydrake.geometry import (
+    CalcObb,
+    HalfSpace,
+    ProximityProperties,
+    QueryObject,
+    SceneGraph,
+    Shape,
+)
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, RigidBody
+from pydrake.multibody.tree import (
+    BodyIndex,
+    ModelInstanceIndex,
+    RigidBody,
+    default_model_instance,
+)
 from pydrake.planning import (
+    BodyShapeDescription,
     LinearDistanceAndInterpolationProvider,
     RobotDiagramBuilder,
     SceneGraphCollisionChecker,
 )
+from pydrake.systems.framework import Context, Diagram
 
 from arm_drake.description.joints import FREE_TYPES, joints_above, last_master
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.description.srdf import find_disabled_collisions
+from arm_drake.errors import InputError, suggest
+from arm_drake.plant.contact import GROUND
 from arm_drake.plant.drake_log import drake_messages
 from arm_drake.plant.joint_ranges import joint_ranges
+from arm_drake.plant.kinematics import KinematicPlant
 from arm_drake.plant.plant import add_robot_model
 from arm_drake.worlds.sdf_world import LoadedWorld
 from arm_drake.worlds.world import World, load_world
@@ -50,6 +70,27 @@ _NO_WEIGHT = 1e-3
 
 # Models of a robot that are kept, of different groups and worlds.
 _KEPT = 8
+
+# How shapes look that aren't seen otherwise.
+_COLOR = np.array([0.75, 0.65, 0.5, 1.0])
+
+# Shapes that moved by less are where they were [m], [1].
+_SAME_PLACE = 1e-6
+
+
+class PlacedShape(NamedTuple):
+    """A shape that a link carries, or that stands in the world."""
+
+    # What it is called.
+    name: str
+
+    shape: Shape
+
+    # Where it is in the frame of the link, or in the world.
+    pose: RigidTransform
+
+    # Who carries it; None is the world.
+    link: str | None = None
 
 
 class CollisionModel:
@@ -86,26 +127,79 @@ class CollisionModel:
             for joint in robot.description.movable_joints
         }
         self._find_followers(robot)
-        weights = self._find_weights(robot, model, builder.scene_graph())
-        # Whether there is anything that could collide.
-        self.has_shapes = bool(np.any(weights[self._own] > _NO_WEIGHT))
+        self._robot = robot
+        self._things: tuple[PlacedShape, ...] = ()
+        self._radii = {
+            link: _radius(plant, builder.scene_graph(), link, model)
+            for link in robot.description.links
+            if plant.HasBodyNamed(link, model)
+        }
+        self._weights = self._find_weights(self._radii)
         self.set_positions(positions)
-        provider = LinearDistanceAndInterpolationProvider(plant, weights)
         with drake_messages():  # It tells how many contexts it has.
             self.checker = SceneGraphCollisionChecker(
                 model=builder.Build(),
                 robot_model_instances=[model],
-                distance_and_interpolation_provider=provider,
+                distance_and_interpolation_provider=(
+                    LinearDistanceAndInterpolationProvider(plant)
+                ),
                 edge_step_size=1.0,
                 env_collision_padding=padding,
                 self_collision_padding=padding,
             )
         # The builder's is no more.
         self._plant = self.checker.plant()
+        self._names: dict[int, str] = {}
         self._filter(robot, model)
-        # A weighted norm of steps; the sum of their parts is at most this much more.
-        count = int(np.count_nonzero(self._E[:, self._own].any(axis=1)))
-        self.fine_step = 2.0 * self._padding / max(count, 1) ** 0.5
+        # How far links may move between two checks [m]; nothing is missed then.
+        self.fine_step = 2.0 * self._padding
+
+    def set_things(self, things: Sequence[PlacedShape]) -> None:
+        """Put what isn't part of the robot and the world, in place of what was.
+
+        What a link carries may touch the links that it touches now.
+        """
+        held = {each.link for each in things} - {None}
+        if not (held or _differ(things, self._things)):
+            return
+        self._things = tuple(things)
+        checker, plant = self.checker, self._plant
+        checker.RemoveAllAddedCollisionShapes()
+        inspector = checker.model().scene_graph().model_inspector
+        for each in things:
+            body = each.link or plant.world_body().name()
+            model = self._model if each.link else plant.world_body().model_instance()
+            instance = plant.GetModelInstanceName(model)
+            where = BodyShapeDescription(each.shape, each.pose, instance, body)
+            checker.AddCollisionShape(each.name, where)
+        known = {i.get_value() for i in inspector().GetAllGeometryIds()}
+        present = self._query().inspector().GetAllGeometryIds()
+        added = sorted({i.get_value() for i in present} - known)
+        names = [each.name for each in things]
+        self._names = dict(zip(added, names, strict=True))
+        radii = dict(self._radii)
+        for each in things:
+            if each.link:
+                reach = _reach(each.shape, each.pose) + (radii[each.link] or 0.0)
+                radii[each.link] = reach
+        self._weights = self._find_weights(radii)
+        self._allow_touching(held)
+
+    def _allow_touching(self, held: Collection[str | None]) -> None:
+        """Let links that carry something touch what they do now."""
+        matrix = self._filters.copy()
+        self.checker.SetCollisionFilterMatrix(matrix)
+        found = self.checker.CalcRobotClearance(self._rest, self._given_padding)
+        carrying = {int(self._bodies[link]) for link in held if link}
+        ours = set(self._bodies.values())
+        pairs = zip(
+            found.robot_indices(), found.other_indices(), found.distances(), strict=True
+        )
+        for one, two, distance in pairs:
+            pair = {int(one), int(two)}
+            if pair & carrying and pair <= ours and distance <= 0.0:
+                _disable(matrix, int(one), int(two))
+        self.checker.SetCollisionFilterMatrix(matrix)
 
     def set_positions(self, positions: Mapping[str, float]) -> None:
         """Put the joints that aren't planned [rad] or [m]."""
@@ -122,19 +216,36 @@ class CollisionModel:
         return bool(self.checker.CheckConfigCollisionFree(self.configuration(x)))
 
     def is_edge_free(self, x: np.ndarray, y: np.ndarray, step: float) -> bool:
-        """Whether nothing collides on a line, checked at steps of the weighted norm."""
-        self.checker.set_edge_step_size(step)
-        return bool(
-            self.checker.CheckEdgeCollisionFree(
-                self.configuration(x), self.configuration(y)
-            )
-        )
+        """Whether nothing collides on a line, checked where links move by steps [m].
+
+        The end is checked first, then the middle, and so on: what isn't free is seen
+        soon.
+        """
+        p, q = self.configuration(x), self.configuration(y)
+        count = math.ceil(float(self._weights @ np.abs(q - p)) / step)
+        check = self.checker.CheckConfigCollisionFree
+        return all(check(p + part * (q - p)) for part in _spread(max(count, 1)))
 
     def first_collision(self, path: np.ndarray) -> int | None:
-        """Return the first segment of a path, shape (m, n), that isn't free."""
-        for index, (x, y) in enumerate(itertools.pairwise(path)):
-            if not self.is_edge_free(x, y, self.fine_step):
-                return index
+        """Return the first segment of a path, shape (m, n), that isn't free.
+
+        Links move by no more than `fine_step` between checks.
+        """
+        qs = np.array([self.configuration(x) for x in path])
+        lengths = np.abs(np.diff(qs, axis=0)) @ self._weights
+        at = np.append(0.0, np.cumsum(lengths))
+        count = math.ceil(at[-1] / self.fine_step)
+        places = np.linspace(0.0, at[-1], count + 1)
+        segments = np.searchsorted(at, places, side="right") - 1
+        for place, index in zip(
+            places, np.minimum(segments, len(path) - 2), strict=True
+        ):
+            if index < 0:  # One point is no path.
+                return None if self.is_free(path[0]) else 0
+            part = (place - at[index]) / max(lengths[index], 1e-12)
+            q = qs[index] + min(part, 1.0) * (qs[index + 1] - qs[index])
+            if not self.checker.CheckConfigCollisionFree(q):
+                return int(index)
         return None
 
     def clearance(self, path: np.ndarray, influence: float = 0.5) -> float:
@@ -151,8 +262,7 @@ class CollisionModel:
     def describe(self, x: np.ndarray) -> list[str]:
         """Return what collides at values of the planned joints, in words."""
         self.checker.UpdatePositions(self.configuration(x))
-        plant, context = self._plant, self.checker.plant_context()
-        query: QueryObject = plant.get_geometry_query_input_port().Eval(context)
+        plant, query = self._plant, self._query()
         inspector = query.inspector()
         matrix = self.checker.GetFilteredCollisionMatrix()
         found: dict[str, float] = {}
@@ -165,9 +275,11 @@ class CollisionModel:
             if matrix[int(bodies[0].index()), int(bodies[1].index())] != 0:
                 continue
             names = sorted(
+                self._names[geometry.get_value()]
+                if geometry.get_value() in self._names
                 # Numbers tell shapes of the world apart.
-                re.sub(
-                    "^(WorldModelInstance::)+|::[0-9]+$",
+                else re.sub(
+                    "^(WorldModelInstance::)+|(::[0-9]+)+$",
                     "",
                     inspector.GetName(geometry),
                 )
@@ -184,6 +296,11 @@ class CollisionModel:
             for words, distance in sorted(found.items(), key=lambda item: item[1])
         ]
 
+    def _query(self) -> QueryObject:
+        """Return what is where at the last positions of the checker."""
+        context = self.checker.plant_context()
+        return self._plant.get_geometry_query_input_port().Eval(context)
+
     def _find_followers(self, robot: Robot) -> None:
         size = self._plant.num_positions()
         joints = {joint.name: joint for joint in robot.description.movable_joints}
@@ -193,18 +310,15 @@ class CollisionModel:
             self._E[self._at[name], self._at[master]] = factor
         self._own = np.array([self._at[name] for name in self.joints])
 
-    def _find_weights(
-        self, robot: Robot, model: ModelInstanceIndex, scene_graph: SceneGraph
-    ) -> np.ndarray:
-        """Return how far a shape moves at most for each unit of a joint [m]."""
-        plant, description = self._plant, robot.description
+    def _find_weights(self, radii: Mapping[str, float | None]) -> np.ndarray:
+        """Return how far a shape moves at most for each unit of a joint [m].
+
+        `radii` are how far shapes of links are from their origins at most [m].
+        """
+        description = self._robot.description
         ranges = {r.name: r for r in joint_ranges(description)}
-        weights = np.full(plant.num_positions(), _NO_WEIGHT)
-        for link in description.links:
-            if not plant.HasBodyNamed(link, model):
-                continue
-            body = plant.GetBodyByName(link, model)
-            radius = _radius(plant, scene_graph, body)
+        weights = np.full(self._plant.num_positions(), _NO_WEIGHT)
+        for link, radius in radii.items():
             if radius is None:
                 continue
             for joint in joints_above(description.joints, link):
@@ -216,6 +330,8 @@ class CollisionModel:
                         r = ranges[joint.name]
                         radius += max(abs(r.lower), abs(r.upper))
                 radius += float(np.linalg.norm(joint.origin.position))
+        # Whether there is anything that could collide.
+        self.has_shapes = bool(np.any(weights[self._own] > _NO_WEIGHT))
         return weights
 
     def _filter(self, robot: Robot, model: ModelInstanceIndex) -> None:
@@ -256,6 +372,20 @@ class CollisionModel:
             if int(a) in of_robot and int(b) in of_robot:
                 _disable(matrix, int(a), int(b))
         self.checker.SetCollisionFilterMatrix(matrix)
+        self._model, self._bodies, self._filters = model, index, matrix
+
+
+@functools.cache
+def _spread(count: int) -> tuple[float, ...]:
+    """Return parts of a line, from the end to ever finer halves, and its start."""
+    found: list[int] = []
+    waiting = [(0, count)]
+    for low, high in waiting:  # It grows.
+        middle = (low + high) // 2
+        if low < middle < high:
+            found.append(middle)
+            waiting += [(low, middle), (middle, high)]
+    return tuple(each / count for each in (count, *found, 0))
 
 
 def _disable(matrix: np.ndarray, one: int, two: int) -> None:
@@ -284,37 +414,220 @@ def add_standing_world(
     source.RegisterAsSourceForSceneGraph(scene_graph)
     load_world(world, package_paths).add_to(source)
     source.Finalize()
-    context, inspector = source.CreateDefaultContext(), scene_graph.model_inspector()
-    numbers = itertools.count()
-    for index in range(source.num_bodies()):
-        body = source.get_body(BodyIndex(index))
-        X_WB = source.EvalBodyPoseInWorld(context, body)
-        for geometry in source.GetCollisionGeometriesForBody(body):
-            name = body.name() if index else inspector.GetName(geometry)
-            plant.RegisterCollisionGeometry(
-                plant.world_body(),
-                X_WB @ RigidTransform(inspector.GetPoseInFrame(geometry)),
+    context = source.CreateDefaultContext()
+    poses = [
+        source.EvalBodyPoseInWorld(context, source.get_body(BodyIndex(index)))
+        for index in range(source.num_bodies())
+    ]
+    standing = _find_shapes(source, scene_graph, poses, range(source.num_bodies()))
+    _register(plant, standing)
+
+
+class _Standing(NamedTuple):
+    """A shape that stands in the world, with what contact makes of it."""
+
+    placed: PlacedShape
+    properties: ProximityProperties
+
+
+def _find_shapes(
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    poses: Sequence[RigidTransform],
+    bodies: Iterable[int],
+) -> list[_Standing]:
+    """Return the shapes of bodies that have poses in the world."""
+    inspector, found = scene_graph.model_inspector(), []
+    for index in bodies:
+        body = plant.get_body(BodyIndex(index))
+        for geometry in plant.GetCollisionGeometriesForBody(body):
+            placed = PlacedShape(
+                _name_of(plant, body) if index else inspector.GetName(geometry),
                 inspector.GetShape(geometry),
-                f"{name}::{next(numbers)}",
-                inspector.GetProximityProperties(geometry),
+                poses[index] @ RigidTransform(inspector.GetPoseInFrame(geometry)),
             )
+            properties = inspector.GetProximityProperties(geometry)
+            found.append(_Standing(placed, properties))
+    return found
+
+
+def _name_of(plant: MultibodyPlant, body: RigidBody) -> str:
+    """Return what a body is called: as its model, if that has no other."""
+    model = body.model_instance()
+    name = plant.GetModelInstanceName(model)
+    if model == default_model_instance():
+        return str(body.name())
+    is_only = len(plant.GetBodyIndices(model)) == 1
+    return name if is_only else f"{name}/{body.name()}"
+
+
+def _register(plant: MultibodyPlant, shapes: Sequence[_Standing]) -> None:
+    """Fix shapes to the world; numbers tell those of one name apart."""
+    for number, (placed, properties) in enumerate(shapes):
+        plant.RegisterCollisionGeometry(
+            plant.world_body(),
+            placed.pose,
+            placed.shape,
+            f"{placed.name}::{number}",
+            properties,
+        )
+
+
+def show_standing(
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    robot: ModelInstanceIndex,
+    things: Sequence[PlacedShape],
+) -> None:
+    """Let shapes be seen that aren't: those of the world, and things around a robot."""
+    inspector = scene_graph.model_inspector()
+    for index in range(plant.num_bodies()):
+        body = plant.get_body(BodyIndex(index))
+        is_seen = plant.GetVisualGeometriesForBody(body)
+        if body.model_instance() == robot or is_seen:
+            continue
+        for geometry in plant.GetCollisionGeometriesForBody(body):
+            name = inspector.GetName(geometry)
+            if GROUND not in name:
+                X = RigidTransform(inspector.GetPoseInFrame(geometry))
+                shape = inspector.GetShape(geometry)
+                plant.RegisterVisualGeometry(body, X, shape, f"{name}_seen", _COLOR)
+    for number, each in enumerate(things):
+        body = plant.world_body()
+        if each.link is not None:
+            body = plant.GetBodyByName(each.link, robot)
+        name = f"thing_{number}"
+        plant.RegisterVisualGeometry(body, each.pose, each.shape, name, _COLOR)
+
+
+class Surroundings(NamedTuple):
+    """What is around a robot of a diagram now."""
+
+    # What never moves.
+    world: LoadedWorld
+
+    # What stands somewhere, and what its links carry.
+    things: tuple[PlacedShape, ...]
+
+    # Where its base is, if that moves.
+    X_WB: RigidTransform | None
+
+
+# What never moves, around a robot of a diagram.
+_worlds: "weakref.WeakKeyDictionary[Diagram, dict[str, LoadedWorld]]" = (
+    weakref.WeakKeyDictionary()
+)
+
+
+def look_around(
+    diagram: Diagram,
+    context: Context,
+    robot: Robot,
+    held: Mapping[str, str],
+    ignored: Collection[str],
+) -> Surroundings:
+    """Return what is around a robot of a running diagram, but for bodies ignored.
+
+    `held` says which links hold which bodies; these are where they are on the links.
+
+    Raises:
+        InputError: If there is no such body, or it has no shape.
+    """
+    plant, scene_graph = diagram.GetSubsystemByName("plant"), _scene_graph_of(diagram)
+    own = plant.GetMyContextFromRoot(context)
+    poses = plant.GetOutputPort("body_poses").Eval(own)
+    plant = plant.plant if isinstance(plant, KinematicPlant) else plant
+    model = plant.GetModelInstanceByName(robot.name)
+    ours = {int(index) for index in plant.GetBodyIndices(model)}
+    others = [index for index in range(plant.num_bodies()) if index not in ours]
+    still = [i for i in others if plant.IsAnchored(plant.get_body(BodyIndex(i)))]
+    known = _worlds.setdefault(diagram, {})
+    if robot.name not in known:
+        shapes = _find_shapes(plant, scene_graph, poses, still)
+        known[robot.name] = LoadedWorld("surroundings", lambda p: _register(p, shapes))
+    moving = [index for index in others if index not in set(still)]
+    standing = [s.placed for s in _find_shapes(plant, scene_graph, poses, moving)]
+    unseen = {*held.values(), *ignored}
+    things = [each for each in standing if each.name not in unseen]
+    links = {
+        link: poses[int(plant.GetBodyByName(link, model).index())]
+        for link in robot.description.links
+        if plant.HasBodyNamed(link, model)
+    }
+    names = {each.name for each in standing}
+    for name in (*held.values(), *ignored):
+        if name not in names:
+            raise InputError(
+                f"no body {name!r} that could move; {suggest(name, names)}"
+            )
+    for link, name in held.items():
+        things += [
+            each._replace(link=link, pose=links[link].inverse() @ each.pose)
+            for each in standing
+            if each.name == name
+        ]
+    things += _payloads(plant, scene_graph, model, links)
+    X_WB = links[robot.description.base] if robot.has_free_base else None
+    return Surroundings(known[robot.name], tuple(things), X_WB)
+
+
+def _payloads(
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    model: ModelInstanceIndex,
+    links: Iterable[str],
+) -> Iterator[PlacedShape]:
+    """Yield the shapes of payloads on links of a robot in a diagram."""
+    inspector = scene_graph.model_inspector()
+    for link in links:
+        body = plant.GetBodyByName(link, model)
+        for geometry in plant.GetCollisionGeometriesForBody(body):
+            if inspector.GetName(geometry).rpartition("::")[2] == "payload":
+                pose = RigidTransform(inspector.GetPoseInFrame(geometry))
+                shape = inspector.GetShape(geometry)
+                yield PlacedShape(f"payload of {link}", shape, pose, link)
+
+
+def _scene_graph_of(diagram: Diagram) -> SceneGraph:
+    found = diagram.GetSubsystemByName("scene_graph")
+    assert isinstance(found, SceneGraph)
+    return found
 
 
 def _radius(
-    plant: MultibodyPlant, scene_graph: SceneGraph, body: RigidBody
+    plant: MultibodyPlant, scene_graph: SceneGraph, link: str, model: ModelInstanceIndex
 ) -> float | None:
     """Return how far a link's shapes are from its origin at most [m]."""
-    inspector, largest = scene_graph.model_inspector(), None
-    for geometry in plant.GetCollisionGeometriesForBody(body):
-        if isinstance(inspector.GetShape(geometry), HalfSpace):
-            continue
-        box = inspector.GetObbInGeometryFrame(geometry)
-        X_LB = RigidTransform(inspector.GetPoseInFrame(geometry)) @ box.pose()
-        half = np.array(box.half_width())
-        corners = np.array(list(itertools.product((-1, 1), repeat=3))) * half
-        points = np.array([X_LB.multiply(corner) for corner in corners])
-        largest = max(largest or 0.0, float(np.linalg.norm(points, axis=1).max()))
-    return largest
+    inspector = scene_graph.model_inspector()
+    reaches = [
+        _reach(inspector.GetShape(each), inspector.GetPoseInFrame(each))
+        for each in plant.GetCollisionGeometriesForBody(
+            plant.GetBodyByName(link, model)
+        )
+        if not isinstance(inspector.GetShape(each), HalfSpace)
+    ]
+    return max(reaches, default=None)
+
+
+def _reach(shape: Shape, pose: RigidTransform) -> float:
+    """Return how far a shape at a pose is from the origin at most [m]."""
+    box = CalcObb(shape)
+    X = pose @ box.pose()
+    corners = np.array(list(itertools.product((-1, 1), repeat=3)))
+    points = [X.multiply(corner * np.array(box.half_width())) for corner in corners]
+    return float(np.linalg.norm(points, axis=1).max())
+
+
+def _differ(one: Sequence[PlacedShape], other: Sequence[PlacedShape]) -> bool:
+    """Whether shapes are others, or elsewhere."""
+    if len(one) != len(other):
+        return True
+    return any(
+        (a.name, a.link) != (b.name, b.link)
+        or type(a.shape) is not type(b.shape)
+        or not a.pose.IsNearlyEqualTo(b.pose, _SAME_PLACE)
+        for a, b in zip(one, other, strict=True)
+    )
 
 
 _models: "weakref.WeakKeyDictionary[Robot, dict[object, CollisionModel]]" = (
@@ -329,8 +642,9 @@ def collision_model(
     *,
     padding: float,
     positions: Mapping[str, float],
+    things: Sequence[PlacedShape] = (),
 ) -> CollisionModel:
-    """Return a model, one that is known where nothing but positions differ.
+    """Return a model, one that is known where nothing but what moves differs.
 
     Building one takes half a second.
     """
@@ -342,6 +656,7 @@ def collision_model(
             robot, joints, world, padding=padding, positions=positions
         )
     model.set_positions(positions)
+    model.set_things(things)
     known[key] = model
     while len(known) > _KEPT:
         del known[next(iter(known))]

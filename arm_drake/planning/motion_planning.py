@@ -9,39 +9,56 @@ sharper, then the search's steps smaller.
 """
 
 import dataclasses as dc
-import itertools
+import importlib
 import math
 import time
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple, TypeAlias
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
-from pydrake.math import RigidTransform
-from pydrake.multibody.optimization import Toppra, ToppraDiscretization
-from pydrake.trajectories import PiecewisePolynomial
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.systems.framework import Context, Diagram
 
-from arm_drake.description.joints import last_master
 from arm_drake.description.robot import Robot
-from arm_drake.errors import ArmDrakeError, InputError, MissingExtraError
-from arm_drake.messages import JointTrajectory, JointTrajectoryPoint
-from arm_drake.planning.collisions import CollisionModel, collision_model
+from arm_drake.errors import (
+    ArmDrakeError,
+    InputError,
+    MissingExtraError,
+    quoted,
+    suggest,
+)
+from arm_drake.messages import JointState, JointTrajectory, JointTrajectoryPoint
+from arm_drake.planning.collisions import (
+    CollisionModel,
+    PlacedShape,
+    collision_model,
+    look_around,
+)
 from arm_drake.planning.groups import (
     PlanningGroup,
     find_group,
     find_state,
-    motion_limits,
 )
 from arm_drake.planning.inverse_kinematics import (
+    WHOLE_POSE,
     complete_positions,
     follow_line,
     forward_kinematics,
     read_pose,
     solve_ik,
 )
-from arm_drake.plant.drake_log import drake_messages
 from arm_drake.plant.joint_ranges import joint_ranges
-from arm_drake.plant.plant import trial_plant
+from arm_drake.plant.payloads import Payload
 from arm_drake.worlds.world import World
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    import arm_drake
+
+# What draws plans; by name, as it stands above.
+_PLOT, _ANIMATE = "arm_drake.visualization.plot", "arm_drake.notebook"
 
 # A pose is a transform, or x, y, z [m], roll, pitch, yaw [rad].
 Target: TypeAlias = str | Mapping[str, float] | RigidTransform | Sequence[float]
@@ -53,20 +70,17 @@ _COARSER = (10.0, 3.0, 1.0)
 # time that a joint needs at full speed [s].
 _ROUNDINGS = (0.2, 0.05, 0.01)
 
-# Time between points of a trajectory [s].
-_PERIOD = 0.02
-
 # Goals of a pose that a search heads for at once.
 _GOALS = 8
 
-# Toppra exceeds limits between its grid points by some percent.
-_MARGIN, _GRID = 0.98, 100
-
-# Grid points aren't closer than this; what is no limit for Toppra.
-_SMALLEST, _UNLIMITED = 1e-6, 1e6
-
 # Steps of a straight line [m], [rad].
 _LINE_STEP, _LINE_TURN = 5e-3, 0.02
+
+# A joint is at rest below this [rad/s], [m/s].
+_REST = 0.02
+
+# How far beyond a limit a joint of a simulation may be [rad], [m].
+_BEYOND = 0.02
 
 # Points on which the clearance is measured, and how far it is looked for [m].
 _CLEARANCE_POINTS, _FAR = 40, 0.3
@@ -112,8 +126,51 @@ class Plan:
     # How long it took to find, without the model of what can collide [s].
     planning_time: float
 
+    # What was planned for: the robot, the link that poses are for, where all joints are
+    # at the start [rad] or [m], and what is around it: a world, and things that stand
+    # in it or are held.
+    robot: Robot = dc.field(repr=False)
+    frame: str = dc.field(repr=False)
+    start: Mapping[str, float] = dc.field(repr=False)
+    world: World = dc.field(repr=False)
+    things: tuple[PlacedShape, ...] = dc.field(default=(), repr=False)
+
     # What should be known of it.
     warnings: tuple[str, ...] = ()
+
+    def positions_at(self, index: int) -> dict[str, float]:
+        """Return where all joints are at a point of the trajectory [rad] or [m]."""
+        names = self.trajectory.joint_names
+        q = self.trajectory.points[index].positions
+        return complete_positions(
+            self.robot,
+            {
+                **_independent(self.robot, self.start),
+                **dict(zip(names, q, strict=True)),
+            },
+        )
+
+    def plot(self, path: str | Path | None = None) -> "Figure":
+        """Return a picture, which a notebook shows: joints over time, the link's way.
+
+        Args:
+            path: `.png`, `.svg` or `.pdf` file to write, too; None writes none.
+
+        Raises:
+            OutputError: If the picture can't be written, or its type is unknown.
+        """
+        draw: Callable[..., Figure] = importlib.import_module(_PLOT).draw_plan
+        return draw(self, None if path is None else Path(path))
+
+    def animate(self, *, loop: bool = True) -> "arm_drake.Recording":
+        """Return a page that plays the plan in the browser, which a notebook shows.
+
+        Args:
+            loop: Whether it begins anew at its end.
+        """
+        module = importlib.import_module(_ANIMATE)
+        record: Callable[..., arm_drake.Recording] = module.record_plan
+        return record(self, loop=loop)
 
     @property
     def end(self) -> dict[str, float]:
@@ -122,45 +179,104 @@ class Plan:
         return dict(zip(names, self.trajectory.points[-1].positions, strict=True))
 
 
-def plan(
-    robot: Robot,
-    to: Target | Sequence[Target],
-    *,
-    group: str | Collection[str] | None = None,
-    frame: str | None = None,
-    world: World = "empty",
-    start: Mapping[str, float] | None = None,
-    straight: bool = False,
-    mask: Sequence[bool] = (True,) * 6,
-    velocity_scaling: float = 1.0,
-    acceleration_scaling: float = 1.0,
-    padding: float = 0.005,
-    time_limit: float = 5.0,
-    seed: int = 0,
-) -> Plan:
+class Running(Protocol):
+    """What runs a diagram with robots: a Simulation."""
+
+    diagram: Diagram
+
+    @property
+    def context(self) -> Context:
+        """The root context of the diagram, as it is now."""
+
+    @property
+    def robots(self) -> Mapping[str, Robot]:
+        """The robots by name."""
+
+    def joint_states(self, robot: str | None = None) -> JointState:
+        """Return where the joints of a robot are, and how fast they move."""
+
+
+@dc.dataclass(frozen=True, kw_only=True)
+class PlanOptions:
+    """How to plan: what may be given to `plan` by name."""
+
+    # Which robot of a simulation; None is the first one.
+    name: str | None = None
+
+    # A planning group, or names of joints; None is the first group.
+    group: str | Collection[str] | None = None
+
+    # The link that poses are for; None is the group's tip.
+    frame: str | None = None
+
+    # What is around the robot, as that of `load_world`; None is the ground. What could
+    # move stands where it is at the start. A simulation has its own.
+    world: World | None = None
+
+    # Joint positions at the start [rad] or [m]; joints that are left out are at the
+    # initial ones, or at those of the simulation.
+    start: Mapping[str, float] | None = None
+
+    # What links hold, by link: a `Payload` with its shape and its mass; in a simulation
+    # also the name of a body that is held where it is now. It may touch the links of
+    # the robot that it touches at the start.
+    attached: Mapping[str, Payload | str] = dc.field(default_factory=dict)
+
+    # Bodies of a simulation that may be touched, as one to be grasped.
+    ignore: Collection[str] = ()
+
+    # Whether the frame moves on a straight line and turns evenly.
+    straight: bool = False
+
+    # What of poses counts, as that of `solve_ik`.
+    mask: Sequence[bool] = WHOLE_POSE
+
+    # Parts of the joints' speed and acceleration to use, above 0 and up to 1.
+    velocity_scaling: float = 1.0
+    acceleration_scaling: float = 1.0
+
+    # Distance that counts as a collision [m].
+    padding: float = 0.005
+
+    # How long to look for a way to each goal [s].
+    time_limit: float = 5.0
+
+    # Seed of the random search, at least 0.
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Raise InputError for what can't be."""
+        for name in ("velocity_scaling", "acceleration_scaling"):
+            value = getattr(self, name)
+            if not 0.0 < value <= 1.0:
+                raise InputError(
+                    f"{name}: expected a number above 0, at most 1; {value}"
+                )
+        if not 0.0 <= self.padding < math.inf:
+            expected = "expected a distance of at least 0 m"
+            raise InputError(f"padding: {expected}, got {self.padding}")
+        if not 0.0 < self.time_limit < math.inf:
+            expected = "expected a positive time [s]"
+            raise InputError(f"time_limit: {expected}, got {self.time_limit}")
+        seed = self.seed
+        if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
+            raise InputError(f"seed: expected an integer of at least 0, got {seed!r}")
+
+
+def plan(robot: Robot | Running, to: Target | Sequence[Target], **options: Any) -> Plan:
     """Return a motion of a group of joints to a goal that collides with nothing.
 
     The same arguments give the same plan, if it is found in time. A way around
     something needs the extra `planning`; free and straight lines don't.
 
     Args:
-        robot: The robot; its base is at its pose and doesn't move.
+        robot: The robot; its base is at its pose and doesn't move. Or a simulation:
+            its robot starts from where it is, at rest, and what is around it stands
+            where it is now, other robots too.
         to: The name of a state of the group; joint positions [rad] or [m] by name; a
             pose of the frame in the world, as that of `solve_ik`; or a list of these,
             to be passed one after the other.
-        group: A planning group, or names of joints; by default the first group.
-        frame: The link that poses are for; by default the group's tip.
-        world: What is around the robot, as that of `load_world`. What could move stands
-            where it is at the start.
-        start: Joint positions at the start [rad] or [m]; by default, and for joints
-            that are left out, the initial ones.
-        straight: Whether the frame moves on a straight line and turns evenly.
-        mask: What of poses counts, as that of `solve_ik`.
-        velocity_scaling: Part of the joints' speed to use, above 0 and up to 1.
-        acceleration_scaling: Part of their acceleration to use.
-        padding: Distance that counts as a collision [m].
-        time_limit: How long to look for a way to each goal [s].
-        seed: Seed of the random search, at least 0.
+        options: The fields of `PlanOptions`.
 
     Raises:
         PlanningError: If the start or a goal is in collision, or no way was found.
@@ -168,31 +284,152 @@ def plan(
         InputError: If an argument can't be used.
         MissingExtraError: If the extra is needed and isn't installed.
     """
-    scaling = velocity_scaling, acceleration_scaling
-    _check_numbers(*scaling, padding, time_limit, seed)
-    chosen = find_group(robot, group)
-    positions = complete_positions(robot, start or {})
+    names = [field.name for field in dc.fields(PlanOptions)]
+    for name in options:
+        if name not in names:
+            raise InputError(f"plan: no option {name!r}; {suggest(name, names)}")
+    chosen = PlanOptions(**options)
+    if isinstance(robot, Robot):
+        setting = _set_up(robot, chosen)
+    else:
+        setting = _set_up_running(robot, chosen)
+    group = find_group(setting.robot, chosen.group)
     model = collision_model(
-        robot, chosen.joints, world, padding=padding, positions=positions
+        setting.robot,
+        group.joints,
+        setting.world,
+        padding=chosen.padding,
+        positions=setting.positions,
+        things=setting.things,
     )
-    link = frame or chosen.tip
-    problem = _Problem(robot, chosen, link, model, positions, tuple(mask), seed)
-    return _solve(problem, _list_targets(to), straight, scaling, time_limit)
+    problem = _Problem(
+        setting.robot,
+        group,
+        chosen.frame or group.tip,
+        model,
+        setting.positions,
+        setting.payloads,
+        setting.world,
+        setting.things,
+        chosen,
+    )
+    return _solve(problem, _list_targets(to))
 
 
-def _solve(
-    problem: "_Problem",
-    targets: Sequence[Target],
-    straight: bool,
-    scaling: tuple[float, float],
-    time_limit: float,
-) -> Plan:
+class _Setting(NamedTuple):
+    """A robot, where its joints are, and what is around it."""
+
+    robot: Robot
+    positions: dict[str, float]
+    world: World
+    things: tuple[PlacedShape, ...]
+    payloads: Mapping[str, Payload]
+
+
+def _set_up(robot: Robot, options: PlanOptions) -> _Setting:
+    """Return what is planned with for a robot that isn't simulated."""
+    if options.name not in (None, robot.name):
+        raise InputError(f"name: the robot is {robot.name!r}, not {options.name!r}")
+    for link, held in options.attached.items():
+        if not isinstance(held, Payload):
+            raise InputError(
+                f"attached: {link!r}: expected a Payload, got {held!r}; a body is held "
+                "in a simulation"
+            )
+    payloads = _check_attached(robot, options.attached)
+    return _Setting(
+        robot,
+        complete_positions(robot, options.start or {}),
+        "empty" if options.world is None else options.world,
+        _shapes_of(payloads),
+        payloads,
+    )
+
+
+def _set_up_running(running: Running, options: PlanOptions) -> _Setting:
+    """Return what is planned with for a robot of a simulation."""
+    if options.world is not None:
+        raise InputError("world: a simulation has its own; leave it out")
+    robots, attached = running.robots, options.attached
+    name = next(iter(robots)) if options.name is None else options.name
+    if name not in robots:
+        raise InputError(f"name: no robot {name!r}; {suggest(name, robots)}")
+    robot = robots[name]
+    payloads = _check_attached(robot, attached)
+    held = {link: body for link, body in attached.items() if isinstance(body, str)}
+    around = look_around(running.diagram, running.context, robot, held, options.ignore)
+    X = around.X_WB
+    if X is not None:
+        x, y, z = map(float, X.translation())
+        roll, pitch, yaw = map(float, RollPitchYaw(X.rotation()).vector())
+        robot = dc.replace(robot, pose=(x, y, z, roll, pitch, yaw))
+    state = running.joint_states(name)
+    positions = dict(zip(state.name, state.position, strict=True))
+    if options.start is None:
+        if moving := find_moving(state):
+            raise PlanningError(
+                f"{moving}; a plan begins at rest: simulate until the robot rests, or "
+                "say with start= where it will be"
+            )
+        positions = _within_limits(robot, positions)
+    else:
+        own = {j.name for j in robot.description.movable_joints if j.mimic is None}
+        measured = {joint: q for joint, q in positions.items() if joint in own}
+        positions = complete_positions(robot, {**measured, **options.start})
+    things = (*around.things, *_shapes_of(payloads))
+    return _Setting(robot, positions, around.world, things, payloads)
+
+
+def find_moving(state: JointState) -> str:
+    """Return which joint moves how fast, in words; nothing if all rest."""
+    for joint, velocity in zip(state.name, state.velocity, strict=True):
+        if not abs(velocity) <= _REST:
+            return f"joint {joint!r} moves at {velocity:.3g} [rad/s or m/s]"
+    return ""
+
+
+def _check_attached(
+    robot: Robot, attached: Mapping[str, Payload | str]
+) -> dict[str, Payload]:
+    """Return the payloads among what links hold, or raise InputError."""
+    links = robot.description.links
+    for link in attached:
+        if link not in links:
+            raise InputError(f"attached: no link {link!r}; {suggest(link, links)}")
+    return {link: p for link, p in attached.items() if isinstance(p, Payload)}
+
+
+def _shapes_of(payloads: Mapping[str, Payload]) -> tuple[PlacedShape, ...]:
+    """Return the shapes of payloads, as links hold them."""
+    return tuple(
+        PlacedShape(
+            f"what {link} holds",
+            payload.shape,
+            RigidTransform(np.array(payload.com, dtype=float)),
+            link,
+        )
+        for link, payload in payloads.items()
+        if payload.shape is not None
+    )
+
+
+def _within_limits(robot: Robot, positions: Mapping[str, float]) -> dict[str, float]:
+    """Return measured positions, those a little beyond a limit at the limit."""
+    found = dict(positions)
+    for r in joint_ranges(robot.description):
+        inside = min(max(found[r.name], r.lower), r.upper)
+        if not r.wraps and abs(found[r.name] - inside) <= _BEYOND:
+            found[r.name] = inside
+    return found
+
+
+def _solve(problem: "_Problem", targets: Sequence[Target]) -> Plan:
     """Return the plan that passes goals one after the other."""
     began = time.monotonic()
     problem.check_start()
     legs, x = [], problem.start
     for target in targets:
-        legs.append(_plan_leg(problem, x, target, straight, scaling, time_limit))
+        legs.append(_plan_leg(problem, x, target))
         x = legs[-1].path[-1]
     samples = _join([leg.samples for leg in legs])
     every = max(1, len(samples.t) // _CLEARANCE_POINTS)
@@ -205,6 +442,11 @@ def _solve(
         controller=find_controller(problem.robot, problem.group),
         planning_time=time.monotonic() - began,
         warnings=tuple(_warnings(problem, legs)),
+        robot=problem.robot,
+        frame=problem.frame,
+        start=problem.positions,
+        world=problem.world,
+        things=problem.things,
     )
 
 
@@ -230,7 +472,20 @@ def find_controller(robot: Robot, group: PlanningGroup) -> str | None:
     return None
 
 
-class _Samples(NamedTuple):
+def require_controller(robot: Robot, group: PlanningGroup) -> str:
+    """Return the controller that takes plans for a group, or raise InputError."""
+    controller = find_controller(robot, group)
+    if controller is None:
+        names = [each.name for each in robot.controllers.controllers]
+        raise InputError(
+            f"no trajectory controller has exactly the joints of group "
+            f"{group.name!r}, {quoted(group.joints)}; there are "
+            f"{quoted(names) or 'none'}"
+        )
+    return controller
+
+
+class Samples(NamedTuple):
     """A motion in time: [s], shape (k,); positions and derivatives, shape (k, n)."""
 
     t: np.ndarray
@@ -243,7 +498,7 @@ class _Leg(NamedTuple):
     """The way to one goal."""
 
     path: np.ndarray
-    samples: _Samples
+    samples: Samples
     keeps_effort_limits: bool
 
 
@@ -255,8 +510,10 @@ class _Problem(NamedTuple):
     frame: str
     model: CollisionModel
     positions: dict[str, float]
-    mask: tuple[bool, ...]
-    seed: int
+    payloads: Mapping[str, Payload]
+    world: World
+    things: tuple[PlacedShape, ...]
+    options: PlanOptions
 
     @property
     def start(self) -> np.ndarray:
@@ -275,6 +532,20 @@ class _Problem(NamedTuple):
         lower = [-math.inf if r.wraps else r.lower for r in chosen]
         upper = [math.inf if r.wraps else r.upper for r in chosen]
         return np.array(lower), np.array(upper)
+
+    def time(self, path: np.ndarray, rounding: float) -> tuple[Samples, bool]:
+        """Return a motion along a path, and whether efforts keep their limits."""
+        from arm_drake.planning.path_timing import Mover, time_path
+
+        mover = Mover(self.robot, self.group.joints, self.positions, self.payloads)
+        options = self.options
+        scaling = options.velocity_scaling, options.acceleration_scaling
+        found = time_path(mover, path, rounding, scaling)
+        if found is None:
+            raise PlanningError(
+                "no times were found for the path within the joints' limits"
+            )
+        return Samples(*found[:4]), found[4]
 
     def check_start(self) -> None:
         """Raise PlanningError if nothing can start here."""
@@ -297,19 +568,12 @@ class _Problem(NamedTuple):
                 )
 
 
-def _plan_leg(
-    problem: _Problem,
-    start: np.ndarray,
-    target: Target,
-    straight: bool,
-    scaling: tuple[float, float],
-    time_limit: float,
-) -> _Leg:
+def _plan_leg(problem: _Problem, start: np.ndarray, target: Target) -> _Leg:
     """Return the way to one goal."""
-    if straight:
+    if problem.options.straight:
         path = _straight_path(problem, start, target)
         for rounding in _ROUNDINGS:
-            samples, keeps = _time(problem, path, rounding, scaling)
+            samples, keeps = problem.time(path, rounding)
             at = problem.model.first_collision(samples.q)
             if at is None:
                 return _Leg(path, samples, keeps)
@@ -323,12 +587,12 @@ def _plan_leg(
             fraction=part,
         )
     goals = _find_goals(problem, start, target)
-    deadline = time.monotonic() + time_limit
+    deadline = time.monotonic() + problem.options.time_limit
     for number, coarser in enumerate(_COARSER):
         step = coarser * problem.model.fine_step
         path = _find_path(problem, start, goals, step, deadline, number)
         for rounding in _ROUNDINGS:
-            samples, keeps = _time(problem, path, rounding, scaling)
+            samples, keeps = problem.time(path, rounding)
             if problem.model.first_collision(samples.q) is None:
                 return _Leg(path, samples, keeps)
     raise PlanningError(
@@ -365,7 +629,7 @@ def _find_goals(
             read_pose(target),
             seed=problem.named(start),
             group=joints,
-            mask=problem.mask,
+            mask=problem.options.mask,
             all_solutions=True,
         )
         found = [solution.positions, *solution.others]
@@ -390,7 +654,7 @@ def _straight_path(problem: _Problem, start: np.ndarray, target: Target) -> np.n
         X_WG,
         seed=problem.named(start),
         group=problem.group.joints,
-        mask=problem.mask,
+        mask=problem.options.mask,
         step=(_LINE_STEP, _LINE_TURN),
     )
     if fraction < 1.0:
@@ -429,7 +693,7 @@ def _find_path(
         (np.minimum(lower, ends.min(axis=0)), np.maximum(upper, ends.max(axis=0))),
         step=step,
         deadline=deadline,
-        seed=1 + problem.seed + 7919 * number,
+        seed=1 + problem.options.seed + 7919 * number,
     )
     if way is None:
         raise PlanningError(
@@ -439,134 +703,16 @@ def _find_path(
     return way
 
 
-def _time(
-    problem: _Problem,
-    path: np.ndarray,
-    rounding: float,
-    scaling: tuple[float, float],
-) -> tuple[_Samples, bool]:
-    """Return a motion along a path within the limits, and whether efforts keep theirs.
-
-    Corners are rounded by parabolas that begin `rounding` before them.
-    """
-    robot, joints = problem.robot, problem.group.joints
-    limits = motion_limits(robot)
-    v = np.array([limits[name].velocity for name in joints]) * scaling[0]
-    a = np.array([limits[name].acceleration for name in joints]) * scaling[1]
-    lengths = [float(np.max(np.abs(y - x) / v)) for x, y in itertools.pairwise(path)]
-    keep = [True, *(length > 1e-9 for length in lengths)]
-    path, lengths = path[keep], [length for length in lengths if length > 1e-9]
-    if not lengths:
-        still = np.zeros((1, len(joints)))
-        return _Samples(np.zeros(1), path[:1], still, still), True
-    curve = _round(path, lengths, rounding)
-    times, keeps = _parametrize(problem, curve, v, a)
-    count = max(2, math.ceil(times.end_time() / _PERIOD) + 1)
-    t = np.linspace(0.0, times.end_time(), count)
-    s, s1, s2 = (f.vector_values(t)[0] for f in _derivatives(times))
-    q, q1, q2 = (f.vector_values(s).T for f in _derivatives(curve))
-    velocities = q1 * s1[:, np.newaxis]
-    accelerations = q2 * (s1**2)[:, np.newaxis] + q1 * s2[:, np.newaxis]
-    slower = max(
-        1.0,
-        float(np.max(np.abs(velocities) / v)),
-        math.sqrt(float(np.max(np.abs(accelerations) / a))),
-    )
-    velocities[[0, -1]] = 0.0
-    q[0], q[-1] = path[0], path[-1]
-    return (
-        _Samples(t * slower, q, velocities / slower, accelerations / slower**2),
-        keeps,
-    )
-
-
-def _derivatives(curve: PiecewisePolynomial) -> list[PiecewisePolynomial]:
-    return [curve, curve.derivative(1), curve.derivative(2)]
-
-
-def _round(
-    path: np.ndarray, lengths: Sequence[float], rounding: float
-) -> PiecewisePolynomial:
-    """Return a curve of lines and of parabolas at the corners."""
-    u = [(y - x) / n for x, y, n in zip(path, path[1:], lengths, strict=False)]
-    breaks, values, slopes = [0.0], [path[0]], [u[0]]
-    at = 0.0
-    for i in range(1, len(path) - 1):
-        at += lengths[i - 1]
-        b = min(rounding, 0.45 * lengths[i - 1], 0.45 * lengths[i])
-        breaks += [at - b, at + b]
-        values += [path[i] - b * u[i - 1], path[i] + b * u[i]]
-        slopes += [u[i - 1], u[i]]
-    breaks.append(at + lengths[-1])
-    values.append(path[-1])
-    slopes.append(u[-1])
-    # Cubics that are given by values and slopes at their ends are these curves.
-    return PiecewisePolynomial.CubicHermite(
-        breaks, np.array(values).T, np.array(slopes).T
-    )
-
-
-def _parametrize(
-    problem: _Problem, curve: PiecewisePolynomial, v: np.ndarray, a: np.ndarray
-) -> tuple[PiecewisePolynomial, bool]:
-    """Return the curve's parameter by time, and whether limits of effort are kept."""
-    plant, joints = trial_plant(problem.robot), problem.group.joints
-    chosen = [plant.GetJointByName(name).position_start() for name in joints]
-    whole = _of_all_joints(problem, curve)
-    breaks = np.array(curve.get_segment_times())
-    even = np.linspace(breaks[0], breaks[-1], _GRID)
-    grid = np.unique(np.concatenate([breaks, even]))
-    grid = grid[np.append(np.diff(grid) > _SMALLEST, True)]
-    grid[0] = breaks[0]
-    most_v, most_a, most_u = np.full((3, plant.num_positions()), _UNLIMITED)
-    most_v[chosen], most_a[chosen] = v, _MARGIN * a
-    efforts = {j.name: j.limits.effort for j in problem.robot.description.joints}
-    for name, at in zip(joints, chosen, strict=True):
-        most_u[at] = min(efforts[name] or _UNLIMITED, _UNLIMITED)
-    # Interpolation is exact at more points, collocation rarely fails.
-    ways = (ToppraDiscretization.kInterpolation, ToppraDiscretization.kCollocation)
-    with drake_messages():  # It says so when it fails.
-        for keeps, way in itertools.product((True, False), ways):
-            toppra = Toppra(whole, plant, grid)
-            toppra.AddJointVelocityLimit(-most_v, most_v)
-            toppra.AddJointAccelerationLimit(-most_a, most_a, way)
-            if keeps:
-                toppra.AddJointTorqueLimit(-most_u, most_u, way)
-            times = toppra.SolvePathParameterization()
-            if times is not None:
-                return times, keeps
-    raise PlanningError("no times were found for the path within the joints' limits")
-
-
-def _of_all_joints(problem: _Problem, curve: PiecewisePolynomial) -> Any:
-    """Return the curve with the joints that follow, and those that stay."""
-    plant, group = trial_plant(problem.robot), problem.group.joints
-    joints = {joint.name: joint for joint in problem.robot.description.movable_joints}
-    rest = np.zeros(plant.num_positions())
-    spread = np.zeros((plant.num_positions(), len(group)))
-    for name, joint in joints.items():
-        at = plant.GetJointByName(name).position_start()
-        rest[at] = problem.positions[name]
-        master, factor, _ = last_master(joint, joints)
-        if master in group:
-            spread[at, group.index(master)] = factor
-    breaks = curve.get_segment_times()
-    values = np.array([curve.value(s)[:, 0] for s in breaks])
-    slopes = np.array([curve.EvalDerivative(s, 1)[:, 0] for s in breaks])
-    offsets = rest + (values - problem.start) @ spread.T
-    return PiecewisePolynomial.CubicHermite(breaks, offsets.T, (slopes @ spread.T).T)
-
-
-def _join(legs: Sequence[_Samples]) -> _Samples:
+def _join(legs: Sequence[Samples]) -> Samples:
     """Return motions one after the other; each begins where the last one ends."""
     parts, end = [legs[0]], legs[0].t[-1]
     for leg in legs[1:]:
-        parts.append(_Samples(leg.t[1:] + end, leg.q[1:], leg.v[1:], leg.a[1:]))
+        parts.append(Samples(leg.t[1:] + end, leg.q[1:], leg.v[1:], leg.a[1:]))
         end += leg.t[-1]
-    return _Samples(*(np.concatenate(rows) for rows in zip(*parts, strict=True)))
+    return Samples(*(np.concatenate(rows) for rows in zip(*parts, strict=True)))
 
 
-def _message(joints: Sequence[str], samples: _Samples) -> JointTrajectory:
+def _message(joints: Sequence[str], samples: Samples) -> JointTrajectory:
     points = [
         JointTrajectoryPoint(
             positions=tuple(map(float, q)),
@@ -600,20 +746,3 @@ def _listed(model: CollisionModel, x: np.ndarray) -> str:
     found = model.describe(x)
     more = f" and {len(found) - 3} more" if len(found) > 3 else ""
     return (", ".join(found[:3]) or "links come closer than the padding") + more
-
-
-def _check_numbers(
-    velocity: float, acceleration: float, padding: float, time_limit: float, seed: int
-) -> None:
-    for name, value in (
-        ("velocity_scaling", velocity),
-        ("acceleration_scaling", acceleration),
-    ):
-        if not 0.0 < value <= 1.0:
-            raise InputError(f"{name}: expected a number above 0, at most 1; {value}")
-    if not 0.0 <= padding < math.inf:
-        raise InputError(f"padding: expected a distance of at least 0 m, got {padding}")
-    if not 0.0 < time_limit < math.inf:
-        raise InputError(f"time_limit: expected a positive time [s], got {time_limit}")
-    if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
-        raise InputError(f"seed: expected an integer of at least 0, got {seed!r}")

@@ -142,7 +142,7 @@ def add_payloads(
         parent = plant.GetBodyByName(link, model)
         plant.WeldFrames(parent.body_frame(), body.body_frame())
         # What touches the payload pushes the link.
-        if payload.shape is not None:
+        if payload.shape is not None and plant.geometry_source_is_registered():
             X_BG = RigidTransform(np.array(payload.com, dtype=float))
             name, shape = "payload", payload.shape
             plant.RegisterVisualGeometry(parent, X_BG, shape, name, _COLOR)

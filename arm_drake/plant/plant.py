@@ -4,7 +4,7 @@ import copy
 import math
 import weakref
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from pydrake.geometry import (
@@ -34,6 +34,7 @@ from arm_drake.description.urdf import RobotDescription
 from arm_drake.errors import DescriptionError
 from arm_drake.options import SimulationOptions
 from arm_drake.plant.drake_log import drake_messages
+from arm_drake.plant.payloads import Payload, add_payloads
 from arm_drake.timing import choose_time_step
 
 # Drake wants a period for what is drawn on demand [s].
@@ -140,6 +141,7 @@ def make_reduced_plant(
     pose: Pose | None,
     time_step: float,
     report: LoadReport | None = None,
+    payloads: Mapping[str, Payload] | None = None,
 ) -> MultibodyPlant:
     """Return a finalized plant of one robot on a fixed base, without geometry.
 
@@ -151,6 +153,7 @@ def make_reduced_plant(
     )
     names = [joint.name() for joint in simple_joints(plant)]
     add_actuators(plant, model, names, [math.inf] * len(names))
+    add_payloads(plant, model, payloads or {}, collides=False)
     plant.Finalize()
     return plant
 

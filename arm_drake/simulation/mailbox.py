@@ -30,6 +30,7 @@ from arm_drake.messages import (
     SwitchControllerResult,
     TopicRejected,
 )
+from arm_drake.simulation.motion import PlanTo
 from arm_drake.simulation.topics import describe_grip
 
 
@@ -188,6 +189,9 @@ class Mailbox:
         # What was sent, the latest last.
         self.sent: list[Sent] = []
 
+        # News of the simulation itself.
+        self._own: list[Rejection] = []
+
         self.goals: list[GoalHandle] = []
         self.rejected: list[Rejection] = []
         self.failures: list[Failure] = []
@@ -203,6 +207,11 @@ class Mailbox:
         self._places[id(message)] = (message, where)
         if len(self._places) > self._max_places:
             self._forget_places()
+
+    def reject(self, message: Message, reason: str, where: str) -> None:
+        """Take note of a message that can't be sent on."""
+        self.add_message(message, where)
+        self._own.append(TopicRejected(message, reason))
 
     def _forget_places(self) -> None:
         """Forget where messages came from that lie on no port and weren't refused."""
@@ -263,6 +272,9 @@ class Mailbox:
         A goal's handle knows no more than what was told so far.
         """
         root = self.simulator.get_context()
+        own, self._own = self._own, []
+        for rejection in own:
+            yield from self._take(rejection, "")
         for index, (port, name) in enumerate(self._sources):
             events = port.Eval(port.get_system().GetMyContextFromRoot(root))
             first = self._next_event[index]
@@ -312,6 +324,8 @@ class Mailbox:
             place = self._place(event.request)
             return f"{place}{name}{MANAGER}: switch refused: {event.message}"
         kind = _KINDS.get(type(event.message), "message")
+        if isinstance(event.message, PlanTo):
+            return f"{self._place(event.message)}{event.reason}"
         return f"{self._place(event.message)}{name}: {kind} refused: {event.reason}"
 
     def _place(self, message: Message) -> str:

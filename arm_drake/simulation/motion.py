@@ -1,18 +1,31 @@
-"""The steps of a motion, and how long they take."""
+"""The steps of a motion, how their fields are checked, and how long they take."""
 
 import dataclasses as dc
 import itertools
-from collections.abc import Iterable, Iterator, Mapping
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
+from arm_drake.errors import MotionError, suggest
 from arm_drake.messages import (
+    Duration,
     FollowJointTrajectoryGoal,
     JointTrajectory,
     Message,
     SpeedScalingFactor,
+    Time,
 )
 from arm_drake.plant.payloads import Payload
+
+T = TypeVar("T", bound=Time)
+
+# What a plan and its motion take at most where nobody says how long to simulate [s].
+_PLANNED = 10.0
+
+# How long to simulate without a motion, and what follows one [s].
+_WITHOUT_MOTION = 10.0
+_AFTER_MOTION = 1.0
 
 # One of those of `motion_files.STEP_KINDS`; None cancels the controller's goal. Numbers
 # are for any controller that takes commands, also as another message.
@@ -35,8 +48,22 @@ class CarriedPayloads(NamedTuple):
     payloads: Mapping[str, Payload]
 
 
+@dc.dataclass(frozen=True, eq=False)
+class PlanTo(Message):
+    """A motion that is planned when it is due, and sent to the group's controller."""
+
+    # Name of a state, joint positions [rad] or [m], or a pose.
+    to: str | Mapping[str, float] | tuple[float, ...]
+
+    # Which robot; None is the first one.
+    robot: str | None = None
+
+    # Further arguments of `plan`.
+    options: Mapping[str, Any] = dc.field(default_factory=dict)
+
+
 # What a step stands for.
-Sent: TypeAlias = StepMessage | TopicMessage | CarriedPayloads
+Sent: TypeAlias = StepMessage | TopicMessage | CarriedPayloads | PlanTo
 
 
 # End of the name of the topic on which controllers are told how fast to move.
@@ -88,6 +115,11 @@ class Motion:
             if factor is not None:
                 factors.setdefault(_receiver(step), []).append((step.at, factor))
         ends = [_end(step, factors.get(_receiver(step), ())) for step in self.steps]
+        planned = 0.0
+        for step in self.steps:
+            if isinstance(step.message, PlanTo):  # It waits for those before.
+                planned = max(planned, step.at) + _PLANNED
+        ends.append(planned)
         if self.repeats:
             ends += [step.at + step.every for step in self.steps]
         return max(ends, default=0.0)
@@ -102,6 +134,11 @@ class Motion:
     def place(self, step: MotionStep) -> str:
         """Return where a step stands, for messages."""
         return f"{self.file}: {step.where}" if self.file else step.where
+
+
+def default_duration(motion: Motion | None) -> float:
+    """Return how long to simulate where nobody says it [s]: one round of a motion."""
+    return _WITHOUT_MOTION if motion is None else motion.duration + _AFTER_MOTION
 
 
 def _receiver(step: MotionStep) -> str | None:
@@ -153,3 +190,89 @@ def _scaled_end(
             now, length = at, length - done
         speed = factor
     return now + length / speed if speed > 0.0 else now
+
+
+class Fields:
+    """Checks the fields of one step; places are given from the step on."""
+
+    def __init__(self, step: str, file: Path | None) -> None:
+        """Create it for a step at a place such as "[0]"."""
+        self.step = step
+        self._file = file
+
+    def error(self, where: str, problem: str) -> MotionError:
+        """Return an error about a field; "" is the step itself."""
+        place = f"{self.step}.{where}" if where else self.step
+        return MotionError(problem, file=self._file, where=place)
+
+    def mapping(
+        self, value: Any, where: str, known: Iterable[str] | None = None
+    ) -> Mapping[str, Any]:
+        """Return a mapping, with no other keys than those known, if any are."""
+        if not isinstance(value, Mapping):
+            raise self.error(where, f"expected a mapping, got {value!r}")
+        names = list(known or ())
+        for key in value if known is not None else ():
+            if key not in names:
+                hint = suggest(str(key), names)
+                raise self.error(where, f"unknown key {key!r}; {hint}")
+        return value
+
+    def list(self, value: Any, where: str) -> Sequence[Any]:
+        """Return a list."""
+        if not isinstance(value, list):
+            raise self.error(where, f"expected a list, got {value!r}")
+        return value
+
+    def names(self, value: Any, where: str) -> tuple[str, ...]:
+        """Return a list of names."""
+        names = self.list(value, where)
+        for name in names:
+            if not isinstance(name, str):
+                raise self.error(where, f"expected names, got {name!r}")
+        return tuple(names)
+
+    def number(self, value: Any, where: str) -> float:
+        """Return a finite number."""
+        if type(value) not in (int, float) or not abs(value) < math.inf:
+            raise self.error(where, f"expected a finite number, got {value!r}")
+        try:
+            return float(value)
+        except OverflowError:
+            raise self.error(where, "the number is out of range") from None
+
+    def numbers(self, value: Any, where: str) -> tuple[float, ...]:
+        """Return a list of finite numbers."""
+        return tuple(
+            self.number(number, f"{where}[{index}]")
+            for index, number in enumerate(self.list(value, where))
+        )
+
+    def time(self, kind: type[T], value: Any, where: str) -> T:
+        """Return a time, given in seconds or as {sec, nanosec}."""
+        try:
+            return kind.of(value)
+        except ValueError as error:
+            raise self.error(where, str(error)) from None
+        except OverflowError:
+            raise self.error(where, f"{value!r} s is out of range") from None
+
+    def seconds(self, value: Any, where: str) -> float:
+        """Return a duration of at least 0 s [s]."""
+        seconds = self.time(Duration, value, where).to_seconds()
+        if seconds < 0.0:
+            raise self.error(where, f"expected at least 0 s, got {value!r}")
+        return seconds
+
+    def build(self, kind: Callable[..., Any], value: Any, where: str) -> Any:
+        """Return a message whose fields are numbers, vectors, a time and a name."""
+        fields = [field.name for field in dc.fields(kind)]  # type: ignore[arg-type]
+        data = self.mapping(value, where, fields)
+        for name in set(data) & {"position", "velocity", "acceleration"}:
+            self.number(data[name], f"{where}.{name}")
+        for name in set(data) & {"positions", "velocities", "accelerations", "effort"}:
+            self.numbers(data[name], f"{where}.{name}")
+        try:
+            return kind(**data)
+        except (TypeError, ValueError, OverflowError) as error:
+            raise self.error(where, str(error)) from None

@@ -1,18 +1,16 @@
 """Motions from files: their parameters, tables, and the kinds of steps."""
 
 import csv
-import dataclasses as dc
 import itertools
-import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias, TypeVar
+from typing import Any, NamedTuple, TypeAlias
 
 from arm_drake import yaml_files
 from arm_drake.bundled import bundled_motions, bundled_robots
 from arm_drake.description.robot import Robot
-from arm_drake.errors import InputError, MotionError, suggest
+from arm_drake.errors import InputError, MotionError, quoted, suggest
 from arm_drake.messages import (
     Duration,
     Float64MultiArray,
@@ -31,101 +29,14 @@ from arm_drake.messages import (
 from arm_drake.plant.payloads import Payload
 from arm_drake.simulation.motion import (
     CarriedPayloads,
+    Fields,
     Motion,
     MotionStep,
+    PlanTo,
     Sent,
     TopicMessage,
 )
 from arm_drake.simulation.topics import ControllerTopics
-
-T = TypeVar("T", bound=Time)
-
-
-class Fields:
-    """Checks the fields of one step; places are given from the step on."""
-
-    def __init__(self, step: str, file: Path | None) -> None:
-        """Create it for a step at a place such as "[0]"."""
-        self.step = step
-        self._file = file
-
-    def error(self, where: str, problem: str) -> MotionError:
-        """Return an error about a field; "" is the step itself."""
-        place = f"{self.step}.{where}" if where else self.step
-        return MotionError(problem, file=self._file, where=place)
-
-    def mapping(
-        self, value: Any, where: str, known: Iterable[str] | None = None
-    ) -> Mapping[str, Any]:
-        """Return a mapping, with no other keys than those known, if any are."""
-        if not isinstance(value, Mapping):
-            raise self.error(where, f"expected a mapping, got {value!r}")
-        names = list(known or ())
-        for key in value if known is not None else ():
-            if key not in names:
-                hint = suggest(str(key), names)
-                raise self.error(where, f"unknown key {key!r}; {hint}")
-        return value
-
-    def list(self, value: Any, where: str) -> Sequence[Any]:
-        """Return a list."""
-        if not isinstance(value, list):
-            raise self.error(where, f"expected a list, got {value!r}")
-        return value
-
-    def names(self, value: Any, where: str) -> tuple[str, ...]:
-        """Return a list of names."""
-        names = self.list(value, where)
-        for name in names:
-            if not isinstance(name, str):
-                raise self.error(where, f"expected names, got {name!r}")
-        return tuple(names)
-
-    def number(self, value: Any, where: str) -> float:
-        """Return a finite number."""
-        if type(value) not in (int, float) or not abs(value) < math.inf:
-            raise self.error(where, f"expected a finite number, got {value!r}")
-        try:
-            return float(value)
-        except OverflowError:
-            raise self.error(where, "the number is out of range") from None
-
-    def numbers(self, value: Any, where: str) -> tuple[float, ...]:
-        """Return a list of finite numbers."""
-        return tuple(
-            self.number(number, f"{where}[{index}]")
-            for index, number in enumerate(self.list(value, where))
-        )
-
-    def time(self, kind: type[T], value: Any, where: str) -> T:
-        """Return a time, given in seconds or as {sec, nanosec}."""
-        try:
-            return kind.of(value)
-        except ValueError as error:
-            raise self.error(where, str(error)) from None
-        except OverflowError:
-            raise self.error(where, f"{value!r} s is out of range") from None
-
-    def seconds(self, value: Any, where: str) -> float:
-        """Return a duration of at least 0 s [s]."""
-        seconds = self.time(Duration, value, where).to_seconds()
-        if seconds < 0.0:
-            raise self.error(where, f"expected at least 0 s, got {value!r}")
-        return seconds
-
-    def build(self, kind: Callable[..., Any], value: Any, where: str) -> Any:
-        """Return a message whose fields are numbers, vectors, a time and a name."""
-        fields = [field.name for field in dc.fields(kind)]  # type: ignore[arg-type]
-        data = self.mapping(value, where, fields)
-        for name in set(data) & {"position", "velocity", "acceleration"}:
-            self.number(data[name], f"{where}.{name}")
-        for name in set(data) & {"positions", "velocities", "accelerations", "effort"}:
-            self.numbers(data[name], f"{where}.{name}")
-        try:
-            return kind(**data)
-        except (TypeError, ValueError, OverflowError) as error:
-            raise self.error(where, str(error)) from None
-
 
 # Keys of a motion with parameters.
 PARAMETERS, STEPS = "parameters", "steps"
@@ -451,6 +362,38 @@ def _read_payload(fields: Fields, value: Any, where: str) -> CarriedPayloads:
     return CarriedPayloads(found)
 
 
+def _read_plan_to(fields: Fields, value: Any, where: str) -> PlanTo:
+    """Return where to plan to: a state, positions or a pose, and how."""
+    data = dict(fields.mapping(value, where, (*PLAN_GOALS, *PLAN_OPTIONS)))
+    given = [key for key in PLAN_GOALS if key in data]
+    if len(given) != 1:
+        expected = f"expected one of {', '.join(PLAN_GOALS)}"
+        raise fields.error(where, f"{expected}; got {quoted(given) or 'none'}")
+    (kind,) = given
+    place, to, mask = f"{where}.{kind}", data.pop(kind), None
+    if kind == "pose":
+        to = fields.numbers(to, place)
+        if len(to) not in (3, 6):
+            expected = "expected x, y, z [m] or x, y, z, roll, pitch, yaw [m, rad]"
+            raise fields.error(place, f"{expected}, got {list(to)}")
+        if len(to) == 3:
+            to, mask = (*to, 0.0, 0.0, 0.0), (True,) * 3 + (False,) * 3
+    elif kind == "positions":
+        names = fields.mapping(to, place)
+        to = {str(n): fields.number(v, f"{place}.{n}") for n, v in names.items()}
+    elif not isinstance(to, str):
+        raise fields.error(place, f"expected a name, got {to!r}")
+    for key, option in data.items():
+        wanted = PLAN_OPTIONS[key]
+        if wanted is float:
+            data[key] = fields.number(option, f"{where}.{key}")
+        elif type(option) is not wanted:
+            noun = {str: "a name", bool: "true or false", int: "an integer"}[wanted]
+            raise fields.error(f"{where}.{key}", f"expected {noun}, got {option!r}")
+    robot = data.pop("robot", None)
+    return PlanTo(to, robot, data if mask is None else {**data, "mask": mask})
+
+
 class StepKind(NamedTuple):
     """A key of motion files: whom it is for, and the message that it stands for."""
 
@@ -465,6 +408,20 @@ class StepKind(NamedTuple):
     message_type: type[Message] | None = None
     make: Callable[[ControllerTopics, Any], tuple[str, Message]] | None = None
 
+
+# What a plan leads to, and how it may be; with the type of each.
+PLAN_GOALS = ("state", "positions", "pose")
+PLAN_OPTIONS: Mapping[str, type] = {
+    "robot": str,
+    "group": str,
+    "frame": str,
+    "straight": bool,
+    "velocity_scaling": float,
+    "acceleration_scaling": float,
+    "padding": float,
+    "time_limit": float,
+    "seed": int,
+}
 
 _ONE = ("controller",)
 _ONE_OR_TOPIC = ("controller", "topic")
@@ -500,6 +457,7 @@ STEP_KINDS: Mapping[str, StepKind] = {
     ),
     "switch_controllers": StepKind((), _read_switch),
     "payload": StepKind((), _read_payload),
+    "plan_to": StepKind((), _read_plan_to),
     "data": StepKind(("topic",), _read_data),
     "commands_from_to": StepKind(_ONE),
     "data_from_to": StepKind(("topics",)),
@@ -747,16 +705,6 @@ def _check_repeat(item: Mapping[str, Any], motion: Motion, fields: Fields) -> No
             f"its place; `every` and `count` of {last.where} give it time"
         )
         raise fields.error(REPEAT, problem)
-
-
-# How long to simulate without a motion, and what follows one [s].
-_WITHOUT_MOTION = 10.0
-_AFTER_MOTION = 1.0
-
-
-def default_duration(motion: Motion | None) -> float:
-    """Return how long to simulate where nobody says it [s]: one round of a motion."""
-    return _WITHOUT_MOTION if motion is None else motion.duration + _AFTER_MOTION
 
 
 def _fits(motion: Motion, robot: Robot) -> bool:

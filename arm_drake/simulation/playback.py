@@ -13,8 +13,12 @@ from arm_drake.simulation.motion import (
     CarriedPayloads,
     Motion,
     MotionStep,
+    PlanTo,
     TopicMessage,
 )
+
+# How often is looked whether a robot rests whose motion is to be planned [s].
+_LOOK_PERIOD = 0.05
 
 
 class Runner(Protocol):
@@ -50,6 +54,15 @@ class Runner(Protocol):
     def set_payload(self, link: str, payload: Payload | float) -> None:
         """Fix a thing to a link from now on."""
 
+    def check_plan(self, message: PlanTo) -> None:
+        """Raise InputError if no plan can be made, or no controller takes it."""
+
+    def send_plan(self, message: PlanTo, *, where: str) -> bool:
+        """Plan and send a motion, unless the robot moves; return whether it rested."""
+
+    def reject_plan(self, message: PlanTo, *, where: str) -> None:
+        """Take note of a motion that wasn't planned as its robot never rested."""
+
     def request_switch(self, request: SwitchController, *, where: str) -> None:
         """Send a request to a controller manager."""
 
@@ -72,6 +85,7 @@ class Player:
         if motion is not None:
             simulation.motions.append(motion)
         self._start = simulation.time
+        self._waiting: list[MotionStep] = []
         self._steps = self._motion.timeline()
         self._next = next(self._steps, None)
 
@@ -96,15 +110,42 @@ class Player:
                 # Rounded, it may come after its tick, which would not see it.
                 due = self._start + self._next[0]
                 targets.append(due - 0.5 * self._tolerance)
+            if self._waiting:
+                targets.append(simulation.time + _LOOK_PERIOD)
             if progress is not None:
                 targets.append(report_at)
             simulation.advance_to(max(min(targets), simulation.time))
 
+    def give_up(self) -> None:
+        """Say which motions weren't planned as their robots didn't come to rest."""
+        for step in self._waiting:
+            assert isinstance(step.message, PlanTo)
+            where = self._motion.place(step)
+            self._simulation.reject_plan(step.message, where=where)
+        self._waiting.clear()
+
     def _send_due(self) -> None:
         now = self._simulation.time + self._tolerance
         while self._next is not None and self._start + self._next[0] <= now:
-            send_step(self._simulation, self._motion, self._next[1])
+            step = self._next[1]
+            if isinstance(step.message, PlanTo):
+                self._waiting.append(step)
+            else:
+                send_step(self._simulation, self._motion, step)
             self._next = next(self._steps, None)
+        self._send_plans()
+
+    def _send_plans(self) -> None:
+        """Send the motions whose robots rest, of each robot the first."""
+        busy: set[str | None] = set()
+        for step in tuple(self._waiting):
+            message, where = step.message, self._motion.place(step)
+            assert isinstance(message, PlanTo)
+            if message.robot in busy:
+                continue
+            busy.add(message.robot)
+            if self._simulation.send_plan(message, where=where):
+                self._waiting.remove(step)
 
 
 def check_motion(simulation: Runner, motion: Motion) -> None:
@@ -125,6 +166,10 @@ def check_motion(simulation: Runner, motion: Motion) -> None:
         try:
             if isinstance(step.message, CarriedPayloads):
                 simulation.check_payloads(step.message.payloads)
+            elif isinstance(step.message, PlanTo):
+                if motion.repeats:
+                    raise InputError("a motion that repeats can't plan; leave it out")
+                simulation.check_plan(step.message)
             elif isinstance(step.message, SwitchController):
                 activated |= _check_switch(simulation, step.message)
             else:
@@ -148,6 +193,7 @@ def send_step(simulation: Runner, motion: Motion, step: MotionStep) -> None:
     if isinstance(message, TopicMessage):
         simulation.topic(message.topic).publish(message.data, where=where)
         return
+    assert not isinstance(message, PlanTo)  # A player sends it, when the robot rests.
     clients.send_step(simulation.controller(_receiver(step)), message, where)
 
 
@@ -171,7 +217,7 @@ def _check_message(
         names = topic.controllers
     else:
         names = (_receiver(step),)
-        assert not isinstance(step.message, CarriedPayloads)
+        assert not isinstance(step.message, CarriedPayloads | PlanTo)
         simulation.controller(names[0]).check(step.message)
     # Of several that read a topic, one is enough.
     if not any(states[name] == "active" or name in activated for name in names):

@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -16,9 +16,20 @@ from pydrake.systems.framework import Context, Diagram
 
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
-from arm_drake.errors import InputError, OutputError, SimulationError
+from arm_drake.errors import (
+    ArmDrakeError,
+    InputError,
+    OutputError,
+    SimulationError,
+)
 from arm_drake.manager import MANAGER, SWITCH_PORT
-from arm_drake.messages import JointState, Message, Strictness, SwitchController
+from arm_drake.messages import (
+    GoalStatus,
+    JointState,
+    Message,
+    Strictness,
+    SwitchController,
+)
 from arm_drake.output_files import unbroken, writing
 from arm_drake.plant.contact import rejoin
 from arm_drake.plant.payloads import (
@@ -43,10 +54,9 @@ from arm_drake.simulation.mailbox import (
     Rejection,
     SimulationEvent,
 )
-from arm_drake.simulation.motion import Motion
+from arm_drake.simulation.motion import Motion, PlanTo, default_duration
 from arm_drake.simulation.motion_files import (
     MotionSource,
-    default_duration,
     find_motion,
 )
 from arm_drake.simulation.playback import Player
@@ -57,6 +67,9 @@ from arm_drake.simulation.recording import (
     read_joint_states,
 )
 from arm_drake.simulation.topics import TopicNames
+
+if TYPE_CHECKING:
+    from arm_drake.planning.motion_planning import Plan, Target
 
 # Times of rows are rounded to nanoseconds [s].
 _SAME_TIME = 1e-9
@@ -233,6 +246,9 @@ def advance(simulator: Simulator, time: float) -> None:
         text = f"the simulation can't go on at {now:.4f} s: {reason}"
         raise SimulationError(text) from error
 
+
+# How long a goal may take after the end of its trajectory [s], and how often is looked.
+_GOAL_PATIENCE, _GOAL_PERIOD = 5.0, 0.02
 
 # Ticks between two looks at the controllers' news; they keep the latest 64.
 _TICKS_AT_A_TIME = 50
@@ -475,12 +491,16 @@ class Simulation:
             advance(self.simulator, end)
             if self._parted and end == self._next_look(now):
                 rejoin(self.diagram, self.context, self._parted)
-            for event in self.mailbox.collect():
-                for callback in self._on_event:
-                    callback(event)
+            self._tell()
             for recorder in self.recorders:
                 recorder.update()
             now = self.time
+
+    def _tell(self) -> None:
+        """Tell who listens what is new."""
+        for event in self.mailbox.collect():
+            for callback in self._on_event:
+                callback(event)
 
     def _next_look(self, time: float) -> float:
         """Return when to look next whether parted shapes are apart [s].
@@ -526,7 +546,96 @@ class Simulation:
         self.simulator.ResetStatistics()
         self.simulator.set_target_realtime_rate(realtime_rate)
         player.play(duration, progress)
+        player.give_up()
         self.simulator.set_target_realtime_rate(0.0)
+
+    def move_to(
+        self, to: "Target", *, robot: str | None = None, **options: Any
+    ) -> "Plan":
+        """Plan a motion from where a robot is, execute it, and wait for its end.
+
+        Args:
+            to: A state, joint positions, a pose, or a list of these; see `plan`.
+            robot: Name of the robot; by default the first one.
+            options: Further arguments of `plan`.
+
+        Returns:
+            The plan that was executed.
+
+        Raises:
+            PlanningError: If there is no plan, or the robot moves.
+            NoSolution: If a pose can't be reached.
+            SimulationError: If the controller refused or didn't finish it.
+            InputError: If an argument can't be used, or no controller has the joints.
+        """
+        from arm_drake.planning.motion_planning import plan
+
+        name = self.directory.manager(robot).robot.name
+        found = plan(self, to, name=name, **options)
+        goal = self._send(found, "")
+        end = self.time + found.duration + _GOAL_PATIENCE
+        while not goal.status.is_terminal and self.time < end:
+            self.advance_to(self.time + _GOAL_PERIOD)
+        if goal.status is not GoalStatus.SUCCEEDED:
+            late = "" if goal.status.is_terminal else " after its trajectory's end"
+            self.controller(goal.controller).cancel()
+            raise SimulationError(f"{goal.controller}: goal {goal.describe()}{late}")
+        while not self._rests(name) and self.time < end:
+            self.advance_to(self.time + self.period)
+        return found
+
+    def check_plan(self, message: PlanTo) -> None:
+        """Raise InputError if no plan can be made, or no controller takes it."""
+        from arm_drake.planning.groups import find_group, find_state
+        from arm_drake.planning.motion_planning import require_controller
+
+        manager = self.directory.manager(message.robot)
+        group = find_group(manager.robot, message.options.get("group"))
+        if isinstance(message.to, str):
+            find_state(group, message.to)
+        name = f"{manager.prefix}{require_controller(manager.robot, group)}"
+        self.controller(name)
+
+    def send_plan(self, message: PlanTo, *, where: str) -> bool:
+        """Plan and send a motion, unless the robot moves; return whether it rested.
+
+        What can't be planned is among `rejected`.
+        """
+        from arm_drake.planning.motion_planning import plan
+
+        name = self.directory.manager(message.robot).robot.name
+        if not self._rests(name):
+            return False
+        try:
+            found = plan(self, message.to, name=name, **message.options)
+        except ArmDrakeError as error:
+            self.mailbox.reject(message, str(error), where)
+        else:
+            self._send(found, where)
+        return True
+
+    def reject_plan(self, message: PlanTo, *, where: str) -> None:
+        """Take note of a motion that wasn't planned as its robot never rested."""
+        reason = "not planned: the robot didn't come to rest in time"
+        self.mailbox.reject(message, reason, where)
+        self._tell()
+
+    def _send(self, found: "Plan", where: str) -> GoalHandle:
+        """Send a plan to its controller."""
+        from arm_drake.planning.motion_planning import require_controller
+
+        manager = self.directory.manager(found.robot.name)
+        name = f"{manager.prefix}{require_controller(manager.robot, found.group)}"
+        return self.controller(name).send_goal(found.trajectory, where=where)
+
+    def _rests(self, robot: str) -> bool:
+        """Whether no joint of a robot moves, and no goal makes one move."""
+        from arm_drake.planning.motion_planning import find_moving
+
+        prefix = self.directory.manager(robot).prefix
+        goals = (goal for goal in self.goals if goal.controller.startswith(prefix))
+        is_busy = any(not goal.status.is_terminal for goal in goals)
+        return not is_busy and not find_moving(self.joint_states(robot))
 
     def link_poses(self, robot: str | None = None) -> dict[str, RigidTransform]:
         """Return the pose of every link in the world, by the link's name.

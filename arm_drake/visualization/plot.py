@@ -10,6 +10,7 @@ from arm_drake.output_files import check_suffix, writing
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from arm_drake.planning.motion_planning import Plan
     from arm_drake.rollout.rollout import Rollout
 
 # What a plot of a rollout can show; the first is the default.
@@ -59,6 +60,27 @@ def draw_rollout(
     if path is not None:
         check_plot_path(path)
     picture = _draw(rollout, kind, chosen, link)
+    if path is not None:
+        with writing(path):
+            picture.savefig(path)
+    return picture
+
+
+def draw_plan(plan: "Plan", path: Path | None = None) -> "Figure":
+    """Return a picture of a plan: its joints over time, and the way of its link.
+
+    Args:
+        plan: The plan.
+        path: `.png`, `.svg` or `.pdf` file to write; None writes none.
+
+    Raises:
+        OutputError: If the picture can't be written.
+    """
+    if path is not None:
+        check_plot_path(path)
+    from arm_drake.visualization.plots import plot_plan
+
+    picture = plot_plan(plan)
     if path is not None:
         with writing(path):
             picture.savefig(path)

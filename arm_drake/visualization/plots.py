@@ -18,6 +18,9 @@ from numpy.typing import NDArray
 from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.errors import InputError
+from arm_drake.planning.groups import motion_limits
+from arm_drake.planning.inverse_kinematics import forward_kinematics
+from arm_drake.planning.motion_planning import Plan
 from arm_drake.rollout.rollout import Rollout
 from arm_drake.visualization.plot_panels import (
     DASHES,
@@ -598,3 +601,42 @@ def _draw_tolerances(panel: Axes, found: Iterator[Tolerance], unit: Unit) -> Non
                     label=name,
                 )
     write_note(panel, "\n".join(sorted(far)))
+
+
+def plot_plan(plan: Plan) -> Picture:
+    """Return a plan's joints over time, with limits, and the way of its link."""
+    trajectory, limits = plan.trajectory, motion_limits(plan.robot)
+    names, points = trajectory.joint_names, trajectory.points
+    time = np.array([point.time_from_start.to_seconds() for point in points])
+    most = np.array([limits[name] for name in names])
+    position = np.array([point.positions for point in points])
+    velocity = np.array([point.velocities for point in points]) / most[:, 0]
+    acceleration = np.array([point.accelerations for point in points]) / most[:, 1]
+    poses = [
+        forward_kinematics(plan.robot, plan.positions_at(index), plan.frame)
+        for index in range(len(points))
+    ]
+    picture = make_picture(*_OVERVIEW_SIZE)
+    grid = picture.add_gridspec(3, 2, width_ratios=(1.25, 1.0))
+    way = np.array([X.translation() for X in poses])
+    draw_way(picture, grid[:, 0], way, None, plan.frame)
+    rows = (
+        ("position [rad or m]", position),
+        ("velocity [% of its limit]", 100.0 * velocity),
+        ("acceleration [% of its limit]", 100.0 * acceleration),
+    )
+    panels: list[Axes] = []
+    for row, (title, values) in enumerate(rows):
+        panel = picture.add_subplot(grid[row, 1], sharex=panels[0] if panels else None)
+        panel.set_title(title, loc="left", fontsize="small")
+        panel.grid(alpha=0.3)
+        panel.tick_params(labelbottom=row == len(rows) - 1, labelsize="small")
+        for column, name in enumerate(names):
+            color = _COLOURS[column % len(_COLOURS)]
+            draw_line(panel, time, values[:, column], color=color, lw=1.2, label=name)
+        panels.append(panel)
+    panels[-1].set_xlabel("time [s]")
+    panels[0].legend(fontsize="x-small", ncols=2)
+    title = f"{plan.duration:.2f} s, {1e3 * plan.clearance:.0f} mm from everything"
+    picture.suptitle(title, fontsize="medium")
+    return picture

@@ -64,7 +64,11 @@ def test_a_plan_is_a_motion_that_sim_plays(
     motion = tmp_path / "motion.yaml"
     words = ["--to", "joint1=0.4,joint3=0.5", "--to", "0.4,0.2,0.6"]
 
+    shown = {"--plot": tmp_path / "plan.png", "--record": tmp_path / "plan.html"}
+    words += [str(word) for pair in shown.items() for word in pair]
+
     assert main(["plan", "doosan_a0912", *words, "-o", str(motion), "--json"]) == 0
+    assert all(path.is_file() for path in shown.values())
     content = json.loads(capsys.readouterr().out)
     log = tmp_path / "log.npz"
     played = ["--motion", str(motion), "--headless", "--log", str(log)]
@@ -88,6 +92,8 @@ def test_a_plan_is_a_motion_that_sim_plays(
             ["--to", "home", "-o", "motion.txt"],
             "motion.txt: unknown type '.txt' of a motion; ",
         ),
+        (["--to", "home", "--plot", "p.txt"], "p.txt: unknown type '.txt' of a pictu"),
+        (["--to", "home", "--record", "p.t"], "p.t: unknown type '.t' of a recording"),
         (["--to", "home", "--seed=-1"], "seed: expected an integer of at least 0"),
     ],
 )

@@ -70,6 +70,25 @@ def test_the_file_of_another_robot_says_nothing(robot, tmp_path):
     assert find_disabled_collisions(robot, LoadReport()) == frozenset()
 
 
+def test_of_several_files_that_of_the_name_of_the_description_counts(robot, tmp_path):
+    # As example-robot-data has them: one file for each tool, all of one robot's name.
+    none = '<robot name="overlapping"/>'
+    write(tmp_path / "arm/srdf/arm.srdf", none)
+    write(tmp_path / "arm/srdf/arm_gripper.srdf", SRDF.format(name="overlapping"))
+
+    assert [file.name for file in find_srdf_files(robot)] == ["arm.srdf"]
+    assert find_disabled_collisions(robot, LoadReport()) == frozenset()
+
+
+def test_a_pair_that_one_of_several_files_leaves_out_may_not_touch(robot, tmp_path):
+    write(tmp_path / "arm/srdf/with_tool.srdf", SRDF.format(name="overlapping"))
+    alone = find_disabled_collisions(robot, LoadReport())
+    write(tmp_path / "arm/srdf/without.srdf", '<robot name="overlapping"/>')
+
+    assert alone == {("first", "last")}
+    assert find_disabled_collisions(robot, LoadReport()) == frozenset()
+
+
 def test_a_broken_file_is_reported(robot, tmp_path):
     write(tmp_path / "arm/srdf/arm.srdf", "<robot")
     report = LoadReport()

@@ -1,8 +1,11 @@
 """Plans, judged by other means than those that made them."""
 
+import base64
 import itertools
 import math
+import re
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -170,6 +173,32 @@ def test_way_points_are_passed(doosan: ad.Robot) -> None:
 
     assert np.min(np.abs(positions_of(plan)[:, [0, 3]] - [0.5, 1.0]).sum(axis=1)) < 1e-9
     assert plan.end == pytest.approx(dict(doosan.initial_positions))
+
+
+@pytest.mark.slow
+def test_a_picture_has_all_joints_and_the_way_of_the_link(
+    around: ad.Plan, tmp_path: Path
+) -> None:
+    picture = around.plot(tmp_path / "plan.png")
+
+    way, position, velocity, acceleration = picture.axes
+    q = positions_of(around)
+    for column, line in enumerate(position.lines):
+        assert line.get_label() == around.trajectory.joint_names[column]
+        assert np.asarray(line.get_ydata()) == pytest.approx(q[:, column])
+    for panel in (velocity, acceleration):
+        assert max(np.abs(line.get_ydata()).max() for line in panel.lines) <= 100.0
+    assert way.get_title(loc="left") == "way of link6"
+    assert (tmp_path / "plan.png").stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_a_plan_plays_on_a_page_with_what_it_goes_around(around: ad.Plan) -> None:
+    page = around.animate().html
+
+    sent = [base64.b64decode(b) for b in re.findall("base64,([A-Za-z0-9+/=]+)", page)]
+    paths = {path for text in sent for path in re.findall(rb"visual/[\w/]+", text)}
+    assert {b"visual/a0912/link6", b"visual/post_seen"} <= paths
 
 
 INSIDE = {"joint1": 0.0, "joint2": 0.9, "joint3": 0.8}

@@ -1,0 +1,266 @@
+"""Plans from running simulations: what is seen there, and what becomes of them."""
+
+import numpy as np
+import pytest
+from pydrake.geometry import Box, Sphere
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
+from pydrake.multibody.tree import SpatialInertia
+
+import arm_drake as ad
+from arm_drake.errors import MotionError, SimulationError
+from arm_drake.simulation.motion_files import parse_motion
+from arm_drake.worlds.world import add_world
+
+START = {"joint1": -1.0, "joint2": 0.9, "joint3": 0.8}
+THROUGH = {"joint1": 0.0, "joint2": 0.9, "joint3": 0.8}
+
+SIZE = np.array([0.2, 0.2, 0.8])
+
+
+def with_a_crate(plant: MultibodyPlant) -> None:
+    """Add the ground, and a crate in front of the robot that could be pushed."""
+    add_world(plant, "empty")
+    inertia = SpatialInertia.SolidBoxWithMass(5.0, *SIZE)
+    crate = plant.AddRigidBody("crate", plant.AddModelInstance("crate"), inertia)
+    friction = CoulombFriction(1.0, 1.0)
+    box = Box(*SIZE)
+    plant.RegisterCollisionGeometry(crate, RigidTransform(), box, "crate", friction)
+    pose = RigidTransform([0.7, 0.0, 0.4])
+    plant.SetDefaultFloatingBaseBodyPose(crate, pose)
+
+
+@pytest.fixture
+def simulation() -> ad.Simulation:
+    robot = ad.load_robot("doosan_a0912", initial_positions=START)
+    return ad.Simulation(ad.build_diagram(robot, world=with_a_crate))
+
+
+def crate_at(simulation: ad.Simulation) -> np.ndarray:
+    plant, context = simulation.plant, simulation.context
+    own = plant.GetMyContextFromRoot(context)
+    body = plant.GetBodyByName("crate")
+    return np.array(plant.EvalBodyPoseInWorld(own, body).translation())
+
+
+def put_crate(simulation: ad.Simulation, place: list[float]) -> None:
+    plant, context = simulation.plant, simulation.context
+    own = plant.GetMyMutableContextFromRoot(context)
+    body = plant.GetBodyByName("crate")
+    plant.SetFreeBodyPose(own, body, RigidTransform(place))
+
+
+def joint(simulation: ad.Simulation, name: str, robot: str | None = None) -> float:
+    state = simulation.joint_states(robot)
+    return dict(zip(state.name, state.position, strict=True))[name]
+
+
+@pytest.mark.slow
+def test_a_robot_moves_around_what_stands_in_its_way(
+    simulation: ad.Simulation,
+) -> None:
+    pytest.importorskip("ompl")
+    before = crate_at(simulation)
+
+    plan = simulation.move_to({"joint1": 1.0})
+
+    assert joint(simulation, "joint1") == pytest.approx(1.0, abs=2e-3)
+    assert plan.clearance >= 0.005 - 1e-6
+    # Physics is the judge: the straight line would have pushed it.
+    assert crate_at(simulation) == pytest.approx(before, abs=1e-4)
+    assert simulation.goals[-1].status is ad.GoalStatus.SUCCEEDED
+
+
+def test_what_stands_elsewhere_by_now_is_seen_there(simulation: ad.Simulation) -> None:
+    with pytest.raises(ad.PlanningError) as caught:
+        ad.plan(simulation, THROUGH)
+    put_crate(simulation, [-2.0, 0.0, 0.4])
+
+    plan = ad.plan(simulation, THROUGH)
+
+    assert str(caught.value).startswith("the goal is in collision: 'crate' and 'link4'")
+    assert len(plan.path) == 2
+    put_crate(simulation, [0.7, 0.0, 0.4])
+    with pytest.raises(ad.PlanningError):
+        ad.plan(simulation, THROUGH)
+
+
+def test_what_is_ignored_may_be_touched(simulation: ad.Simulation) -> None:
+    assert ad.plan(simulation, THROUGH, ignore=["crate"]).end["joint1"] == 0.0
+
+
+def test_what_a_link_holds_takes_room(simulation: ad.Simulation) -> None:
+    put_crate(simulation, [-2.0, 0.0, 0.4])
+    hand = simulation.link_poses()["link6"].translation()
+    ends = {"joint1": -0.8}
+
+    free = ad.plan(simulation, ends)
+    rods = {
+        length: ad.Payload(0.5, shape=Sphere(length)) for length in (0.05, 0.1, 10.0)
+    }
+    held = ad.plan(simulation, ends, attached={"link6": rods[0.1]})
+    with pytest.raises(ad.PlanningError) as caught:
+        ad.plan(simulation, ends, attached={"link6": rods[10.0]})
+
+    # The ground is next to a ball of 10 cm around the hand's origin.
+    assert held.clearance == pytest.approx(min(free.clearance, hand[2] - 0.1), abs=2e-3)
+    assert "'ground' and 'what link6 holds' overlap" in str(caught.value)
+
+
+def test_a_body_that_is_held_moves_along(simulation: ad.Simulation) -> None:
+    # Held straight ahead of the robot's base, half a turn takes it into its own side.
+    put_crate(simulation, [1.2, -1.6, 0.6])
+
+    turned = ad.plan(simulation, {"joint1": -0.5}, ignore=["crate"])
+    held = ad.plan(simulation, {"joint1": -0.5}, attached={"link6": "crate"})
+    with pytest.raises(ad.PlanningError) as caught:
+        ad.plan(simulation, {"joint2": 1.3}, attached={"link6": "crate"})
+
+    assert held.end == turned.end
+    assert "'crate' and 'ground' overlap" in str(caught.value)
+
+
+def test_heavier_things_are_moved_within_the_limits_of_effort(
+    simulation: ad.Simulation,
+) -> None:
+    put_crate(simulation, [-2.0, 0.0, 0.4])
+
+    plan = ad.plan(simulation, {"joint2": 0.2}, attached={"link6": ad.Payload(500.0)})
+
+    assert plan.warnings == (
+        "the joints' limits of effort can't be kept at the speed of the plan",
+    )
+
+
+def test_another_robot_is_in_the_way() -> None:
+    left = ad.load_robot("doosan_a0912", name="left", initial_positions=START)
+    right = ad.load_robot(
+        "doosan_a0912", name="right", pose=(1.1, 0, 0, 0, 0, 0), initial_positions=START
+    )
+    simulation = ad.Simulation(ad.build_diagram([left, right], world="void"))
+
+    with pytest.raises(ad.PlanningError) as caught:
+        ad.plan(simulation, {"joint1": 0.0, "joint2": 1.4}, name="left")
+    plan = ad.plan(left, {"joint1": 0.0, "joint2": 1.4}, start=START, world="void")
+
+    assert "'link5' and 'right/base_0' overlap by" in str(caught.value)
+    assert plan.robot.name == "left"
+
+
+def test_a_robot_that_moves_is_not_planned_for(simulation: ad.Simulation) -> None:
+    put_crate(simulation, [-2.0, 0.0, 0.4])
+    plan = ad.plan(simulation, {"joint1": 1.0})
+    simulation.controller("joint_trajectory_controller").send_goal(plan.trajectory)
+    simulation.advance_to(0.5)
+
+    with pytest.raises(ad.PlanningError) as caught:
+        ad.plan(simulation, "home")
+
+    assert "; a plan begins at rest: simulate until the robot rests" in str(
+        caught.value
+    )
+    assert ad.plan(simulation, "home", start=plan.end).end["joint1"] == -1.0
+
+
+def test_a_goal_that_fails_is_raised(simulation: ad.Simulation) -> None:
+    put_crate(simulation, [-2.0, 0.0, 0.4])
+    simulation.switch_controllers(deactivate=["joint_trajectory_controller"])
+    simulation.advance_to(0.1)
+
+    with pytest.raises(SimulationError) as caught:
+        simulation.move_to({"joint1": 0.0})
+
+    assert str(caught.value).startswith("joint_trajectory_controller: goal REJECTED")
+
+
+@pytest.mark.slow
+def test_steps_of_a_motion_are_planned_one_after_the_other(
+    simulation: ad.Simulation,
+) -> None:
+    pytest.importorskip("ompl")
+    before = crate_at(simulation)
+    steps = [
+        {"plan_to": {"positions": {"joint1": 1.0}}},
+        {"plan_to": {"positions": THROUGH}},
+        {"plan_to": {"state": "home", "velocity_scaling": 0.8}},
+    ]
+
+    simulation.run(8.0, motion=parse_motion(steps))
+
+    assert [goal.status.value for goal in simulation.goals] == ["SUCCEEDED"] * 2
+    assert joint(simulation, "joint1") == pytest.approx(-1.0, abs=2e-3)
+    assert crate_at(simulation) == pytest.approx(before, abs=1e-4)
+    (refused,) = simulation.rejected
+    assert simulation.mailbox.describe(refused).startswith(
+        "[1].plan_to: the goal is in collision: 'crate' and 'link"
+    )
+
+
+def test_a_robot_that_never_rests_is_told_of(simulation: ad.Simulation) -> None:
+    put_crate(simulation, [-2.0, 0.0, 0.4])
+    steps = [
+        {"plan_to": {"positions": {"joint1": 1.0}}},
+        {"plan_to": {"state": "home"}},
+    ]
+
+    simulation.run(0.3, motion=parse_motion(steps))
+
+    (refused,) = simulation.rejected
+    assert simulation.mailbox.describe(refused) == (
+        "[1].plan_to: not planned: the robot didn't come to rest in time"
+    )
+
+
+BAD = [
+    ({}, "[0].plan_to: expected one of state, positions, pose; got none"),
+    (
+        {"state": "home", "pose": [0.0] * 6},
+        "[0].plan_to: expected one of state, positions, pose; got 'state', 'pose'",
+    ),
+    (
+        {"pose": [1.0, 2.0]},
+        "[0].plan_to.pose: expected x, y, z [m] or x, y, z, roll, pitch, yaw [m, rad], "
+        "got [1.0, 2.0]",
+    ),
+    ({"state": 3}, "[0].plan_to.state: expected a name, got 3"),
+    (
+        {"state": "home", "straight": 1},
+        "[0].plan_to.straight: expected true or false, got 1",
+    ),
+    (
+        {"state": "hom"},
+        "[0].plan_to: group 'joint_trajectory_controller' has no state 'hom'; did you "
+        "mean 'home'? known: center, home, initial",
+    ),
+    (
+        {"state": "home", "group": "arm"},
+        "[0].plan_to: no planning group 'arm'; known: joint_trajectory_controller",
+    ),
+    (
+        {"state": "home", "robot": "b"},
+        "[0].plan_to: no robot 'b'; known: a0912",
+    ),
+]
+
+
+@pytest.mark.parametrize(("value", "message"), BAD)
+def test_steps_that_can_not_be_planned(value: dict, message: str) -> None:
+    simulation = ad.Simulation(ad.build_diagram(ad.load_robot("doosan_a0912")))
+
+    with pytest.raises(MotionError) as caught:
+        simulation.run(0.0, motion=parse_motion([{"plan_to": value}]))
+
+    assert str(caught.value) == message
+
+
+def test_a_group_without_its_controller_is_an_error() -> None:
+    simulation = ad.Simulation(ad.build_diagram(ad.load_robot("doosan_a0912")))
+
+    with pytest.raises(ad.ArmDrakeError) as caught:
+        simulation.move_to({"joint1": 0.1}, group=["joint1"])
+
+    assert str(caught.value) == (
+        "no trajectory controller has exactly the joints of group 'joint1', 'joint1'; "
+        "there are 'joint_state_broadcaster', 'joint_trajectory_controller', "
+        "'end_effector_sensor'"
+    )
