@@ -24,13 +24,12 @@ import numpy as np
 from pydrake.geometry import (
     CalcObb,
     HalfSpace,
-    ProximityProperties,
     QueryObject,
     SceneGraph,
     Shape,
 )
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import (
     BodyIndex,
     ModelInstanceIndex,
@@ -423,31 +422,21 @@ def add_standing_world(
     _register(plant, standing)
 
 
-class _Standing(NamedTuple):
-    """A shape that stands in the world, with what contact makes of it."""
-
-    placed: PlacedShape
-    properties: ProximityProperties
-
-
 def _find_shapes(
     plant: MultibodyPlant,
     scene_graph: SceneGraph,
     poses: Sequence[RigidTransform],
     bodies: Iterable[int],
-) -> list[_Standing]:
+) -> list[PlacedShape]:
     """Return the shapes of bodies that have poses in the world."""
     inspector, found = scene_graph.model_inspector(), []
     for index in bodies:
         body = plant.get_body(BodyIndex(index))
         for geometry in plant.GetCollisionGeometriesForBody(body):
-            placed = PlacedShape(
-                _name_of(plant, body) if index else inspector.GetName(geometry),
-                inspector.GetShape(geometry),
-                poses[index] @ RigidTransform(inspector.GetPoseInFrame(geometry)),
-            )
-            properties = inspector.GetProximityProperties(geometry)
-            found.append(_Standing(placed, properties))
+            name = _name_of(plant, body) if index else inspector.GetName(geometry)
+            X_BG = RigidTransform(inspector.GetPoseInFrame(geometry))
+            shape = inspector.GetShape(geometry)
+            found.append(PlacedShape(name, shape, poses[index] @ X_BG))
     return found
 
 
@@ -461,15 +450,12 @@ def _name_of(plant: MultibodyPlant, body: RigidBody) -> str:
     return name if is_only else f"{name}/{body.name()}"
 
 
-def _register(plant: MultibodyPlant, shapes: Sequence[_Standing]) -> None:
+def _register(plant: MultibodyPlant, shapes: Sequence[PlacedShape]) -> None:
     """Fix shapes to the world; numbers tell those of one name apart."""
-    for number, (placed, properties) in enumerate(shapes):
+    friction = CoulombFriction(1.0, 1.0)  # Nothing slides.
+    for number, (name, shape, pose, _) in enumerate(shapes):
         plant.RegisterCollisionGeometry(
-            plant.world_body(),
-            placed.pose,
-            placed.shape,
-            f"{placed.name}::{number}",
-            properties,
+            plant.world_body(), pose, shape, f"{name}::{number}", friction
         )
 
 
@@ -544,9 +530,10 @@ def look_around(
     known = _worlds.setdefault(diagram, {})
     if robot.name not in known:
         shapes = _find_shapes(plant, scene_graph, poses, still)
-        known[robot.name] = LoadedWorld("surroundings", lambda p: _register(p, shapes))
+        add_to = functools.partial(_register, shapes=shapes)  # It can be pickled.
+        known[robot.name] = LoadedWorld("surroundings", add_to)
     moving = [index for index in others if index not in set(still)]
-    standing = [s.placed for s in _find_shapes(plant, scene_graph, poses, moving)]
+    standing = _find_shapes(plant, scene_graph, poses, moving)
     unseen = {*held.values(), *ignored}
     things = [each for each in standing if each.name not in unseen]
     links = {

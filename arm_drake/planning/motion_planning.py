@@ -289,10 +289,30 @@ def plan(robot: Robot | Running, to: Target | Sequence[Target], **options: Any) 
         if name not in names:
             raise InputError(f"plan: no option {name!r}; {suggest(name, names)}")
     chosen = PlanOptions(**options)
+    return plan_in(find_setting(robot, chosen), to, chosen)
+
+
+class Setting(NamedTuple):
+    """A robot, where its joints are, and what is around it: can be pickled."""
+
+    robot: Robot
+    positions: dict[str, float]
+    world: World
+    things: tuple[PlacedShape, ...]
+    payloads: Mapping[str, Payload]
+
+
+def find_setting(robot: Robot | Running, options: PlanOptions) -> Setting:
+    """Return what is planned with; the errors are those of `plan`."""
     if isinstance(robot, Robot):
-        setting = _set_up(robot, chosen)
-    else:
-        setting = _set_up_running(robot, chosen)
+        return _set_up(robot, options)
+    return _set_up_running(robot, options)
+
+
+def plan_in(
+    setting: Setting, to: Target | Sequence[Target], chosen: PlanOptions
+) -> Plan:
+    """Return a plan, as `plan` does, also in another process."""
     group = find_group(setting.robot, chosen.group)
     model = collision_model(
         setting.robot,
@@ -316,17 +336,7 @@ def plan(robot: Robot | Running, to: Target | Sequence[Target], **options: Any) 
     return _solve(problem, _list_targets(to))
 
 
-class _Setting(NamedTuple):
-    """A robot, where its joints are, and what is around it."""
-
-    robot: Robot
-    positions: dict[str, float]
-    world: World
-    things: tuple[PlacedShape, ...]
-    payloads: Mapping[str, Payload]
-
-
-def _set_up(robot: Robot, options: PlanOptions) -> _Setting:
+def _set_up(robot: Robot, options: PlanOptions) -> Setting:
     """Return what is planned with for a robot that isn't simulated."""
     if options.name not in (None, robot.name):
         raise InputError(f"name: the robot is {robot.name!r}, not {options.name!r}")
@@ -337,7 +347,7 @@ def _set_up(robot: Robot, options: PlanOptions) -> _Setting:
                 "in a simulation"
             )
     payloads = _check_attached(robot, options.attached)
-    return _Setting(
+    return Setting(
         robot,
         complete_positions(robot, options.start or {}),
         "empty" if options.world is None else options.world,
@@ -346,7 +356,7 @@ def _set_up(robot: Robot, options: PlanOptions) -> _Setting:
     )
 
 
-def _set_up_running(running: Running, options: PlanOptions) -> _Setting:
+def _set_up_running(running: Running, options: PlanOptions) -> Setting:
     """Return what is planned with for a robot of a simulation."""
     if options.world is not None:
         raise InputError("world: a simulation has its own; leave it out")
@@ -377,7 +387,7 @@ def _set_up_running(running: Running, options: PlanOptions) -> _Setting:
         measured = {joint: q for joint, q in positions.items() if joint in own}
         positions = complete_positions(robot, {**measured, **options.start})
     things = (*around.things, *_shapes_of(payloads))
-    return _Setting(robot, positions, around.world, things, payloads)
+    return Setting(robot, positions, around.world, things, payloads)
 
 
 def find_moving(state: JointState) -> str:
