@@ -9,17 +9,25 @@ import contextlib
 import functools
 import os
 import pickle
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
 
+import arm_drake as ad
+
 _BESIDE_THE_CHECKOUT = Path(__file__).parents[2] / "shared" / "robots"
 
 
 # libyaml's, ten times as fast, where PyYAML is built with it.
 _SafeLoader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+def read_yaml(file: Path) -> Any:
+    """Return what a YAML file says."""
+    return yaml.load(file.read_text(encoding="utf-8"), Loader=_SafeLoader)  # noqa: S506
 
 
 def robots_folder() -> Path:
@@ -46,8 +54,31 @@ def read_index() -> dict[str, dict[str, Any]]:
 @functools.cache
 def _pickled_index(file: Path) -> bytes:
     """Return the rows, parsed once a process; each caller unpacks its own."""
-    rows = yaml.load(file.read_text(encoding="utf-8"), Loader=_SafeLoader)["robots"]  # noqa: S506
-    return pickle.dumps({row["name"]: row for row in rows})
+    return pickle.dumps({row["name"]: row for row in read_yaml(file)["robots"]})
+
+
+def load_real_robot(name: str, **options: Any) -> ad.Robot:
+    """Return a robot of the index, loaded as its row says but for options, or skip.
+
+    Without options it is loaded once a process.
+    """
+    return _load(name, options) if options else _load_once(name)
+
+
+def _load(name: str, options: Mapping[str, Any]) -> ad.Robot:
+    row, folder = read_index()[name], robots_folder()
+    values = {
+        "xacro_args": row["xacro_args"],
+        "controllers": [folder / file for file in row["controllers_yaml"]] or None,
+        "variables": row["launch_vars"],
+        **options,
+    }
+    return ad.load_robot(folder / row["entry"], **values)
+
+
+@functools.cache
+def _load_once(name: str) -> ad.Robot:
+    return _load(name, {})
 
 
 def robot_names() -> list[str]:

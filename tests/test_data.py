@@ -1,5 +1,6 @@
 """The reference cases that travel with the project: small, and none of our own."""
 
+import functools
 import importlib.util
 import json
 from pathlib import Path
@@ -27,6 +28,9 @@ def load_script() -> ModuleType:
 
 
 SCRIPT = load_script()
+
+# Unpacking takes longer than what is done with the cases.
+SCRIPT.read = functools.cache(SCRIPT.read)
 
 
 def source(name: str) -> Path:

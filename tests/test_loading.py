@@ -735,56 +735,53 @@ def damaged(content: bytes, seed: int) -> list[bytes]:
     """Return what becomes of a file by accident: cut, garbled, mixed up."""
     rng = random.Random(seed)  # noqa: S311  reproducible, not secret.
     rows = content.splitlines(keepends=True)
-    results = [content[: rng.randrange(len(content))] for _ in range(8)]
-    for _ in range(20):
+    results = [content[: rng.randrange(len(content))] for _ in range(4)]
+    for _ in range(10):
         row = rng.randrange(len(rows))
         results.append(b"".join(rows[:row] + rows[row + 1 :]))
         results.append(b"".join([*rows[:row], rows[row], *rows[row:]]))
     words = [word for word in set(content.replace(b'"', b" ").split()) if word]
-    for _ in range(30):
+    for _ in range(15):
         old, new = rng.choice(words), rng.choice([*words, b"", b"nan", b"-1", b"x"])
         results.append(content.replace(old, new))
         results.append(content.replace(old, new, 1))
-    for _ in range(8):
+    for _ in range(4):
         start = rng.randrange(len(content))
         results.append(content[:start] + rng.randbytes(5) + content[start + 5 :])
     return results
 
 
+def load_damaged(file, seed, source, **options):
+    """Load a robot with a file that is damaged in one way after the other."""
+    for content in damaged(file.read_bytes(), seed):
+        file.write_bytes(content)
+        with contextlib.suppress(ArmDrakeError):
+            ad.load_robot(source, **options)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
-    [
-        "models/urdf/doosan_a0912.urdf.xacro",
-        "models/urdf/doosan_a0912_macro.xacro",
-        "models/package.xml",
-        "configs/controllers.yaml",
-    ],
+    ["urdf/doosan_a0912.urdf.xacro", "urdf/doosan_a0912_macro.xacro", "package.xml"],
 )
 def test_a_damaged_file_gives_no_error_but_ours(tmp_path, name):
     for kind, folder in (("models", models_folder()), ("configs", configs_folder())):
         shutil.copytree(folder / "doosan_a0912", tmp_path / kind / "doosan_a0912")
-    kind, _, rest = name.partition("/")
-    file = tmp_path / kind / "doosan_a0912" / rest
-    content = file.read_bytes()
-    entry = tmp_path / "models/doosan_a0912/urdf/doosan_a0912.urdf.xacro"
+    package = tmp_path / "models/doosan_a0912"
 
-    for text in damaged(content, seed=912):
-        file.write_bytes(text)
-        with contextlib.suppress(ArmDrakeError):
-            ad.load_robot(entry)
+    load_damaged(package / name, 912, package / "urdf/doosan_a0912.urdf.xacro")
 
 
 @pytest.mark.slow
-def test_a_damaged_plain_urdf_gives_no_error_but_ours(tmp_path):
-    text = ad.load_robot("doosan_a0912").description.source
-    parts = text.replace("><", ">\n<").encode()
-    path = tmp_path / "arm.urdf"
+@pytest.mark.parametrize("kind", ["description", "controllers"])
+def test_a_damaged_plain_urdf_or_yaml_gives_no_error_but_ours(tmp_path, kind):
+    robot = ad.load_robot("doosan_a0912")
+    path, yaml = tmp_path / "arm.urdf", tmp_path / "controllers.yaml"
+    path.write_text(robot.description.source.replace("><", ">\n<"), encoding="utf-8")
+    shutil.copy(robot.controllers.files[0], yaml)
 
-    for content in damaged(parts, seed=913):
-        path.write_bytes(content)
-        with contextlib.suppress(ArmDrakeError):
-            ad.load_robot(path)
+    file = path if kind == "description" else yaml
+    load_damaged(file, 913, path, controllers=yaml)
 
 
 # Work done once

@@ -76,6 +76,7 @@ def test_a_scene_is_what_its_file_says(scene: Scene) -> None:
     )
 
 
+@pytest.mark.slow
 def test_robots_and_things_fall_where_they_are(scene: Scene) -> None:
     sim = ad.Simulation(ad.build_diagram(scene))
 
@@ -152,6 +153,7 @@ def test_a_saved_scene_is_loaded_as_it_was(scene: Scene, folder: Path) -> None:
     validator().validate(yaml.safe_load(text))
 
 
+@pytest.mark.slow
 def test_a_scene_is_saved_as_it_is_now(scene: Scene, folder: Path) -> None:
     sim = ad.Simulation(ad.build_diagram(scene))
     sim.run(0.2)
@@ -293,6 +295,7 @@ UNKNOWN = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("text", "message"), [*MALFORMED, *UNKNOWN])
 def test_what_is_wrong_is_said_with_its_line(
     folder: Path, text: str, message: str
@@ -364,6 +367,7 @@ def test_colors_are_seen(scene: Scene) -> None:
     np.testing.assert_array_equal(scene.things[2].color, [0.0, 0.5, 1.0, 0.8])
 
 
+@pytest.mark.slow
 def test_the_example_of_the_docs_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

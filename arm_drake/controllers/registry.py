@@ -4,6 +4,8 @@ import dataclasses as dc
 import functools
 import importlib
 import importlib.metadata
+import os
+import sys
 from collections.abc import Callable, Iterator, Mapping, MutableMapping
 from typing import Any, NamedTuple
 
@@ -240,6 +242,22 @@ class InstalledType(NamedTuple):
 
 def installed_types() -> Mapping[str, InstalledType]:
     """Return the controller types that installed packages offer, by name."""
+    return _types_installed_in(tuple(map(_folder_state, sys.path)))
+
+
+def _folder_state(folder: str) -> tuple[str, int | None]:
+    """Return a folder of Python's path and when something came into it or left it."""
+    try:
+        return folder, os.stat(folder or ".").st_mtime_ns
+    except OSError:
+        return folder, None
+
+
+# To read what is installed takes as long as the rest of loading a robot.
+@functools.lru_cache(maxsize=1)
+def _types_installed_in(
+    _path: tuple[tuple[str, int | None], ...],
+) -> Mapping[str, InstalledType]:
     found: dict[str, InstalledType] = {}
     for entry_point in importlib.metadata.entry_points(group=ENTRY_POINTS):
         package = entry_point.dist.name if entry_point.dist else entry_point.module

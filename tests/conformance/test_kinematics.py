@@ -28,7 +28,13 @@ from pydrake.systems.framework import Context, Diagram
 import arm_drake as ad
 from arm_drake.description.inertia import repair_inertials
 from arm_drake.description.report import LoadReport
-from tests.robots import read_index, real_robot, robot_names, robots_folder
+from tests.robots import (
+    load_real_robot,
+    read_index,
+    real_robot,
+    robot_names,
+    robots_folder,
+)
 
 # What INDEX.yaml says of a robot whose inertias can't be simulated as written.
 UNPHYSICAL = {
@@ -200,12 +206,7 @@ def case(
 ) -> Case:
     entry = read_index()[request.param]
     text = expand(entry, tmp_path_factory.mktemp(request.param))
-    robot = ad.load_robot(
-        real_robot(entry["entry"]),
-        xacro_args=entry["xacro_args"],
-        controllers=[real_robot(file) for file in entry["controllers_yaml"]],
-        variables=entry["launch_vars"],
-    )
+    robot = load_real_robot(request.param)
     # pinocchio's base is fixed.
     robot = dc.replace(robot, has_free_base=False)
     root = ET.fromstring(text)  # noqa: S314  one we chose.

@@ -13,7 +13,7 @@ import arm_drake as ad
 from arm_drake.description.drive_gains import find_drive_gains
 from arm_drake.description.plugin_control import PLUGIN_TYPES
 from arm_drake.manager.loading import load_controllers_of
-from tests.robots import read_index, robot_names, robots_folder
+from tests.robots import load_real_robot, read_index, robot_names, robots_folder
 
 # The types that are simulated, and names of other packages for the same. To be extended
 # with every new one.
@@ -55,7 +55,7 @@ SIMULATED = {
 }
 
 # How long they simulate [s], and how far a held joint may be off its start [rad, m].
-DURATION = 2.0
+DURATION = 1.0
 HOLD_TOLERANCE = 5e-3
 
 
@@ -72,14 +72,7 @@ def case(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> Case:
     row = read_index()[request.param]
-    folder = robots_folder()
-    robot = ad.load_robot(
-        folder / row["entry"],
-        xacro_args=row["xacro_args"],
-        controllers=[folder / file for file in row["controllers_yaml"]] or None,
-        variables=row["launch_vars"],
-    )
-    return Case(robot, row["expected"])
+    return Case(load_real_robot(request.param), row["expected"])
 
 
 def test_links_and_joints_are_those_of_the_index(case: Case) -> None:

@@ -13,7 +13,7 @@ import arm_drake as ad
 from arm_drake.messages import Vector3
 from arm_drake.messages.sensors import ContactsState
 from tests import models
-from tests.robots import read_index, robots_folder
+from tests.robots import load_real_robot
 
 TOPIC = "/world/empty/model/falling_ball/link/ball/sensor/bumper/contact"
 WEIGHT = models.MASS * models.GRAVITY
@@ -263,13 +263,7 @@ def test_what_has_an_effect_is_not_reported_as_ignored(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_doosan_has_its_bumper() -> None:
-    row, folder = read_index()["doosan_a0912"], robots_folder()
-    robot = ad.load_robot(
-        folder / row["entry"],
-        xacro_args=row["xacro_args"],
-        controllers=[folder / file for file in row["controllers_yaml"]],
-        variables=row["launch_vars"],
-    )
+    robot = load_real_robot("doosan_a0912")
     sim = ad.Simulation(ad.build_diagram(robot))
     sim.run(0.1)
 

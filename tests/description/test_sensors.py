@@ -8,7 +8,7 @@ import pytest
 import arm_drake as ad
 from arm_drake import interfaces
 from tests import models
-from tests.robots import read_index, robots_folder
+from tests.robots import load_real_robot
 
 FORCE = "".join(f'<state_interface name="{name}"/>' for name in interfaces.FORCES)
 FTS = "force_torque_sensor_broadcaster/ForceTorqueSensorBroadcaster"
@@ -243,11 +243,7 @@ def test_a_sensor_without_a_place_keeps_its_initial_values(tmp_path: Path) -> No
 
 
 def test_the_sensor_of_a_published_robot_has_a_place() -> None:
-    row, folder = read_index()["demo04_rrbot_system_w"], robots_folder()
-    robot = ad.load_robot(
-        folder / row["entry"],
-        controllers=[folder / file for file in row["controllers_yaml"]],
-    )
+    robot = load_real_robot("demo04_rrbot_system_w")
 
     (info,) = robot.sensors
     assert (info.name, info.link) == ("tcp_fts_sensor", "tool_link")

@@ -19,7 +19,7 @@ from arm_drake.description.source_files import (
 )
 from arm_drake.errors import ArmDrakeError
 from tests.models import trajectory_controllers
-from tests.robots import read_index, robot_names, robots_folder
+from tests.robots import load_real_robot, read_index, robot_names, robots_folder
 
 XACRO = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
 
@@ -371,12 +371,7 @@ def test_files_of_real_robots_are_those_that_xacro_and_the_urdf_name(name, monke
     monkeypatch.setattr(substitution_args, "_eval_find", find)
     monkeypatch.setitem(substitution_args._eval_dict, "find", find)
     xacro.process_file(str(folder / row["entry"]), mappings=row["xacro_args"])
-    robot = ad.load_robot(
-        folder / row["entry"],
-        xacro_args=row["xacro_args"],
-        controllers=inputs or None,
-        variables=row["launch_vars"],
-    )
+    robot = load_real_robot(name)
 
     files = robot.source_files
 

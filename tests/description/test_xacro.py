@@ -540,6 +540,7 @@ DOUBLING = '<xacro:macro name="m0" params=""><link/></xacro:macro>' + "".join(
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "body",
     [

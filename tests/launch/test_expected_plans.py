@@ -6,14 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 
 import arm_drake as ad
 from arm_drake.errors import ArmDrakeError
-from tests.robots import robots_folder, skip_or_fail
+from tests.robots import read_yaml, robots_folder, skip_or_fail
 
 EXPECTED = Path(__file__).with_name("expected_plans.yaml")
-RECORDS = yaml.safe_load(EXPECTED.read_text(encoding="utf-8"))
+RECORDS = read_yaml(EXPECTED)
 
 # Nobody can know the name of what a launch file writes.
 TEMPORARY = "(a temporary file)"
@@ -96,6 +95,7 @@ def to_record(plan: ad.LaunchPlan, root: Path) -> dict[str, Any]:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("record", RECORDS, ids=map(name_of, RECORDS))
 def test_a_real_launch_file_gives_the_plan_of_a_careful_reader(
     record: dict[str, Any],

@@ -26,6 +26,7 @@ def message(path: Path) -> str:
     return str(error.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "expected", "line"),
     [
@@ -77,6 +78,7 @@ def test_what_is_wrong_in_xml_is_told(package: Path, text: str, expected: str) -
     assert str(package) in told
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("code", "expected"),
     [
@@ -131,6 +133,7 @@ def test_what_a_file_catches_is_in_the_report(package: Path) -> None:
     assert "which a launch file here may not do" in line
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("code", "expected"),
     [

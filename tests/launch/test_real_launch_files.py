@@ -41,6 +41,7 @@ def launch_files(repository: str) -> Iterator[Path]:
             yield path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("repository", REPOSITORIES)
 def test_all_launch_files_end_as_plans_or_say_what_they_need(repository: str) -> None:
     plans, errors = [], []

@@ -25,12 +25,13 @@ import arm_drake as ad
 from arm_drake.messages import Duration, FollowJointTrajectoryResult
 from arm_drake.worlds.world import World, add_world
 from tests import models
-from tests.robots import read_index, robots_folder
+from tests.robots import load_real_robot
 
 # Too long for every few minutes.
 pytestmark = pytest.mark.slow
 
-STEPS = [1e-3, 5e-3, 1e-2]
+# What holds at both ends holds in between, which `make bench` shows.
+STEPS = [1e-3, pytest.param(5e-3, marks=pytest.mark.long), 1e-2]
 
 # A held pose is as near as this [rad].
 HELD = 1e-3
@@ -116,17 +117,10 @@ def small_arm(folder: Path, yaml: str, **urdf: str) -> Arm:
 
 def xarm6(folder: Path, yaml: str) -> Arm:
     """Return an xArm 6 with its gripper 10 cm above the ground."""
-    row, robots = read_index()["xarm6"], robots_folder()
     file = folder / "controllers.yaml"
     file.write_text(yaml, encoding="utf-8")
     start = dict(zip(JOINTS, (0.0, 0.3, -1.2, 0.0, 0.9, 0.0), strict=True))
-    robot = ad.load_robot(
-        robots / row["entry"],
-        xacro_args=row["xacro_args"],
-        controllers=[file],
-        variables=row["launch_vars"],
-        initial_positions=start,
-    )
+    robot = load_real_robot("xarm6", controllers=[file], initial_positions=start)
     return Arm(robot, JOINTS, (0.0, 0.9, -1.2, 0.0, 0.3, 0.0))
 
 
@@ -277,7 +271,7 @@ def test_a_real_arm_presses_the_ground_and_comes_back(
     press.check()
 
 
-@pytest.mark.parametrize("h", [5e-3, 1e-2])
+@pytest.mark.parametrize("h", [pytest.param(5e-3, marks=pytest.mark.long), 1e-2])
 @pytest.mark.parametrize("jtc", [True, False], ids=["trajectory", "step"])
 @pytest.mark.parametrize("name", REAL)
 def test_a_real_arm_comes_back_from_wherever_it_was_sent_into_the_ground(

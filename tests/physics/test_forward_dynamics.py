@@ -19,7 +19,7 @@ from arm_drake.plant.plant import (
     add_robot_model,
     state_indices,
 )
-from tests.robots import read_index, robot_names, robots_folder
+from tests.robots import load_real_robot, read_index, robot_names
 
 STEP = 1e-3
 NUM_STATES = 50
@@ -177,13 +177,7 @@ def case(request: pytest.FixtureRequest) -> Case:
     if request.param == "bundled":
         robot = ad.load_robot("doosan_a0912")
     else:
-        row, folder = read_index()[request.param], robots_folder()
-        robot = ad.load_robot(
-            folder / row["entry"],
-            xacro_args=row["xacro_args"],
-            controllers=[folder / file for file in row["controllers_yaml"]] or None,
-            variables=row["launch_vars"],
-        )
+        robot = load_real_robot(request.param)
     description = robot.description
     joints = description.movable_joints
     return Case(joints, Plant(description), OtherModel(description))

@@ -18,7 +18,7 @@ from arm_drake.plant.joint_ranges import (
     randomize,
 )
 from tests.models import bob, joint, load
-from tests.robots import read_index, robot_names, robots_folder
+from tests.robots import load_real_robot, robot_names
 
 PI = math.pi
 WHEEL = JointRange("wheel", "rad", -PI, PI, wraps=True)
@@ -258,13 +258,7 @@ def test_bad_positions_are_explained(geared, positions, message):
 
 @pytest.fixture(scope="module", params=robot_names())
 def robot(request) -> ad.Robot:
-    row, folder = read_index()[request.param], robots_folder()
-    return ad.load_robot(
-        folder / row["entry"],
-        xacro_args=row["xacro_args"],
-        controllers=[folder / file for file in row["controllers_yaml"]] or None,
-        variables=row["launch_vars"],
-    )
+    return load_real_robot(request.param)
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 import arm_drake as ad
 from arm_drake.messages import Odometry, Twist, Vector3
-from tests.robots import read_index, robots_folder
+from tests.robots import load_real_robot
 
 
 class Row(NamedTuple):
@@ -55,14 +55,8 @@ class Base:
     """A base in the world, driven by the commands of its controller."""
 
     def __init__(self, name: str) -> None:
-        row, folder, self.row = read_index()[name], robots_folder(), BASES[name]
-        self.robot = ad.load_robot(
-            folder / row["entry"],
-            xacro_args=row["xacro_args"],
-            controllers=[folder / file for file in row["controllers_yaml"]],
-            variables=row["launch_vars"],
-            distro=self.row.distro,
-        )
+        self.row = BASES[name]
+        self.robot = load_real_robot(name, distro=self.row.distro)
         self.sim = ad.Simulation(ad.build_diagram(self.robot))
         self.plant = self.sim.diagram.GetSubsystemByName("plant")
         controller = self.row.controller

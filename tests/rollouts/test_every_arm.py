@@ -14,13 +14,18 @@ import arm_drake as ad
 from arm_drake.bundled import bundled_robots
 from arm_drake.description.joints import JointInfo, last_master
 from arm_drake.hardware.drives import commanded_joints
-from tests.robots import read_index, robot_names, robots_folder
+from tests.robots import load_real_robot, read_index, robot_names
 from tests.servo_rig import Motion, Payload, ServoRig
 
 # In front of the names of robots that come with the package; others are of the index.
 BUNDLED = "bundled:"
 
-STEPS = [1e-3, 2e-3, 5e-3, 1e-2]
+# What holds at both ends holds in between, which `make bench` shows.
+STEPS = [
+    1e-3,
+    *(pytest.param(h, marks=pytest.mark.long) for h in (2e-3, 5e-3)),
+    1e-2,
+]
 
 # A step [rad] or [m], and the part of it that is "there".
 STEP = {"prismatic": 1e-3}
@@ -130,13 +135,7 @@ def arm(request: pytest.FixtureRequest) -> Arm:
     if name.startswith(BUNDLED):
         robot = ad.load_robot(name.removeprefix(BUNDLED))
     else:
-        row, folder = read_index()[name], robots_folder()
-        robot = ad.load_robot(
-            folder / row["entry"],
-            xacro_args=row["xacro_args"],
-            controllers=[folder / file for file in row["controllers_yaml"]] or None,
-            variables=row["launch_vars"],
-        )
+        robot = load_real_robot(name)
     lower, upper, speed = [], [], []
     for joint in commanded_joints(robot.description):
         low, high = find_range(robot, joint)
@@ -181,7 +180,14 @@ SPEEDING = 1.02
 
 
 # The preset "fast" is for steps as large as the controllers' period.
-PRESETS = [("accurate", h) for h in STEPS] + [("fast", h) for h in (2e-3, 1e-2)]
+PRESETS = [
+    ("accurate", 1e-3),
+    pytest.param("accurate", 2e-3, marks=pytest.mark.long),
+    pytest.param("accurate", 5e-3, marks=pytest.mark.long),
+    ("accurate", 1e-2),
+    pytest.param("fast", 2e-3, marks=pytest.mark.long),
+    ("fast", 1e-2),
+]
 
 
 def needs_more(arm: Arm, preset: str) -> bool:
@@ -287,7 +293,7 @@ def test_an_unknown_payload_is_carried(arm: Arm, mass: float, h: float) -> None:
     carry(arm, mass, h)
 
 
-@pytest.mark.parametrize("h", [1e-3, 2e-3, 5e-3])
+@pytest.mark.parametrize("h", [1e-3, pytest.param(2e-3, marks=pytest.mark.long), 5e-3])
 @pytest.mark.parametrize(("arm", "mass"), of_robots(HEAVY_PAYLOADS), indirect=["arm"])
 def test_light_wrists_carry_heavy_payloads_with_rotors(
     arm: Arm, mass: float, h: float

@@ -27,7 +27,7 @@ from arm_drake.messages import (
     ParallelGripperCommandGoal,
     ParallelGripperCommandResult,
 )
-from tests.robots import read_index, robots_folder
+from tests.robots import load_real_robot
 
 # How far a held box may get along a finger in 5 s [m] and turn [rad]. Drake's friction
 # is a steep slope, not a wall: what it holds creeps. Fingers press with an effort that
@@ -174,15 +174,8 @@ class Scene:
 
     def __init__(self, name: str, time_step: float) -> None:
         self.grasp = grasp = GRASPS[name]
-        row, folder = read_index()[name], robots_folder()
-        robot = ad.load_robot(
-            folder / row["entry"],
-            xacro_args=row["xacro_args"],
-            controllers=[folder / file for file in row["controllers_yaml"]],
-            variables=row["launch_vars"],
-            pose=grasp.pose,
-            initial_positions={**grasp.start, grasp.joint: grasp.opened},
-        )
+        start = {**grasp.start, grasp.joint: grasp.opened}
+        robot = load_real_robot(name, pose=grasp.pose, initial_positions=start)
         alone = ad.build_diagram(robot, world="void")
         frames = alone.GetOutputPort("frames").Eval(alone.CreateDefaultContext())
         at = robot.description.links.index(grasp.link)
@@ -286,8 +279,8 @@ def outcome(goal: ad.GoalHandle) -> tuple[ad.GoalStatus, bool, bool]:
         ("open_manipulator_x", 5e-3),
         ("so100_brukg", 5e-3),
         ("ar4", 5e-3),
-        pytest.param("robotiq_2f85", 1e-3, marks=pytest.mark.slow),
-        pytest.param("open_manipulator_x", 1e-3, marks=pytest.mark.slow),
+        ("robotiq_2f85", 1e-3),
+        pytest.param("open_manipulator_x", 1e-3, marks=pytest.mark.long),
     ],
 )
 def test_a_gripper_stalls_on_a_box_and_holds_it_while_the_arm_lifts_it(

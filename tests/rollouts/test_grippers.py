@@ -17,7 +17,7 @@ from pydrake.multibody.tree import Joint
 
 import arm_drake as ad
 from arm_drake.description.joints import JointInfo, last_master
-from tests.robots import read_index, robots_folder, skip_or_fail
+from tests.robots import load_real_robot, read_index, skip_or_fail
 
 # How far followers may be off [rad] or [m], by the step. Drake's constraint gives way
 # in proportion to the load and to the square of the step.
@@ -127,16 +127,11 @@ def gripper(request: pytest.FixtureRequest, tmp_path: Path) -> Gripper:
     """Return a robot with its masters halfway, far above the ground."""
     if request.param == "none":
         skip_or_fail("no index of robots")
-    row, folder = read_index()[request.param], robots_folder()
+    row = read_index()[request.param]
 
     def load(yaml: list[Path], start: dict[str, float]) -> ad.Robot:
-        return ad.load_robot(
-            folder / row["entry"],
-            xacro_args=row["xacro_args"],
-            controllers=yaml,
-            variables=row["launch_vars"],
-            pose=HIGH_UP,
-            initial_positions=start,
+        return load_real_robot(
+            request.param, controllers=yaml, pose=HIGH_UP, initial_positions=start
         )
 
     robot = load([], {})

@@ -12,7 +12,7 @@ import pytest
 import arm_drake as ad
 from arm_drake.description.drive_gains import find_drive_gains
 from arm_drake.description.joints import JointInfo
-from tests.robots import read_index, robot_names, robots_folder
+from tests.robots import load_real_robot, read_index, robot_names
 
 JTC = "JointTrajectoryController"
 FORWARD = {
@@ -90,16 +90,9 @@ def with_controllers(*types: str, unknown: bool = False) -> list[str]:
 @pytest.fixture
 def case(request: pytest.FixtureRequest) -> Case:
     row = read_index()[request.param]
-    folder = robots_folder()
     types = [p["type"] for p in (row["expected"].get("controllers") or {}).values()]
     drives = any("Drive" in name or "Steering" in name for name in types)
-    robot = ad.load_robot(
-        folder / row["entry"],
-        xacro_args=row["xacro_args"],
-        controllers=[folder / file for file in row["controllers_yaml"]] or None,
-        variables=row["launch_vars"],
-        pose=None if drives else HIGH_UP,
-    )
+    robot = load_real_robot(request.param, pose=None if drives else HIGH_UP)
     configured = robot.controllers.controllers
     return Case(
         robot,

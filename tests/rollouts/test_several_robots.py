@@ -13,7 +13,7 @@ from arm_drake.errors import InputError
 from arm_drake.messages import Duration, Twist, Vector3
 from arm_drake.simulation.motion_files import load_motion
 from tests import models
-from tests.robots import read_index, robots_folder
+from tests.robots import load_real_robot
 
 # Controllers of the bases, their frames, and what they are told [m/s], [rad/s].
 BASES = {
@@ -40,14 +40,7 @@ SETTLE, DRIVE = 0.5, 2.0
 def load(name: str) -> ad.Robot:
     if name not in BASES:
         return ad.load_robot("doosan_a0912", pose=POSES[name], name=name)
-    row, folder = read_index()[name], robots_folder()
-    return ad.load_robot(
-        folder / row["entry"],
-        xacro_args=row["xacro_args"],
-        controllers=[folder / file for file in row["controllers_yaml"]],
-        variables=row["launch_vars"],
-        pose=POSES[name],
-    )
+    return load_real_robot(name, pose=POSES[name])
 
 
 @dc.dataclass(frozen=True)

@@ -116,6 +116,7 @@ def test_it_says_what_the_link_is(viewer: RobotViewer, panel: Panel) -> None:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["visual", "collision", "inertia"])
 def test_a_click_on_what_is_drawn_of_a_link_chooses_it(
     viewer: RobotViewer, panel: Panel, kind: str
@@ -126,6 +127,7 @@ def test_a_click_on_what_is_drawn_of_a_link_chooses_it(
     assert panel.values["readout:frame"] == "upper"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", ["", "drake", "drake/visual/two_links/up", 7, None])
 def test_a_click_beside_links_chooses_nothing(
     viewer: RobotViewer, path: object

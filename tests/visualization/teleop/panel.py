@@ -8,7 +8,6 @@ import arm_drake as ad
 from arm_drake.visualization.page.widgets import Button, Buttons, Slider
 from arm_drake.visualization.teleop.base import Remote
 from arm_drake.visualization.teleop.remotes import find_remotes
-from tests.robots import read_index, robots_folder
 
 # How often a remote is called [s], as the viewer does.
 PERIOD = 0.1
@@ -18,18 +17,6 @@ def simulate(robot: ad.Robot, **options: Any) -> ad.Simulation:
     """Return a simulation of a robot."""
     return ad.Simulation(
         ad.build_diagram(robot, options=ad.SimulationOptions(**options))
-    )
-
-
-def load_real(name: str, **options: Any) -> ad.Robot:
-    """Load a robot of the index."""
-    row, folder = read_index()[name], robots_folder()
-    return ad.load_robot(
-        folder / row["entry"],
-        xacro_args=row["xacro_args"],
-        controllers=[folder / file for file in row["controllers_yaml"]] or None,
-        variables=row["launch_vars"],
-        **options,
     )
 
 

@@ -12,6 +12,7 @@ from arm_drake.errors import InputError
 from arm_drake.visualization.page.widgets import Slider
 from arm_drake.visualization.teleop.remotes import BaseRemote, find_remotes
 from tests import carts
+from tests.robots import load_real_robot
 from tests.rollouts.test_sideways_bases import BASES as SIDEWAYS
 from tests.rollouts.test_sideways_bases import Base
 from tests.visualization.teleop import panel
@@ -29,7 +30,7 @@ SPEED = 0.2
 
 def base_of(name: str) -> tuple[ad.Simulation, BaseRemote, str]:
     controller, link = BASES[name]
-    sim = panel.simulate(panel.load_real(name))
+    sim = panel.simulate(load_real_robot(name))
     sim.run(0.5)  # Until it stands on its wheels.
     return sim, panel.find(sim, controller, BaseRemote), link
 

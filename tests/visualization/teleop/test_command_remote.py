@@ -18,6 +18,7 @@ from arm_drake.visualization.teleop.remotes import (
 )
 from tests import models
 from tests.carts import plugin
+from tests.robots import load_real_robot
 from tests.visualization.teleop import panel
 
 # How near a joint is to its goal at rest [rad], as in tests/rollouts.
@@ -106,7 +107,7 @@ def test_ranges_are_those_of_the_joint(
 
 def test_the_hardware_may_have_narrower_limits() -> None:
     # Its joints have ±pi, the command interfaces ±1.
-    sim = panel.simulate(panel.load_real("demo01_rrbot"))
+    sim = panel.simulate(load_real_robot("demo01_rrbot"))
     remote = panel.find(sim, "forward_position_controller", ForwardRemote)
 
     shown = slider(remote, "value:joint1/position")
@@ -247,7 +248,7 @@ def test_a_topic_that_several_robots_have_is_told_to_one(tmp_path: Path) -> None
 
 def test_outputs_that_nobody_touches_are_left_alone() -> None:
     vacuum, analog = "flange_vacuum/vacuum", "flange_analog_IOs/analog_output1"
-    sim = panel.simulate(panel.load_real("demo10_rrbot"))
+    sim = panel.simulate(load_real_robot("demo10_rrbot"))
     remote = panel.find(sim, "gpio_controller", GpioRemote)
     sim.run(0.1)
     before = commands(sim)

@@ -11,6 +11,7 @@ from arm_drake.plant.joint_ranges import find_gripper_ranges
 from arm_drake.visualization.page.widgets import Slider
 from arm_drake.visualization.teleop.remotes import GripperRemote
 from tests import models
+from tests.robots import load_real_robot
 from tests.visualization.teleop import panel
 
 # How near a joint is to its goal at rest [rad] or [m], as in tests/rollouts.
@@ -43,7 +44,7 @@ GAINS = "gains: {finger: {p: 60.0, i: 60.0, d: 10.0, i_clamp: 20.0}}"
 @pytest.mark.parametrize("name", GRIPPERS)
 def test_a_gripper_closes_and_opens(name: str) -> None:
     controller, joint = GRIPPERS[name]
-    robot = panel.load_real(name)
+    robot = load_real_robot(name)
     is_open, is_closed = find_gripper_ranges(robot)[joint]
     sim = panel.simulate(robot)
     remote = panel.find(sim, controller, GripperRemote)
@@ -62,7 +63,7 @@ def test_a_gripper_closes_and_opens(name: str) -> None:
 
 @pytest.mark.slow
 def test_the_slider_moves_it_part_of_the_way() -> None:
-    sim = panel.simulate(panel.load_real("so100_brukg"))
+    sim = panel.simulate(load_real_robot("so100_brukg"))
     remote = panel.find(sim, "gripper_controller", GripperRemote)
 
     panel.use(remote, "position", 0.7)
@@ -106,7 +107,7 @@ def test_a_joint_without_limits_has_no_buttons(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_slider_follows_until_a_goal_is_sent() -> None:
-    sim = panel.simulate(panel.load_real("so100_brukg"))
+    sim = panel.simulate(load_real_robot("so100_brukg"))
     remote = panel.find(sim, "gripper_controller", GripperRemote)
     other = panel.find(sim, "gripper_controller", GripperRemote)
     remote.widgets()

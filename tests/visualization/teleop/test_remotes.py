@@ -18,7 +18,7 @@ from arm_drake.visualization.teleop.remotes import (
     find_remotes,
 )
 from tests import models
-from tests.robots import robot_names
+from tests.robots import load_real_robot, robot_names
 from tests.visualization.teleop import panel
 
 ARM = "joint_trajectory_controller"
@@ -32,7 +32,7 @@ TWO_ARMS = models.trajectory_controllers({"first": ["swing"], "second": ["swing"
 @pytest.mark.slow
 @pytest.mark.parametrize("name", robot_names())
 def test_every_controller_that_commands_has_a_remote(name: str) -> None:
-    sim = panel.simulate(panel.load_real(name))
+    sim = panel.simulate(load_real_robot(name))
 
     remotes = find_remotes(sim)
 
@@ -90,7 +90,7 @@ def test_remotes_that_nobody_uses_change_no_bit() -> None:
 
 @pytest.mark.slow
 def test_an_idle_base_is_told_nothing() -> None:
-    first, second = (panel.simulate(panel.load_real("create3")) for _ in range(2))
+    first, second = (panel.simulate(load_real_robot("create3")) for _ in range(2))
 
     first.run(1.0)
     panel.run(second, 1.0, *find_remotes(second))
@@ -108,12 +108,12 @@ def test_an_inactive_controller_is_sent_nothing(tmp_path: Path, kind: str) -> No
         remote = panel.find(sim, "second", TrajectoryRemote)
         part, value = "goal:swing", 1.0
     elif kind == "command":
-        sim = panel.simulate(panel.load_real("demo03_rrbot_system_m"))
+        sim = panel.simulate(load_real_robot("demo03_rrbot_system_m"))
         remote = panel.find(sim, "forward_velocity_controller", ForwardRemote)
         part, value = "value:joint1/velocity", 0.5
     else:
         sim = panel.simulate(
-            panel.load_real("create3"), inactive=("diffdrive_controller",)
+            load_real_robot("create3"), inactive=("diffdrive_controller",)
         )
         remote = panel.find(sim, "diffdrive_controller", BaseRemote)
         part, value = "forward", 0.2
