@@ -9,8 +9,9 @@ from arm_drake.bundled import bundled_motions, bundled_robots
 from arm_drake.controllers import CONTROLLER_TYPES, find_controller_type
 from arm_drake.controllers.other_types import load_other_types
 from arm_drake.description.plugin_control import PLUGIN_TYPES
-from arm_drake.launch import actions, parameters, substitutions
-from arm_drake.launch.actions import Action, EventHandler
+from arm_drake.launch import actions, event_handlers, parameters, substitutions
+from arm_drake.launch.actions import Action
+from arm_drake.launch.event_handlers import EventHandler
 from arm_drake.launch.launch_description_sources import _MAKERS
 from arm_drake.launch.nodes import NODES
 from arm_drake.launch.substitutions import _BY_NAME, Condition, Substitution
@@ -92,7 +93,7 @@ def render_launch() -> str:
         Substitution: "substitutions",
         Condition: "conditions",
     }
-    for module in (actions, substitutions, parameters):
+    for module in (actions, event_handlers, substitutions, parameters):
         for name, value in sorted(vars(module).items()):
             is_own = getattr(value, "__module__", "") == module.__name__
             if is_own and isinstance(value, type) and name[0] != "_":

@@ -11,11 +11,13 @@ import heapq
 import itertools
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
+from arm_drake.launch.event_handlers import Event, EventHandler
 from arm_drake.launch.nodes import find_role
-from arm_drake.launch.parameters import read_parameters
+from arm_drake.launch.parameters import read_parameters, read_value
 from arm_drake.launch.substitutions import (
     LaunchContext,
     LaunchError,
@@ -299,8 +301,14 @@ class TimerAction(Action):
         self.period, self.actions = period, list(actions)
 
     def execute(self, run: "LaunchRun") -> None:
-        period = float(perform(run.context, self.period))
+        text = perform(run.context, self.period)
+        try:
+            period = float(text)
+        except ValueError:
+            problem = f"period {text!r} of a timer: expected seconds"
+            raise LaunchError(problem) from None
         run.later(period, functools.partial(run.visit, self.actions))
+        run.later(period, functools.partial(run.fire, "complete", self))
 
 
 class Shutdown(Action):
@@ -314,81 +322,14 @@ class EmitEvent(Action):
         run.note("event", name=type(event).__name__)
 
 
-class Event:
-    """An event, of which only its kind matters."""
-
-    def __init__(self, **given: Any) -> None:
-        """Take what describes it."""
-        vars(self).update(given)
-
-
-class EventHandler:
-    """What follows an event of an action."""
-
-    # Actions whose event it is: of all, if there is none.
-    target: Any = None
-    entities: Any = ()
-    kind = ""
-
-    def __init__(self, **kwargs: Any) -> None:
-        """Take what describes it."""
-        self.kwargs = kwargs
-
-    def matches(self, action: Any) -> bool:
-        """Return whether it is the event of this action."""
-        if self.target is None:
-            return True
-        if isinstance(self.target, Action):
-            return self.target is action
-        if callable(self.target):
-            return bool(self.target(action))
-        return any(each is action for each in self.target)
-
-
-class OnProcessExit(EventHandler):
-    kind = "exit"
-
-    def __init__(
-        self, *, target_action: Any = None, on_exit: Any = (), **kwargs: Any
-    ) -> None:
-        super().__init__(**kwargs)
-        self.target, self.entities = target_action, on_exit
-
-
-class OnProcessStart(EventHandler):
-    kind = "start"
-
-    def __init__(
-        self, *, target_action: Any = None, on_start: Any = (), **kwargs: Any
-    ) -> None:
-        super().__init__(**kwargs)
-        self.target, self.entities = target_action, on_start
-
-
-class OnExecutionComplete(EventHandler):
-    kind = "complete"
-
-    def __init__(
-        self, *, target_action: Any = None, on_completion: Any = (), **kwargs: Any
-    ) -> None:
-        super().__init__(**kwargs)
-        self.target, self.entities = target_action, on_completion
-
-
-class OnShutdown(EventHandler):
-    kind = "shutdown"
-
-
-class OnProcessIO(EventHandler):
-    kind = "output"
-
-
 class RegisterEventHandler(Action):
     def __init__(self, event_handler: EventHandler, **kwargs: Any) -> None:
         super().__init__(**kwargs)
         self.event_handler = event_handler
 
     def execute(self, run: "LaunchRun") -> None:
+        if self.event_handler.kind in ("", "output", "shutdown"):
+            run.note("event", name=type(self.event_handler).__name__)
         run.handlers.append(self.event_handler)
 
 
@@ -471,6 +412,45 @@ class ExecuteProcess(ExecuteLocal):
     pass
 
 
+# Arguments of a Node that nothing here depends on, and those that something does.
+_OTHER_WORDS = [
+    "additional_env",
+    "autostart",
+    "autostart_transitions",
+    "cached_output",
+    "cwd",
+    "emulate_tty",
+    "env",
+    "exec_name",
+    "extra_arguments",
+    "log_cmd",
+    "node_executable",
+    "node_name",
+    "node_namespace",
+    "on_exit",
+    "output",
+    "output_format",
+    "prefix",
+    "respawn",
+    "respawn_delay",
+    "respawn_max_retries",
+    "shell",
+    "sigkill_timeout",
+    "sigterm_timeout",
+]
+_NODE_WORDS = [
+    "arguments",
+    "condition",
+    "executable",
+    "name",
+    "namespace",
+    "package",
+    "parameters",
+    "remappings",
+    "ros_arguments",
+]
+
+
 class Node(ExecuteProcess):
     def __init__(
         self,
@@ -486,6 +466,11 @@ class Node(ExecuteProcess):
         **kwargs: Any,
     ) -> None:
         super().__init__(**kwargs)
+        for word in kwargs:
+            if word not in (*_OTHER_WORDS, *_NODE_WORDS):
+                hint = get_close_matches(word, [*_NODE_WORDS, *_OTHER_WORDS], 1)
+                text = f"; did you mean {hint[0]!r}?" if hint else ""
+                raise LaunchError(f"Node has no argument {word!r}{text}")
         self.package = package
         self.executable = executable or kwargs.get("node_executable", "")
         self.name = name or kwargs.get("node_name")
@@ -494,7 +479,9 @@ class Node(ExecuteProcess):
         self.remappings = list(remappings or [])
         self.arguments = arguments or []
         if not isinstance(self.arguments, list | tuple):
-            self.arguments = [self.arguments]
+            # One word, as `launch_ros` takes it, too; of several it is one text.
+            self.arguments = Words([self.arguments])
+        self.ros_arguments = ros_arguments or []
 
     def execute(self, run: "LaunchRun") -> None:
         context = run.context
@@ -533,7 +520,11 @@ class Node(ExecuteProcess):
     def _words(self, context: LaunchContext) -> list[str]:
         if isinstance(self.arguments, Words):
             return split_words(perform(context, self.arguments))
-        return [perform(context, each) for each in self.arguments]
+        words = [perform(context, each) for each in self.arguments]
+        if self.ros_arguments:
+            words.append("--ros-args")
+            words += [perform(context, each) for each in self.ros_arguments]
+        return words
 
 
 class LifecycleNode(Node):
@@ -562,6 +553,37 @@ class ComposableNodeContainer(Node):
 
 class LoadComposableNodes(ComposableNodeContainer):
     pass
+
+
+def split_ros_arguments(
+    words: Sequence[str],
+) -> tuple[list[str], dict[str, Any]]:
+    """Return the words of a program, and what those after `--ros-args` mean."""
+    own: list[str] = []
+    given: dict[str, Any] = {"namespace": None, "name": None}
+    files: list[Any] = []
+    remappings: list[tuple[str, str]] = []
+    rest, is_ros = list(words), False
+    while rest:
+        word = rest.pop(0)
+        if word == "--ros-args":
+            is_ros = True
+        elif word == "--" and is_ros:
+            is_ros = False
+        elif not is_ros:
+            own.append(word)
+        elif word == "--params-file" and rest:
+            files.append(rest.pop(0))
+        elif word in ("-p", "--param") and rest and ":=" in rest[0]:
+            name, value = rest.pop(0).split(":=", 1)
+            files.append({name: read_value(value)})
+        elif word in ("-r", "--remap") and rest and ":=" in rest[0]:
+            source, target = rest.pop(0).split(":=", 1)
+            if source in ("__ns", "__node", "__name"):
+                given["namespace" if source == "__ns" else "name"] = target
+            else:
+                remappings.append((source, target))
+    return own, given | {"parameters": files, "remappings": remappings}
 
 
 def join_names(space: str, name: str) -> str:
@@ -593,6 +615,9 @@ class LaunchRun:
         self._number = itertools.count()
         self._depth = 0
 
+        # Whether what comes to pass is another launch's (`ros2 launch`).
+        self._is_isolated = False
+
     @property
     def namespace(self) -> str:
         """The name space in which nodes start."""
@@ -622,11 +647,20 @@ class LaunchRun:
 
     def later(self, delay: float, act: Callable[[], Any]) -> None:
         """Do something later, in the file that is read now."""
-        files = list(self.context.files)
+        context, is_isolated = self.context, self._is_isolated
+        files, own = list(context.files), context.launch_configurations
 
         def act_there() -> None:
-            self.context.files[:] = files
+            context.files[:] = files
+            if not is_isolated:
+                act()
+                return
+            # Another process has configurations of its own.
+            outer, context.launch_configurations = context.launch_configurations, own
+            self._is_isolated = True
             act()
+            self._is_isolated = False
+            context.launch_configurations = outer
 
         item = (self._time + delay, next(self._number), act_there)
         heapq.heappush(self._waiting, item)
@@ -646,12 +680,20 @@ class LaunchRun:
         self._depth += 1
         if self._depth > _MAX_DEPTH:
             raise LaunchError("files or actions contain each other")
-        found = entity.visit(self.context)
-        if found is not None:
-            self.visit(list(found))
-        self._depth -= 1
-        if not isinstance(entity, ExecuteLocal):
-            self._fire("complete", entity)
+        try:
+            found = entity.visit(self.context)
+            if found is not None:
+                self.visit(list(found))
+        except Exception as error:
+            if isinstance(error, LaunchError):
+                error.at(getattr(entity, "line", None))
+            # Arguments are shown of what can be read, as `ros2 launch` does it.
+            if not self.only_shows_arguments or self._depth == 1:
+                raise
+        finally:
+            self._depth -= 1
+        if not isinstance(entity, ExecuteLocal | TimerAction):
+            self.fire("complete", entity)
 
     def include(self, file: str, arguments: Mapping[str, str]) -> None:
         """Visit a launch file."""
@@ -668,8 +710,11 @@ class LaunchRun:
 
     def launch(self, words: Sequence[str]) -> None:
         """Do what `ros2 launch` does, with arguments of its own."""
-        names = [word for word in words if ":=" not in word and word[0] != "-"]
+        names = [word for word in words if ":=" not in word and word[:1] != "-"]
         given = dict(w.split(":=", 1) for w in words if ":=" in w)
+        if not names:
+            text = "expected a package and a file"
+            raise LaunchError(f"ros2 launch {' '.join(words)}: {text}")
         file = names[0]
         if len(names) > 1:
             folder = Path(self.context.find_package(names[0]))
@@ -678,13 +723,23 @@ class LaunchRun:
                 raise LaunchError(f"package {names[0]!r} has no {names[1]!r}")
             file = str(found[0])
         inner = [LambdaAction(lambda run: run.include(file, given))]
+        isolated, self._is_isolated = self._is_isolated, True
         self.visit(GroupAction(inner, forwarding=False))
+        self._is_isolated = isolated
 
     def start_node(
         self, action: Any, package: str, executable: str, **values: Any
     ) -> None:
         """Note a node."""
+        arguments, given = split_ros_arguments(values.get("arguments", ()))
+        space, name = given.pop("namespace"), given.pop("name")
+        if space is not None:
+            values["namespace"] = join_names(self.namespace, space)
         values.setdefault("namespace", self.namespace)
+        values["name"] = name or values.get("name")
+        values["arguments"] = arguments
+        for key, more in given.items():
+            values[key] = [*values.get(key, ()), *more]
         self.start(action, "node", package=package, executable=executable, **values)
 
     def start(self, action: ExecuteLocal, kind: str, **values: Any) -> None:
@@ -697,7 +752,7 @@ class LaunchRun:
 
     def begin(self, action: ExecuteLocal) -> None:
         """Let come to pass what follows the start of a program."""
-        self.later(0.0, lambda: self._fire("start", action))
+        self.later(0.0, lambda: self.fire("start", action))
 
     def _end(self, action: ExecuteLocal, *, is_known: bool) -> None:
         if not is_known:
@@ -707,9 +762,11 @@ class LaunchRun:
                 self.note("assumed_end", **_name_of(action))
         if action.on_exit and is_known:
             self.visit(action.on_exit)
-        self._fire("exit", action, is_known=is_known)
+        self.fire("exit", action, is_known=is_known)
+        self.fire("complete", action, is_known=is_known)
 
-    def _fire(self, kind: str, action: Any, *, is_known: bool = True) -> None:
+    def fire(self, kind: str, action: Any, *, is_known: bool = True) -> None:
+        """Let come to pass what follows an event of an action."""
         for handler in list(self.handlers):
             if handler.kind != kind or not handler.matches(action):
                 continue

@@ -2,14 +2,14 @@
 
 import importlib.util
 import types
-import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
+from xml.parsers import expat
 
 import yaml
 
-from arm_drake.launch import actions, parameters
+from arm_drake.launch import actions, parameters, substitutions
 from arm_drake.launch.actions import LaunchDescription
 from arm_drake.launch.substitutions import (
     Condition,
@@ -35,6 +35,7 @@ class _Element(NamedTuple):
     tag: str
     attributes: Mapping[str, str]
     children: "list[_Element]"
+    line: int
 
     def get(self, name: str, default: Any = None) -> Any:
         """Return an attribute as what it stands for."""
@@ -44,6 +45,10 @@ class _Element(NamedTuple):
     def all(self, *tags: str) -> "list[_Element]":
         return [child for child in self.children if child.tag in tags]
 
+    def need(self, name: str) -> Any:
+        """Return an attribute that must be there, as what it stands for."""
+        return parse_substitution(self.attributes[name])
+
     @property
     def condition(self) -> Condition | None:
         for name, kind in (("if", IfCondition), ("unless", UnlessCondition)):
@@ -52,26 +57,76 @@ class _Element(NamedTuple):
         return None
 
 
-def _from_xml(node: ET.Element) -> _Element:
-    return _Element(node.tag, dict(node.attrib), [_from_xml(child) for child in node])
+def _parse_xml(text: str) -> _Element:
+    parser = expat.ParserCreate()
+    root = _Element("", {}, [], 0)
+    opened = [root]
+
+    def open_tag(tag: str, attributes: Mapping[str, str]) -> None:
+        element = _Element(tag, attributes, [], parser.CurrentLineNumber)
+        opened[-1].children.append(element)
+        opened.append(element)
+
+    parser.StartElementHandler = open_tag
+    parser.EndElementHandler = lambda tag: opened.pop()
+    try:
+        parser.Parse(text, True)
+    except expat.ExpatError as error:
+        reason = expat.ErrorString(error.code)
+        raise LaunchError(f"malformed XML: {reason}", line=error.lineno) from None
+    if root.children[0].tag != "launch":
+        raise LaunchError(f"expected <launch>, got <{root.children[0].tag}>")
+    return root.children[0]
 
 
-def _from_yaml(tag: str, data: Any) -> _Element:
-    attributes, children = {}, []
-    entries = data if isinstance(data, list) else [data]
-    for entry in entries:
-        if not isinstance(entry, Mapping):
-            raise LaunchError(f"{tag}: expected a mapping, got {entry!r}")
-        for key, value in entry.items():
-            if isinstance(data, list):
-                children.append(_from_yaml(str(key), value))
-            elif isinstance(value, list) and value and isinstance(value[0], Mapping):
-                inner = [_from_yaml(str(key), each) for each in value]
-                children += inner[0].children if key == "children" else inner
+def _parse_yaml(text: str) -> _Element:
+    try:
+        loader = yaml.SafeLoader(text)
+        node = loader.get_single_node()
+        for key, value in node.value if isinstance(node, yaml.MappingNode) else ():
+            if key.value == "launch":
+                return _from_yaml("launch", value, loader)
+    except yaml.YAMLError as error:
+        reason, mark = str(error), getattr(error, "problem_mark", None)
+        if mark is not None:
+            reason = getattr(error, "problem", None) or reason
+        line = None if mark is None else mark.line + 1
+        problem = f"malformed YAML: {' '.join(reason.split())}"
+        raise LaunchError(problem, line=line) from None
+    raise LaunchError("expected a mapping with the key 'launch'")
+
+
+def _from_yaml(tag: str, data: yaml.Node, loader: yaml.SafeLoader) -> _Element:
+    """Return what an entry of YAML is: its simple values are attributes."""
+    line = data.start_mark.line + 1
+    element = _Element(tag, attributes := {}, [], line)
+    is_list = isinstance(data, yaml.SequenceNode)
+    if isinstance(data, yaml.ScalarNode) and not data.value:
+        return element
+    for entry in data.value if is_list else [data]:
+        if not isinstance(entry, yaml.MappingNode):
+            value = loader.construct_object(entry, deep=True)
+            text = f"{tag}: expected a mapping, got {value!r}"
+            raise LaunchError(text, line=entry.start_mark.line + 1)
+        for key, value in entry.value:
+            name = str(key.value)
+            if is_list:
+                element.children.append(_from_yaml(name, value, loader))
+            elif _has_mappings(value):
+                inner = [_from_yaml(name, each, loader) for each in value.value]
+                inner = inner[0].children if name == "children" else inner
+                element.children.extend(inner)
             else:
-                is_flag = isinstance(value, bool)
-                attributes[str(key)] = str(value).lower() if is_flag else str(value)
-    return _Element(tag, attributes, children)
+                found = loader.construct_object(value, deep=True)
+                is_flag = isinstance(found, bool)
+                attributes[name] = str(found).lower() if is_flag else str(found)
+    return element
+
+
+def _has_mappings(node: yaml.Node) -> bool:
+    """Return whether something in YAML is a list of mappings."""
+    first = node.value[:1] if isinstance(node, yaml.SequenceNode) else []
+    return any(isinstance(each, yaml.MappingNode) for each in first)
 
 
 def _make_parameters(element: _Element) -> list[Any]:
@@ -89,7 +144,9 @@ def _make_parameters(element: _Element) -> list[Any]:
             inner = {k: v for each in _make_parameters(child) for k, v in each.items()}
             found.append({child.attributes["name"]: inner})
         else:
-            value = parameters.ParameterValue(child.get("value", [""]))
+            # One text, not a list of the pieces that it is made of.
+            text = substitutions.StringJoinSubstitution(child.get("value", [""]))
+            value = parameters.ParameterValue(text)
             if child.attributes.get("type") == "str":
                 value.value_type = str
             found.append({child.attributes["name"]: value})
@@ -100,11 +157,11 @@ def _make_node(element: _Element) -> Any:
     remaps = element.all("remap")
     return actions.Node(
         package=element.get("pkg"),
-        executable=element.get("exec"),
+        executable=element.need("exec"),
         name=element.get("name"),
         namespace=element.get("namespace"),
         parameters=_make_parameters(element),
-        remappings=[(each.get("from"), each.get("to")) for each in remaps],
+        remappings=[(each.need("from"), each.need("to")) for each in remaps],
         arguments=actions.Words(
             [element.get("args", ""), " ", element.get("ros_args", "")]
         ),
@@ -112,10 +169,33 @@ def _make_node(element: _Element) -> Any:
     )
 
 
+def _make_components(element: _Element) -> Any:
+    loaded = [
+        actions.ComposableNode(
+            package=each.need("pkg"),
+            plugin=each.need("plugin"),
+            name=each.get("name"),
+            namespace=each.get("namespace"),
+            parameters=_make_parameters(each),
+            remappings=[(r.need("from"), r.need("to")) for r in each.all("remap")],
+            condition=each.condition,
+        )
+        for each in element.all("composable_node")
+    ]
+    return actions.LoadComposableNodes(
+        composable_node_descriptions=loaded, condition=element.condition
+    )
+
+
+def _make_namespace(element: _Element) -> Any:
+    name = element.need("namespace")
+    return actions.PushRosNamespace(name, condition=element.condition)
+
+
 def _make_include(element: _Element) -> Any:
-    given = [(arg.get("name"), arg.get("value")) for arg in element.all("arg", "let")]
+    given = [(arg.need("name"), arg.need("value")) for arg in element.all("arg", "let")]
     return actions.IncludeLaunchDescription(
-        actions.LaunchDescriptionSource(element.get("file")),
+        actions.LaunchDescriptionSource(element.need("file")),
         launch_arguments=given,
         condition=element.condition,
     )
@@ -143,7 +223,7 @@ def _make_argument(element: _Element) -> Any:
 
 def _make_timer(element: _Element) -> Any:
     return actions.TimerAction(
-        period=element.get("period"),
+        period=element.need("period"),
         actions=[_make_action(child) for child in element.children],
         condition=element.condition,
     )
@@ -151,66 +231,69 @@ def _make_timer(element: _Element) -> Any:
 
 def _make_pair(kind: Any, first: str = "name", second: str = "value") -> Any:
     def make(element: _Element) -> Any:
-        given = (element.get(first), element.get(second, ""))
+        given = (element.need(first), element.need(second))
         return kind(*given, condition=element.condition)
 
     return make
 
 
+def _make_set_parameter(element: _Element) -> Any:
+    text = substitutions.StringJoinSubstitution(element.need("value"))
+    value = parameters.ParameterValue(text)
+    return actions.SetParameter(
+        element.need("name"), value, condition=element.condition
+    )
+
+
 _MAKERS: Mapping[str, Callable[[_Element], Any]] = {
     "arg": _make_argument,
     "executable": lambda e: actions.ExecuteProcess(
-        cmd=[e.get("cmd")], condition=e.condition
+        cmd=[parse_substitution(e.attributes["cmd"])], condition=e.condition
     ),
     "group": _make_group,
     "include": _make_include,
     "let": _make_pair(actions.SetLaunchConfiguration),
-    "log": lambda e: actions.LogInfo(msg=e.get("message"), condition=e.condition),
-    "log_info": lambda e: actions.LogInfo(msg=e.get("message"), condition=e.condition),
+    "log": lambda e: actions.LogInfo(msg=e.need("message"), condition=e.condition),
+    "log_info": lambda e: actions.LogInfo(msg=e.need("message"), condition=e.condition),
+    "lifecycle_node": _make_node,
+    "load_composable_node": _make_components,
     "node": _make_node,
-    "push-ros-namespace": lambda e: actions.PushRosNamespace(e.get("namespace")),
-    "push_ros_namespace": lambda e: actions.PushRosNamespace(e.get("namespace")),
+    "node_container": _make_components,
+    "push-ros-namespace": _make_namespace,
+    "push_ros_namespace": _make_namespace,
+    "ros_timer": _make_timer,
     "set_env": _make_pair(actions.SetEnvironmentVariable),
     "append_env": _make_pair(actions.AppendEnvironmentVariable),
-    "set_parameter": lambda e: actions.SetParameter(
-        e.attributes["name"], parameters.ParameterValue(e.get("value"))
-    ),
+    "set_parameter": _make_set_parameter,
     "set_remap": _make_pair(actions.SetRemap, "from", "to"),
     "shutdown": lambda e: actions.Shutdown(condition=e.condition),
     "timer": _make_timer,
-    "unset_env": lambda e: actions.UnsetEnvironmentVariable(e.get("name")),
+    "unset_env": lambda e: actions.UnsetEnvironmentVariable(
+        e.need("name"), condition=e.condition
+    ),
 }
 
 
 def _make_action(element: _Element) -> Any:
     if element.tag not in _MAKERS:
         known = ", ".join(sorted(_MAKERS))
-        raise LaunchError(f"unknown <{element.tag}>; known: {known}")
+        text = f"unknown <{element.tag}>; known: {known}"
+        raise LaunchError(text, line=element.line)
     try:
-        return _MAKERS[element.tag](element)
+        action = _MAKERS[element.tag](element)
     except KeyError as error:
-        name = error.args[0]
-        raise LaunchError(f"<{element.tag}> has no attribute {name!r}") from None
+        text = f"<{element.tag}> has no attribute {error.args[0]!r}"
+        raise LaunchError(text, line=element.line) from None
+    except LaunchError as error:
+        raise error.at(element.line) from None
+    action.line = element.line
+    return action
 
 
 def _read_data(path: Path, text: str) -> LaunchDescription:
     """Return what an XML or YAML launch file describes."""
-    if path.suffix == ".xml" or text.lstrip().startswith("<"):
-        try:
-            root = _from_xml(ET.fromstring(text))  # noqa: S314  no external entities.
-        except ET.ParseError as error:
-            raise LaunchError(f"malformed XML: {error}") from None
-        if root.tag != "launch":
-            raise LaunchError(f"expected <launch>, got <{root.tag}>")
-    else:
-        try:
-            data = yaml.safe_load(text)
-        except yaml.YAMLError as error:
-            reason = " ".join(str(error).split())
-            raise LaunchError(f"malformed YAML: {reason}") from None
-        if not isinstance(data, Mapping) or "launch" not in data:
-            raise LaunchError("expected a mapping with the key 'launch'")
-        root = _from_yaml("launch", data["launch"] or [])
+    is_xml = path.suffix == ".xml" or text.lstrip().startswith("<")
+    root = _parse_xml(text) if is_xml else _parse_yaml(text)
     return LaunchDescription([_make_action(child) for child in root.children])
 
 
@@ -254,4 +337,4 @@ def read_launch_file(path: Path) -> LaunchDescription:
     except LaunchError as error:
         if str(path) in str(error):
             raise
-        raise LaunchError(f"{path}: {error}") from None
+        raise LaunchError(f"{path}: {error}", error.line) from None

@@ -19,6 +19,7 @@ from typing import Any
 from arm_drake.description.entry import Source
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
+from arm_drake.description.xacro import expand_xacro
 from arm_drake.errors import ArmDrakeError, InputError, PackageError, suggest
 from arm_drake.launch.launch_description_sources import is_launch_file
 from arm_drake.launch.nodes import PACKAGES
@@ -32,6 +33,7 @@ CPU_TIME = 20
 TIME = 30.0
 MEMORY = 2**31
 _SIZE = 2**24
+_LARGEST_ANSWER = 2**27
 
 
 def find_launch_file(
@@ -114,15 +116,22 @@ def show_arguments(plan: Sequence[LaunchArgument]) -> str:
 
 
 def load_arguments(
-    source: Source, name: str | None = None, *, package_paths: Sequence[Path] = ()
+    source: Source,
+    name: str | None = None,
+    *,
+    arguments: Mapping[str, str] | None = None,
+    package_paths: Sequence[Path] = (),
 ) -> tuple[LaunchArgument, ...]:
     """Return the arguments that a launch file declares; none must be given.
+
+    What can't be read for want of others is left out, as by `ros2 launch`.
 
     Raises:
         InputError: As of `load_launch`.
     """
     path = Path(os.path.abspath(find_launch_file(source, name, package_paths)))
-    answer = _ask(path, tuple(package_paths), {}, only_shows_arguments=True)[0]
+    given, folders = dict(arguments or {}), tuple(package_paths)
+    answer = _ask(path, folders, given, only_shows_arguments=True)[0]
     return _arguments_of(answer)
 
 
@@ -204,6 +213,8 @@ def _talk(
         stderr=subprocess.DEVNULL,
         start_new_session=True,
         cwd=folder,
+        # Without it numpy takes memory for each core of the machine.
+        env={"OPENBLAS_NUM_THREADS": "1", **os.environ},
     ) as process:
         try:
             deadline = time.monotonic() + TIME
@@ -216,17 +227,37 @@ def _talk(
                     raise InputError(f"{text} start", file=path)
                 if not line:
                     break
-                answer = json.loads(line)
+                answer = _parse(line, path)
                 if "error" in answer:
                     return answer
                 message = _find(answer, finder, folder)
         finally:
             with contextlib.suppress(OSError):
                 os.killpg(process.pid, signal.SIGKILL)
-    is_late = process.returncode == -signal.SIGXCPU
-    limit = f"takes more than {CPU_TIME} s of processor time"
-    problem = limit if is_late else f"ended its process with code {process.returncode}"
-    raise InputError(problem, file=path)
+    raise InputError(_why_it_ended(process.returncode), file=path)
+
+
+def _why_it_ended(code: int) -> str:
+    """Return why a process that has not answered is no more."""
+    if code == -signal.SIGXCPU:
+        return f"takes more than {CPU_TIME} s of processor time"
+    if code < 0:
+        name = signal.Signals(-code).name
+        memory = f"; it may take {MEMORY // 2**20} MB of memory"
+        return f"its process was ended by {name}{memory}"
+    return f"ended its process with code {code}, before it said what to start"
+
+
+def _parse(line: bytes, path: Path) -> dict[str, Any]:
+    """Return what the process says; a launch file may have spoken in between."""
+    try:
+        found = json.loads(line)
+    except ValueError:
+        found = None
+    if not isinstance(found, dict):
+        text = "wrote into what its process tells; launch files only say what to start"
+        raise InputError(text, file=path)
+    return found
 
 
 def _send(process: subprocess.Popen[bytes], value: Any) -> None:
@@ -250,11 +281,19 @@ def _read_line(process: subprocess.Popen[bytes], deadline: float) -> bytes | Non
             if not piece:
                 return b""
             found += piece
+            if len(found) > _LARGEST_ANSWER:
+                raise InputError("it says more than fits into a plan")
     return found
 
 
-def _find(question: Mapping[str, str], finder: PackageFinder, folder: Path) -> Any:
-    """Return the folder that a launch file asks for, None if there is none."""
+def _find(question: Mapping[str, Any], finder: PackageFinder, folder: Path) -> Any:
+    """Return the folder or the text that a launch file asks for, None for none."""
+    if "expand" in question:
+        try:
+            file = Path(question["expand"])
+            return {"text": expand_xacro(file, question["arguments"], finder)}
+        except ArmDrakeError as error:
+            return {"problem": str(error)}
     name = question.get("find", question.get("find_sources", ""))
     is_source = "find_sources" in question
     if name in PACKAGES and not is_source:

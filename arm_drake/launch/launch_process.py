@@ -14,6 +14,7 @@ with what it noted, or with what is wrong.
 """
 
 import contextlib
+import functools
 import importlib.abc
 import importlib.machinery
 import io
@@ -27,10 +28,11 @@ import types
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TextIO
+from xml.dom import minidom
 
 import yaml
 
-from arm_drake.launch import actions, parameters, substitutions
+from arm_drake.launch import actions, event_handlers, parameters, substitutions
 from arm_drake.launch.actions import LaunchRun
 from arm_drake.launch.launch_description_sources import (
     load_as_module,
@@ -40,6 +42,8 @@ from arm_drake.launch.substitutions import (
     LaunchContext,
     LaunchError,
     PackageNotFoundError,
+    current,
+    describe,
     perform,
 )
 
@@ -72,7 +76,8 @@ class _Launch(types.ModuleType):
             "SomeSubstitutionsType_types_tuple": "Substitution",
             "SomeSubstitutionsType": "Substitution",
         }
-        known = _public(substitutions) | _public(actions) | _public(parameters)
+        modules = (substitutions, actions, event_handlers, parameters)
+        known = {k: v for each in modules for k, v in _public(each).items()}
         known = {k: v for k, v in known.items() if isinstance(v, type)}
         if name in aliases or name in known:
             return known[aliases.get(name, name)]
@@ -87,9 +92,9 @@ class _Launch(types.ModuleType):
         if self.__name__.endswith("substitutions"):
             return type(name, (substitutions.Substitution,), {})
         if self.__name__.endswith("events") or ".events." in self.__name__:
-            return type(name, (actions.Event,), {})
+            return type(name, (event_handlers.Event,), {})
         if name.startswith("On"):
-            return type(name, (actions.EventHandler,), {})
+            return type(name, (event_handlers.EventHandler,), {})
         return type(name, (actions.UnknownAction,), {})
 
 
@@ -129,24 +134,33 @@ class _Quiet:
 
 
 class _Document:
-    """What takes the place of xacro's XML document."""
+    """What takes the place of xacro's XML document: it is made when it is needed."""
 
     def __init__(self, file: str, arguments: Mapping[str, str] | None = None) -> None:
         self.file, self.arguments = file, dict(arguments or {})
+        self._made: minidom.Document | None = None
+        self._as_it_was = ""
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        if self._made is None:
+            self._made = minidom.parseString(  # noqa: S318  expat fetches nothing.
+                current().expand(self.file, self._texts())
+            )
+            self._as_it_was = self._made.toxml()
+        return getattr(self._made, name)
+
+    def _texts(self) -> dict[str, str]:
+        return {name: str(value) for name, value in self.arguments.items()}
 
     def toxml(self, *args: Any, **kwargs: Any) -> str:
-        arguments = {name: str(value) for name, value in self.arguments.items()}
-        return _context().describe(self.file, arguments)
+        text = "" if self._made is None else self._made.toxml()
+        # What the launch file changed is its own.
+        is_changed = text != self._as_it_was
+        return text if is_changed else current().describe(self.file, self._texts())
 
     toprettyxml = toxml
-
-
-def _context() -> Context:
-    return _current[-1]
-
-
-# The context of the launch file that is being read.
-_current: list[Context] = []
 
 
 def _process_file(input_file_name: Any, *args: Any, **kwargs: Any) -> _Document:
@@ -159,121 +173,6 @@ def _parse_xacro(given: Any, filename: Any = None) -> _Document:
 
 def _process_document(document: _Document, *args: Any, **kwargs: Any) -> None:
     document.arguments |= dict(kwargs.get("mappings") or {})
-
-
-class MoveItConfigs:
-    """What `MoveItConfigsBuilder.to_moveit_configs` returns."""
-
-    def __init__(self, package_path: Path, values: Mapping[str, Any]) -> None:
-        self.package_path = str(package_path)
-        self._values = dict(values)
-
-    def __getattr__(self, name: str) -> Any:
-        return self._values.get(name, {})
-
-    def to_dict(self, include_moveit_configs: bool = True) -> dict[str, Any]:
-        """Return all parameters as one mapping."""
-        merged: dict[str, Any] = {"moveit_config_package": self.package_path}
-        for each in self._values.values():
-            merged |= each
-        return merged
-
-
-class MoveItConfigsBuilder:
-    """Of `moveit_configs_utils`: description, SRDF and where the rest lies."""
-
-    def __init__(
-        self,
-        robot_name: str,
-        robot_description: str = "robot_description",
-        package_name: str | None = None,
-    ) -> None:
-        self._package = Path(
-            substitutions.find_package(package_name or f"{robot_name}_moveit_config")
-        )
-        self._name, self._parameter = robot_name, robot_description
-        self._values: dict[str, Any] = {}
-        self._setup = {}
-        assistant = self._package / ".setup_assistant"
-        if assistant.is_file():
-            data = parameters.read_parameter_file(str(assistant)) or {}
-            self._setup = data.get("moveit_setup_assistant_config", {})
-
-    def robot_description(
-        self, file_path: Any = None, mappings: Mapping[str, Any] | None = None
-    ) -> "MoveItConfigsBuilder":
-        path = self._package / f"config/{self._name}.urdf.xacro"
-        urdf = self._setup.get("urdf") or self._setup.get("URDF") or {}
-        if file_path is not None:
-            path = self._package / str(file_path)
-        elif not path.is_file() and urdf.get("relative_path"):
-            package = substitutions.find_package(urdf["package"])
-            path = Path(package, urdf["relative_path"])
-        if path.is_file():
-            self._values["robot_description"] = {
-                self._parameter: _describe(path, mappings)
-            }
-        return self
-
-    def robot_description_semantic(
-        self, file_path: Any = None, mappings: Mapping[str, Any] | None = None
-    ) -> "MoveItConfigsBuilder":
-        srdf = self._setup.get("srdf") or self._setup.get("SRDF") or {}
-        name = file_path or srdf.get("relative_path", f"config/{self._name}.srdf")
-        self._values["robot_description_semantic"] = {
-            f"{self._parameter}_semantic": _describe(self._package / name, mappings)
-        }
-        return self
-
-    def __getattr__(self, name: str) -> Callable[..., "MoveItConfigsBuilder"]:
-        if name.startswith("_"):
-            raise AttributeError(name)
-
-        def take(*args: Any, **kwargs: Any) -> "MoveItConfigsBuilder":
-            return self
-
-        return take
-
-    def joint_limits(self, file_path: Any = None) -> "MoveItConfigsBuilder":
-        path = file_path or "config/joint_limits.yaml"
-        return self._take_file("joint_limits", "planning", path)
-
-    def robot_description_kinematics(
-        self, file_path: Any = None
-    ) -> "MoveItConfigsBuilder":
-        path = file_path or "config/kinematics.yaml"
-        return self._take_file("robot_description_kinematics", "kinematics", path)
-
-    def _take_file(self, name: str, ending: str, path: Any) -> "MoveItConfigsBuilder":
-        """Take a YAML of the package as a parameter, if it is there."""
-        file = self._package / str(path)
-        if file.is_file():
-            content = parameters.read_parameter_file(str(file)) or {}
-            self._values[name] = {f"{self._parameter}_{ending}": content}
-        return self
-
-    def to_moveit_configs(self) -> MoveItConfigs:
-        """Return what was described."""
-        if "robot_description" not in self._values:
-            self.robot_description()
-        if "robot_description_semantic" not in self._values:
-            self.robot_description_semantic()
-        if "joint_limits" not in self._values:
-            self.joint_limits()
-        if "robot_description_kinematics" not in self._values:
-            self.robot_description_kinematics()
-        return MoveItConfigs(self._package, self._values)
-
-    def to_dict(self, include_moveit_configs: bool = True) -> dict[str, Any]:
-        """Return all parameters as one mapping."""
-        return self.to_moveit_configs().to_dict()
-
-
-def _describe(path: Path, mappings: Mapping[str, Any] | None) -> str:
-    context = _context()
-    return context.describe(
-        str(path), {k: perform(context, v) for k, v in (mappings or {}).items()}
-    )
 
 
 class ParameterBuilder:
@@ -295,7 +194,7 @@ class ParameterBuilder:
     def xacro_parameter(
         self, parameter_name: str, file_path: Any, mappings: Any = None
     ) -> Any:
-        self._values[parameter_name] = _describe(self._package / file_path, mappings)
+        self._values[parameter_name] = describe(self._package / file_path, mappings)
         return self
 
     def to_dict(self) -> dict[str, Any]:
@@ -338,12 +237,29 @@ def _spawners(
     )
 
 
+def _include(
+    package: str, name: str, condition: Any = None, **arguments: Any
+) -> actions.IncludeLaunchDescription:
+    """Return an action of `ros_gz_sim` or its kin: a launch file of that package."""
+    file = Path(substitutions.find_package(package), "launch", f"{name}.launch.py")
+    given = {k: v for k, v in arguments.items() if v is not None}
+    source = actions.LaunchDescriptionSource(str(file))
+    return actions.IncludeLaunchDescription(
+        source, launch_arguments=given, condition=condition
+    )
+
+
 def _load_yaml(path: Any) -> Any:
     with open(path, encoding="utf-8") as file:
         return yaml.safe_load(file)
 
 
-def _make_modules() -> dict[str, types.ModuleType]:
+def _describe_modules() -> Mapping[str, Mapping[str, Any]]:
+    """Return what modules of ROS hold, by their names."""
+    from arm_drake.launch import moveit_configs
+
+    moveit = _public(moveit_configs)
+
     def share(package_name: str, print_warning: bool = True) -> str:
         return substitutions.find_package(package_name)
 
@@ -366,22 +282,26 @@ def _make_modules() -> dict[str, types.ModuleType]:
         for name in ("controllers_spawner", "spawner", "load_controller")
         for ending in ("", "_from_dict")
     }
-    moveit = {
-        "MoveItConfigsBuilder": MoveItConfigsBuilder,
-        "MoveItConfigs": MoveItConfigs,
-    }
     nav2 = {
         "RewrittenYaml": parameters.RewrittenYaml,
         "ReplaceString": parameters.ReplaceString,
         "HasNodeParams": type("HasNodeParams", (substitutions.Substitution,), {}),
     }
+    gazebo = {
+        name: functools.partial(_include, *file)
+        for name, file in {
+            "GzServer": ("ros_gz_sim", "gz_server"),
+            "GzSpawnModel": ("ros_gz_sim", "gz_spawn_model"),
+            "RosGzBridge": ("ros_gz_bridge", "ros_gz_bridge"),
+        }.items()
+    }
     builder = {
         "ParameterBuilder": ParameterBuilder,
         "load_yaml": _load_yaml,
-        "load_xacro": _describe,
+        "load_xacro": describe,
         "get_package_path": lambda name: Path(share(name)),
     }
-    content: Mapping[str, Mapping[str, Any]] = {
+    return {
         "ament_index_python": ament,
         "ament_index_python.packages": ament,
         "ament_index_python.resources": ament,
@@ -389,13 +309,22 @@ def _make_modules() -> dict[str, types.ModuleType]:
         "controller_manager": {},
         "controller_manager.launch_utils": controller_manager,
         "moveit_configs_utils": moveit,
+        "moveit_configs_utils.launches": moveit,
         "moveit_configs_utils.moveit_configs_builder": moveit,
+        "ros_gz_bridge": {},
+        "ros_gz_bridge.actions": gazebo,
+        "ros_gz_sim": {},
+        "ros_gz_sim.actions": gazebo,
         "nav2_common": {},
         "nav2_common.launch": nav2,
         "launch_param_builder": builder,
     }
+
+
+def _make_modules() -> dict[str, types.ModuleType]:
+    """Return the modules that take the place of ROS's, by name."""
     modules = {}
-    for name, values in content.items():
+    for name, values in _describe_modules().items():
         module = modules[name] = types.ModuleType(name)
         module.__path__ = []
         vars(module).update(values)
@@ -442,8 +371,7 @@ def install(context: Context, find_sources: Callable[[str], str | None]) -> None
 
     `find_sources` returns the source folder of a package, None if there is none.
     """
-    _current.append(context)
-    vars(substitutions)["find_package"] = context.find_package
+    substitutions.enter(context)
     sys.modules.update(_make_modules())
     finder = _Finder(find_sources)
     # Before others for the modules of launch, after them for packages' own.
@@ -461,18 +389,30 @@ class _Other:
         return json.loads(self._incoming.readline())
 
     def tell(self, **values: Any) -> None:
-        print(json.dumps(values), file=self._outgoing, flush=True)
+        print(json.dumps(values, default=str), file=self._outgoing, flush=True)
 
     def find(self, name: str) -> str:
         """Return the share folder of a package."""
-        folder = self._ask("find", name)
+        folder = self._ask("find", str(name))
         if folder is None:
-            raise PackageNotFoundError(name)
+            raise PackageNotFoundError(str(name))
         return folder
 
     def find_sources(self, name: str) -> str | None:
         """Return the source folder of a package, None if there is none."""
         return self._ask("find_sources", name)
+
+    def expand(self, file: str, arguments: Mapping[str, str]) -> str:
+        """Return the text of a xacro file.
+
+        Raises:
+            LaunchError: If it can't be expanded.
+        """
+        self.tell(expand=os.path.abspath(file), arguments=dict(arguments))
+        answer = self.read()
+        if "problem" in answer:
+            raise LaunchError(answer["problem"])
+        return str(answer["text"])
 
     def _ask(self, what: str, name: str) -> str | None:
         key = f"{what} {name}"
@@ -504,28 +444,37 @@ _REFUSED = {
     ),
     "sends a signal": ("os.kill", "os.killpg", "signal.pthread_kill"),
     "calls code that isn't Python's": ("ctypes.dlopen", "ctypes.dlsym"),
+    "opens a data base": ("sqlite3.connect",),
 }
 _REFUSED_EVENTS = {name: what for what, names in _REFUSED.items() for name in names}
 
-# Events that change files, by how many of their arguments are paths.
+# Events that change files: how many of their arguments are paths, and how many of the
+# last ones are folders that those are below.
 _CHANGES = {
-    "os.chmod": 1,
-    "os.chown": 1,
-    "os.link": 2,
-    "os.mkdir": 1,
-    "os.remove": 1,
-    "os.removexattr": 1,
-    "os.rename": 2,
-    "os.rmdir": 1,
-    "os.setxattr": 1,
-    "os.symlink": 2,
-    "os.truncate": 1,
-    "os.utime": 1,
-    "shutil.move": 2,
-    "shutil.rmtree": 1,
+    "os.chmod": (1, 1),
+    "os.chown": (1, 1),
+    "os.link": (2, 2),
+    "os.mkdir": (1, 1),
+    "os.remove": (1, 1),
+    "os.removexattr": (1, 0),
+    "os.rename": (2, 2),
+    "os.rmdir": (1, 1),
+    "os.setxattr": (1, 0),
+    "os.symlink": (2, 1),
+    "os.truncate": (1, 0),
+    "os.utime": (1, 1),
+    "shutil.move": (2, 0),
+    "shutil.rmtree": (1, 0),
 }
 
 _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
+
+
+def _below(path: Any, folder: Any = None) -> Any:
+    """Return a path that may be one below an open folder."""
+    if not isinstance(folder, int) or folder < 0 or isinstance(path, int):
+        return path
+    return os.path.join(os.readlink(f"/proc/self/fd/{folder}"), os.fsdecode(path))
 
 
 class _RefusedError(PermissionError):
@@ -552,9 +501,16 @@ class _Watch:
                 self._check("writes", path)
         elif event in _REFUSED_EVENTS:
             what = arguments[0] if arguments else ""
-            self._refuse(_REFUSED_EVENTS[event], what)
+            # Of Python itself, which numpy asks for.
+            of_python = str(arguments[-1:]).startswith("('Py")
+            if event == "ctypes.dlopen" and what is None:
+                return
+            if not (event == "ctypes.dlsym" and of_python):
+                self.refuse(_REFUSED_EVENTS[event], what)
         elif event in _CHANGES:
-            paths = arguments[: _CHANGES[event]]
+            count, folders = _CHANGES[event]
+            below = arguments[len(arguments) - folders :] if folders else ()
+            paths = [_below(path, *below[-1:]) for path in arguments[:count]]
             for path in paths[1:] if event == "os.symlink" else paths:
                 self._check("changes", path)
 
@@ -563,9 +519,9 @@ class _Watch:
             return
         full = os.path.realpath(os.fsdecode(path))
         if os.path.commonpath([full, self._folder]) != self._folder:
-            self._refuse(what, full)
+            self.refuse(what, full)
 
-    def _refuse(self, what: str, name: Any) -> None:
+    def refuse(self, what: str, name: Any) -> None:
         name = os.fsdecode(name) if isinstance(name, bytes) else name
         text = f"{what}: {name}" if isinstance(name, str) else what
         self.refused.append(text)
@@ -582,7 +538,7 @@ def main() -> None:
     tempfile.tempdir = request["folder"]
     sys.dont_write_bytecode = True
     sys.argv = ["ros2", "launch", request["file"]]
-    context = LaunchContext(other.find)
+    context = LaunchContext(other.find, other.expand)
     install(context, other.find_sources)
     run = LaunchRun(
         context,
@@ -615,9 +571,12 @@ def _set_limits(request: Mapping[str, Any]) -> None:
     ):
         _, hard = resource.getrlimit(kind)
         least = limit if hard == resource.RLIM_INFINITY else min(limit, hard)
+        # The hard one, too: it can't be raised again. A second of processor time lets
+        # the system say why the process ends.
+        last = least + 1 if kind == resource.RLIMIT_CPU else least
         # Not every system has each.
         with contextlib.suppress(OSError, ValueError):
-            resource.setrlimit(kind, (least, hard))
+            resource.setrlimit(kind, (least, last))
 
 
 def _seal(watch: _Watch) -> None:
@@ -631,6 +590,17 @@ def _seal(watch: _Watch) -> None:
             watch("subprocess.Popen", ())
 
         vars(_posixsubprocess)["fork_exec"] = refuse
+    open_file = os.open
+
+    def open_below(path: Any, *args: Any, dir_fd: Any = None, **others: Any) -> int:
+        return open_file(_below(path, dir_fd), *args, **others)
+
+    # Nothing tells of these, or not of all.
+    for module in (os, sys.modules.get("posix", os)):
+        vars(module)["open"] = open_below
+    for name in ("mkfifo", "mknod"):
+        for module in (os, sys.modules.get("posix", os)):
+            vars(module)[name] = functools.partial(watch.refuse, "changes")
     sys.addaudithook(watch)
 
 
@@ -678,10 +648,11 @@ _INSTALLED = tuple({sys.prefix, sys.base_prefix, os.path.dirname(os.__file__)})
 
 def _place(error: BaseException, run: LaunchRun) -> dict[str, Any]:
     """Return the line of a user's file that an error comes from, or the file."""
+    line = getattr(error, "line", None)
     ours = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
     for frame in reversed(traceback.extract_tb(error.__traceback__)):
         is_code = os.path.isabs(frame.filename) and os.path.isfile(frame.filename)
         if is_code and not frame.filename.startswith((ours, *_INSTALLED)):
             return {"file": frame.filename, "line": frame.lineno}
     files = run.context.files
-    return {"file": files[-1] if files else None, "line": None}
+    return {"file": files[-1] if files else None, "line": line}

@@ -3,6 +3,7 @@
 They have the names of `launch_ros.parameter_descriptions` and `nav2_common.launch`.
 """
 
+import datetime
 import tempfile
 import types
 from collections.abc import Mapping
@@ -35,6 +36,15 @@ def save_parameters(text: str) -> str:
     with tempfile.NamedTemporaryFile("w", suffix=".yaml", delete=False) as file:
         file.write(text)
     return file.name
+
+
+def read_value(text: str) -> Any:
+    """Return a value of a parameter as a command line or an XML file has it."""
+    try:
+        found = yaml.safe_load(text)
+    except yaml.YAMLError:
+        return text
+    return found if isinstance(found, bool | int | float | list) else text
 
 
 class RewrittenYaml(Substitution):
@@ -164,13 +174,11 @@ def _evaluate(context: LaunchContext, value: Any, *, is_text: bool = False) -> A
         return value.evaluate(context)
     if is_substitution(value):
         text = perform(context, value)
-        if is_text:
-            return text
-        try:
-            found = yaml.safe_load(text)
-        except yaml.YAMLError:
-            return text
-        return found if isinstance(found, bool | int | float | list) else text
+        return text if is_text else read_value(text)
+    if isinstance(value, datetime.date):  # As text, which JSON has, too.
+        return str(value)
+    if isinstance(value, set | frozenset):
+        value = sorted(value, key=str)
     if isinstance(value, list | tuple):
         return [_evaluate(context, each) for each in value]
     return str(value) if isinstance(value, Path) else value

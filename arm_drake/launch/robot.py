@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import yaml
 
+from arm_drake.description.bridge import TopicAlias
 from arm_drake.description.elements import parse_xml
 from arm_drake.description.entry import TEXT, text_of
 from arm_drake.description.packages import PackageFinder
@@ -41,6 +42,22 @@ class PlanFolder:
         self.remove = weakref.finalize(
             self, shutil.rmtree, self.path, ignore_errors=True
         )
+
+
+class Remapping(NamedTuple):
+    """A topic of a controller by another name."""
+
+    source: str
+    target: str
+
+    # The launch file that says so.
+    file: Path
+
+    def to_alias(self, namespace: str) -> TopicAlias:
+        """Return it as a bridge of the topic has it."""
+        source, target = self.source.strip("/"), self.target.strip("/")
+        source = source.removeprefix(f"{namespace}/").removeprefix("~/")
+        return TopicAlias(f"/{target}", f"/{source}", "BIDIRECTIONAL", self.file, 1)
 
 
 # What holds the files of robots that are in use.
@@ -80,6 +97,9 @@ class LaunchedRobot:
 
     # SRDF file that a planner is given, with what lies beside it.
     srdf: Path | None = None
+
+    # What its controllers' topics are called besides.
+    remappings: tuple[Remapping, ...] = ()
 
     # Values of `$(var NAME)` in parameter files.
     variables: Mapping[str, str] = dc.field(default_factory=dict)
@@ -125,6 +145,9 @@ class LaunchedRobot:
             frames=placed.frames,
             srdf=self.srdf,
         )
+        namespace = self.namespace.strip("/")
+        aliases = [each.to_alias(namespace) for each in self.remappings]
+        robot = dc.replace(robot, topic_aliases=(*robot.topic_aliases, *aliases))
         _folders[robot] = self.folder
         return robot
 
@@ -333,6 +356,7 @@ class Manager(NamedTuple):
     description: Description | None
     topic: str
     files: tuple[Path, ...]
+    remappings: tuple[Remapping, ...] = ()
 
 
 class Spawner(NamedTuple):
@@ -355,6 +379,9 @@ class RobotParts:
     spawns: list[Spawn] = dc.field(default_factory=list)
     managers: list[Manager] = dc.field(default_factory=list)
     spawners: list[Spawner] = dc.field(default_factory=list)
+
+    # What spawners' controllers call their topics.
+    remappings: list[Remapping] = dc.field(default_factory=list)
 
     # SRDF files of planners, with their name spaces.
     semantics: list[tuple[str, Path]] = dc.field(default_factory=list)
@@ -397,6 +424,10 @@ class RobotParts:
                     has_manager=bool(managers),
                     controllers=tuple(f for m in managers for f in m.files),
                     srdf=self._semantics_of(description, len(descriptions)),
+                    remappings=(
+                        *(each for m in managers for each in m.remappings),
+                        *self.remappings,
+                    ),
                 )
             )
         return self._add_spawned(robots)

@@ -21,6 +21,7 @@ from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Pose
 from arm_drake.description.xacro import expand_xacro
 from arm_drake.errors import PackageError
+from arm_drake.launch.actions import split_ros_arguments
 from arm_drake.launch.frames import StaticFrame, read_static_frame
 from arm_drake.launch.nodes import find_role
 from arm_drake.launch.robot import (
@@ -29,11 +30,13 @@ from arm_drake.launch.robot import (
     LaunchedModel,
     Manager,
     PlanFolder,
+    Remapping,
     RobotParts,
     Spawn,
     Spawner,
 )
 from arm_drake.launch.words import (
+    all_values_of,
     positional,
     split_words,
     value_of,
@@ -45,11 +48,14 @@ from arm_drake.worlds.world import WORLDS
 # Key of the description that `launch_process` puts in the place of an expanded one.
 _KEY = re.compile(r'<robot key="(\d+)" by="arm_drake"/>')
 
-_TOPIC = "robot_description"
+_TOPIC, _MANAGER = "robot_description", "controller_manager"
 
 # Folder, below that of a plan, of packages that are stood for.
 STOOD_FOR = "stood_for"
 
+
+# How often a step of a motion may repeat.
+_MOST_TIMES = 100_000
 
 # States of controllers that load_controller and others are asked for.
 _STATES = {"start": "active", "active": "active", "configure": "inactive"}
@@ -173,7 +179,7 @@ class Roles:
 
     def _read_event(self, record: Mapping[str, Any]) -> None:
         what = f"event {record['name']}"
-        self._add("info", "unsupported", what, "it is not sent", record)
+        self._add("warning", "unsupported", what, "it never comes here", record)
 
     def _read_unknown(self, record: Mapping[str, Any]) -> None:
         what = f"action {record['name']}"
@@ -198,6 +204,11 @@ class Roles:
                 self._is_headless &= which == "gzserver" or not is_on("gui", "true")
             case "gazebo_ros", "gzclient":
                 self._is_headless = False
+            case "ros_gz_sim", "gz_server":
+                self._simulator = "gz"
+                self._set_world(values.get("world_sdf_file", ""), record)
+            case "ros_gz_sim", "ros_gz_spawn_model" | "gz_spawn_model":
+                self._read_spawn({**record, "parameters": [values]}, "gz")
             case (("ros_gz_sim" | "ros_ign_gazebo" as which), _):
                 words = values.get(
                     "gz_args" if which == "ros_gz_sim" else "ign_args",
@@ -319,8 +330,9 @@ class Roles:
         is_once = "--once" in words or "-1" in words
         step = {"at": float(record["time"]), "topic": topic}
         if not is_once:
-            step |= {"every": 1.0 / rate}
-            step |= {"count": int(times)} if times else {}
+            # Without a number of times for ever, which is as often as a motion can.
+            count = min(int(times), _MOST_TIMES) or _MOST_TIMES
+            step |= {"every": 1.0 / rate, "count": count}
         data = _parse(text)
         if isinstance(data, Mapping) and "data" in data:
             self._steps.append(step | {"data": data["data"]})
@@ -439,32 +451,48 @@ class Roles:
             self._parts.descriptions.append(found)
 
     def _read_manager(self, record: Mapping[str, Any]) -> None:
-        values = _merge(record)
-        text = values.pop(_TOPIC, "")
-        files = [Path(p) for p in record["parameters"] if isinstance(p, str)]
-        name = record.get("name") or "controller_manager"
-        own = {
-            key: value
-            for each in record["parameters"]
-            if isinstance(each, Mapping)
-            for key, value in each.items()
-            if key not in (_TOPIC, "use_sim_time")
-        }
-        if own:
-            files.append(self._write_parameters(name, own))
-        topic = _TOPIC
+        text = _merge(record).get(_TOPIC, "")
+        name = record.get("name") or _MANAGER
+        files = []
+        for each in record["parameters"]:  # In this order: the last one counts.
+            if isinstance(each, str):
+                files.append(self._find_parameters(Path(each), name))
+                continue
+            ignored = (_TOPIC, "use_sim_time")
+            own = {k: v for k, v in each.items() if k not in ignored}
+            files += [self._write_parameters(_MANAGER, own)] if own else []
+        topic, remappings = _TOPIC, []
         for source, target in record.get("remappings", ()):
             if source.strip("~/") == _TOPIC:
                 topic = target
+            else:
+                remappings.append(Remapping(source, target, Path(record["file"])))
         self._parts.managers.append(
             Manager(
                 name=_join(record["namespace"], name),
                 namespace=record["namespace"],
                 description=self._describe(str(text), record),
                 topic=_join(record["namespace"], topic),
-                files=tuple(self._finder.real(path) for path in files),
+                files=tuple(files),
+                remappings=tuple(remappings),
             )
         )
+
+    def _find_parameters(self, path: Path, manager: str) -> Path:
+        """Return a parameter file, its manager's node called as it is here."""
+        path = self._finder.real(path)
+        if manager == _MANAGER or not path.is_file():
+            return path
+        data = _parse(path.read_text(encoding="utf-8", errors="replace"))
+        if not isinstance(data, Mapping):
+            return path
+        names = (manager, f"/{manager}")
+        if not any(name in data for name in names):
+            return path
+        renamed = {_MANAGER if k in names else k: v for k, v in data.items()}
+        target = self._folder.path / f"{len(self._parts.managers)}_{path.name}"
+        target.write_text(yaml.safe_dump(renamed, sort_keys=False), encoding="utf-8")
+        return target
 
     def _write_parameters(self, node: str, values: Mapping[str, Any]) -> Path:
         number = len(list(self._folder.path.glob("parameters_*.yaml")))
@@ -502,9 +530,23 @@ class Roles:
         )
         state = "inactive" if is_idle else "active"
         is_group = "--activate-as-group" in words
+        self._add_remappings(names, words, record)
         self._parts.spawners.append(
             Spawner(tuple(names), state, manager, files, is_group)
         )
+
+    def _add_remappings(
+        self, names: Sequence[str], words: Sequence[str], record: Mapping[str, Any]
+    ) -> None:
+        """Take what a spawner's controllers call their topics."""
+        for text in all_values_of(words, "--controller-ros-args"):
+            _, given = split_ros_arguments(["--ros-args", *split_words(text)])
+            for source, target in given["remappings"]:
+                own = source.removeprefix("~/")
+                sources = [source] if own == source else [f"/{n}/{own}" for n in names]
+                for each in sources:
+                    remapping = Remapping(each, target, Path(record["file"]))
+                    self._parts.remappings.append(remapping)
 
     def _read_classic_spawn(self, record: Mapping[str, Any]) -> None:
         self._read_spawn(record, "gazebo")
@@ -519,8 +561,9 @@ class Roles:
         def given(*names: str) -> str | None:
             found = value_of(words, *(f"-{name}" for name in names))
             found = found or value_of(words, *(f"--{name}" for name in names))
-            if found is None and names[0] in values:
-                found = str(values[names[0]])
+            for name in (*names, *(["entity_name"] if "name" in names else [])):
+                if found is None and values.get(name) not in (None, ""):
+                    found = str(values[name])
             return found
 
         topic, file, text = given("topic"), given("file"), given("string")
@@ -534,6 +577,12 @@ class Roles:
                 self._models.append(LaunchedModel(path, name, pose))
                 return
             description = Description("", record["namespace"], path, {})
+        elif text is not None and "<sdf" in text[:2000]:
+            path = self._folder.path / f"model_{len(self._models)}.sdf"
+            path.write_text(text, encoding="utf-8")
+            name, pose = given("entity", "name"), self._read_pose(given, record)
+            self._models.append(LaunchedModel(path, name, pose))
+            return
         elif text is not None:
             description = self._describe(text, record)
         elif topic is None:
@@ -562,7 +611,8 @@ class Roles:
             if number is None or not np.isfinite(number):
                 what = f"-{axis} {text} of a spawned robot is no number"
                 self._add("error", "ignored", what, "0 is taken", record)
-            numbers.append(number or 0.0)
+                number = 0.0
+            numbers.append(number)
         x, y, z, roll, pitch, yaw = numbers
         return (x, y, z, roll, pitch, yaw)
 

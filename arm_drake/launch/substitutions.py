@@ -14,9 +14,24 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+# What takes the place of an expanded description, by its number.
+KEY = re.compile(r'<robot key="([0-9]{1,9})" by="arm_drake"/>')
+
 
 class LaunchError(Exception):
     """What stops a launch file, in words for its user."""
+
+    line: int | None = None
+
+    def __init__(self, text: str, line: int | None = None) -> None:
+        """Take the words, and the line of an XML or YAML file, if it is known."""
+        super().__init__(text)
+        self.line = line
+
+    def at(self, line: int | None) -> "LaunchError":
+        """Return the same, at a line if it had none."""
+        self.line = self.line or line
+        return self
 
 
 class SubstitutionFailure(LaunchError):
@@ -34,8 +49,13 @@ class PackageNotFoundError(LookupError, LaunchError):
 class LaunchContext:
     """What substitutions are evaluated in: configurations, environment, files."""
 
-    def __init__(self, find_package: Callable[[str], str]) -> None:
-        """Create it, with what finds a package's share folder."""
+    def __init__(
+        self,
+        find_package: Callable[[str], str],
+        expand: Callable[[str, Mapping[str, str]], str],
+    ) -> None:
+        """Create it, with what finds a package's share folder, and expands xacro."""
+        self.expand = expand
         self.find_package = find_package
         self.launch_configurations: dict[str, str] = {}
         self.locals = types.SimpleNamespace()
@@ -49,6 +69,14 @@ class LaunchContext:
     def environment(self) -> Any:
         """The environment of what is started."""
         return os.environ
+
+    def expanded(self, text: str) -> str:
+        """Return a text, or that of the description which it takes the place of."""
+        match = KEY.fullmatch(text)
+        if match is None:
+            return text
+        made = self.descriptions[int(match[1])]
+        return self.expand(made["file"], made["arguments"])
 
     def perform_substitution(self, substitution: Any) -> str:
         """Return the text that a substitution stands for."""
@@ -177,9 +205,31 @@ class FindPackagePrefix(FindPackageShare):
         return prefix_of(name, context.find_package(name))
 
 
+# The contexts of launch files that are being read; the last one counts.
+_contexts: list[LaunchContext] = []
+
+
+def enter(context: LaunchContext) -> None:
+    """Let what has no context use this one."""
+    _contexts.append(context)
+
+
+def current() -> LaunchContext:
+    """Return the context of the launch file that is being read."""
+    return _contexts[-1]
+
+
 def find_package(name: str) -> str:
-    """Return the share folder of a package; the process puts its own in this place."""
-    raise PackageNotFoundError(name)
+    """Return the share folder of a package."""
+    return current().find_package(name)
+
+
+def describe(path: Path, mappings: Mapping[str, Any] | None) -> str:
+    """Return what takes the place of a xacro file's text, with these arguments."""
+    context = current()
+    return context.describe(
+        str(path), {k: perform(context, v) for k, v in (mappings or {}).items()}
+    )
 
 
 def prefix_of(name: str, share: str) -> str:
@@ -469,7 +519,11 @@ def _parse_call(pieces: list[str]) -> Substitution:
             if made not in _BY_NAME:
                 known = ", ".join(sorted(_BY_NAME))
                 raise SubstitutionFailure(f"unknown $({made} ...); known: {known}")
-            substitution: Substitution = _BY_NAME[made](*rest)
+            try:
+                substitution: Substitution = _BY_NAME[made](*rest)
+            except TypeError:
+                problem = f"$({made}) has {len(rest)} words, which is not what it takes"
+                raise SubstitutionFailure(problem) from None
             return substitution
         elif piece.isspace():
             words.append([])

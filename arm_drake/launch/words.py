@@ -1,5 +1,6 @@
 """Words of command lines, as launch files have them."""
 
+import itertools
 import shlex
 from collections.abc import Sequence
 
@@ -34,6 +35,11 @@ def values_of(words: Sequence[str], key: str) -> list[str]:
                     break
                 found.append(other)
     return found
+
+
+def all_values_of(words: Sequence[str], key: str) -> list[str]:
+    """Return the words after an option that may come several times, each one."""
+    return [value for word, value in itertools.pairwise(words) if word == key]
 
 
 def without_options(words: Sequence[str], keys: Sequence[str]) -> list[str]:

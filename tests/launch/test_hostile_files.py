@@ -59,13 +59,20 @@ def test_what_is_wrong_with_a_file_is_told_with_its_place(
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("<launch>", "malformed XML: no element found"),
+        ("<launch>", ":1: malformed XML: no element found"),
         ("<robot/>", "expected <launch>, got <robot>"),
-        ("<launch><nod/></launch>", "unknown <nod>; known: append_env, arg"),
-        ("<launch><arg/></launch>", "<arg> has no attribute 'name'"),
+        ("<launch>\n<nod/></launch>", ":2: unknown <nod>; known: append_env, arg"),
+        ("<launch>\n\n<arg/></launch>", ":3: <arg> has no attribute 'name'"),
+        ("<launch>\n<set_remap from='a'/></launch>", ":2: <set_remap> has no"),
+        ("<launch>\n<timer><log message='a'/></timer></launch>", "no attribute 'peri"),
+        ("<launch><timer period='a'/></launch>", "period 'a' of a timer: expected sec"),
+        ("<launch><log message='$(var)'/></launch>", "$(var) has 0 words"),
         ("<launch><log message='$(vr x)'/></launch>", "unknown $(vr ...); known: all"),
         ("<launch><log message='$(var x'/></launch>", "a $( is never closed"),
-        ("<launch><log message='$(var x)'/></launch>", "'x' does not exist"),
+        (
+            "<launch>\n<log message='$(var x)'/></launch>",
+            ":2: launch configuration 'x'",
+        ),
         ("<launch><log message=\"$(command 'ls')\"/></launch>", "'ls' is not run"),
         ("<launch><include file='nowhere'/></launch>", "no such file"),
         ("<launch><include file='$(filename)'/></launch>", "contain each other"),
@@ -73,6 +80,23 @@ def test_what_is_wrong_with_a_file_is_told_with_its_place(
 )
 def test_what_is_wrong_in_xml_is_told(package: Path, text: str, expected: str) -> None:
     told = message(write_launch(package, text, "test.launch.xml"))
+
+    assert expected in told
+    assert str(package) in told
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("launch:\n- [a", ":2: malformed YAML: expected ',' or ']'"),
+        ("launches: []", "expected a mapping with the key 'launch'"),
+        ("launch:\n- log: {}\n- 5", ":3: launch: expected a mapping, got 5"),
+        ("launch:\n- arg: {name: a}\n- nod: {a: 1}", ":3: unknown <nod>; known:"),
+        ("launch:\n- log: {message: $(var x)}", ":2: launch configuration 'x' does no"),
+    ],
+)
+def test_what_is_wrong_in_yaml_is_told(package: Path, text: str, expected: str) -> None:
+    told = message(write_launch(package, text, "test.launch.yaml"))
 
     assert expected in told
     assert str(package) in told
@@ -99,7 +123,18 @@ def test_what_is_wrong_in_xml_is_told(package: Path, text: str, expected: str) -
             "import urllib.request; urllib.request.urlopen('http://localhost:9')",
             "it opens a connection",
         ),
-        ("import ctypes; ctypes.CDLL(None)", "it calls code that isn't Python's"),
+        ("import ctypes; ctypes.CDLL(None).system(b'')", "calls code that isn't"),
+        ("import ctypes; ctypes.CDLL('libc.so.6')", "it calls code that isn't"),
+        ("os.mkfifo('{file}')", "it changes: {file}"),
+        ("import sqlite3; sqlite3.connect('{file}')", "it opens a data base: {file}"),
+        (
+            "os.remove('kept', dir_fd=os.open('{above}', os.O_RDONLY))",
+            "it changes: {kept}",
+        ),
+        (
+            "os.open('made', os.O_CREAT, dir_fd=os.open('{above}', os.O_RDONLY))",
+            "it writes: {file}",
+        ),
     ],
 )
 def test_what_would_change_the_machine_is_refused(
@@ -107,7 +142,7 @@ def test_what_would_change_the_machine_is_refused(
 ) -> None:
     kept, file = tmp_path / "kept", tmp_path / "made"
     kept.write_text("as it was")
-    places = {"file": file, "kept": kept, "folder": package}
+    places = {"file": file, "kept": kept, "folder": package, "above": tmp_path}
     path = describe(package, "", before=code.format(**places))
 
     told = message(path)

@@ -1,0 +1,72 @@
+"""Event handlers of `launch`: what follows the start and the end of what."""
+
+from typing import Any
+
+
+class Event:
+    """An event, of which only its kind matters."""
+
+    def __init__(self, **given: Any) -> None:
+        """Take what describes it."""
+        vars(self).update(given)
+
+
+class EventHandler:
+    """What follows an event of an action."""
+
+    # Actions whose event it is: of all, if there is none.
+    target: Any = None
+    entities: Any = ()
+    kind = ""
+
+    def __init__(self, **kwargs: Any) -> None:
+        """Take what describes it."""
+        self.kwargs = kwargs
+
+    def matches(self, action: Any) -> bool:
+        """Return whether it is the event of this action."""
+        if self.target is None:
+            return True
+        if hasattr(self.target, "visit"):  # One action.
+            return self.target is action
+        if callable(self.target):
+            return bool(self.target(action))
+        return any(each is action for each in self.target)
+
+
+class OnProcessExit(EventHandler):
+    kind = "exit"
+
+    def __init__(
+        self, *, target_action: Any = None, on_exit: Any = (), **kwargs: Any
+    ) -> None:
+        super().__init__(**kwargs)
+        self.target, self.entities = target_action, on_exit
+
+
+class OnProcessStart(EventHandler):
+    kind = "start"
+
+    def __init__(
+        self, *, target_action: Any = None, on_start: Any = (), **kwargs: Any
+    ) -> None:
+        super().__init__(**kwargs)
+        self.target, self.entities = target_action, on_start
+
+
+class OnExecutionComplete(EventHandler):
+    kind = "complete"
+
+    def __init__(
+        self, *, target_action: Any = None, on_completion: Any = (), **kwargs: Any
+    ) -> None:
+        super().__init__(**kwargs)
+        self.target, self.entities = target_action, on_completion
+
+
+class OnShutdown(EventHandler):
+    kind = "shutdown"
+
+
+class OnProcessIO(EventHandler):
+    kind = "output"

@@ -1,0 +1,285 @@
+"""`moveit_configs_utils`, as launch files use it: what a planner and its kin are given.
+
+It has the names and the arguments of that package; the files that are looked for, and
+what its launch files start, are told by its documentation.
+"""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from arm_drake.launch import actions, parameters
+from arm_drake.launch.actions import DeclareLaunchArgument, LaunchDescription, Node
+from arm_drake.launch.substitutions import (
+    IfCondition,
+    LaunchConfiguration,
+    current,
+    describe,
+    find_package,
+)
+
+# Where the controllers that a planner talks to are named.
+_MANAGER = "moveit_simple_controller_manager"
+
+
+class MoveItConfigs:
+    """What `MoveItConfigsBuilder.to_moveit_configs` returns."""
+
+    def __init__(self, package_path: Path, values: Mapping[str, Any]) -> None:
+        self.package_path = package_path
+        self._values = dict(values)
+
+    def __getattr__(self, name: str) -> Any:
+        return self._values.get(name, {})
+
+    def to_dict(self, include_moveit_configs: bool = True) -> dict[str, Any]:
+        """Return all parameters as one mapping."""
+        merged: dict[str, Any] = {"moveit_config_package": str(self.package_path)}
+        for each in self._values.values():
+            merged |= each
+        return merged
+
+
+class MoveItConfigsBuilder:
+    """Of `moveit_configs_utils`: description, SRDF and where the rest lies."""
+
+    def __init__(
+        self,
+        robot_name: str,
+        robot_description: str = "robot_description",
+        package_name: str | None = None,
+    ) -> None:
+        package = package_name or f"{robot_name}_moveit_config"
+        self._package = Path(find_package(package))
+        self._name, self._parameter = robot_name, robot_description
+        self._values: dict[str, Any] = {}
+        self._setup = {}
+        assistant = self._package / ".setup_assistant"
+        if assistant.is_file():
+            data = parameters.read_parameter_file(str(assistant)) or {}
+            self._setup = data.get("moveit_setup_assistant_config", {})
+
+    def robot_description(
+        self, file_path: Any = None, mappings: Mapping[str, Any] | None = None
+    ) -> "MoveItConfigsBuilder":
+        path = self._package / f"config/{self._name}.urdf.xacro"
+        urdf = self._setup.get("urdf") or self._setup.get("URDF") or {}
+        if file_path is not None:
+            path = self._package / str(file_path)
+        elif not path.is_file() and urdf.get("relative_path"):
+            package = find_package(urdf["package"])
+            path = Path(package, urdf["relative_path"])
+        if path.is_file():
+            self._values["robot_description"] = {
+                self._parameter: describe(path, mappings)
+            }
+        return self
+
+    def robot_description_semantic(
+        self, file_path: Any = None, mappings: Mapping[str, Any] | None = None
+    ) -> "MoveItConfigsBuilder":
+        srdf = self._setup.get("srdf") or self._setup.get("SRDF") or {}
+        name = file_path or srdf.get("relative_path", f"config/{self._name}.srdf")
+        self._values["robot_description_semantic"] = {
+            f"{self._parameter}_semantic": describe(self._package / name, mappings)
+        }
+        return self
+
+    def __getattr__(self, name: str) -> Callable[..., "MoveItConfigsBuilder"]:
+        if name.startswith("_"):
+            raise AttributeError(name)
+
+        def take(*args: Any, **kwargs: Any) -> "MoveItConfigsBuilder":
+            return self
+
+        return take
+
+    def joint_limits(self, file_path: Any = None) -> "MoveItConfigsBuilder":
+        path = file_path or "config/joint_limits.yaml"
+        return self._take_file("joint_limits", "planning", path)
+
+    def robot_description_kinematics(
+        self, file_path: Any = None
+    ) -> "MoveItConfigsBuilder":
+        path = file_path or "config/kinematics.yaml"
+        return self._take_file("robot_description_kinematics", "kinematics", path)
+
+    def trajectory_execution(
+        self, file_path: Any = None, *args: Any, **kwargs: Any
+    ) -> "MoveItConfigsBuilder":
+        found = sorted((self._package / "config").glob("*controllers.yaml"))
+        found.sort(key=lambda path: not path.name.startswith("moveit_"))
+        path = file_path or next((each for each in found if _is_planners(each)), None)
+        file = None if path is None else self._package / str(path)
+        if file is not None and file.is_file():
+            content = parameters.read_parameter_file(str(file)) or {}
+            self._values["trajectory_execution"] = content
+        return self
+
+    def _take_file(self, name: str, ending: str, path: Any) -> "MoveItConfigsBuilder":
+        """Take a YAML of the package as a parameter, if it is there."""
+        file = self._package / str(path)
+        if file.is_file():
+            content = parameters.read_parameter_file(str(file)) or {}
+            self._values[name] = {f"{self._parameter}_{ending}": content}
+        return self
+
+    def to_moveit_configs(self) -> MoveItConfigs:
+        """Return what was described."""
+        if "robot_description" not in self._values:
+            self.robot_description()
+        if "robot_description_semantic" not in self._values:
+            self.robot_description_semantic()
+        if "joint_limits" not in self._values:
+            self.joint_limits()
+        if "robot_description_kinematics" not in self._values:
+            self.robot_description_kinematics()
+        if "trajectory_execution" not in self._values:
+            self.trajectory_execution()
+        return MoveItConfigs(self._package, self._values)
+
+    def to_dict(self, include_moveit_configs: bool = True) -> dict[str, Any]:
+        """Return all parameters as one mapping."""
+        return self.to_moveit_configs().to_dict()
+
+
+def _is_planners(path: Path) -> bool:
+    """Return whether a YAML says which controllers a planner talks to."""
+    return _MANAGER in path.read_text(encoding="utf-8", errors="replace")
+
+
+def _flag(name: str, default: bool) -> DeclareLaunchArgument:
+    return DeclareLaunchArgument(name, default_value=str(default).lower())
+
+
+def generate_rsp_launch(moveit_config: MoveItConfigs) -> LaunchDescription:
+    """Return what publishes the description."""
+    rate = {"publish_frequency": LaunchConfiguration("publish_frequency")}
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument("publish_frequency", default_value="15.0"),
+            Node(
+                package="robot_state_publisher",
+                executable="robot_state_publisher",
+                parameters=[moveit_config.robot_description, rate],
+            ),
+        ]
+    )
+
+
+def generate_moveit_rviz_launch(moveit_config: MoveItConfigs) -> LaunchDescription:
+    """Return what shows the robot."""
+    file = str(moveit_config.package_path / "config" / "moveit.rviz")
+    return LaunchDescription(
+        [
+            _flag("debug", False),
+            DeclareLaunchArgument("rviz_config", default_value=file),
+            Node(
+                package="rviz2",
+                executable="rviz2",
+                arguments=["-d", LaunchConfiguration("rviz_config")],
+            ),
+        ]
+    )
+
+
+def generate_setup_assistant_launch(moveit_config: MoveItConfigs) -> LaunchDescription:
+    """Return what edits the package of a planner."""
+    name = "moveit_setup_assistant"
+    return LaunchDescription(
+        [_flag("debug", False), Node(package=name, executable=name)]
+    )
+
+
+def generate_static_virtual_joint_tfs_launch(
+    moveit_config: MoveItConfigs,
+) -> LaunchDescription:
+    """Return the frames of fixed virtual joints of the SRDF."""
+    found = LaunchDescription()
+    for text in moveit_config.robot_description_semantic.values():
+        root = ET.fromstring(current().expanded(text))  # noqa: S314  no entities.
+        for joint in root.iter("virtual_joint"):
+            parent, child = joint.get("parent_frame", ""), joint.get("child_link", "")
+            found.add_action(
+                Node(
+                    package="tf2_ros",
+                    executable="static_transform_publisher",
+                    arguments=["--frame-id", parent, "--child-frame-id", child],
+                )
+            )
+    return found
+
+
+def generate_spawn_controllers_launch(
+    moveit_config: MoveItConfigs,
+) -> LaunchDescription:
+    """Return the spawners of the controllers that the planner talks to."""
+    manager = moveit_config.trajectory_execution.get(_MANAGER, {})
+    names = [*manager.get("controller_names", ()), "joint_state_broadcaster"]
+    return LaunchDescription(
+        [
+            Node(package="controller_manager", executable="spawner", arguments=[name])
+            for name in names
+        ]
+    )
+
+
+def generate_warehouse_db_launch(moveit_config: MoveItConfigs) -> LaunchDescription:
+    """Return the data base of scenes."""
+    node = Node(package="warehouse_ros_mongo", executable="mongo_wrapper_ros.py")
+    return LaunchDescription([_flag("reset", False), node])
+
+
+def generate_move_group_launch(moveit_config: MoveItConfigs) -> LaunchDescription:
+    """Return the planner."""
+    names = ("capabilities", "disable_capabilities")
+    return LaunchDescription(
+        [
+            _flag("debug", False),
+            _flag("allow_trajectory_execution", True),
+            _flag("publish_monitored_planning_scene", True),
+            *(DeclareLaunchArgument(name, default_value="") for name in names),
+            _flag("monitor_dynamics", False),
+            Node(
+                package="moveit_ros_move_group",
+                executable="move_group",
+                parameters=[moveit_config.to_dict()],
+            ),
+        ]
+    )
+
+
+def generate_demo_launch(
+    moveit_config: MoveItConfigs, launch_package_path: Any = None
+) -> LaunchDescription:
+    """Return all of the above that the package has, and a controller manager."""
+    package = Path(launch_package_path or moveit_config.package_path)
+    found = LaunchDescription(
+        [_flag("db", False), _flag("debug", False), _flag("use_rviz", True)]
+    )
+
+    def include(name: str, flag: str = "") -> None:
+        path = package / "launch" / f"{name}.launch.py"
+        condition = IfCondition(LaunchConfiguration(flag)) if flag else None
+        if path.is_file():
+            source = actions.LaunchDescriptionSource(str(path))
+            found.add_action(
+                actions.IncludeLaunchDescription(source, condition=condition)
+            )
+
+    include("static_virtual_joint_tfs")
+    include("rsp")
+    include("move_group")
+    include("moveit_rviz", "use_rviz")
+    include("warehouse_db", "db")
+    controllers = str(moveit_config.package_path / "config" / "ros2_controllers.yaml")
+    found.add_action(
+        Node(
+            package="controller_manager",
+            executable="ros2_control_node",
+            parameters=[moveit_config.robot_description, controllers],
+        )
+    )
+    include("spawn_controllers")
+    return found
