@@ -254,6 +254,14 @@ def _load_yaml(path: Any) -> Any:
         return yaml.safe_load(file)
 
 
+# Actions of Gazebo's packages, which are launch files of theirs.
+_GAZEBO = {
+    "GzServer": ("ros_gz_sim", "gz_server"),
+    "GzSpawnModel": ("ros_gz_sim", "gz_spawn_model"),
+    "RosGzBridge": ("ros_gz_bridge", "ros_gz_bridge"),
+}
+
+
 def _describe_modules() -> Mapping[str, Mapping[str, Any]]:
     """Return what modules of ROS hold, by their names."""
     from arm_drake.launch import moveit_configs
@@ -287,14 +295,7 @@ def _describe_modules() -> Mapping[str, Mapping[str, Any]]:
         "ReplaceString": parameters.ReplaceString,
         "HasNodeParams": type("HasNodeParams", (substitutions.Substitution,), {}),
     }
-    gazebo = {
-        name: functools.partial(_include, *file)
-        for name, file in {
-            "GzServer": ("ros_gz_sim", "gz_server"),
-            "GzSpawnModel": ("ros_gz_sim", "gz_spawn_model"),
-            "RosGzBridge": ("ros_gz_bridge", "ros_gz_bridge"),
-        }.items()
-    }
+    gazebo = {name: functools.partial(_include, *of) for name, of in _GAZEBO.items()}
     builder = {
         "ParameterBuilder": ParameterBuilder,
         "load_yaml": _load_yaml,
