@@ -118,12 +118,12 @@ def load_robot(
         InputError: If the files can't be used at all; or with ``strict``, if anything
             was not taken as written.
     """
-    given = {k: v for k, v in locals().items() if k != "controller_types"}
+    arguments = {k: v for k, v in locals().items() if k != "controller_types"}
     loading = _start(source, package_paths, distro, name, controller_types)
     description = _read_description(loading, xacro_args, decompose, max_faces)
     bridges, config = _read_controllers(loading, description, controllers, variables)
     description, config = _complete(loading, description, config)
-    robot = _make_robot(loading, description, config, bridges, given)
+    robot = _make_robot(loading, description, config, bridges, arguments)
     _try(loading, robot)
     if strict and len(robot.report):
         raise InputError(f"not everything was taken as written:\n{robot.report}")
@@ -250,9 +250,9 @@ def _make_robot(
     description: RobotDescription,
     config: ControllerManagerConfig,
     bridges: Sequence[Path],
-    given: Mapping[str, Any],
+    arguments: Mapping[str, Any],
 ) -> Robot:
-    """Return the robot of a description and its controllers; `given` to load_robot."""
+    """Return the robot of a description, of controllers and load_robot's arguments."""
     report = loading.report
     return Robot(
         name=loading.name or description.name,
@@ -260,9 +260,9 @@ def _make_robot(
         controllers=config,
         report=report,
         initial_positions=find_initial_positions(
-            description, dict(given["initial_positions"] or {}), report
+            description, dict(arguments["initial_positions"] or {}), report
         ),
-        pose=_check_pose(given["pose"]),
+        pose=_check_pose(arguments["pose"]),
         has_free_base=_has_free_base(description, config),
         package_paths=loading.folders,
         source_files=find_source_files(
@@ -273,7 +273,7 @@ def _make_robot(
         sensors=find_sensors(description, config, report),
         topic_aliases=load_bridges(bridges, report),
         controller_types=loading.types,
-        load_options=given,
+        load_options=arguments,
     )
 
 
