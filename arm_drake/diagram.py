@@ -103,7 +103,7 @@ class Setting(NamedTuple):
 
     # As they were given, and by robot and link.
     payloads: Payloads
-    carried: Mapping[str, Mapping[str, Payload]]
+    payloads_by_robot: Mapping[str, Mapping[str, Payload]]
 
     @property
     def is_kinematic(self) -> bool:
@@ -223,8 +223,10 @@ def _choose_setting(
     links = {robot.name: robot.description.links for robot in robots}
     if payloads and options.preset == "kinematic":
         raise InputError("payloads: the preset kinematic has no physics")
-    carried = split_payloads(payloads, links)
-    return Setting(robots, loaded, requested, options, step, periods, payloads, carried)
+    by_robot = split_payloads(payloads, links)
+    return Setting(
+        robots, loaded, requested, options, step, periods, payloads, by_robot
+    )
 
 
 def _load_parts(builder: DiagramBuilder, setting: Setting) -> list[RobotParts]:
@@ -338,8 +340,8 @@ def _add_models(
     models = [_add_model(plant, base, setting.world, setting.options) for base in bases]
     for base, model in zip(bases, models, strict=True):
         collides = setting.options.preset != "fast"
-        carried = setting.carried[base.robot.name]
-        add_payloads(plant, model, carried, collides=collides)
+        own = setting.payloads_by_robot[base.robot.name]
+        add_payloads(plant, model, own, collides=collides)
     plant.Finalize()
     for base, model in zip(bases, models, strict=True):
         place_free_links(plant, scene_graph, model, base.robot)

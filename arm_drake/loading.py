@@ -130,24 +130,28 @@ def load_robot(
         InputError: If the files can't be used at all; or with ``strict``, if anything
             was not taken as written.
     """
-    given = {k: v for k, v in locals().items() if k != "controller_types"}
-    return _load(given, controller_types)
+    arguments = {k: v for k, v in locals().items() if k != "controller_types"}
+    return _load(arguments, controller_types)
 
 
 def _load(
-    given: Mapping[str, Any], controller_types: Mapping[str, ControllerType] | None
+    arguments: Mapping[str, Any], controller_types: Mapping[str, ControllerType] | None
 ) -> Robot:
-    """Load what `load_robot` is given, stage by stage."""
-    folders, distro, name = given["package_paths"], given["distro"], given["name"]
-    loading = _start(given["source"], folders, distro, name, controller_types)
-    description = _read_description(loading, given)
+    """Load what `load_robot` is arguments, stage by stage."""
+    folders, distro, name = (
+        arguments["package_paths"],
+        arguments["distro"],
+        arguments["name"],
+    )
+    loading = _start(arguments["source"], folders, distro, name, controller_types)
+    description = _read_description(loading, arguments)
     bridges, config = _read_controllers(
-        loading, description, given["controllers"], given["variables"]
+        loading, description, arguments["controllers"], arguments["variables"]
     )
     description, config = _complete(loading, description, config)
-    robot = _make_robot(loading, description, config, bridges, given)
+    robot = _make_robot(loading, description, config, bridges, arguments)
     _try(loading, robot)
-    if given["strict"] and len(robot.report):
+    if arguments["strict"] and len(robot.report):
         raise InputError(f"not everything was taken as written:\n{robot.report}")
     return robot
 
@@ -201,23 +205,25 @@ def _start(
     )
 
 
-def _read_description(loading: _Loading, given: Mapping[str, Any]) -> RobotDescription:
-    """Return the robot that the entry file describes; `given` to load_robot."""
+def _read_description(
+    loading: _Loading, arguments: Mapping[str, Any]
+) -> RobotDescription:
+    """Return the robot that the entry file describes; `arguments` to load_robot."""
     entry, packages, report = loading.entry, loading.packages, loading.report
-    arguments, text = dict(given["xacro_args"] or {}), loading.text
+    xacro_args, text = dict(arguments["xacro_args"] or {}), loading.text
     if text is None:
-        text = expand_xacro(entry, arguments, packages, report, files=loading.files)
+        text = expand_xacro(entry, xacro_args, packages, report, files=loading.files)
     else:
-        check_text(text, arguments, entry)
-    if given["frames"]:
-        text = add_frames(text, given["frames"], entry)
+        check_text(text, xacro_args, entry)
+    if arguments["frames"]:
+        text = add_frames(text, arguments["frames"], entry)
     return parse_urdf(
         text,
         entry,
         packages,
         report,
-        decompose=given["decompose"],
-        max_faces=given["max_faces"],
+        decompose=arguments["decompose"],
+        max_faces=arguments["max_faces"],
     )
 
 
@@ -274,9 +280,9 @@ def _make_robot(
     description: RobotDescription,
     config: ControllerManagerConfig,
     bridges: Sequence[Path],
-    given: Mapping[str, Any],
+    arguments: Mapping[str, Any],
 ) -> Robot:
-    """Return the robot of a description and its controllers; `given` to load_robot."""
+    """Return the robot of a description, of controllers and load_robot's arguments."""
     report = loading.report
     return Robot(
         name=loading.name or description.name,
@@ -284,9 +290,9 @@ def _make_robot(
         controllers=config,
         report=report,
         initial_positions=find_initial_positions(
-            description, dict(given["initial_positions"] or {}), report
+            description, dict(arguments["initial_positions"] or {}), report
         ),
-        pose=_check_pose(given["pose"]),
+        pose=_check_pose(arguments["pose"]),
         has_free_base=_has_free_base(description, config),
         package_paths=loading.folders,
         source_files=find_source_files(
@@ -297,8 +303,8 @@ def _make_robot(
         sensors=find_sensors(description, config, report),
         topic_aliases=load_bridges(bridges, report),
         controller_types=loading.types,
-        load_options=given,
-        srdf_files=_check_srdf(given["srdf"]),
+        load_options=arguments,
+        srdf_files=_check_srdf(arguments["srdf"]),
     )
 
 

@@ -24,25 +24,25 @@ _NANOSECONDS = 1_000_000_000
 
 
 def choose_time_step(
-    wanted: float, update_rates: Sequence[int], log_rate: float | None = None
+    max_step: float, update_rates: Sequence[int], log_rate: float | None = None
 ) -> tuple[float, list[float]]:
     """Return the step of the plant and the periods of the managers.
 
     Args:
-        wanted: Largest step [s].
+        max_step: Largest step [s].
         update_rates: Rates of the managers [Hz].
         log_rate: Rate of a log [Hz], see `fit_period`.
 
     Returns:
-        The step [s], at most ``wanted``, that divides every manager's period, and these
-        periods [s] as exact multiples of it. Where no step of reasonable size divides
-        all of them, the first one's is divided.
+        The step [s], at most ``max_step``, that divides every manager's period, and
+        these periods [s] as exact multiples of it. Where no step of reasonable size
+        divides all of them, the first one's is divided.
     """
     if not update_rates:
-        return wanted, []
+        return max_step, []
     # No manager ticks more often than the plant steps.
     fastest = Fraction(1, max(update_rates))
-    largest = min(Fraction(wanted).limit_denominator(10**9), fastest)
+    largest = min(Fraction(max_step).limit_denominator(10**9), fastest)
     common = Fraction(1, math.lcm(*update_rates))
     if common < _SMALLEST_PART * largest:
         common = Fraction(1, update_rates[0])

@@ -126,7 +126,7 @@ from arm_drake.description.sensors import SensorInfo
 from arm_drake.hardware.mobile_bases import BaseTruth, Wheel
 from arm_drake.hardware.mock_hardware import MockHardware
 from arm_drake.manager import ControllerManager
-from arm_drake.manager.connections import SampledStates, WantedPositions
+from arm_drake.manager.connections import ReferencePositions, SampledStates
 from arm_drake.manager.hardware_interfaces import HardwareInterfaces
 from arm_drake.plant.contact import ContactForces
 from arm_drake.plant.kinematics import KinematicPlant, LinkFrames
@@ -258,7 +258,7 @@ def make_contact_readings() -> ContactReadings:
 FACTORIES: dict[type[LeafSystem], Callable[[], LeafSystem]] = {
     BuildInfo: lambda: BuildInfo(ad.SimulationOptions(), "empty"),
     ContactForces: lambda: ContactForces(["link"]),
-    WantedPositions: lambda: WantedPositions(2),
+    ReferencePositions: lambda: ReferencePositions(2),
     MockHardware: lambda: MockHardware(
         ad.load_robot("doosan_a0912"), [], [], [], period=0.01
     ),

@@ -100,16 +100,6 @@ class ChainedFilterState(NamedTuple):
 class ChainedFilter(TickingController[ChainedFilterState]):
     """Filters state interfaces, for other controllers to read.
 
-    .. pydrake_system::
-
-        name: ChainedFilter
-        input_ports:
-        - controller_manager
-        - state_interfaces
-        output_ports:
-        - command_interfaces
-        - exported_state_interfaces
-
     With n = len(input_interfaces), vectors in their order:
 
     =========================  ====  ==================================================

@@ -10,6 +10,8 @@ manager stores it itself.
 """
 
 import dataclasses as dc
+import inspect
+import textwrap
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
@@ -425,8 +427,14 @@ class TickingController(TickReader[S]):
     A subclass implements `_update`, and what else it needs of `_activate`,
     `_deactivate`, `_idle`, `_command` and `_is_ok`. It declares its further ports;
     outputs depend on the state alone and show what the last tick left behind.
-    Without a manager on its port a controller is always active.
+    Without a manager on its port a controller is always active. Of the table of ports
+    in its documentation Drake's block of ports is made.
     """
+
+    def __init_subclass__(cls, **more: Any) -> None:
+        """Add the block of ports to the documentation."""
+        super().__init_subclass__(**more)
+        cls.__doc__ = _document_ports(cls)
 
     # Whether all that it reads while `UpdateContext.is_quiet` goes through
     # `_measured_now` and `_read_commands`, so that its manager can call it without a
@@ -667,3 +675,34 @@ class TickingController(TickReader[S]):
     def _update_state(self, context: Context, state: State) -> None:
         assert isinstance(self._ticks, OwnTicks)
         self._ticks.store(state, self._tick_port.Eval(context))
+
+
+def _document_ports(system: type) -> str | None:
+    """Return a system's documentation with Drake's block of the ports in its table.
+
+    Without a table of its own it has that of its base.
+    """
+    summary, _, rest = inspect.cleandoc(system.__doc__ or "").partition("\n\n")
+    tables = (_find_table(base) for base in system.__mro__)
+    table = next(filter(None, tables), None)
+    if table is None:
+        return system.__doc__
+    if "\n".join(table) not in rest:
+        rest = "\n".join([*table, "", rest])
+    ports = [row.split()[0] for row in table[3:-1] if not row.startswith(" ")]
+    # The command interfaces are the first output port.
+    number = ports.index(interfaces.COMMAND_PORT)
+    block = [f"name: {system.__name__}", "input_ports:"]
+    block += [f"- {port}" for port in ports[:number]]
+    block += ["output_ports:", *(f"- {port}" for port in ports[number:])]
+    text = textwrap.indent("\n".join(block), "    ")
+    return f"{summary}\n\n.. pydrake_system::\n\n{text}\n\n{rest}\n"
+
+
+def _find_table(system: type) -> list[str]:
+    """Return the lines of the table of ports in a system's documentation."""
+    lines = inspect.cleandoc(system.__doc__ or "").splitlines()
+    borders = [i for i, line in enumerate(lines) if line.startswith("===")]
+    table = lines[borders[0] : borders[2] + 1] if len(borders) == 3 else []
+    has_ports = any(line.startswith(interfaces.COMMAND_PORT) for line in table)
+    return table if has_ports else []

@@ -140,37 +140,6 @@ class TopicState(Protocol):
     def _replace(self, *args: Any, **kwargs: Any) -> Self: ...
 
 
-def document_ports(system: type) -> str | None:
-    """Return a system's documentation with Drake's block of the ports in its table.
-
-    Without a table of its own it has that of its base.
-    """
-    summary, _, rest = inspect.cleandoc(system.__doc__ or "").partition("\n\n")
-    tables = (_find_table(base) for base in system.__mro__)
-    table = next(filter(None, tables), None)
-    if table is None:
-        return system.__doc__
-    if "\n".join(table) not in rest:
-        rest = "\n".join([*table, "", rest])
-    ports = [row.split()[0] for row in table[3:-1] if not row.startswith(" ")]
-    # The command interfaces are the first output port.
-    number = ports.index(interfaces.COMMAND_PORT)
-    block = [f"name: {system.__name__}", "input_ports:"]
-    block += [f"- {port}" for port in ports[:number]]
-    block += ["output_ports:", *(f"- {port}" for port in ports[number:])]
-    text = textwrap.indent("\n".join(block), "    ")
-    return f"{summary}\n\n.. pydrake_system::\n\n{text}\n\n{rest}\n"
-
-
-def _find_table(system: type) -> list[str]:
-    """Return the lines of the table of ports in a system's documentation."""
-    lines = inspect.cleandoc(system.__doc__ or "").splitlines()
-    borders = [i for i, line in enumerate(lines) if line.startswith("===")]
-    table = lines[borders[0] : borders[2] + 1] if len(borders) == 3 else []
-    has_ports = any(line.startswith(interfaces.COMMAND_PORT) for line in table)
-    return table if has_ports else []
-
-
 # Takes a message that came at a time [ns]; returns the new state, and what is wrong
 # with the message. The last argument says why no commands are taken; empty if they are.
 TakeMessage: TypeAlias = Callable[[T, Any, int, str], tuple[T, str]]
@@ -184,14 +153,8 @@ class TopicController(TickingController[T]):
     """Base of controllers that messages command, while they are inactive in vain.
 
     A subclass declares its topics by `_subscribe`, the last of its ports by
-    `_declare_events`, and calls `_receive` in its `_update`. Of the table of ports in
-    its documentation Drake's block of ports is made.
+    `_declare_events`, and calls `_receive` in its `_update`.
     """
-
-    def __init_subclass__(cls, **more: Any) -> None:
-        """Add the block of ports to the documentation."""
-        super().__init_subclass__(**more)
-        cls.__doc__ = document_ports(cls)
 
     def __init__(
         self, params: ControllerInterfaceParams, initial: T, **names: Any
@@ -293,9 +256,8 @@ class SensorBroadcaster(TickingController[S]):
 
     def __init_subclass__(cls, **more: Any) -> None:
         """Add the ports to the documentation."""
-        super().__init_subclass__(**more)
         cls.__doc__ = _tabulate_ports(cls)
-        cls.__doc__ = document_ports(cls)
+        super().__init_subclass__(**more)
 
     def __init__(
         self,

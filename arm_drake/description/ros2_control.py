@@ -518,7 +518,7 @@ def _remarks(block: HardwareInfo) -> Iterable[tuple[str, str]]:
         yield f"joint parameters {quoted(sorted(others))}", kept
     usual = HardwareInfo(block.name, block.type, block.plugin)
     timing = ("rw_rate", "is_async", "thread_priority", "group")
-    given = [name for name in timing if getattr(block, name) != getattr(usual, name)]
-    if given:
+    changed = [name for name in timing if getattr(block, name) != getattr(usual, name)]
+    if changed:
         done = "the hardware is read and written at every tick of the manager"
-        yield ", ".join(given), done
+        yield ", ".join(changed), done

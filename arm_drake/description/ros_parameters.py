@@ -399,10 +399,10 @@ def _check_kind(root: yaml.MappingNode) -> None:
 def _means_parameters(key: str) -> bool:
     """Return whether a key is `ros__parameters` or a misspelling of it."""
     letters = re.sub(r"[\W_]", "", key).lower()
-    wanted = PARAMETERS.replace("_", "")
+    name = PARAMETERS.replace("_", "")
     # The comparison is slow, and there may be many keys.
     return letters.startswith("ro") and bool(
-        difflib.get_close_matches(letters, [wanted], cutoff=0.8)
+        difflib.get_close_matches(letters, [name], cutoff=0.8)
     )
 
 

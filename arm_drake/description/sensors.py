@@ -210,8 +210,8 @@ class _Places:
 def _measures_like(tag: GazeboSensor, sensor: ComponentInfo) -> bool:
     """Return whether a Gazebo sensor may be the same as one of `<ros2_control>`."""
     names = {interface.name for interface in sensor.state_interfaces}
-    wanted = [kinds for name, kinds in _TYPES.items() if name in names]
-    return not wanted or not tag.type or any(tag.type in kinds for kinds in wanted)
+    expected = [kinds for name, kinds in _TYPES.items() if name in names]
+    return not expected or not tag.type or any(tag.type in kinds for kinds in expected)
 
 
 def _frames(controller: ControllerConfig, name: str) -> Iterator[_Place]:
@@ -317,15 +317,15 @@ def _make_tag(
     for name in filter(every.__contains__, sensor.collisions):
         is_whole = every[name] in description.undivided
         named += shapes[every[name]] if is_whole else (name,)
-    felt = tuple(f"{every[name]}::{name}" for name in named)
+    used = tuple(f"{every[name]}::{name}" for name in named)
     for name in sensor.collisions:
         if name not in every:
             what = f"the robot has no collision shape {name!r}; "
             what += f"link {link!r} has {', '.join(own) or 'none'}"
-            done = "it feels with these" if not felt else "it feels with the others"
+            done = "it feels with these" if not used else "it feels with the others"
             report.add("warning", "missing", what, done, where=where, file=file)
-    felt = felt or tuple(f"{link}::{name}" for name in own)
-    if not felt:
+    used = used or tuple(f"{link}::{name}" for name in own)
+    if not used:
         what = f"link {link!r} has no <collision>; it has nothing to feel with"
         report.add("error", "invalid", what, "left out", where=where, file=file)
         return None
@@ -343,7 +343,7 @@ def _make_tag(
     return ContactSensorTag(
         sensor.name or link,
         link,
-        felt,
+        used,
         sensor.topic,
         plugin is not None,
         "" if frame == _WORLD else frame,

@@ -220,10 +220,10 @@ def add_sensors(
     prefix: str,
 ) -> Hardware:
     """Add a robot's sensors, export its contacts, and return the hardware with them."""
-    felt = ContactReadings(plant, scene_graph, model, robot.description.links)
-    builder.AddNamedSystem(f"{prefix}contacts", felt)
-    felt.connect(builder)
-    contacts = felt.get_output_port()
+    readings = ContactReadings(plant, scene_graph, model, robot.description.links)
+    builder.AddNamedSystem(f"{prefix}contacts", readings)
+    readings.connect(builder)
+    contacts = readings.get_output_port()
     # It costs nothing until somebody asks.
     builder.ExportOutput(contacts, f"{prefix}contacts")
     joints = accelerating_joints(robot.description)

@@ -309,13 +309,13 @@ def _add_base_truths(
         truth = builder.AddNamedSystem(
             name, BaseTruth(base.link, int(link.index()), start, wheels)
         )
-        for port, wanted in (
+        for port, name in (
             (plant.get_body_poses_output_port(), "body_poses"),
             (plant.get_body_spatial_velocities_output_port(), "body_velocities"),
             (_odometry(systems[base.controller]), "odometry"),
         ):
             if port is not None:
-                builder.Connect(port, truth.GetInputPort(wanted))
+                builder.Connect(port, truth.GetInputPort(name))
         for port_name in ("wheel_slip", "ground_truth"):
             exported = f"{prefix}{base.controller}.{port_name}"
             builder.ExportOutput(truth.GetOutputPort(port_name), exported)

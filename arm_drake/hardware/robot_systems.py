@@ -199,8 +199,8 @@ class RobotSystems:
             frames = self.builder.GetSubsystemByName(f"{self.prefix}frames")
             self.builder.Connect(frames.get_output_port(), system.GetInputPort(name))
         if system.HasInputPort(interfaces.CONTACTS_PORT) and hardware.contacts:
-            felt = system.GetInputPort(interfaces.CONTACTS_PORT)
-            self.builder.Connect(hardware.contacts, felt)
+            port = system.GetInputPort(interfaces.CONTACTS_PORT)
+            self.builder.Connect(hardware.contacts, port)
 
     def _all_states(
         self,

@@ -204,23 +204,24 @@ def acceleration_law(
     """Return what computes the accelerations u, and what the observer keeps of itself.
 
     Its input is the state, the command, then with an observer w and the last positions
-    that grippers were sent to, and with modes what `felt_acceleration` says. Its output
-    is u, and with an observer (1 - b) I + b v/h and these positions as they are now.
+    that grippers were sent to, and with modes what `measured_acceleration` says. Its
+    output is u, and with an observer (1 - b) I + b v/h and these positions as they are
+    now.
     """
     n, b = layout.num_joints, gains.observer_gain
     x, command = variables("x", layout.num_states), Command(layout)
     w = variables("w", n if b else 0)
     grippers = gains.grippers if b else ()
     held_positions = dict(zip(grippers, variables("held", len(grippers)), strict=True))
-    felt, r = (variables(name, n if layout.has_modes else 0) for name in ("felt", "r"))
+    a, r = (variables(name, n if layout.has_modes else 0) for name in ("a", "r"))
     kept_at_stop = max(0.0, 1.0 - h / _STOP_TIME)
     accelerations, kept = [], []
     for i in range(n):
         q, v = x[layout.positions_at[i]], x[layout.velocities_at[i]]
         if layout.has_modes:
-            u = _wanted_in_modes(gains, command, i, q, v)
+            u = _desired_in_modes(gains, command, i, q, v)
         else:
-            u = _wanted_by_position(gains, command, i, q, v)
+            u = _desired_by_position(gains, command, i, q, v)
         u = clamp(u, float(gains.max_acceleration[i]))
         if b:
             shift = b / h * v
@@ -243,8 +244,8 @@ def acceleration_law(
             # What a free joint does is no disturbance when it is taken again.
             free = shift + b * r[i] if layout.has_modes else shift
             kept.append(_unless(command.is_tau, i, keep, free))
-        accelerations.append(_unless(command.is_tau, i, u, felt))
-    inputs = [*x, *command.variables, *w, *held_positions.values(), *felt, *r]
+        accelerations.append(_unless(command.is_tau, i, u, a))
+    inputs = [*x, *command.variables, *w, *held_positions.values(), *a, *r]
     now = [Expression(command.q_d[i]) for i in held_positions]
     return function(inputs, [*accelerations, *kept, *now])
 
@@ -268,7 +269,7 @@ def mixed_command(part: float, start: Array, h: float) -> AffineSystem:
     )
 
 
-def felt_acceleration(gains: ServoGains, layout: Layout, h: float) -> LinearSystem:
+def measured_acceleration(gains: ServoGains, layout: Layout, h: float) -> LinearSystem:
     """Return the filters that tell other joints of the acceleration of a free one.
 
     The input is the robot's state; the output is a of all joints, then r.
@@ -402,7 +403,7 @@ def _unless(
     return if_then_else(is_set(free[i]), otherwise, value)
 
 
-def _wanted_by_position(
+def _desired_by_position(
     gains: ServoGains, command: Command, i: int, q: Variable, v: Variable
 ) -> Expression:
     """Return the acceleration that a position with its velocity asks for."""
@@ -422,12 +423,12 @@ def _wanted_by_position(
     return gains.kp[i] * error - gains.kd[i] * v
 
 
-def _wanted_in_modes(
+def _desired_in_modes(
     gains: ServoGains, command: Command, i: int, q: Variable, v: Variable
 ) -> Expression:
     """Return the acceleration that a joint is to have by what it follows."""
     limit, a_d = float(gains.velocity_limit[i]), Expression(command.a_d[i])
-    by_position = _wanted_by_position(gains, command, i, q, v) + a_d
+    by_position = _desired_by_position(gains, command, i, q, v) + a_d
     by_velocity = gains.kv * (clamp(Expression(command.v_d[i]), limit) - v)
     if np.isfinite(limit):
         most, least = gains.kv * (limit - v), gains.kv * (-limit - v)
@@ -556,7 +557,11 @@ def make_joint_servo(
         hold = wiring.builder.AddNamedSystem("w", ZeroOrderHold(h, num_hold))
         read.append(hold.get_output_port())
     if has_modes:
-        read.append(wiring.add("felt", felt_acceleration(gains, layout, h), state))
+        read.append(
+            wiring.add(
+                "measured_acceleration", measured_acceleration(gains, layout, h), state
+            )
+        )
     law = wiring.add("acceleration", acceleration_law(gains, layout, h), *read)
     added = _add_efforts(wiring, laws, layout, control_plant, N, state, command, law)
     if hold is not None:
@@ -654,10 +659,10 @@ class Wiring:
         """Return the efforts of the commanded joints for accelerations of all."""
         mode = InverseDynamics.InverseDynamicsMode.kInverseDynamics
         dynamics = self.builder.AddNamedSystem(name, InverseDynamics(plant, mode))
-        for port, wanted in (
+        for port, target in (
             (state, dynamics.get_input_port_estimated_state()),
             (acceleration, dynamics.get_input_port_desired_acceleration()),
         ):
-            self.builder.Connect(port, wanted)
+            self.builder.Connect(port, target)
         efforts = dynamics.get_output_port_generalized_force()
         return self.times(f"{name}:gather", N.T, efforts)

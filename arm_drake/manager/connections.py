@@ -188,12 +188,12 @@ def export_topics(
                 builder.ExportOutput(output, with_prefix(prefix, topic))
 
 
-class WantedPositions(PythonSystem):
-    """Picks the positions that a trajectory controller wants out of its state.
+class ReferencePositions(PythonSystem):
+    """Picks the reference's positions out of a trajectory controller's state.
 
     .. pydrake_system::
 
-        name: WantedPositions
+        name: ReferencePositions
         input_ports:
         - controller_state
         output_ports:
@@ -226,9 +226,9 @@ class WantedPositions(PythonSystem):
         )
 
     def _calc_position(self, context: Context, output: BasicVector) -> None:
-        wanted = self._controller_state.Eval(context).reference.positions
-        has_all = len(wanted) == len(self._unknown)
-        output.SetFromVector(wanted if has_all else self._unknown)
+        reference = self._controller_state.Eval(context).reference.positions
+        has_all = len(reference) == len(self._unknown)
+        output.SetFromVector(reference if has_all else self._unknown)
 
 
 def log_references(
@@ -237,22 +237,24 @@ def log_references(
     prefix: str,
     period: float,
 ) -> None:
-    """Record what trajectory controllers want that command efforts or velocities.
+    """Record references of trajectory controllers that command efforts or velocities.
 
     Of others it is what they command, which is recorded anyway. `period` [s] is the
     log's.
     """
     for system in systems:
-        if joints := wanted_joints(system):
+        if joints := reference_joints(system):
             name = f"{prefix}{log_name(system.params.controller_name)}"
-            wanted = builder.AddNamedSystem(name, WantedPositions(len(joints)))
+            reference = builder.AddNamedSystem(name, ReferencePositions(len(joints)))
             controller_state = system.GetOutputPort("controller_state")
-            builder.Connect(controller_state, wanted.GetInputPort("controller_state"))
+            builder.Connect(
+                controller_state, reference.GetInputPort("controller_state")
+            )
             log = VectorLogSink(len(joints), period)
             builder.AddNamedSystem(
                 f"{prefix}log:{log_name(system.params.controller_name)}", log
             )
-            builder.Connect(wanted.get_output_port(), log.get_input_port())
+            builder.Connect(reference.get_output_port(), log.get_input_port())
 
 
 def log_name(controller: str) -> str:
@@ -260,7 +262,7 @@ def log_name(controller: str) -> str:
     return f"{_LOG}{controller}"
 
 
-def wanted_joints(system: ControllerInterface | None) -> tuple[str, ...]:
+def reference_joints(system: ControllerInterface | None) -> tuple[str, ...]:
     """Return the joints whose reference is recorded by itself, if any are."""
     if not isinstance(system, JointTrajectoryController):
         return ()

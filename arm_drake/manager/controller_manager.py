@@ -425,9 +425,9 @@ class ControllerManager(PythonSystem):
         self._state_index = int(kept)
         self._cycle = self._declare_read("cycle", self._calc_cycle, is_of_now=True)
         flags = [float(c.name in state.active) for c in self.controllers]
-        told = drive.servo_input(state.drive)
-        self._num_servo = len(told)
-        start = (state.values, told, flags)
+        servo_input = drive.servo_input(state.drive)
+        self._num_servo = len(servo_input)
+        start = (state.values, servo_input, flags)
         numbers = [self.DeclareDiscreteState(x) for x in start]
         self._values, self._drive_state, self._flags = map(int, numbers)
         self._stored_states = StoredStates(hardware_interfaces, self.commands)

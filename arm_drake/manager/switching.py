@@ -147,19 +147,19 @@ def needs_of(info: ControllerInfo, owners: Mapping[str, str]) -> dict[str, str]:
 
 def order(names: Iterable[str], before: Mapping[str, Iterable[str]]) -> tuple[str, ...]:
     """Return names so that each comes after those that are to be before it."""
-    wanted = dict.fromkeys(names)
+    requested = dict.fromkeys(names)
     found: dict[str, None] = {}
     entered = set()
 
     def visit(name: str) -> None:
         # In a circle, who is entered first comes last.
-        if name in wanted and name not in entered:
+        if name in requested and name not in entered:
             entered.add(name)
             for other in before[name]:
                 visit(other)
             found[name] = None
 
-    for name in wanted:
+    for name in requested:
         visit(name)
     return tuple(found)
 

@@ -74,18 +74,18 @@ def read_free_poses(
     ticks = np.round(log.sample_times() / period).astype(np.int64)
     # Where a tick was logged twice the latest counts.
     known, at = np.unique(ticks[::-1], return_index=True)
-    wanted = np.round(time / period).astype(np.int64)
+    requested = np.round(time / period).astype(np.int64)
     model = plant.GetModelInstanceByName(robot.name)
     order = plant.GetPositionsFromArray(model, np.arange(plant.num_positions()))
     poses = {}
-    rows = np.minimum(np.searchsorted(known, wanted), max(len(known) - 1, 0))
+    rows = np.minimum(np.searchsorted(known, requested), max(len(known) - 1, 0))
     for link in _free_links(plant, robot):
         # A quaternion, then the position.
         first = plant.GetBodyByName(link, model).floating_positions_start()
         columns = [int(np.flatnonzero(order == first + k)[0]) for k in range(7)]
         pose = np.full((len(time), 7), np.nan)
         if len(known):
-            is_logged = known[rows] == wanted
+            is_logged = known[rows] == requested
             columns = columns[4:] + columns[:4]
             logged = log.data()[columns][:, ::-1].T[at]
             pose[is_logged] = logged[rows[is_logged]]

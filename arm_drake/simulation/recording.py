@@ -21,7 +21,7 @@ from arm_drake.arrays import Array
 from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot, name_portably
 from arm_drake.manager import MANAGER, ControllerManager
-from arm_drake.manager.connections import log_name, wanted_joints
+from arm_drake.manager.connections import log_name, reference_joints
 from arm_drake.messages import (
     ActionRequest,
     FollowJointTrajectoryResult,
@@ -207,7 +207,7 @@ class _Commanded(NamedTuple):
     # Whether each of K controllers was active, 1 or 0, shape (N, K); NaN likewise.
     active: Array
 
-    # What controllers wanted that command no positions, by name.
+    # References of controllers that command no positions, by name.
     references: Mapping[str, Reference]
 
 
@@ -220,22 +220,22 @@ def _read_commands(
 ) -> _Commanded:
     """Return what was commanded at times [s], shape (N,), as of `since` [s]."""
     # A command acts after its tick.
-    wanted_at = _ticks_before(time, manager.period)
+    tick_numbers = _ticks_before(time, manager.period)
 
     def read(name: str, port: OutputPort) -> Array:
         present = port.Eval(port.get_system().GetMyContextFromRoot(context))
         log = _log(diagram, context, manager, name, since)
         values, ticks = _latest(*log, present, context.get_time(), manager.period)
-        rows = np.minimum(np.searchsorted(ticks, wanted_at), len(ticks) - 1)
-        is_found = (ticks[rows] == wanted_at)[:, None]
+        rows = np.minimum(np.searchsorted(ticks, tick_numbers), len(ticks) - 1)
+        is_found = (ticks[rows] == tick_numbers)[:, None]
         return np.where(is_found, values[rows], np.nan)
 
     references = {}
     for controller in manager.controllers:
-        if joints := wanted_joints(controller.system):
+        if joints := reference_joints(controller.system):
             name = log_name(controller.name)
-            wanted = diagram.GetSubsystemByName(f"{manager.prefix}{name}")
-            position = read(name, wanted.get_output_port())
+            reference = diagram.GetSubsystemByName(f"{manager.prefix}{name}")
+            position = read(name, reference.get_output_port())
             references[controller.name] = Reference(joints, position)
     values, active = (
         read(name, manager.GetOutputPort(name))
@@ -247,7 +247,7 @@ def _read_commands(
 def _references(
     manager: ControllerManager, commanded: _Commanded, *, of_all: bool
 ) -> dict[str, Reference]:
-    """Return what controllers wanted of the robot's joints.
+    """Return the references of controllers for the robot's joints.
 
     It is NaN while they were inactive, and where it wasn't recorded.
     """

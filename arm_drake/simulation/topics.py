@@ -99,17 +99,15 @@ class ControllerTopics:
             goal = FollowJointTrajectoryGoal(trajectory=requested)
         elif isinstance(requested, GripperCommand):
             goal = GripperCommandGoal(requested)
-        wanted = getattr(self.system, "goal_type", None)
-        if wanted is ParallelGripperCommandGoal and isinstance(
-            goal, GripperCommandGoal
-        ):
+        kind = getattr(self.system, "goal_type", None)
+        if kind is ParallelGripperCommandGoal and isinstance(goal, GripperCommandGoal):
             goal = _parallel_goal(goal.command)
         for port, kinds in ACTIONS.items():
             if isinstance(goal, kinds):
                 self.check(port)
-        if wanted is not None and not isinstance(goal, wanted):
+        if kind is not None and not isinstance(goal, kind):
             raise self._error(
-                f"expected a {wanted.__name__}, got a {type(goal).__name__}"
+                f"expected a {kind.__name__}, got a {type(goal).__name__}"
             )
         return self.find_action(), goal
 

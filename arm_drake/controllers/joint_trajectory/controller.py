@@ -511,21 +511,6 @@ class JointTrajectoryController(
 ):
     """Moves joints along trajectories, from a topic or as goals of an action.
 
-    .. pydrake_system::
-
-        name: JointTrajectoryController
-        input_ports:
-        - controller_manager
-        - state_interfaces
-        - joint_trajectory
-        - follow_joint_trajectory
-        - speed_scaling_input
-        - parameters
-        output_ports:
-        - command_interfaces
-        - controller_state
-        - events
-
     With n = len(joints), m = len(command_joints) or n, and vectors in their order:
 
     =======================  ====  ======  ===========================================

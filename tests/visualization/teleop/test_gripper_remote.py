@@ -51,7 +51,7 @@ def test_a_gripper_closes_and_opens(name: str) -> None:
 
     for part, goal in (("close", is_closed), ("open", is_open), ("close", is_closed)):
         panel.use(remote, part)
-        panel.run(sim, 4.0, remote)
+        panel.run(sim, 2.0, remote)
 
         assert abs(panel.positions(sim)[joint] - goal) <= FINAL
         shown = panel.leaves(remote)["position"]
