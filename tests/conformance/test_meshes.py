@@ -200,7 +200,8 @@ def lack(points: np.ndarray, corners: np.ndarray) -> float:
     """Return how far points stand out of the planes of a convex hull at most."""
     planes = ConvexHull(corners).equations
     outer = points[ConvexHull(points).vertices]
-    return max((outer @ plane[:3]).max() + plane[3] for plane in planes)
+    parts = np.array_split(planes, len(planes) // 200 + 1)
+    return max((outer @ part[:, :3].T + part[:, 3]).max() for part in parts)
 
 
 @pytest.mark.parametrize("package", PACKAGES)
