@@ -137,7 +137,7 @@ def load_robot(
 def _load(
     arguments: Mapping[str, Any], controller_types: Mapping[str, ControllerType] | None
 ) -> Robot:
-    """Load what `load_robot` is arguments, stage by stage."""
+    """Load by the arguments of `load_robot`, stage by stage."""
     folders, distro, name = (
         arguments["package_paths"],
         arguments["distro"],
@@ -208,7 +208,7 @@ def _start(
 def _read_description(
     loading: _Loading, arguments: Mapping[str, Any]
 ) -> RobotDescription:
-    """Return the robot that the entry file describes; `arguments` to load_robot."""
+    """Return the robot that the entry file describes."""
     entry, packages, report = loading.entry, loading.packages, loading.report
     xacro_args, text = dict(arguments["xacro_args"] or {}), loading.text
     if text is None:

@@ -46,12 +46,15 @@ def run_launch(options: argparse.Namespace) -> int:
         raise InputError(f"launch: {text}")
     folders = [Path(folder) for folder in options.package_path]
     if options.show_args:
-        print(show_arguments(load_arguments(*names, package_paths=folders)))
+        found = load_arguments(*names, arguments=given, package_paths=folders)
+        as_json = json.dumps([vars(argument) for argument in found])
+        print(as_json if options.json else show_arguments(found))
         return 0
     plan = load_launch(*names, arguments=given, package_paths=folders)
     if options.print:
         print(json.dumps(to_json(plan)) if options.json else plan)
         _say_report(plan)
+        _check_strict(options, plan)
         return 0
     if not options.json:
         for line in dict.fromkeys(map(str, plan.not_started)):
@@ -67,7 +70,6 @@ def run_launch(options: argparse.Namespace) -> int:
         options=simulation_options(options),
         initial_positions=initial,
     )
-    _say_report(plan)
     payloads = read_payloads(options.payload)
     scene = dc.replace(_with_motion(options, scene), payloads=payloads)
     return simulate(options, scene)
@@ -85,6 +87,14 @@ def _with_place(
         robot = dc.replace(plan.robots[0], pose=tuple(options.pose))
         plan = dc.replace(plan, robots=(robot,))
     return plan, read_initial(options.initial)
+
+
+def _check_strict(options: argparse.Namespace, plan: LaunchPlan) -> None:
+    """Raise InputError if something was not taken as written and it had to be."""
+    lines = [*map(str, plan.report), *map(str, plan.not_started)]
+    if options.strict and lines:
+        text = "\n".join(("not everything was taken as written:", *lines))
+        raise InputError(text, file=plan.file)
 
 
 def _with_motion(options: argparse.Namespace, scene: Scene) -> Scene:
@@ -137,6 +147,8 @@ def _check_simulated(options: argparse.Namespace, plan: LaunchPlan) -> None:
 
 def _view(options: argparse.Namespace, plan: LaunchPlan) -> int:
     """Show robots that nothing controls, with sliders for their joints."""
+    _check_strict(options, plan)
+    _say_report(plan)
     from arm_drake.commands.view import view, view_scene
 
     if options.headless:

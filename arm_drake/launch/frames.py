@@ -45,8 +45,18 @@ class Placed(NamedTuple):
     pose: Pose | None
 
 
-def read_static_frame(words: Sequence[str], values: Mapping[str, Any]) -> StaticFrame:
-    """Return the frame of a publisher's arguments and parameters."""
+def read_static_frame(
+    words: Sequence[str], values: Mapping[str, Any]
+) -> tuple[StaticFrame, list[str]]:
+    """Return the frame of a publisher's arguments and parameters, and what is wrong."""
+    wrong: list[str] = []
+
+    def read(text: str) -> float:
+        number = parse_float(text)
+        if number is None or not np.isfinite(number):
+            wrong.append(text)
+        return number or 0.0
+
     names = {"frame-id": "", "child-frame-id": ""}
     numbers: dict[str, float] = {}
     for key in (*_LENGTHS, *_ANGLES, *_QUATERNION, *names):
@@ -54,13 +64,12 @@ def read_static_frame(words: Sequence[str], values: Mapping[str, Any]) -> Static
         if text is not None and key in names:
             names[key] = text
         elif text is not None:
-            numbers[key] = parse_float(text) or 0.0
+            numbers[key] = read(text)
     if not any(names.values()) and len(words) in (8, 9):
         # The older form: x y z, yaw pitch roll or qx qy qz qw, parent, child.
         *texts, names["frame-id"], names["child-frame-id"] = words
         turns = ("yaw", "pitch", "roll") if len(words) == 8 else _QUATERNION
-        values_of_words = (parse_float(text) or 0.0 for text in texts)
-        numbers = dict(zip((*_LENGTHS, *turns), values_of_words, strict=True))
+        numbers = dict(zip((*_LENGTHS, *turns), map(read, texts), strict=True))
     if not any(names.values()):
         numbers = {
             name: float(values[key])
@@ -70,7 +79,7 @@ def read_static_frame(words: Sequence[str], values: Mapping[str, Any]) -> Static
         names["frame-id"] = str(values.get("frame_id", ""))
         names["child-frame-id"] = str(values.get("child_frame_id", ""))
     pose = _pose(numbers)
-    return StaticFrame(names["frame-id"], names["child-frame-id"], pose)
+    return StaticFrame(names["frame-id"], names["child-frame-id"], pose), wrong
 
 
 def _pose(numbers: Mapping[str, float]) -> Pose:

@@ -12,6 +12,7 @@ from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.diagram import build_diagram
 from arm_drake.errors import InputError
+from arm_drake.launch.commanded import save_steps, share_steps
 from arm_drake.launch.frames import Placed, StaticFrame, place_frames
 from arm_drake.launch.robot import (
     Bridge,
@@ -19,6 +20,7 @@ from arm_drake.launch.robot import (
     LaunchedRobot,
     PlanFolder,
     add_models,
+    hold_files,
     write_bridges,
 )
 from arm_drake.launch.roles import NotStarted
@@ -123,6 +125,10 @@ class LaunchPlan:
         options = options or SimulationOptions()
         several = len(self.robots) > 1
         names = _unlike([robot.chosen_name for robot in self.robots])
+        for name, launched in zip(names, self.robots, strict=True):
+            if name != launched.chosen_name:
+                what = f"several robots are called {launched.chosen_name!r}"
+                self.report.add("warning", "repair", what, f"one is {name!r} here")
         robots = []
         active, inactive = list(options.active), list(options.inactive)
         for launched, name in zip(self.robots, names, strict=True):
@@ -134,13 +140,27 @@ class LaunchPlan:
                 if full not in (*active, *inactive):
                     (active if state == "active" else inactive).append(full)
         options = dc.replace(options, active=tuple(active), inactive=tuple(inactive))
+        motions = self._find_motions(robots)
+        # What the launch file has beside them is told with the first one.
+        report = LoadReport([*self._whole_report(), *robots[0].report])
+        robots[0] = dc.replace(robots[0], report=report)
+        hold_files(robots[0], self.folder)
         return Scene(
             robots=tuple(robots),
             world=add_models(world or self.world or "empty", self.models, self.folder),
             options=options,
-            motions=self._find_motions(robots),
+            motions=motions,
             file=self.file,
         )
+
+    def _whole_report(self) -> LoadReport:
+        """Return the report, with what isn't run."""
+        report = LoadReport(self.report)
+        for each in self.not_started:
+            what, done = f"{each.kind} {each.name}", "it is not started"
+            done += f"; {each.reason}" if each.reason else ""
+            report.add("info", "ignored", what, done, file=self.file)
+        return report
 
     def load_robot(
         self,
@@ -184,9 +204,23 @@ class LaunchPlan:
         return place_frames(self.static_frames, links, leave_out)
 
     def _find_motions(self, robots: Sequence[Robot]) -> dict[str, Motion]:
-        if self.motion is None or len(robots) > 1:
+        """Return what is published and sent, as a motion for each robot."""
+        if self.motion is None:
             return {}
-        return {robots[0].name: find_motion(self.motion, robots[0], {})}
+        owners = [
+            (launched.namespace, [c.name for c in robot.controllers.controllers])
+            for launched, robot in zip(self.robots, robots, strict=True)
+        ]
+        shares, lost = share_steps(self.motion, owners)
+        for name in lost:
+            what, done = f"{name} is no robot's", "what is sent there is left out"
+            self.report.add("warning", "ignored", what, done, file=self.file)
+        found = {}
+        for index, (robot, share) in enumerate(zip(robots, shares, strict=True)):
+            path = save_steps(share, self.folder.path / f"motion_{index}.yaml")
+            if path is not None:
+                found[robot.name] = find_motion(path, robot, {})
+        return found
 
     def build_diagram(self, **options: Any) -> Diagram:
         """Return the Diagram of the robots in their world.

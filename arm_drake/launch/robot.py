@@ -66,6 +66,11 @@ _folders: "weakref.WeakKeyDictionary[Robot, PlanFolder | None]" = (
 )
 
 
+def hold_files(robot: Robot, folder: PlanFolder | None) -> None:
+    """Keep the files that a launch file wrote as long as a robot."""
+    _folders[robot] = folder
+
+
 @dc.dataclass(frozen=True)
 class LaunchedRobot:
     """Robots of a launch file: where each is described, what controls it, its place."""
@@ -148,7 +153,7 @@ class LaunchedRobot:
         namespace = self.namespace.strip("/")
         aliases = [each.to_alias(namespace) for each in self.remappings]
         robot = dc.replace(robot, topic_aliases=(*robot.topic_aliases, *aliases))
-        _folders[robot] = self.folder
+        hold_files(robot, self.folder)
         return robot
 
     def read_carriers(self, package_paths: Sequence[Path]) -> dict[str, str | None]:
@@ -386,8 +391,8 @@ class RobotParts:
     # SRDF files of planners, with their name spaces.
     semantics: list[tuple[str, Path]] = dc.field(default_factory=list)
 
-    # Controllers of robots that aren't there.
-    left_out: list[str] = dc.field(default_factory=list)
+    # Controllers of robots that aren't there, and why.
+    left_out: list[tuple[str, str]] = dc.field(default_factory=list)
 
     def find_robots(self) -> list[LaunchedRobot]:
         """Return the robots of all descriptions, with what belongs to each."""
@@ -408,28 +413,32 @@ class RobotParts:
                 descriptions.append(own)
         robots = []
         for description in descriptions:
-            spawn = self._spawn_of(description, len(descriptions))
+            spawns = self._spawns_of(description, len(descriptions))
             managers = [
                 m for m in self.managers if self._has(m, description, descriptions)
             ]
-            robots.append(
-                LaunchedRobot(
-                    source=description.source,
-                    xacro_args=description.arguments,
-                    name=None if spawn is None else spawn.name,
-                    namespace=description.namespace,
-                    frame_prefix=description.frame_prefix,
-                    simulator=None if spawn is None else spawn.simulator,
-                    pose=None if spawn is None else spawn.pose,
-                    has_manager=bool(managers),
-                    controllers=tuple(f for m in managers for f in m.files),
-                    srdf=self._semantics_of(description, len(descriptions)),
-                    remappings=(
-                        *(each for m in managers for each in m.remappings),
-                        *self.remappings,
-                    ),
-                )
+            robot = LaunchedRobot(
+                source=description.source,
+                xacro_args=description.arguments,
+                namespace=description.namespace,
+                frame_prefix=description.frame_prefix,
+                has_manager=bool(managers),
+                controllers=tuple(f for m in managers for f in m.files),
+                srdf=self._semantics_of(description, len(descriptions)),
+                remappings=(
+                    *(each for m in managers for each in m.remappings),
+                    *self.remappings,
+                ),
             )
+            robots += [
+                dc.replace(
+                    robot,
+                    name=spawn.name,
+                    simulator=spawn.simulator,
+                    pose=spawn.pose,
+                )
+                for spawn in spawns
+            ] or [robot]
         return self._add_spawned(robots)
 
     def _semantics_of(self, description: Description, count: int) -> Path | None:
@@ -438,15 +447,15 @@ class RobotParts:
                 return path
         return None
 
-    def _spawn_of(self, description: Description, count: int) -> Spawn | None:
-        for spawn in self.spawns:
-            if spawn.topic == description.topic and spawn.topic is not None:
-                return spawn
-            if spawn.description and _same(spawn.description, [description]):
-                return spawn
-        if count == 1 and len(self.spawns) == 1:
-            return self.spawns[0]
-        return None
+    def _spawns_of(self, description: Description, count: int) -> list[Spawn]:
+        """Return where a description is put into a simulator, which may be often."""
+        found = [
+            spawn
+            for spawn in self.spawns
+            if (spawn.topic == description.topic and spawn.topic is not None)
+            or (spawn.description and _same(spawn.description, [description]))
+        ]
+        return found or (self.spawns if count == 1 and len(self.spawns) == 1 else [])
 
     def _has(
         self,
@@ -469,7 +478,11 @@ class RobotParts:
         for spawner in self.spawners:
             index = self._index_of(spawner, robots)
             if index is None:
-                self.left_out += spawner.names
+                reason = "its robot isn't started"
+                if robots:
+                    known = ", ".join(f"/{each.name}" for each in self.managers)
+                    reason = f"/{spawner.manager} isn't started; there is {known}"
+                self.left_out += [(name, reason) for name in spawner.names]
                 continue
             robot = robots[index]
             spawned = dict(robot.spawned)
@@ -488,6 +501,12 @@ class RobotParts:
         self, spawner: Spawner, robots: Sequence[LaunchedRobot]
     ) -> int | None:
         """Return which robot a spawner's controller manager is that of."""
+        is_simulated = any(robot.simulator is not None for robot in robots)
+        if self.managers and not is_simulated:
+            # All managers are known, so that a spawner would wait for any other.
+            names = [manager.name for manager in self.managers]
+            if spawner.manager.strip("/") not in names:
+                return None
         candidates = [i for i, robot in enumerate(robots) if robot.is_controlled]
         candidates = candidates or list(range(len(robots)))
         if len(candidates) <= 1:

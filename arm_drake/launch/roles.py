@@ -22,6 +22,7 @@ from arm_drake.description.robot import Pose
 from arm_drake.description.xacro import expand_xacro
 from arm_drake.errors import PackageError
 from arm_drake.launch.actions import split_ros_arguments
+from arm_drake.launch.commanded import read_goal, read_publication, save_steps
 from arm_drake.launch.frames import StaticFrame, read_static_frame
 from arm_drake.launch.nodes import find_role
 from arm_drake.launch.robot import (
@@ -35,6 +36,7 @@ from arm_drake.launch.robot import (
     Spawn,
     Spawner,
 )
+from arm_drake.launch.substitutions import KEY
 from arm_drake.launch.words import (
     all_values_of,
     positional,
@@ -45,17 +47,11 @@ from arm_drake.launch.words import (
 )
 from arm_drake.worlds.world import WORLDS
 
-# Key of the description that `launch_process` puts in the place of an expanded one.
-_KEY = re.compile(r'<robot key="(\d+)" by="arm_drake"/>')
-
 _TOPIC, _MANAGER = "robot_description", "controller_manager"
 
 # Folder, below that of a plan, of packages that are stood for.
 STOOD_FOR = "stood_for"
 
-
-# How often a step of a motion may repeat.
-_MOST_TIMES = 100_000
 
 # States of controllers that load_controller and others are asked for.
 _STATES = {"start": "active", "active": "active", "configure": "inactive"}
@@ -147,8 +143,8 @@ class Roles:
             getattr(self, f"_read_{record['kind']}")(record)
         robots = self._parts.find_robots()
         shared = {"folder": self._folder, "variables": self._answer["values"]}
-        for name in self._parts.left_out:
-            self._leave_out(name, "controller of a robot that isn't started")
+        for name, reason in self._parts.left_out:
+            self._not_started.append(NotStarted(name, "controller", reason))
         return {
             "robots": tuple(dc.replace(robot, **shared) for robot in robots),
             "world": self._world,
@@ -234,10 +230,13 @@ class Roles:
                 self._is_headless = False
             case ["gz" | "ign", "sim" | "gazebo", *rest] | ["gz-sim", *rest]:
                 self._read_gz(rest, record)
-            case ["ros2", "topic", "pub", *rest]:
-                self._read_publication(rest, record)
-            case ["ros2", "action", "send_goal", *rest]:
-                self._read_goal(rest, record)
+            case ["ros2", "topic" | "action", "pub" | "send_goal", *rest]:
+                read = read_publication if words[2] == "pub" else read_goal
+                step = read(rest, float(record["time"]))
+                if step is None:
+                    self._leave_out(" ".join(words)[:200], "process")
+                else:
+                    self._steps.append(step)
             case ["rviz2", *rest]:
                 self._rviz = value_of(rest, "-d", "--display-config") or ""
             case _:
@@ -288,7 +287,7 @@ class Roles:
             for below in ("", "worlds")
         ]
         for folder in [Path(record["file"]).parent, *folders] if name else []:
-            if (folder / name).is_file():
+            if _is_file(folder / name):
                 self._world = self._finder.real(folder / name)
                 return
         self._world = self._world or "empty"
@@ -307,7 +306,7 @@ class Roles:
         names = positional(words, ("-c", "--controller-manager", "--set-state"))
         match verb:
             case "load_controller":
-                files = tuple(Path(name) for name in names[1:])
+                files = tuple(self._finder.real(Path(name)) for name in names[1:])
                 self._spawn(names[:1], state, manager, files)
             case "set_controller_state" if len(names) > 1:
                 state = _STATES.get(names[1], "inactive")
@@ -319,48 +318,8 @@ class Roles:
             case _:
                 self._leave_out(f"ros2 control {verb} {' '.join(words)}", "process")
 
-    def _read_publication(
-        self, words: Sequence[str], record: Mapping[str, Any]
-    ) -> None:
-        """Read what `ros2 topic pub` publishes as steps of a motion."""
-        with_value = ("-r", "--rate", "-t", "--times", "-p", "--print", "-w", "-n")
-        topic, _, text = (*positional(words, with_value), "", "", "")[:3]
-        rate = parse_float(value_of(words, "-r", "--rate") or "1") or 1.0
-        times = parse_float(value_of(words, "-t", "--times") or "0") or 0.0
-        is_once = "--once" in words or "-1" in words
-        step = {"at": float(record["time"]), "topic": topic}
-        if not is_once:
-            # Without a number of times for ever, which is as often as a motion can.
-            count = min(int(times), _MOST_TIMES) or _MOST_TIMES
-            step |= {"every": 1.0 / rate, "count": count}
-        data = _parse(text)
-        if isinstance(data, Mapping) and "data" in data:
-            self._steps.append(step | {"data": data["data"]})
-        elif isinstance(data, Mapping) and "points" in data:
-            self._steps.append(step | {"trajectory": dict(data)})
-        else:
-            self._leave_out(f"ros2 topic pub {' '.join(words)}"[:200], "process")
-
-    def _read_goal(self, words: Sequence[str], record: Mapping[str, Any]) -> None:
-        """Read a goal of a trajectory or a gripper as a step of a motion."""
-        action, _, text = (*positional(words, ()), "", "", "")[:3]
-        controller, _, kind = action.strip("/").rpartition("/")
-        step: dict[str, Any] = {"at": float(record["time"]), "controller": controller}
-        data = _parse(text)
-        if kind == "follow_joint_trajectory" and isinstance(data, Mapping):
-            goal = {k: v for k, v in data.items() if k != "trajectory"}
-            self._steps.append(step | {"goal": goal | dict(data.get("trajectory", {}))})
-        elif kind == "gripper_cmd" and isinstance(data, Mapping):
-            self._steps.append(step | {"gripper_command": data.get("command", {})})
-        else:
-            self._leave_out(f"ros2 action send_goal {' '.join(words)}"[:200], "process")
-
     def _save_motion(self) -> Path | None:
-        if not self._steps:
-            return None
-        path = self._folder.path / "motion.yaml"
-        path.write_text(yaml.safe_dump(self._steps), encoding="utf-8")
-        return path
+        return save_steps(self._steps, self._folder.path / "motion.yaml")
 
     def _spawn(
         self, names: Sequence[str], state: str, manager: str, files: tuple[Path, ...]
@@ -385,8 +344,10 @@ class Roles:
         self._rviz = "" if path is None else self._finder.real(Path(path))
 
     def _read_unspawner(self, record: Mapping[str, Any]) -> None:
-        names = positional(record["arguments"], ("-c", "--controller-manager"))
-        self._spawn(names, "inactive", "controller_manager", ())
+        words = record["arguments"]
+        names = positional(words, ("-c", "--controller-manager"))
+        manager = value_of(words, "-c", "--controller-manager") or _MANAGER
+        self._spawn(names, "inactive", _join(record["namespace"], manager), ())
 
     def _read_server(self, record: Mapping[str, Any]) -> None:
         values = _merge(record)
@@ -423,9 +384,9 @@ class Roles:
     ) -> Description | None:
         """Return the description that a text stands for, if it is one."""
         space, prefix = record["namespace"], str(_merge(record).get("frame_prefix", ""))
-        match = _KEY.search(text)
-        if match is not None:
-            made = self._answer["descriptions"][int(match[1])]
+        match, found = KEY.search(text), self._answer["descriptions"]
+        if match is not None and int(match[1]) < len(found):
+            made = found[int(match[1])]
             file = self._finder.real(Path(made["file"]))
             return Description(topic, space, file, made["arguments"], prefix)
         if "<robot" not in text:
@@ -442,7 +403,7 @@ class Roles:
         text = values.get(_TOPIC)
         if not isinstance(text, str):  # A file, in older versions.
             names = [n for n in record.get("arguments", ()) if n.endswith(".urdf")]
-            text = Path(names[0]).read_text(encoding="utf-8") if names else ""
+            text = _read_text(Path(names[0])) if names else ""
         found = self._describe(text, record, topic)
         if found is None:
             what = "robot_state_publisher has no robot_description"
@@ -496,7 +457,7 @@ class Roles:
 
     def _write_parameters(self, node: str, values: Mapping[str, Any]) -> Path:
         number = len(list(self._folder.path.glob("parameters_*.yaml")))
-        path = self._folder.path / f"parameters_{number}_{node}.yaml"
+        path = self._folder.path / f"parameters_{number}.yaml"
         text = yaml.safe_dump({node: {"ros__parameters": _nest(values)}})
         path.write_text(text, encoding="utf-8")
         return path
@@ -511,7 +472,7 @@ class Roles:
         files = tuple(
             self._finder.real(Path(name))
             for key in ("-p", "--param-file")
-            for name in values_of(words, key)
+            for name in all_values_of(words, key)
         )
         words_left = without_options(words, ("-p", "--param-file"))
         # Its own parameter files are the controllers', too.
@@ -570,7 +531,11 @@ class Roles:
         description = None
         if file is not None:
             path = Path(file)
-            if path.suffix == ".sdf" or (path.is_file() and _is_sdf(path)):
+            if path.suffix == ".sdf" or (_is_file(path) and _is_sdf(path)):
+                if not _is_file(path):
+                    what, done = f"no such model: {path}", "it is left out"
+                    self._add("error", "missing", what, done, record)
+                    return
                 name = given("entity", "name")
                 pose = self._read_pose(given, record)
                 path = self._finder.real(path)
@@ -628,8 +593,15 @@ class Roles:
             self._bridge_files.append(self._finder.real(Path(name)))
 
     def _read_static_frame(self, record: Mapping[str, Any]) -> None:
-        words = record.get("arguments", ())
-        self._frames.append(read_static_frame(words, _merge(record)))
+        words, values = record.get("arguments", ()), _merge(record)
+        frame, wrong = read_static_frame(words, values)
+        if wrong or not (frame.parent and frame.child):
+            text = " ".join(words) or ", ".join(f"{k}: {v}" for k, v in values.items())
+            lack = f"{', '.join(wrong)} is no number" if wrong else "it names no frames"
+            what = f"static_transform_publisher {text[:200]}: {lack}"
+            self._add("error", "invalid", what, "it is left out", record)
+        else:
+            self._frames.append(frame)
 
 
 def _merge(record: Mapping[str, Any]) -> dict[str, Any]:
@@ -647,9 +619,10 @@ def _nest(values: Mapping[str, Any]) -> dict[str, Any]:
     for key, value in values.items():
         place = data
         *parents, last = key.split(".")
-        for parent in parents:
-            place = place.setdefault(parent, {})
-        place[last] = value
+        while parents and isinstance(place.get(parents[0], {}), dict):
+            place = place.setdefault(parents.pop(0), {})
+        # A parameter and others below its name: the dots stay.
+        place[".".join([*parents, last])] = value
     return data
 
 
@@ -689,9 +662,21 @@ def _parse(text: str) -> Any:
 
 
 def _has_text(name: str, text: str) -> bool:
+    return _read_text(Path(name)) == text
+
+
+def _read_text(path: Path) -> str:
+    """Return the text of a file, none if there is no such one."""
     try:
-        return Path(name).read_text(encoding="utf-8", errors="replace") == text
-    except OSError:
+        return path.read_text(encoding="utf-8", errors="replace")
+    except (OSError, ValueError):
+        return ""
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # Such as a name that is too long.
         return False
 
 

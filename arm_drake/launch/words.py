@@ -39,7 +39,8 @@ def values_of(words: Sequence[str], key: str) -> list[str]:
 
 def all_values_of(words: Sequence[str], key: str) -> list[str]:
     """Return the words after an option that may come several times, each one."""
-    return [value for word, value in itertools.pairwise(words) if word == key]
+    found = [value for word, value in itertools.pairwise(words) if word == key]
+    return found + [w.removeprefix(f"{key}=") for w in words if w.startswith(f"{key}=")]
 
 
 def without_options(words: Sequence[str], keys: Sequence[str]) -> list[str]:
