@@ -204,7 +204,10 @@ class Roles:
                 self._simulator = "gz"
                 self._set_world(values.get("world_sdf_file", ""), record)
             case "ros_gz_sim", "ros_gz_spawn_model" | "gz_spawn_model":
-                self._read_spawn({**record, "parameters": [values]}, "gz")
+                turns = {"roll": "R", "pitch": "P", "yaw": "Y"}
+                given = {turns.get(name, name): v for name, v in values.items()}
+                record = {**record, "arguments": (), "parameters": [given]}
+                self._read_spawn(record, "gz")
             case (("ros_gz_sim" | "ros_ign_gazebo" as which), _):
                 words = values.get(
                     "gz_args" if which == "ros_gz_sim" else "ign_args",

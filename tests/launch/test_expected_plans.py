@@ -2,6 +2,7 @@
 
 import os
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -60,6 +61,10 @@ def to_record(plan: ad.LaunchPlan, root: Path) -> dict[str, Any]:
             ],
             "controllers": list(robot.spawned.items()),
             "pose": list(robot.pose or (0.0,) * 6),
+            "remappings": [
+                [source.strip("/"), target.strip("/")]
+                for source, target, _ in robot.remappings
+            ],
         }
         for robot in plan.robots
     ]
@@ -73,6 +78,7 @@ def to_record(plan: ad.LaunchPlan, root: Path) -> dict[str, Any]:
             "controllers_yaml": [],
             "controllers": [],
             "pose": list(model.pose or (0.0,) * 6),
+            "remappings": [],
         }
         for model in plan.models
     ]
@@ -95,6 +101,14 @@ def to_record(plan: ad.LaunchPlan, root: Path) -> dict[str, Any]:
     }
 
 
+def parameters_of(files: Iterable[Path], node: str) -> dict[str, Any]:
+    """Return the parameters that a node has in files, the last one of each."""
+    found: dict[str, Any] = {}
+    for path in files:
+        found |= (read_yaml(path).get(node) or {}).get("ros__parameters", {})
+    return found
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("record", RECORDS, ids=map(name_of, RECORDS))
 def test_a_real_launch_file_gives_the_plan_of_a_careful_reader(
@@ -109,7 +123,8 @@ def test_a_real_launch_file_gives_the_plan_of_a_careful_reader(
         assert record["error_name"] in str(error.value)
         return
 
-    found = to_record(ad.load_launch(path, arguments=given), root)
+    plan = ad.load_launch(path, arguments=given)
+    found = to_record(plan, root)
 
     expected = {name: record[name] for name in found}
     expected["rviz"] = record["rviz"] and Path(record["rviz"]).name
@@ -117,7 +132,8 @@ def test_a_real_launch_file_gives_the_plan_of_a_careful_reader(
     found["declared"] = [n for n in found["declared"] if n in record["declared"]]
     expected["robots"] = [
         {
-            **robot,
+            "remappings": [],
+            **{name: value for name, value in robot.items() if name != "parameters"},
             "controllers": list(robot["controllers"].items()),
             "controllers_yaml": [
                 name for name in robot["controllers_yaml"] if name != TEMPORARY
@@ -126,3 +142,6 @@ def test_a_real_launch_file_gives_the_plan_of_a_careful_reader(
         for robot in record["robots"]
     ]
     assert found == expected
+    for robot, launched in zip(record["robots"], plan.robots, strict=False):
+        for node, values in robot.get("parameters", {}).items():
+            assert values.items() <= parameters_of(launched.controllers, node).items()

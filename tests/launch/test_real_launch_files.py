@@ -67,23 +67,45 @@ def test_the_doosan_moves_by_its_launch_file(
     assert "joint_trajectory_controller: SUCCEEDED" in capsys.readouterr().out
 
 
+def row_of(path: Path, repository: str) -> list[str]:
+    """Return what came out of a launch file: robots, controllers, world, the rest."""
+    name = f"{repository}/{path.name}"
+    try:
+        plan = ad.load_launch(path)
+    except ArmDrakeError as error:
+        return [name, "", "", "", "", str(error).removeprefix(f"{path}: ")[:150]]
+    try:
+        joints = [
+            sum(joint.type != "fixed" for joint in robot.description.joints)
+            for robot in plan.load_scene().robots
+        ]
+        robots = [
+            f"{Path(str(launched.source)).name} ({count} joints)"
+            for launched, count in zip(plan.robots, joints, strict=True)
+        ]
+    except ArmDrakeError as error:
+        robots = [str(error).rpartition("/")[2][:150]] if plan.robots else ["none"]
+    spawned = [f"{k} {v}" for robot in plan.robots for k, v in robot.spawned.items()]
+    world = "" if plan.world is None else Path(plan.world).name
+    poses = [str(list(robot.pose)) for robot in plan.robots if robot.pose is not None]
+    others = [each.name for each in plan.not_started]
+    columns = (robots, spawned, [world], poses, others)
+    return [name, *(", ".join(column) for column in columns)]
+
+
 def print_table() -> None:
-    """Print a row for each launch file: what it starts, what isn't run."""
+    """Print a row for each launch file, run without arguments."""
+    print("| file | robots | controllers | world | pose | not run, or what it needs |")
+    print("| --- | --- | --- | --- | --- | --- |")
+    ends = []
     for repository in REPOSITORIES:
         for path in launch_files(repository):
-            try:
-                plan = ad.load_launch(path)
-            except ArmDrakeError as error:
-                print(f"| {path.name} | {str(error).rpartition(': ')[2][:100]} | | |")
-                continue
-            robots = ", ".join(Path(str(r.source)).name for r in plan.robots) or "none"
-            spawned = [
-                f"{name} {state}"
-                for r in plan.robots
-                for name, state in r.spawned.items()
-            ]
-            rest = ", ".join(sorted({each.name for each in plan.not_started}))
-            print(f"| {path.name} | {robots} | {', '.join(spawned)} | {rest} |")
+            row = row_of(path, repository)
+            ends.append("a plan" if row[1] else row[-1])
+            print(f"| {' | '.join(row)} |", flush=True)
+    needs = [re.search("package|imports", end) is not None for end in ends]
+    plans = ends.count("a plan")
+    print(f"{len(ends)} files: {plans} plans, {sum(needs)} lack a package or a module")
 
 
 if __name__ == "__main__":

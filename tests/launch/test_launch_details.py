@@ -1,0 +1,290 @@
+"""Launch files: what is less common, and what can't be taken as it is written."""
+
+import json
+from pathlib import Path
+
+import pytest
+import yaml
+
+import arm_drake as ad
+from arm_drake.cli import main
+from arm_drake.errors import InputError, PackageError
+from arm_drake.launch.launch_files import load_arguments
+from tests.launch.packages import describe, make_package, write_launch
+
+SRDF = """
+<robot name="pendulum">
+  <group name="arm"><joint name="swing"/></group>
+  <virtual_joint name="fixed" type="fixed" parent_frame="table" child_link="world"/>
+</robot>
+"""
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    return make_package(tmp_path)
+
+
+def test_arguments_are_shown_of_what_can_be_read(
+    package: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = describe(
+        package,
+        """
+        DeclareLaunchArgument("side", choices=["left", "right"]),
+        LogInfo(msg=LaunchConfiguration("nowhere")),
+        publisher(["xacro ", LaunchConfiguration("file")]),
+        OpaqueFunction(function=lambda context: 1 / 0),
+        DeclareLaunchArgument("last", default_value=LaunchConfiguration("side")),
+        """,
+    )
+
+    assert [argument.name for argument in load_arguments(path)] == ["side"]
+    found = load_arguments(path, arguments={"side": "left"})
+    assert [(each.name, each.default) for each in found] == [
+        ("side", None),
+        ("last", "left"),
+    ]
+    words = [str(path), "side:=right", "--show-args", "--json"]
+    assert main(["launch", *words]) == 0
+    last = json.loads(capsys.readouterr().out)[-1]
+    assert (last["name"], last["default"]) == ("last", "right")
+
+
+def test_libraries_of_python_may_be_used(package: Path) -> None:
+    before = """
+    import numpy as np
+    HALF = f"{np.linalg.norm([0.3, 0.4]):g}"
+    """
+    path = describe(package, "publisher([*XACRO, ' height:=', HALF]),", before)
+
+    assert ad.load_launch(path).robots[0].xacro_args == {"height": "0.5"}
+
+
+@pytest.mark.parametrize("is_changed", [False, True])
+def test_a_document_of_xacro_may_be_changed(package: Path, is_changed: bool) -> None:
+    before = f"""
+    import xacro
+    made = xacro.process_file(XACRO[1], mappings={{"prefix": "left_"}})
+    links = made.getElementsByTagName("link")
+    if {is_changed}:
+        links[1].setAttribute("name", "pole")
+        made.getElementsByTagName("child")[0].setAttribute("link", "pole")
+    node = Node(
+        package="robot_state_publisher", executable="robot_state_publisher",
+        parameters=[{{"robot_description": made.toxml()}}])
+    """
+    plan = ad.load_launch(describe(package, "node,", before))
+
+    (launched,) = plan.robots
+    assert isinstance(launched.source, str) == is_changed
+    (robot,) = plan.load_scene().robots
+    assert [joint.name for joint in robot.description.joints] == ["left_swing"]
+    assert ("pole" in robot.description.links) == is_changed
+
+
+def test_a_description_that_xacro_refuses_is_told(package: Path) -> None:
+    (package / "urdf" / "wrong.xacro").write_text(
+        "<robot name='a' xmlns:xacro='http://www.ros.org/wiki/xacro'>"
+        "<link name='${b}'/></robot>"
+    )
+    before = """
+    import xacro
+    file = os.path.join(PACKAGE, "urdf", "wrong.xacro")
+    xacro.process_file(file).getElementsByTagName("link")
+    """
+
+    with pytest.raises(InputError, match=r"wrong.xacro: .*b"):
+        ad.load_launch(describe(package, "", before))
+
+
+def test_the_launch_files_of_moveits_assistant_run(package: Path) -> None:
+    config, launch = package / "config", package / "launch"
+    (config / "pendulum.srdf").write_text(SRDF, encoding="utf-8")
+    (config / "ros2_controllers.yaml").write_text(
+        (config / "controllers.yaml").read_text(encoding="utf-8"), encoding="utf-8"
+    )
+    simple = {"controller_names": ["arm_controller"]}
+    (config / "moveit_controllers.yaml").write_text(
+        yaml.safe_dump({"moveit_simple_controller_manager": simple}), encoding="utf-8"
+    )
+    parts = ("static_virtual_joint_tfs", "rsp", "move_group", "moveit_rviz")
+    for name in (*parts, "spawn_controllers", "demo"):
+        text = f"""
+        from moveit_configs_utils import MoveItConfigsBuilder
+        from moveit_configs_utils.launches import generate_{name}_launch
+
+        def generate_launch_description():
+            builder = MoveItConfigsBuilder("pendulum", package_name="pendulum_bringup")
+            builder.robot_description("urdf/pendulum.urdf.xacro")
+            return generate_{name}_launch(builder.to_moveit_configs())
+        """
+        write_launch(package, text, f"{name}.launch.py")
+
+    plan = ad.load_launch(launch / "demo.launch.py")
+
+    (robot,) = plan.robots
+    assert robot.has_manager
+    assert dict(robot.spawned) == {
+        "arm_controller": "active",
+        "joint_state_broadcaster": "active",
+    }
+    assert plan.has_move_group
+    assert plan.rviz == config / "moveit.rviz"
+    (frame,) = plan.static_frames
+    assert frame[:2] == ("table", "world")
+    (loaded,) = plan.load_scene().robots
+    assert [path.name for path in loaded.srdf_files] == ["robot.srdf"]
+    without = ad.load_launch(launch / "demo.launch.py", arguments={"use_rviz": "0"})
+    assert without.rviz is None
+
+
+def test_actions_of_gazebo_are_its_launch_files(package: Path) -> None:
+    (package / "w.sdf").write_text("<sdf version='1.9'><world name='w'/></sdf>")
+    before = """
+    from ros_gz_bridge.actions import RosGzBridge
+    from ros_gz_sim.actions import GzServer, GzSpawnModel
+    """
+    path = describe(
+        package,
+        """
+        GzServer(world_sdf_file=os.path.join(PACKAGE, "w.sdf")), publisher(),
+        GzSpawnModel(topic="robot_description", entity_name="left", x="1.5"),
+        GzSpawnModel(topic="robot_description", entity_name="right", x="0"),
+        RosGzBridge(bridge_name="b", config_file=os.path.join(PACKAGE, "b.yaml")),
+        """,
+        before,
+    )
+
+    plan = ad.load_launch(path)
+
+    assert plan.world == package / "w.sdf"
+    assert [(robot.name, robot.pose) for robot in plan.robots] == [
+        ("left", (1.5, 0.0, 0.0, 0.0, 0.0, 0.0)),
+        ("right", (0.0,) * 6),
+    ]
+    assert plan.bridge_files == (package / "b.yaml",)
+
+
+def test_one_description_may_be_spawned_twice(package: Path) -> None:
+    path = describe(
+        package,
+        """
+        publisher(),
+        *[Node(package="ros_gz_sim", executable="create",
+               arguments=["-topic", "robot_description", "-name", "one", "-y", str(y)])
+          for y in (0.0, 2.0)],
+        """,
+    )
+    plan = ad.load_launch(path)
+
+    scene = plan.load_scene()
+
+    assert [robot.name for robot in scene.robots] == ["one", "one_2"]
+    assert scene.robots[1].pose[1] == 2.0
+    assert "several robots are called 'one'; one is 'one_2' here" in str(plan.report)
+
+
+def test_a_spawner_without_its_manager_starts_nothing(package: Path) -> None:
+    path = describe(
+        package,
+        """
+        publisher(), manager(), spawner("forward"),
+        spawner("arm_controller", "-c", "/left/controller_manager"),
+        Node(package="controller_manager", executable="spawner",
+             arguments="joint_state_broadcaster -c /controller_manager"),
+        """,
+    )
+
+    plan = ad.load_launch(path)
+
+    (robot,) = plan.robots
+    assert list(robot.spawned) == ["forward", "joint_state_broadcaster"]
+    assert list(map(str, plan.not_started)) == [
+        "not started: controller arm_controller; /left/controller_manager isn't "
+        "started; there is /controller_manager"
+    ]
+
+
+def test_what_is_sent_to_one_of_several_robots_is_its_motion(package: Path) -> None:
+    before = """
+    def send(name):
+        command = ["ros2", "topic", "pub", "--once", f"/{name}/forward/commands",
+                   "std_msgs/msg/Float64MultiArray", "{data: [0.5]}"]
+        return ExecuteProcess(cmd=command)
+
+    def robot(name):
+        return GroupAction([
+            PushRosNamespace(name), publisher([*XACRO, " prefix:="]),
+            manager(), spawner("forward")])
+    """
+    names = "left", "right"
+    parts = [f"robot('{name}'), send('{name}')," for name in names]
+    plan = ad.load_launch(describe(package, "\n".join([*parts, "send('up'),"]), before))
+
+    scene = plan.load_scene()
+
+    assert set(scene.motions) == {"left", "right"}
+    for motion in scene.motions.values():
+        (step,) = motion.steps
+        assert "/forward/commands" in str(step.message)
+    assert "/up/forward/commands is no robot's" in str(plan.report)
+
+
+def test_what_can_not_be_taken_is_reported_with_the_robot(package: Path) -> None:
+    path = describe(
+        package,
+        """
+        publisher(), manager(), spawner("forward"),
+        Node(package="own", executable="watcher"),
+        Node(package="tf2_ros", executable="static_transform_publisher",
+             arguments=["--x", "much", "--frame-id", "a", "--child-frame-id", "b"]),
+        Node(package="tf2_ros", executable="static_transform_publisher"),
+        Node(package="ros_gz_sim", executable="create",
+             arguments=["-file", "/nowhere/table.sdf"]),
+        """,
+    )
+    plan = ad.load_launch(path)
+
+    told = str(plan.load_scene().robots[0].report)
+
+    for part in (
+        "node own/watcher; it is not started",
+        "--x much --frame-id a --child-frame-id b: much is no number; it is left out",
+        "static_transform_publisher : it names no frames",
+        "no such model: /nowhere/table.sdf",
+    ):
+        assert part in told
+    assert (
+        main(["launch", str(path), "--headless", "--duration", "0.1", "--strict"]) == 2
+    )
+    assert main(["launch", str(path), "--print", "--strict"]) == 2
+
+
+@pytest.mark.parametrize(
+    "entities",
+    [
+        "Node(package='robot_state_publisher', executable='r', arguments=['no.urdf']),",
+        "publisher(), manager(), Node(package='controller_manager', "
+        "executable='ros2_control_node', parameters=[{'a': 1, 'a.b': 2}]),",
+        "publisher(), manager(name='../up'), spawner('forward', '-c', '../up'),",
+        "publisher(), Node(package='ros_gz_sim', executable='create', "
+        "arguments=['-file', 'x' * 5000]),",
+        "ExecuteProcess(cmd=['gz', 'sim', 'w' * 5000]),",
+        "Node(package='robot_state_publisher', executable='r', parameters=["
+        "{'robot_description': '<robot key=\"99\" by=\"arm_drake\"/>'}]),",
+        "publisher(), LogInfo(msg=str({1, 2.5, (3,)})), Node(package='a', "
+        "executable='b', parameters=[{'c': object()}]),",
+    ],
+)
+def test_odd_things_end_as_a_plan(package: Path, entities: str) -> None:
+    plan = ad.load_launch(describe(package, entities))
+
+    assert str(plan).startswith("launch file: ")
+
+
+def test_a_package_without_a_name_is_told(package: Path) -> None:
+    path = describe(package, "", "get_package_share_directory(None)")
+
+    with pytest.raises(PackageError, match="None"):
+        ad.load_launch(path)
