@@ -46,10 +46,16 @@ def find_launch_file(
     """
     path = Path(source).expanduser()
     if name is None:
+        if path.is_dir():
+            names = sorted({f.name for f in path.rglob("*") if is_launch_file(f)})
+            text = f"is a folder; name one of its launch files, too: {', '.join(names)}"
+            raise InputError(text, file=path)
         if not path.is_file():
             text = "no such launch file; expected a file, or a package and a file"
             raise InputError(text, file=path)
         return path
+    if path.is_file():
+        raise InputError(f"{name!r}: expected an argument as NAME:=VALUE", file=path)
     if path.is_dir():
         folder = path
     else:

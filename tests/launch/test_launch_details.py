@@ -51,6 +51,15 @@ def test_arguments_are_shown_of_what_can_be_read(
     assert (last["name"], last["default"]) == ("last", "right")
 
 
+def test_what_names_no_launch_file_is_told(package: Path) -> None:
+    path = describe(package, "publisher(),")
+
+    with pytest.raises(InputError, match=r"is a folder; .*, too: test.launch.py"):
+        ad.load_launch(package)
+    with pytest.raises(InputError, match="'side': expected an argument as NAME:=VALUE"):
+        ad.load_launch(path, "side")
+
+
 def test_libraries_of_python_may_be_used(package: Path) -> None:
     before = """
     import numpy as np
