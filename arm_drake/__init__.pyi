@@ -13,6 +13,12 @@ from arm_drake.batch import (
     iterate_many as iterate_many,
     run_many as run_many,
 )
+from arm_drake.batch.linear_model import (
+    LinearModel as LinearModel,
+    Margins as Margins,
+    Pole as Pole,
+)
+from arm_drake.batch.linearization import linearize as linearize
 from arm_drake.controllers import (
     ControllerType as ControllerType,
     register_controller as register_controller,

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 from arm_drake.commands.arguments import (
     XACRO,
+    add_analyze_arguments,
     add_cache_arguments,
     add_compare_arguments,
     add_graph_arguments,
@@ -242,6 +243,13 @@ def _plan(options: argparse.Namespace) -> int:
     return run_plan(options, functools.partial(load_robot_of, options))
 
 
+def _analyze(options: argparse.Namespace) -> int:
+    with unbroken(), without_collection():
+        from arm_drake.commands.analyze import run_analyze
+
+    return run_analyze(options, load_robot_of(options))
+
+
 def _cache(options: argparse.Namespace) -> int:
     from arm_drake.description.meshes.conversion import cache_directory, clear_cache
 
@@ -337,6 +345,14 @@ _COMMANDS: Mapping[str, _Command] = {
         "A way around something needs `pip install 'arm-drake[planning]'`.",
         add_plan_arguments,
         _plan,
+    ),
+    "analyze": _Command(
+        "poles, bandwidths and margins of a robot with its controllers",
+        "Linearizes the robot, its servo and its controllers where they rest, by "
+        "differences of the simulation. Exits with 0 if the loop is stable, else with "
+        "1.",
+        add_analyze_arguments,
+        _analyze,
     ),
     "cache": _Command(
         "where converted meshes are kept",

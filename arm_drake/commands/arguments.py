@@ -483,6 +483,25 @@ def add_plan_arguments(parser: argparse.ArgumentParser) -> None:
     add("--record", metavar="FILE.html", type=Path, help="page to write that plays it")
 
 
+def add_analyze_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `analyze`."""
+    add_robot_arguments(parser)
+    add = parser.add_argument
+    add(
+        "--at",
+        metavar="STATE",
+        help="where it is: a state of the SRDF as home, or JOINT=VALUE,... [rad, m]",
+    )
+    add(
+        "--no-friction",
+        action="store_true",
+        help="without dry friction, in which joints at rest stick",
+    )
+    add("--preset", metavar="NAME", help="as for sim (accurate)")
+    add("--time-step", metavar="S", type=positive, help="largest step [s] (0.001)")
+    add("--plot", metavar="FILE.png", type=Path, help="draw Bode plots")
+
+
 def _add_group(parser: argparse.ArgumentParser) -> None:
     """Add which joints move, and which link is meant."""
     add = parser.add_argument
