@@ -189,9 +189,7 @@ def test_the_command_tells_and_draws(tmp_path, capsys) -> None:
     assert told["stable"]
     assert len(told["joints"]) == 6
     # The servo's bandwidth.
-    assert told["poles"][0]["natural_frequency"] == pytest.approx(
-        40.0, rel=0.02
-    )  # The servo's.
+    assert told["poles"][0]["natural_frequency"] == pytest.approx(40.0, rel=1e-3)
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
