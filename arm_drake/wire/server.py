@@ -58,6 +58,10 @@ TRANSPORTS: Mapping[str, TransportRow] = {
     "rosbridge": TransportRow(
         "arm_drake.wire.rosbridge", "Rosbridge", 9090, "ros", "cbor2"
     ),
+    "foxglove": TransportRow(
+        "arm_drake.wire.foxglove", "Foxglove", 8765, "foxglove", "foxglove"
+    ),
+    "zenoh": TransportRow("arm_drake.wire.zenoh", "Zenoh", 7447, "zenoh", "zenoh"),
 }
 
 
@@ -181,6 +185,7 @@ class RosServer:
         self._last_time = self.simulation.time
         self._news_due = 0.0
         self._trim_due = 0.0
+        self._warn_due = 0.0
         self._thread: threading.Thread | None = None
         self._is_stopping = threading.Event()
         self._ready = threading.Event()
@@ -476,6 +481,23 @@ class RosServer:
                 f"{MAX_REQUESTS} requests wait for the next tick; send fewer at a time"
             )
         self._requests.append(request._replace(offset_ns=self.offset_ns))
+
+    def post(self, act: Callable[[], None]) -> None:
+        """Have the network's thread do something; for threads of libraries.
+
+        What is over so much that waits is dropped, and said.
+        """
+        if len(self._news) > MAX_REQUESTS * 10:
+            self.warn("too much comes in at once; some of it is dropped")
+        else:
+            self._news.append(act)
+
+    def warn(self, text: str) -> None:
+        """Say what is wrong, at most ten times a second."""
+        now = time.monotonic()
+        if now >= self._warn_due:
+            self._warn_due = now + 0.1
+            print(f"warning: --ros: {text}", file=sys.stderr)
 
     def watch(self) -> None:
         """Look which topics somebody listens to."""

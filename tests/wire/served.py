@@ -2,13 +2,15 @@
 
 import contextlib
 import json
+import os
+import shutil
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import pytest
 
@@ -76,15 +78,48 @@ def wait_for(condition: Callable[[], Any], timeout: float = 20.0) -> Any:
     pytest.fail("it did not happen in time")
 
 
+CLIENTS = Path(__file__).with_name("clients")
+
+
 def run_client(script: str, *arguments: object, timeout: float = 60.0) -> Any:
     """Run a program of a foreign client; return what it prints as JSON."""
-    path = Path(__file__).with_name("clients") / script
+    return _run([sys.executable, str(CLIENTS / script)], arguments, timeout)
+
+
+def run_node(script: str, *arguments: object, timeout: float = 60.0) -> Any:
+    """Run a program of a client from npm; return what it prints as JSON."""
+    if shutil.which("node") is None:
+        skip("there is no node")
+    if not Path(__file__).with_name("node_modules").is_dir():
+        skip("npm ci was not run in tests/wire")
+    return _run(["node", str(CLIENTS / script)], arguments, timeout)
+
+
+def run_zenoh_peer(script: str, *arguments: object, timeout: float = 60.0) -> Any:
+    """Run a program of zenoh-ros2-sdk, which has an environment of its own."""
+    peer = Path(__file__).parents[2] / "out" / "zenoh_peer" / "bin" / "python"
+    if not peer.is_file():
+        skip("there is no environment out/zenoh_peer with zenoh-ros2-sdk")
+    return _run([str(peer), str(CLIENTS / script)], arguments, timeout)
+
+
+def skip(reason: str) -> NoReturn:
+    """Skip a test, or fail where nothing may be skipped."""
+    if os.environ.get("ARM_DRAKE_NO_SKIP"):
+        pytest.fail(reason)
+    pytest.skip(reason)
+
+
+def _run(command: list[str], arguments: tuple[object, ...], timeout: float) -> Any:
+    # Nothing here may need the net.
+    nowhere = {"HTTPS_PROXY": "http://127.0.0.1:9", "HTTP_PROXY": "http://127.0.0.1:9"}
     done = subprocess.run(
-        [sys.executable, str(path), *map(str, arguments)],
+        [*command, *map(str, arguments)],
         capture_output=True,
         text=True,
         timeout=timeout,
         check=False,
+        env={**os.environ, **nowhere},
     )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
