@@ -65,6 +65,14 @@ def _read_inputs(path: Path | None) -> Iterable[ClientInput]:
     return inputs
 
 
+def _length(rollout: Rollout, motion: Motion | None) -> float:
+    """Return how long a run was [s], with what came in last."""
+    ends = [float(rollout.time[-1]), *(each.time for each in rollout.inputs)]
+    if motion is not None:
+        ends.append(default_duration(motion))
+    return max(ends)
+
+
 def run_served(
     options: argparse.Namespace,
     server: RosServer,
@@ -81,9 +89,8 @@ def run_served(
         say.line("simulating until Ctrl-C")
     elif options.ros is None and options.duration is None:
         # As long as the run was.
-        duration = max(
-            float(Rollout.load(options.inputs).time[-1]), default_duration(motion)
-        )
+        duration = _length(Rollout.load(options.inputs), motion)
+        duration += server.simulation.period
     run(
         server,
         _ENDLESS if duration is None else duration,

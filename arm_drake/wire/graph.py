@@ -50,7 +50,7 @@ from arm_drake.wire.types import WireTypes, to_fields, type_of
 _TF_RATE, _CLOCK_RATE = 50.0, 100.0
 
 # Values that wait for the network; older ones are dropped.
-_NUM_WAITING = 8
+_NUM_WAITING = 128
 
 TF, TF_STATIC, CLOCK = "/tf", "/tf_static", "/clock"
 JOINT_STATES, DESCRIPTION = "/joint_states", "/robot_description"

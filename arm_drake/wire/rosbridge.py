@@ -7,6 +7,7 @@ import asyncio
 import collections
 import json
 import math
+import socket
 import time
 import uuid
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -14,7 +15,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 from urllib.parse import urlsplit
 
 import tornado.httpserver
-import tornado.netutil
 import tornado.web
 import tornado.websocket
 
@@ -319,11 +319,13 @@ class Rosbridge:
             [(r"/.*", Client, {"bridge": self})],
             websocket_max_message_size=_MAX_SIZE,
         )
-        sockets = tornado.netutil.bind_sockets(self.port, self.server.host)
-        self._http = tornado.httpserver.HTTPServer(application)
-        self._http.add_sockets(sockets)
-        self.port = sockets[0].getsockname()[1]
         host = self.server.host
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        listening = socket.create_server((host, self.port), family=family)
+        listening.setblocking(False)
+        self._http = tornado.httpserver.HTTPServer(application)
+        self._http.add_socket(listening)
+        self.port = listening.getsockname()[1]
         return [
             f"rosbridge: ws://{host}:{self.port}",
             f"  roslibpy.Ros({host!r}, {self.port})",

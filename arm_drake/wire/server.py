@@ -37,6 +37,10 @@ POLL_PERIOD, _PAUSED_PERIOD = 0.005, 0.005
 # Requests that may wait for the next tick.
 MAX_REQUESTS = 1000
 
+# A topic is told at most so often by the wall clock [Hz]: a simulation that runs faster
+# than that leaves messages out.
+_MAX_RATE = 1250.0
+
 # News of goals are looked for so often [s].
 _NEWS_PERIOD = 0.01
 
@@ -186,6 +190,7 @@ class RosServer:
         self._news_due = 0.0
         self._trim_due = 0.0
         self._warn_due = 0.0
+        self._polled = time.monotonic()
         self._thread: threading.Thread | None = None
         self._is_stopping = threading.Event()
         self._ready = threading.Event()
@@ -535,7 +540,12 @@ class RosServer:
         for _ in range(len(self._news)):
             self._attempt(self._news.popleft())
         new: dict[Topic, list[dict[str, Any]]] = {}
+        now = time.monotonic()
+        limit = math.ceil((now - self._polled) * _MAX_RATE)
+        self._polled = now
         for topic in self._watched:
+            for _ in range(len(topic.waiting) - limit):
+                topic.waiting.popleft()
             while topic.waiting:
                 value = topic.waiting.popleft()
                 new.setdefault(topic, []).append(self.fields_of(topic, value))

@@ -474,10 +474,10 @@ def _add_service(store: Any, type_: str) -> None:
 
 
 def to_fields(value: Any, offset_ns: int = 0) -> Any:
-    """Return a message as plain data; stamps that aren't 0 are so much later [ns]."""
+    """Return a message as plain data; its stamps are so much later [ns]."""
     if isinstance(value, Message):
         if isinstance(value, Time):
-            if offset_ns and not isinstance(value, Duration) and _is_set(value):
+            if offset_ns and not isinstance(value, Duration):
                 value = Time.from_nanoseconds(value.to_nanoseconds() + offset_ns)
             return {"sec": value.sec, "nanosec": value.nanosec}
         # Of a message that isn't made yet, what it will be.
@@ -489,10 +489,6 @@ def to_fields(value: Any, offset_ns: int = 0) -> Any:
             return value
         return [to_fields(item, offset_ns) for item in value]
     return value
-
-
-def _is_set(time: Time) -> bool:
-    return bool(time.sec or time.nanosec)
 
 
 @functools.cache
