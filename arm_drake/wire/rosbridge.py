@@ -190,6 +190,11 @@ class Client(tornado.websocket.WebSocketHandler):
             self.refuse(content, str(error))
         except RecursionError:
             self.refuse(content, "it is nested too deeply")
+        except (TypeError, ValueError, KeyError, AttributeError) as error:
+            # A check of ours is missing; the client gets its answer all the same.
+            text = f"{type(error).__name__}: {error}"
+            self.bridge.server.warn(f"rosbridge: {str(content)[:200]}: {text}")
+            self.refuse(content, f"it can't be used ({text})")
 
     def refuse(self, content: Mapping[str, Any], problem: str) -> None:
         """Say what is wrong, as the operation has it."""
@@ -670,8 +675,8 @@ class Rosbridge:
             if waiting.client is client and waiting.request.get("id") == id_:
                 self.actions[name].client.send({**content, "id": key})
                 return
-        if id_ not in client.goals:
-            raise InputError(f"no goal {id_!r} of this client")
+        if not isinstance(id_, str) or id_ not in client.goals:
+            raise InputError(f"no goal {str(id_)[:100]!r} of this client")
         goal = f"{client.sender} {id_}"
         self._submit(client, content, "cancel", name, {}, goal_id=goal)
 

@@ -4,6 +4,7 @@ import asyncio
 import json
 import math
 import xml.etree.ElementTree as ET
+from random import Random
 from typing import Any
 
 import pytest
@@ -348,3 +349,43 @@ def test_a_long_message_comes_in_fragments_or_as_a_picture(port: int) -> None:
         assert json.loads(text)["msg"]["data"].startswith("<")
 
     talk(port, conversation)
+
+
+def test_a_thousand_malformed_messages_get_as_many_answers(port: int) -> None:
+    random = Random(0)  # noqa: S311
+    pool = [dict(each) for each, _ in MALFORMED if isinstance(each, dict)]
+    pool = [each for each in pool if each.get("op") != "subscribe"]
+
+    def mutated() -> dict[str, Any]:
+        content = dict(random.choice(pool))
+        values = (None, 1, [], {}, "x", math.nan, True, -1e300, ["a"], {"a": 1})
+        content[random.choice(list(content))] = random.choice(values)
+        return content
+
+    async def conversation(socket: Socket) -> None:
+        # Values that make a message right, such as an id, leave it without an answer.
+        messages = [{**mutated(), "op": "fly"} for _ in range(500)]
+        messages += [{**mutated(), "op": random.choice(REFUSED)} for _ in range(500)]
+        for message in messages:
+            answer = await socket.ask(message)
+            assert answer["op"] in ("status", "service_response", "action_result")
+        answer = await socket.ask({"op": "call_service", "service": "/rosapi/nodes"})
+        assert answer["result"] is True
+
+    talk(port, conversation)
+
+
+# Operations that can't be right with what the messages above have.
+REFUSED = (
+    "publish",
+    "unsubscribe",
+    "fragment",
+    "png",
+    "auth",
+    "service_response",
+    "cancel_action_goal",
+    "send_action_goal",
+    "call_service",
+    "action_result",
+    "advertise",
+)
