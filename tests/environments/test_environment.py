@@ -206,7 +206,7 @@ def test_a_linear_policy_learns_to_reach_the_sphere() -> None:
         mean = 0.3 * mean + 0.7 * best.mean(axis=0) if round_ else best.mean(axis=0)
         spread = best.std(axis=0) + 0.5 * 0.8**round_
 
-    successes = [run(mean, 1_000_000 + trial)[1] for trial in range(100)]
+    successes = [run(mean, 1_000_000 + trial)[1] for trial in range(200)]
 
     assert np.mean(successes) > 0.9
     # It is learnt: without, the arm stays where it is.

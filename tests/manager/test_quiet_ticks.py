@@ -43,6 +43,9 @@ from tests.conformance.test_oracle_jtc_scenarios import INPUTS, OUTPUTS, REPLAYE
 JOINTS = tuple(f"joint{i}" for i in range(1, 7))
 PERIOD = 0.01
 
+# What `make bench` alone runs.
+BENCH = [pytest.mark.slow, pytest.mark.long]
+
 
 @dc.dataclass
 class Count:
