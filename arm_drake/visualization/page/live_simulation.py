@@ -361,7 +361,7 @@ class LiveSimulation:
                 if self._is_playing:
                     self._advance()
                 elif self.ros is not None:
-                    self.ros.exchange()
+                    self.ros.idle()
             except ResetRequested:
                 self.reset()
             now = time.perf_counter()
