@@ -226,18 +226,9 @@ def add_launch_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add("--show-args", action="store_true", help="say which arguments it has")
     add("--print", action="store_true", help="say what it would start")
-    several: Any = {"action": "append", "default": []}
-    add(
-        "--package-path",
-        metavar="DIR",
-        **several,
-        help="folder to search for packages; repeatable",
-    )
-    add(
-        "--strict",
-        action="store_true",
-        help="take every line of the report as an error",
-    )
+    add_loading_arguments(parser)
+    text = "take every line of the report as an error"
+    add("--strict", action="store_true", help=text)
     add_json(parser)
     text = "; where nothing is simulated"
     add("--position", metavar="V", nargs="+", **_EXTEND, help=f"as for view{text}")
@@ -552,7 +543,6 @@ def add_cache_arguments(parser: argparse.ArgumentParser) -> None:
 def add_robot_arguments(parser: argparse.ArgumentParser) -> None:
     """Add which robot to load, and how."""
     add = parser.add_argument
-    several: Any = {"action": "append", "default": []}
     add(
         "robot",
         metavar="ROBOT",
@@ -567,6 +557,16 @@ def add_robot_arguments(parser: argparse.ArgumentParser) -> None:
         type=pair(XACRO),
         help="xacro arguments",
     )
+    add_loading_arguments(parser)
+    text = "take every line of the report as an error"
+    add("--strict", action="store_true", help=text)
+    add_json(parser)
+
+
+def add_loading_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what a robot is loaded with, besides its description."""
+    add = parser.add_argument
+    several: Any = {"action": "append", "default": []}
     add(
         "--controllers",
         metavar="YAML",
@@ -586,9 +586,6 @@ def add_robot_arguments(parser: argparse.ArgumentParser) -> None:
     add("--srdf", metavar="FILE", action="append", help=text)
     add("--distro", default="jazzy", help="ROS distribution (jazzy)")
     add("--name", help="name of the robot")
-    text = "take every line of the report as an error"
-    add("--strict", action="store_true", help=text)
-    add_json(parser)
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:

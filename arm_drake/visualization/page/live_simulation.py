@@ -34,6 +34,7 @@ from arm_drake.visualization.page import (
 )
 from arm_drake.visualization.page.live_views import LiveViews, Pictures
 from arm_drake.visualization.page.panel import make_report
+from arm_drake.visualization.page.parts import PARTS, Part, make_parts
 from arm_drake.visualization.recording import start_recording
 from arm_drake.visualization.teleop.base import Remote
 from arm_drake.visualization.teleop.remotes import find_remotes
@@ -184,9 +185,8 @@ class LiveSimulation:
             MotionError: As `Simulation.run`.
         """
         self.simulation, self.scene = simulation, scene
-        self.views = LiveViews(
-            page, simulation, tuple(shown), is_recorded=frame_rate is not None
-        )
+        recorded = frame_rate is not None
+        self.views = LiveViews(page, simulation, tuple(shown), is_recorded=recorded)
         self.remotes: list[Remote] = find_remotes(simulation)
         self.page = page
         self._motion = self._find(motion)
@@ -205,6 +205,7 @@ class LiveSimulation:
         self._replayed_at: float | None = None
         self._log = LogLines()
         simulation.on_event(lambda event: self._log.add(simulation, event))
+        self.parts: list[Part] = make_parts(self, PARTS)
         self._start()
         self.ros = self._serve(ros)
         page.set_panel(self._title(), make_sections(self))
@@ -414,8 +415,12 @@ class LiveSimulation:
             if not path.exists()
         )
         self.scene.at(self.simulation).save(path)
-        self._log.note(self.simulation, f"scene saved: {path}")
+        self.note(f"scene saved: {path}")
         return path
+
+    def note(self, text: str) -> None:
+        """Add a line to the news."""
+        self._log.note(self.simulation, text)
 
     def wait_for_browser(self) -> None:
         """Wait until a browser shows the page, doing what is clicked, or `stop`."""
@@ -483,7 +488,7 @@ class LiveSimulation:
                 if isinstance(value, int | float):
                     text += f" {value:.4g}"
                 self._log.note(self.simulation, f"{text} by the panel", source=name)
-        else:
+        elif not any(part.handle(name, value) for part in self.parts):
             self.views.handle(name, value)
             self._drawn = math.nan
 
@@ -645,6 +650,7 @@ def make_sections(live: LiveSimulation) -> list[Section]:
         Section("Simulation", (buttons, bar, rate, *times)),
         Section("Controllers", items),
         *(Section(remote.title, remote.widgets()) for remote in live.remotes),
+        *(part.section() for part in live.parts),
         live.views.readout.section(),
         Section("Show", (look, *live.views.widgets())),
         Section("News", (Text("log", "the newest first", can_copy=True),)),
@@ -684,6 +690,8 @@ def make_changes(live: LiveSimulation) -> dict[str, dict[str, Any]]:
         }
     for remote in live.remotes:
         changes |= remote.changes()
+    for part in live.parts:
+        changes |= {name: dict(fields) for name, fields in part.changes().items()}
     return changes
 
 
