@@ -304,6 +304,8 @@ class LiveSimulation:
         self.simulation.reset()
         for remote in self.remotes:
             remote.reset()
+        for part in self.parts:
+            part.reset()
         if self._frame_rate is not None:
             start_recording(self.page.meshcat, self._frame_rate)
         self._log.clear()
@@ -520,6 +522,7 @@ class LiveSimulation:
             if self._frame_rate is not None:
                 due.append(self._picture_at)
             due.append(self._repeat_at)
+            due += [self.simulation.time + part.advance() for part in self.parts]
             self._player.play(max(min(due) - self.simulation.time, 0.0))
             now = self.simulation.time
             if now >= self._repeat_at:
