@@ -189,6 +189,20 @@ def complete_positions(
     return kinematics.named(kinematics.complete(positions))
 
 
+def find_reach(
+    robot: Robot, frame: str, group: Collection[str]
+) -> tuple[np.ndarray, float]:
+    """Return a point in the world that a link turns about, and how far it gets [m].
+
+    The point is that of the first of the group's joints which move the link, in the
+    robot's initial positions.
+    """
+    kinematics = _kinematics_of(robot)
+    chain = kinematics.chain(frame, group)
+    place = kinematics.place_of(kinematics.complete({}), chain.base)
+    return place, chain.reach
+
+
 def follow_line(
     robot: Robot,
     frame: str,

@@ -28,6 +28,7 @@ from arm_drake.visualization.page import (
     Text,
 )
 from arm_drake.visualization.page.live_views import LiveViews, Pictures
+from arm_drake.visualization.page.motion_planning import MotionPlanning, SimulatedRobots
 from arm_drake.visualization.page.panel import make_report
 from arm_drake.visualization.recording import start_recording
 from arm_drake.visualization.teleop.base import Remote
@@ -178,8 +179,8 @@ class LiveSimulation:
         )
         self.remotes: list[Remote] = find_remotes(simulation)
         self.page = page
-        robot = next(iter(simulation.robots.values()))
-        self._motion = None if motion is None else find_motion(motion, robot)
+        first = next(iter(simulation.robots.values()))
+        self._motion = None if motion is None else find_motion(motion, first)
         self._pacer = RealtimePacer(realtime_rate)
         self._is_playing = not is_paused
         self._is_stopped = self.is_ended = False
@@ -191,12 +192,12 @@ class LiveSimulation:
         self._pictures, self._longest = Pictures(), history
         # The time that is drawn [s]; NaN is to be drawn anew.
         self._drawn = math.nan
-        # The time of the past that is shown [s], None is the present; and since when it
-        # is replayed [s] of wall time.
+        # The past time that is shown [s], None is now; since when it is replayed [s].
         self._shown_time: float | None = None
         self._replayed_at: float | None = None
         self._log = LogLines()
         simulation.on_event(lambda event: self._log.add(simulation, event))
+        self.planning = MotionPlanning(page, SimulatedRobots(self))
         self._start()
         page.set_panel(self._title(), make_sections(self))
 
@@ -282,6 +283,7 @@ class LiveSimulation:
         self.simulation.reset()
         for remote in self.remotes:
             remote.reset()
+        self.planning.clear()
         if self._frame_rate is not None:
             start_recording(self.page.meshcat, self._frame_rate)
         self._log.clear()
@@ -339,6 +341,8 @@ class LiveSimulation:
             now = time.perf_counter()
             if now >= next_picture:
                 self._go_on_replaying(now)
+                if self._shown_time is None:
+                    self.planning.tick()
                 # A recording has the pictures that its own times ask for, no others.
                 is_due = self._frame_rate is None or not self._is_playing
                 if is_due and self._drawn != self.shown_time:
@@ -413,7 +417,10 @@ class LiveSimulation:
         Args:
             events: What happened on the page, in order.
         """
-        do_events(self.page, events, lambda event: self._do(event.id, event.value))
+        waiting = list(events)
+        while waiting:  # Of clicks during the search for a plan there may be more.
+            do_events(self.page, waiting, lambda event: self._do(event.id, event.value))
+            waiting = self.planning.waiting_events()
 
     def _do(self, name: str, value: Any) -> None:
         kind, _, what = name.partition(":")
@@ -450,7 +457,7 @@ class LiveSimulation:
                 if isinstance(value, int | float):
                     text += f" {value:.4g}"
                 self._log.note(self.simulation, f"{text} by the panel", source=name)
-        else:
+        elif not self.planning.handle(name, value):
             self.views.handle(name, value)
             self._drawn = math.nan
 
@@ -592,6 +599,7 @@ def make_sections(live: LiveSimulation) -> list[Section]:
         Section("Simulation", (buttons, bar, rate, *times)),
         Section("Controllers", items),
         *(Section(remote.title, remote.widgets()) for remote in live.remotes),
+        live.planning.section(),
         live.views.readout.section(),
         Section("Show", (look, *live.views.widgets())),
         Section("News", (Text("log", "the newest first", can_copy=True),)),
@@ -631,6 +639,7 @@ def make_changes(live: LiveSimulation) -> dict[str, dict[str, Any]]:
         }
     for remote in live.remotes:
         changes |= remote.changes()
+    changes |= live.planning.changes()
     return changes
 
 
