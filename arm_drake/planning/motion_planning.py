@@ -12,7 +12,7 @@ import dataclasses as dc
 import importlib
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
@@ -446,9 +446,9 @@ def _find_goals(
                     f"to: joint {name!r} is not of group {problem.group.name!r}, which "
                     f"has {', '.join(joints)}"
                 )
-            if not math.isfinite(value):
+            if not (isinstance(value, int | float) and math.isfinite(value)):
                 raise InputError(
-                    f"to: joint {name!r}: expected a finite number, got {value}"
+                    f"to: joint {name!r}: expected a finite number, got {value!r}"
                 )
             x[joints.index(name)] = value
         problem.check_limits(x, "goal")
@@ -568,7 +568,7 @@ def _list_targets(to: Any) -> list[Target]:
     """Return the goals; six numbers are a pose, not six goals."""
     if isinstance(to, str | Mapping | RigidTransform):
         return [to]
-    targets = list(to)
+    targets = list(to) if isinstance(to, Iterable) else []
     if targets and all(isinstance(t, int | float | np.number) for t in targets):
         return [targets]
     if not targets:

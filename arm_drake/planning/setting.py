@@ -108,6 +108,15 @@ class PlanOptions:
 
     def __post_init__(self) -> None:
         """Raise InputError for what can't be."""
+        for name in (
+            "velocity_scaling",
+            "acceleration_scaling",
+            "padding",
+            "time_limit",
+        ):
+            value = getattr(self, name)
+            if not isinstance(value, int | float):
+                raise InputError(f"{name}: expected a number, got {value!r}")
         for name in ("velocity_scaling", "acceleration_scaling"):
             value = getattr(self, name)
             if not 0.0 < value <= 1.0:
