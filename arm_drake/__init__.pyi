@@ -81,12 +81,10 @@ from arm_drake.planning.inverse_kinematics import (
     forward_kinematics as forward_kinematics,
     solve_ik as solve_ik,
 )
-from arm_drake.planning.motion_planning import (
-    Plan as Plan,
-    PlanOptions as PlanOptions,
-    PlanningError as PlanningError,
-    plan as plan,
-)
+from arm_drake.planning.motion_planning import Plan as Plan
+from arm_drake.planning.motion_planning import plan as plan
+from arm_drake.planning.setting import PlanningError as PlanningError
+from arm_drake.planning.setting import PlanOptions as PlanOptions
 from arm_drake.plant.payloads import Payload as Payload
 from arm_drake.rollout.rollout import Rollout as Rollout
 from arm_drake.scene import Scene as Scene
