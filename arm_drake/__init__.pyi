@@ -3,6 +3,7 @@
 # One statement for each module.
 # ruff: isort: skip_file
 
+from arm_drake import testing as testing
 from arm_drake.batch import (
     Outcome as Outcome,
     Run as Run,
@@ -19,6 +20,20 @@ from arm_drake.batch.linear_model import (
     Pole as Pole,
 )
 from arm_drake.batch.linearization import linearize as linearize
+from arm_drake.batch.statistics import (
+    Interval as Interval,
+    mean_interval as mean_interval,
+    rate_interval as rate_interval,
+)
+from arm_drake.batch.study import (
+    Study as Study,
+    load_study as load_study,
+)
+from arm_drake.batch.tuning import (
+    Tuning as Tuning,
+    measure_gains as measure_gains,
+    tune_gains as tune_gains,
+)
 from arm_drake.controllers import (
     ControllerType as ControllerType,
     register_controller as register_controller,
