@@ -23,6 +23,7 @@ from pathlib import Path
 from random import Random
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
+from unittest import mock
 
 import numpy as np
 
@@ -253,7 +254,9 @@ def prepare() -> None:
     motion = _write(folder, "motion.yaml", seeds.MOTION)
     robot = _robot(folder)
     sources = ["--controllers", yaml, "--inactive", "group", "--inactive", "pid"]
-    with _quiet(folder / "out.txt"):
+    # With a cache of its own, meshes are converted here, and what that takes imported.
+    cache = {"ARM_DRAKE_CACHE": str(folder / "cache")}
+    with mock.patch.dict(os.environ, cache), _quiet(folder / "out.txt"):
         for log in _logs().values():
             words = ["sim", robot, *sources, "--motion", motion, "--log", str(log)]
             code = main([*words, *_SIM])

@@ -23,7 +23,7 @@ from tests.carts import cart, diff_drive
 from tests.carts import load as load_cart
 
 # How much of a motion is played [s]: the longest one takes half a minute.
-DURATION = 6.0
+DURATION = 3.0
 
 # What `control` has to be for a motion of the MyCobot.
 CONTROL = {"classic": "classic", "trajectories": "ros2_control"}
