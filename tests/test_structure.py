@@ -28,6 +28,7 @@ PACKAGES = [
     "planning",
     "rollout",
     "simulation",
+    "wire",
     "visualization",
     "batch",
     "environments",
