@@ -496,7 +496,9 @@ class LiveSimulation:
                 if isinstance(value, int | float):
                     text += f" {value:.4g}"
                 self._log.note(self.simulation, f"{text} by the panel", source=name)
-        elif not any(part.handle(name, value) for part in (self.planning, *self.parts)):
+        elif not self.planning.handle(name, value) and not any(
+            part.handle(name, value) for part in self.parts
+        ):
             self.views.handle(name, value)
             self._drawn = math.nan
 
