@@ -26,8 +26,10 @@ def __getattr__(name: str) -> Any:
     if name.startswith("__") or name not in _modules():
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     with without_collection():
-        module = importlib.import_module(_modules()[name])
-    value = getattr(module, name)
+        if _modules()[name] == __name__:  # A module of its own.
+            value: Any = importlib.import_module(f"{__name__}.{name}")
+        else:
+            value = getattr(importlib.import_module(_modules()[name]), name)
     globals()[name] = value
     return value
 

@@ -3,6 +3,7 @@
 # One statement for each module.
 # ruff: isort: skip_file
 
+from arm_drake import testing as testing
 from arm_drake.batch import (
     Outcome as Outcome,
     Run as Run,
@@ -19,6 +20,20 @@ from arm_drake.batch.linear_model import (
     Pole as Pole,
 )
 from arm_drake.batch.linearization import linearize as linearize
+from arm_drake.batch.statistics import (
+    Interval as Interval,
+    mean_interval as mean_interval,
+    rate_interval as rate_interval,
+)
+from arm_drake.batch.study import (
+    Study as Study,
+    load_study as load_study,
+)
+from arm_drake.batch.tuning import (
+    Tuning as Tuning,
+    measure_gains as measure_gains,
+    tune_gains as tune_gains,
+)
 from arm_drake.controllers import (
     ControllerType as ControllerType,
     register_controller as register_controller,
@@ -81,12 +96,10 @@ from arm_drake.planning.inverse_kinematics import (
     forward_kinematics as forward_kinematics,
     solve_ik as solve_ik,
 )
-from arm_drake.planning.motion_planning import (
-    Plan as Plan,
-    PlanOptions as PlanOptions,
-    PlanningError as PlanningError,
-    plan as plan,
-)
+from arm_drake.planning.motion_planning import Plan as Plan
+from arm_drake.planning.motion_planning import plan as plan
+from arm_drake.planning.setting import PlanningError as PlanningError
+from arm_drake.planning.setting import PlanOptions as PlanOptions
 from arm_drake.plant.payloads import Payload as Payload
 from arm_drake.rollout.rollout import Rollout as Rollout
 from arm_drake.scene import Scene as Scene

@@ -19,10 +19,12 @@ from arm_drake.commands.arguments import (
     add_ik_arguments,
     add_json,
     add_launch_arguments,
+    add_many_arguments,
     add_plan_arguments,
     add_replay_arguments,
     add_robot_arguments,
     add_sim_arguments,
+    add_tune_arguments,
     add_view_arguments,
     pair,
     read_frames,
@@ -250,6 +252,20 @@ def _analyze(options: argparse.Namespace) -> int:
     return run_analyze(options, load_robot_of(options))
 
 
+def _tune(options: argparse.Namespace) -> int:
+    with unbroken(), without_collection():
+        from arm_drake.commands.tune import run_tune
+
+    return run_tune(options, load_robot_of(options))
+
+
+def _many(options: argparse.Namespace) -> int:
+    with unbroken(), without_collection():
+        from arm_drake.commands.many import run_study
+
+    return run_study(options)
+
+
 def _cache(options: argparse.Namespace) -> int:
     from arm_drake.description.meshes.conversion import cache_directory, clear_cache
 
@@ -353,6 +369,22 @@ _COMMANDS: Mapping[str, _Command] = {
         "1.",
         add_analyze_arguments,
         _analyze,
+    ),
+    "tune": _Command(
+        "gains of a robot's PIDs, for its inertia, limits and payloads",
+        "Finds gains from the mass matrix, tries them in many poses, writes them as "
+        "YAML or as plugins' tags, and says what they promise. Exits with 0 if that "
+        "is what was asked for, else with 1.",
+        add_tune_arguments,
+        _tune,
+    ),
+    "many": _Command(
+        "many runs of a robot: grids, random draws, measures",
+        "Runs a study, here or on a cluster of dask, and writes results, a table and "
+        "a picture; after a break the same command goes on. Exits with 0 if all runs "
+        "could be run, else with 1.",
+        add_many_arguments,
+        _many,
     ),
     "cache": _Command(
         "where converted meshes are kept",

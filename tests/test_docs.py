@@ -130,7 +130,8 @@ def check_reference(folder: Path) -> None:
     files = sorted(folder.glob("*.html"))
     ids = set().union(*(Page(file).ids for file in files))
     for name in ad.__all__:
-        assert f"arm_drake.{name}" in ids, f"{name}: to be added to a page of docs/api"
+        places = {f"arm_drake.{name}", f"module-arm_drake.{name}"} & ids
+        assert places, f"{name}: to be added to a page of docs/api"
         public = getattr(ad, name)
         assert inspect.getdoc(public), name
         if inspect.isclass(public):
@@ -140,8 +141,8 @@ def check_reference(folder: Path) -> None:
                     assert inspect.getdoc(getattr(public, method)), f"{name}.{method}"
     text = (folder / "start.html").read_text(encoding="utf-8")
     order = ["load_robot", "build_diagram", "Simulation"]
-    places = [text.index(f'id="arm_drake.{name}"') for name in order]
-    assert places == sorted(places)
+    found = [text.index(f'id="arm_drake.{name}"') for name in order]
+    assert found == sorted(found)
     assert "arm_drake.SimulationOptions.friction_compensation" in ids
     assert "Whether the servo knows the robot’s weight" in text
 

@@ -20,6 +20,8 @@ def test_there_are_notebooks():
         "06_gripper_and_contact",
         "07_many_rollouts",
         "12_roslibpy",
+        "13_study",
+        "14_tune_and_analyze",
     ]
 
 

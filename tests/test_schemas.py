@@ -57,7 +57,7 @@ def run(capsys: Any, *words: object) -> tuple[int, Any]:
 def test_every_schema_is_used_and_in_the_package() -> None:
     names = {file.name.removesuffix(".schema.json") for file in SCHEMAS.iterdir()}
 
-    assert names == {"sim", "check", "compare", "scene"}
+    assert names == {"sim", "check", "compare", "scene", "study"}
 
 
 @pytest.mark.slow

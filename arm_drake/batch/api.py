@@ -18,9 +18,17 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from numbers import Integral
 from pathlib import Path
-from typing import Any, Literal, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar, overload
 
-from arm_drake.batch.processes import Done, Pool, SendError, attempt, is_warm
+from arm_drake.batch.processes import (
+    NO_LIMITS,
+    Done,
+    Limits,
+    Pool,
+    SendError,
+    attempt,
+    is_warm,
+)
 from arm_drake.batch.runs import (
     Outcome,
     Run,
@@ -34,6 +42,9 @@ from arm_drake.batch.runs import (
 )
 from arm_drake.errors import ArmDrakeError, InputError, suggest
 from arm_drake.simulation.simulation import Simulation
+
+if TYPE_CHECKING:
+    from arm_drake.batch.store import RunStore
 
 
 def run_serially(
@@ -119,6 +130,9 @@ class Work:
     # How many may run at a time.
     workers: int
 
+    # What each of them may take.
+    limits: Limits = NO_LIMITS
+
 
 def run_in_processes(work: Work) -> Iterator[Done]:
     """Run inputs in worker processes, or raise SendError of the function.
@@ -126,7 +140,7 @@ def run_in_processes(work: Work) -> Iterator[Done]:
     Runs that have no worker, for none can begin, have the error that tells why.
     """
     waiting, is_done = deque(range(len(work.items))), False
-    pool = Pool(work.function, work.items, waiting)
+    pool = Pool(work.function, work.items, waiting, work.limits)
     try:
         pool.start(work.workers)
         yield from pool.run()
@@ -386,6 +400,10 @@ def run_many(
     *,
     workers: int | None = ...,
     backend: Backend = ...,
+    on: Any = ...,
+    to: str | Path | None = ...,
+    time_limit: float | None = ...,
+    memory_limit: int | None = ...,
     progress: bool | None = ...,
     raise_errors: bool = ...,
 ) -> RunResults[Outcome]: ...
@@ -398,6 +416,10 @@ def run_many(
     keep: Callable[[Simulation], Value],
     workers: int | None = ...,
     backend: Backend = ...,
+    on: Any = ...,
+    to: str | Path | None = ...,
+    time_limit: float | None = ...,
+    memory_limit: int | None = ...,
     progress: bool | None = ...,
     raise_errors: bool = ...,
 ) -> RunResults[Value]: ...
@@ -410,6 +432,10 @@ def run_many(
     *,
     workers: int | None = ...,
     backend: Backend = ...,
+    on: Any = ...,
+    to: str | Path | None = ...,
+    time_limit: float | None = ...,
+    memory_limit: int | None = ...,
     progress: bool | None = ...,
     raise_errors: bool = ...,
 ) -> RunResults[Value]: ...
@@ -422,6 +448,10 @@ def run_many(
     keep: Callable[[Simulation], Any] | None = None,
     workers: int | None = None,
     backend: Backend = "auto",
+    on: Any = None,
+    to: str | Path | None = None,
+    time_limit: float | None = None,
+    memory_limit: int | None = None,
     progress: bool | None = None,
     raise_errors: bool = False,
 ) -> RunResults[Any]:
@@ -440,8 +470,15 @@ def run_many(
             process may use, and one within a run of another run_many.
         backend: Where: "serial" in this process; "threads" in it, too, where only
             Drake's own code runs at the same time; "processes" in others, whose death
-            is an error of the run that they had. "auto" times runs here, and
-            starts processes if they are quicker.
+            is an error of their run; "auto" times runs here and starts processes if
+            they are quicker.
+        on: Where instead: a Client of dask.distributed, a concurrent.futures.Executor,
+            or a function that makes one, called again when that breaks. A run whose
+            worker dies is tried once more.
+        to: File for results, each written as its run ends; what it has is not run
+            again. It is a pickle: open none of others.
+        time_limit: Wall time of a run [s]; then its process is ended.
+        memory_limit: What a run may allocate beyond what its process has [bytes].
         progress: Whether to tell on standard error how far it is; None is in terminals
             and notebooks.
         raise_errors: Whether to raise the first error of a run at once. By default
@@ -451,7 +488,13 @@ def run_many(
         InputError: If an argument can't be used.
         RunsInterrupted: At Ctrl-C, a KeyboardInterrupt; with what was finished.
     """
-    execution = _Execution(runs, function, keep, workers, backend, progress)
+    how = _How(workers, backend, on, to, time_limit, memory_limit, progress)
+    execution = _Execution(runs, function, keep, how)
+    return _collect(execution, raise_errors=raise_errors)
+
+
+def _collect(execution: "_Execution", *, raise_errors: bool) -> RunResults[Any]:
+    """Return the results of all runs."""
     start = time.perf_counter()
     results = []
     try:
@@ -480,7 +523,12 @@ def iterate_many(
     *,
     workers: int | None = ...,
     backend: Backend = ...,
+    on: Any = ...,
+    to: str | Path | None = ...,
+    time_limit: float | None = ...,
+    memory_limit: int | None = ...,
     progress: bool | None = ...,
+    ordered: bool = ...,
 ) -> Iterator[RunResult[Outcome]]: ...
 
 
@@ -491,7 +539,12 @@ def iterate_many(
     keep: Callable[[Simulation], Value],
     workers: int | None = ...,
     backend: Backend = ...,
+    on: Any = ...,
+    to: str | Path | None = ...,
+    time_limit: float | None = ...,
+    memory_limit: int | None = ...,
     progress: bool | None = ...,
+    ordered: bool = ...,
 ) -> Iterator[RunResult[Value]]: ...
 
 
@@ -502,7 +555,12 @@ def iterate_many(
     *,
     workers: int | None = ...,
     backend: Backend = ...,
+    on: Any = ...,
+    to: str | Path | None = ...,
+    time_limit: float | None = ...,
+    memory_limit: int | None = ...,
     progress: bool | None = ...,
+    ordered: bool = ...,
 ) -> Iterator[RunResult[Value]]: ...
 
 
@@ -513,7 +571,12 @@ def iterate_many(
     keep: Callable[[Simulation], Any] | None = None,
     workers: int | None = None,
     backend: Backend = "auto",
+    on: Any = None,
+    to: str | Path | None = None,
+    time_limit: float | None = None,
+    memory_limit: int | None = None,
     progress: bool | None = None,
+    ordered: bool = True,
 ) -> Iterator[RunResult[Any]]:
     """Run many rollouts; yield each result as soon as those before it are there.
 
@@ -527,18 +590,27 @@ def iterate_many(
         keep: See `run_many`.
         workers: See `run_many`.
         backend: See `run_many`.
+        on: See `run_many`.
+        to: See `run_many`.
+        time_limit: See `run_many`.
+        memory_limit: See `run_many`.
         progress: See `run_many`.
+        ordered: Whether they come in the order of the runs, or as they end.
     """
     # What can't be used is said at once, not when the first result is asked for.
-    execution = _Execution(runs, function, keep, workers, backend, progress)
-    return _in_order(execution)
+    how = _How(workers, backend, on, to, time_limit, memory_limit, progress)
+    execution = _Execution(runs, function, keep, how)
+    return _iterate(execution, ordered=ordered)
 
 
-def _in_order(execution: "_Execution") -> Iterator[RunResult[Any]]:
+def _iterate(execution: "_Execution", *, ordered: bool) -> Iterator[RunResult[Any]]:
     early: dict[int, RunResult[Any]] = {}
     index = 0
     try:
         for result in execution:
+            if not ordered:
+                yield result
+                continue
             early[result.index] = result
             while index in early:
                 yield early.pop(index)
@@ -553,6 +625,18 @@ def _sorted(results: Iterable[RunResult[Any]]) -> list[RunResult[Any]]:
     return sorted(results, key=lambda result: result.index)
 
 
+class _How(NamedTuple):
+    """Where runs are executed, and with what."""
+
+    workers: int | None
+    backend: str
+    on: Any
+    to: str | Path | None
+    time_limit: float | None
+    memory_limit: int | None
+    progress: bool | None
+
+
 class _Execution:
     """Yields results as the runs end."""
 
@@ -561,37 +645,93 @@ class _Execution:
         runs: Iterable[Any],
         function: Callable[[Any], Any] | None,
         keep: Callable[[Simulation], Any] | None,
-        workers: int | None,
-        backend: str,
-        progress: bool | None,
+        how: _How,
     ) -> None:
-        if backend not in _BACKENDS:
-            hint = suggest(str(backend), _BACKENDS)
-            raise InputError(f"unknown backend {backend!r}; {hint}")
+        if how.backend not in _BACKENDS:
+            hint = suggest(str(how.backend), _BACKENDS)
+            raise InputError(f"unknown backend {how.backend!r}; {hint}")
         if isinstance(runs, Run) or not isinstance(runs, Iterable):
             kind = type(runs).__name__
             raise InputError(f"runs: expected a list of what to run, got one {kind}")
         self._items = list(runs)
         self.num_runs = len(self._items)
-        num_workers = _check_workers(workers)
+        num_workers = _check_workers(how.workers)
+        limits = _check_limits(how)
+        function = _check_function(self._items, function, keep)
+        self._store = self._open(how.to)
+        there = {} if self._store is None else self._store.done
+        # Places of the runs that are left.
+        self._left = [i for i in range(self.num_runs) if i not in there]
         work = Work(
-            _check_function(self._items, function, keep),
-            self._items,
-            max(1, min(num_workers, self.num_runs)),
+            function,
+            [self._items[index] for index in self._left],
+            max(1, min(num_workers, len(self._left))),
+            limits,
         )
-        self.choice, self._runs = _choose(work, backend)
-        self._progress = Progress(self.num_runs, progress)
+        try:
+            self.choice, self._runs = _choose(work, how)
+        except BaseException:
+            self._close_store()
+            raise
+        if there:
+            self.choice.why += f"; {len(there)} were there already"
+        self._progress = Progress(self.num_runs, how.progress)
+
+    def _open(self, path: str | Path | None) -> "RunStore | None":
+        if path is None:
+            return None
+        # Not at the top: who keeps no file needs none.
+        from arm_drake.batch.store import RunStore
+
+        return RunStore(path, self._items)
 
     def __iter__(self) -> Iterator[RunResult[Any]]:
+        if self._store is not None:
+            for done in self._store.done.values():
+                yield self._result(done)
         for done in self._runs:
-            self._progress.add(failed=done.error is not None)
-            item = self._items[done.index]
-            yield RunResult(done.index, item, done.error, done.wall_time, done.value)
+            done = dc.replace(done, index=self._left[done.index])
+            if self._store is not None:
+                self._store.add(done)
+            yield self._result(done)
+
+    def _result(self, done: Done) -> RunResult[Any]:
+        self._progress.add(failed=done.error is not None)
+        return RunResult(
+            done.index,
+            self._items[done.index],
+            done.error,
+            done.wall_time,
+            done.value,
+            done.worker,
+            done.died,
+            done.attempts,
+        )
 
     def close(self) -> None:
         """End what is under way."""
         self._runs.close()
         self._progress.close()
+        self._close_store()
+
+    def _close_store(self) -> None:
+        if self._store is not None:
+            self._store.close()
+
+
+def _check_limits(how: _How) -> Limits:
+    for name, unit in (("time_limit", "s"), ("memory_limit", "bytes")):
+        value = getattr(how, name)
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        if value is not None and not (is_number and 0.0 < value < math.inf):
+            text = f"{name}: expected a number above 0 [{unit}], got {value!r}"
+            raise InputError(text)
+    memory = None if how.memory_limit is None else int(how.memory_limit)
+    limits = Limits(how.time_limit, memory)
+    if limits.are_set and how.on is None and how.backend in ("serial", "threads"):
+        text = "a run with limits has a process of its own"
+        raise InputError(f"backend {how.backend!r}: {text}; expected 'processes'")
+    return limits
 
 
 def _check_workers(workers: int | None) -> int:
@@ -627,9 +767,22 @@ def _check_function(
     return Runner(keep)
 
 
-def _choose(work: Work, backend: str) -> tuple[Choice, Any]:
+def _choose(work: Work, how: _How) -> tuple[Choice, Any]:
     """Return where runs are executed, and what executes them."""
     function, items, workers = work.function, work.items, work.workers
+    if how.on is not None:
+        if how.workers is not None or how.backend != "auto":
+            raise InputError("on: it decides; expected neither workers nor backend")
+        # Not at the top: it is for clusters.
+        from arm_drake.batch.executors import Dispatch, Pool
+
+        pool = Pool(how.on)
+        choice = Choice("executor", pool.width() // 2, f"as asked: {pool}")
+        return choice, Dispatch(pool, function, items, work.limits).run()
+    backend = how.backend
+    if work.limits.are_set:
+        choice = Choice("processes", workers, "runs have limits")
+        return choice, run_in_processes(work)
     if backend == "auto":
         alone = workers == 1
         why = "one run at a time" if alone else "no run has told what runs take"

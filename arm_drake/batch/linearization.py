@@ -270,8 +270,7 @@ class _Loop:
 
     def _state_of(self, context: Context) -> ManagerState:
         mine = self._manager.GetMyContextFromRoot(context)
-        state: ManagerState = mine.get_abstract_state(0).get_value()
-        return state
+        return self._manager.read_state(mine)
 
     def _values(self, context: Context) -> Array:
         """Return positions, velocities and efforts of all joints, shape (3, J)."""
@@ -293,7 +292,8 @@ class _Loop:
             return
         path = ("ticks", told.controller, "state", "targets")
         state = _with(self._state_of(context), path, np.array(values))
-        self._manager.GetMyMutableContextFromRoot(context).SetAbstractState(0, state)
+        mine = self._manager.GetMyMutableContextFromRoot(context)
+        self._manager.write_state(mine, state)
 
     def _commanded(self, start: Context, joint: str, height: float) -> Context:
         """Return a copy of a context with the command of a joint so much higher."""
@@ -326,6 +326,10 @@ class _Loop:
 
     def _differentiate(self, start: Context, duration: float) -> _Differences:
         """Return central differences of what a while makes of a state."""
+        start = start.Clone()
+        mine = self._manager.GetMyMutableContextFromRoot(start)
+        # The numbers of the state then count, not those that it is made of.
+        self._manager.write_state(mine, self._manager.read_state(mine))
         numbers = _Numbers(self.simulation.diagram, self._manager, start)
         x = numbers.read(start)
         work = start.Clone()
@@ -444,7 +448,7 @@ class _Numbers:
         self._num_discrete = sum(sizes)
         self._ends = np.cumsum([0, *sizes])
         self.names = [f"{name}[{i}]" for name, size in groups for i in range(size)]
-        state = manager.GetMyContextFromRoot(start).get_abstract_state(0).get_value()
+        state = manager.read_state(manager.GetMyContextFromRoot(start))
         own = {name for name, controller in _commanding(manager)}
         ticks = {name: tick for name, tick in state.ticks.items() if name in own}
         whole = [("values",), ("drive",), *(("ticks", name) for name in ticks)]
@@ -468,8 +472,8 @@ class _Numbers:
         parts = [
             discrete.get_vector(group).value() for group in range(discrete.num_groups())
         ]
-        state = self._manager.GetMyContextFromRoot(context).get_abstract_state(0)
-        value, arrays, rest = state.get_value(), {}, []
+        value = self._manager.read_state(self._manager.GetMyContextFromRoot(context))
+        arrays, rest = {}, []
         for path, index in self._places:
             if path not in arrays:
                 arrays[path] = np.asarray(_at(value, path), dtype=float)
@@ -485,13 +489,13 @@ class _Numbers:
             return
         path, place = self._places[index - self._num_discrete]
         mine = self._manager.GetMyMutableContextFromRoot(context)
-        state = mine.get_abstract_state(0).get_value()
+        state = self._manager.read_state(mine)
         old = _at(state, path)
         new: Any = value
         if isinstance(old, np.ndarray):
             new = old.copy()
             new.flat[place] = value
-        mine.SetAbstractState(0, _with(state, path, new))
+        self._manager.write_state(mine, _with(state, path, new))
 
 
 def _commanding(manager: ControllerManager) -> Iterator[tuple[str, Any]]:

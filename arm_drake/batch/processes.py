@@ -30,6 +30,7 @@ import traceback
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from multiprocessing.connection import Connection, wait
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import cloudpickle
@@ -81,6 +82,30 @@ class Done:
 
     # How long it took where it ran [s].
     wall_time: float
+
+    # Where that was, if it was on a cluster; how often it was begun, and the workers
+    # that died with it.
+    worker: str = ""
+    attempts: int = 1
+    died: tuple[str, ...] = ()
+
+
+class Limits(NamedTuple):
+    """What a run may take; None is as much as it likes."""
+
+    # Wall time, loading included [s].
+    time: float | None = None
+
+    # Memory beyond what its process has before [bytes].
+    memory: int | None = None
+
+    @property
+    def are_set(self) -> bool:
+        """Whether there are any."""
+        return self.time is not None or self.memory is not None
+
+
+NO_LIMITS = Limits()
 
 
 def attempt(function: Callable[[Any], Any], index: int, item: Any) -> Done:
@@ -418,14 +443,17 @@ class Setup(NamedTuple):
     # None if it is gone.
     folder: str | None
 
+    # What may be allocated in the worker [bytes]; None is anything.
+    memory: int | None = None
+
     @classmethod
-    def of_this_process(cls) -> "Setup":
+    def of_this_process(cls, memory: int | None = None) -> "Setup":
         """Return what makes a worker see what this process sees."""
         try:
             folder = os.getcwd()
         except OSError:
             folder = None
-        return cls(dict(os.environ), list(sys.path), list(sys.argv), folder)
+        return cls(dict(os.environ), list(sys.path), list(sys.argv), folder, memory)
 
     def apply(self) -> None:
         """Make this process see it."""
@@ -435,6 +463,10 @@ class Setup(NamedTuple):
         sys.argv[:] = self.argv
         if self.folder is not None:
             os.chdir(self.folder)
+        if self.memory is not None and sys.platform == "linux":
+            pages = int(Path("/proc/self/statm").read_text().split()[0])
+            most = pages * resource.getpagesize() + self.memory
+            resource.setrlimit(resource.RLIMIT_AS, (most, most))
 
 
 def work(connection: Connection) -> None:
@@ -461,7 +493,7 @@ def work(connection: Connection) -> None:
                 # It may be closed, or none.
                 with contextlib.suppress(AttributeError, ValueError, OSError):
                     stream.flush()
-            connection.send_bytes(_pack(done))
+            connection.send_bytes(pack(done))
             # Nothing of it stays while the next one runs.
             del done, sent
             leaves = _peak_memory() - size > MAX_GROWTH
@@ -488,7 +520,7 @@ def _peak_memory() -> int:
     return peak if sys.platform == "darwin" else 1024 * peak
 
 
-def _pack(done: Done) -> bytes:
+def pack(done: Done) -> bytes:
     """Return what became of a run as bytes."""
     if done.error is not None:
         done = dc.replace(done, error=sendable(done.error))
@@ -530,6 +562,7 @@ class _Worker:
             return self._read(data)
         self.trouble = loads(data)
         self.is_ready = self.trouble is None
+        self.started = time.perf_counter()
         return None
 
     def _read(self, data: bytes) -> Done:
@@ -572,14 +605,16 @@ class Pool:
         function: Callable[[Any], Any],
         items: Sequence[Any],
         waiting: deque[int],
+        limits: Limits = NO_LIMITS,
     ) -> None:
         """Create it, without workers, or raise SendError of the function.
 
         `waiting` are the places of the inputs to run. What is left of them in the end
         had no workers, which is this one's `trouble`.
         """
+        self._limits = limits
         self._beginning = (
-            dumps(Setup.of_this_process(), "what workers are to see"),
+            dumps(Setup.of_this_process(limits.memory), "what workers are to see"),
             dumps(CONTROLLER_TYPES.added, "a registered controller type"),
             dumps(function, "the function"),
         )
@@ -614,14 +649,39 @@ class Pool:
                 return
             handles: list[Any] = [w.connection for w in self._workers]
             handles += [w.status for w in self._workers]
-            ready = wait(handles)
+            ready = wait(handles, self._time_left())
             for worker in list(self._workers):
                 if worker.connection in ready:
                     self._take(worker)
                 elif worker.status in ready:
                     self._bury(worker)
+                elif worker.index is not None and self._is_late(worker):
+                    self._end_late(worker)
             # They go on while the caller looks at what has ended.
             self._feed()
+
+    def _time_left(self) -> float | None:
+        """Return how long the first run may still take [s]; None is for ever."""
+        working = [w for w in self._workers if w.is_ready and w.index is not None]
+        running = [w.started for w in working]
+        if self._limits.time is None or not running:
+            return None
+        first = min(running)
+        return max(0.0, first + self._limits.time - time.perf_counter())
+
+    def _is_late(self, worker: _Worker) -> bool:
+        limit = self._limits.time
+        if limit is None or not worker.is_ready:
+            return False
+        return time.perf_counter() - worker.started >= limit
+
+    def _end_late(self, worker: _Worker) -> None:
+        """End a worker whose run takes too long."""
+        assert worker.index is not None
+        text = f"the run took longer than its limit of {self._limits.time:g} s"
+        duration = time.perf_counter() - worker.started
+        self._ended.append(Done(worker.index, None, RunError(text), duration))
+        self._remove(worker)
 
     def close(self, *, kill: bool) -> None:
         """End all workers, at once in the midst of what they do if to be killed."""
@@ -694,3 +754,17 @@ def _describe_end(code: int | None) -> str:
     if -code == signal.SIGKILL:
         return f"was killed ({name}), as the system does when memory runs out"
     return f"died of {name} ({signal.strsignal(-code)})"
+
+
+def run_alone(
+    function: Callable[[Any], Any], index: int, item: Any, limits: Limits
+) -> Done:
+    """Run an input in a process of its own, which ends where its limits are."""
+    pool = Pool(function, [item], deque([0]), limits)
+    try:
+        pool.start(1)
+        for done in pool.run():
+            return dc.replace(done, index=index)
+        return Done(index, None, pool.trouble or RunError("it couldn't begin"), 0.0)
+    finally:
+        pool.close(kill=True)

@@ -14,8 +14,9 @@ from numbers import Real
 from pathlib import Path
 from typing import Any, Generic, TypeVar, overload
 
+from arm_drake.batch.changes import change_robot
 from arm_drake.description.report import LoadReport
-from arm_drake.description.robot import Robot
+from arm_drake.description.robot import Robot, list_robots
 from arm_drake.diagram import build_diagram
 from arm_drake.errors import InputError
 from arm_drake.loading import load_robot
@@ -86,6 +87,7 @@ _FIELDS: dict[str, tuple[tuple[type, ...], str]] = {
     "initial_positions": ((Mapping, _NONE), "positions by joint"),
     "options": ((SimulationOptions,), "SimulationOptions"),
     "payloads": ((Mapping, _NONE), "payloads by link"),
+    "changes": ((Mapping,), "numbers by name"),
 }
 
 
@@ -121,6 +123,12 @@ class Run:
     world: World = "empty"
     options: SimulationOptions = dc.field(default_factory=SimulationOptions)
     payloads: Payloads | None = None
+
+    # What else of the robot is to be other than its files say, by name: factors such as
+    # "scale.friction" (of all joints), "scale.friction.joint2", "scale.damping",
+    # "scale.gains" or "scale.gains.joint2.p"; numbers such as "gains.joint2.p" and
+    # "controller.arm_controller.constraints.goal_time".
+    changes: Mapping[str, float] = dc.field(default_factory=dict)
 
     # Whatever tells it from the others.
     name: str = ""
@@ -226,6 +234,8 @@ class Runner:
     def __init__(self, keep: Callable[[Simulation], Any] | None = None) -> None:
         """Create it with what returns what to keep; None is an Outcome."""
         self._keep = keep
+        # Some leave simulations as they are.
+        self._reuses = keep is None or getattr(keep, "only_reads", False)
         # Key and simulation of each thread's last run.
         self._local = threading.local()
 
@@ -238,29 +248,46 @@ class Runner:
         # An error leaves nothing to use again.
         last = getattr(self._local, "last", None)
         self._local.last = None
-        key = _key(run) if self._keep is None else None
+        key = _key(run) if self._reuses else None
         with _PREPARING:
             if last is not None and last[0] == key:
                 simulation = last[1]
                 simulation.reset()
             else:
-                simulation = _prepare(run)
+                simulation = self._prepare(run)
             robot = next(iter(simulation.robots.values()))
             motion = _find_motion(run, robot)
         duration = default_duration(motion) if run.duration is None else run.duration
         simulation.run(duration, motion, progress=lambda _: check_stop())
-        if self._keep is not None:
-            return self._keep(simulation)
+        value = (self._keep or Outcome.of)(simulation)
         if key is not None:
             self._local.last = (key, simulation)
-        return Outcome.of(simulation)
+        return value
+
+    def _prepare(self, run: Run) -> Simulation:
+        """Return the simulation of a run, at time 0."""
+        # The robot of the last run may be that of the next one, too.
+        robots = getattr(self._local, "robots", {})
+        loaded = load_run(dc.replace(run, motion=None, parameters={}), robots)
+        self._local.robots = dict(list(robots.items())[-1:])
+        robots_of: Any = loaded.robot
+        first, *others = [robots_of] if isinstance(robots_of, Robot) else robots_of
+        first = change_robot(first, run.changes)
+        return Simulation(
+            build_diagram(
+                [first, *others],
+                world=run.world,
+                options=run.options,
+                payloads=run.payloads,
+            )
+        )
 
 
 def _key(run: Run) -> bytes | None:
     """Return what is the same for runs that can share a simulation, or None."""
     if callable(run.world):  # It may add something else each time.
         return None
-    building = ("world", "options", "payloads")
+    building = ("world", "options", "payloads", "changes")
     what = [getattr(run, name) for name in ("robot", *_LOADING, *building)]
     try:
         return pickle.dumps(what)
@@ -268,21 +295,32 @@ def _key(run: Run) -> bytes | None:
         return None
 
 
-def _prepare(run: Run) -> Simulation:
-    """Return the simulation of a run, at time 0."""
-    robots = run.robot
-    if isinstance(robots, str | Path):
-        robots = load_robot(
-            robots,
-            controllers=run.controllers,
-            xacro_args=run.xacro_args,
-            package_paths=run.package_paths,
-            initial_positions=run.initial_positions,
-        )
-    return Simulation(
-        build_diagram(
-            robots, world=run.world, options=run.options, payloads=run.payloads
-        )
+def load_run(run: Run, robots: dict[bytes, Robot]) -> Run:
+    """Return a run that needs no files: its robot and its motion are loaded.
+
+    `robots` has those that are loaded already, which change as they are needed.
+    """
+    robot = run.robot
+    if isinstance(robot, str | Path):
+        arguments = (robot, *(getattr(run, name) for name in _LOADING))
+        key = pickle.dumps(arguments)
+        if key not in robots:
+            robots[key] = load_robot(
+                robot,
+                controllers=run.controllers,
+                xacro_args=run.xacro_args,
+                package_paths=run.package_paths,
+                initial_positions=run.initial_positions,
+            )
+        robot = robots[key]
+    first = robot if isinstance(robot, Robot) else list_robots(robot)[0]
+    nothing: dict[str, Any] = dict.fromkeys(_LOADING)
+    return dc.replace(
+        run,
+        robot=robot,
+        motion=_find_motion(run, first),
+        parameters={},
+        **{**nothing, "package_paths": ()},
     )
 
 
@@ -314,6 +352,13 @@ class RunResult(Generic[Value]):
     # What was kept of the run. Read it as `value`.
     kept: Value | None = dc.field(default=None, repr=False)
 
+    # With `on`: the worker that had it, and those that died while they had it.
+    worker: str = ""
+    died: tuple[str, ...] = ()
+
+    # How often it was begun.
+    attempts: int = 1
+
     @property
     def value(self) -> Value:
         """What was kept of the run.
@@ -332,7 +377,8 @@ class RunResults(Sequence[RunResult[Value]]):
 
     results: tuple[RunResult[Value], ...]
 
-    # Where they ran: "serial", "threads" or "processes", and in how many at a time.
+    # Where they ran: "serial", "threads", "processes" or "executor", and in how many at
+    # a time.
     backend: str
     workers: int
 
@@ -382,6 +428,10 @@ class RunResults(Sequence[RunResult[Value]]):
             f"{len(self)} runs in {self.wall_time:.2f} s, {len(self.failed)} failed; "
             f"{self.backend}: {self.why}"
         ]
+        for result in self.results:
+            if result.attempts > 1 and result.error is None:
+                why = f", for {' and '.join(result.died)} died" if result.died else ""
+                lines.append(f"run {result.index}: tried again{why}")
         for result in self.failed:
             lines.append(f"run {result.index}: {describe(result.error)}")
         return "\n".join(lines)
@@ -401,7 +451,7 @@ class RunsInterrupted(KeyboardInterrupt, Generic[Value]):
         super().__init__(f"{len(self.results)} of {num_runs} runs were finished")
 
 
-def describe(error: Exception | None) -> str:
+def describe(error: BaseException | None) -> str:
     """Return an error's type and text."""
     try:
         text = str(error)

@@ -527,6 +527,57 @@ def add_analyze_arguments(parser: argparse.ArgumentParser) -> None:
     add("--plot", metavar="FILE.png", type=Path, help="draw Bode plots")
 
 
+def add_tune_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `tune`."""
+    add_robot_arguments(parser)
+    add = parser.add_argument
+    add("--controller", metavar="NAME", help="whose PIDs (all of the robot)")
+    add("--joint", metavar="NAME", **_EXTEND, nargs=1, help="a joint, repeatable (all)")
+    add("--settle", metavar="S", type=positive, default=0.3, help="in which time (0.3)")
+    add(
+        "--overshoot",
+        metavar="PART",
+        type=positive,
+        default=0.02,
+        help="how far beyond a step's end, of the step (0.02)",
+    )
+    add(
+        "--payload",
+        metavar="LINK=LEAST,LARGEST",
+        type=pair("="),
+        action="append",
+        default=[],
+        help="masses that it is to bear [kg]; LINK may be payload, for the last one",
+    )
+    add("--moves", metavar="N", type=count, default=4, help="moves of each trial (4)")
+    add("--seed", metavar="N", type=int, default=0, help="of the poses (0)")
+    add("--time-step", metavar="S", type=positive, help="largest step [s] (0.001)")
+    add(
+        "-o", "--output", metavar="FILE", type=Path, help="write YAML, or plugins' tags"
+    )
+    add("--plot", metavar="FILE.png", type=Path, help="draw a move before and after")
+
+
+def add_many_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `many`."""
+    add = parser.add_argument
+    add("study", metavar="STUDY.yaml", type=Path, help="what is varied and measured")
+    add("-o", "--output", metavar="DIR", type=Path, help="folder (<study>_results)")
+    add("--workers", metavar="N", type=count, help="how many runs at a time (cores)")
+    add("--cluster", metavar="ADDRESS", help="scheduler of dask, as tcp://head:8786")
+    add("--run", metavar="N", type=int, help="only show this run of the study")
+    add("--plot", metavar="FILE.png", type=Path, help="with --run: draw it")
+    add("--log", metavar="FILE", type=Path, help="with --run: .npz, .csv or .mcap")
+    add_json(parser)
+
+
+def count(text: str) -> int:
+    """Return an integer of at least 1."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"expected an integer above 0, got {text!r}")
+    return int(text)
+
+
 def _add_group(parser: argparse.ArgumentParser) -> None:
     """Add which joints move, and which link is meant."""
     add = parser.add_argument

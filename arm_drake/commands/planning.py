@@ -11,7 +11,7 @@ import yaml
 
 from arm_drake.description.elements import parse_float
 from arm_drake.description.robot import Robot
-from arm_drake.errors import InputError, counted
+from arm_drake.errors import InputError
 from arm_drake.output_files import check_suffix, check_writable, writing
 from arm_drake.planning.groups import find_group
 from arm_drake.planning.inverse_kinematics import WHOLE_POSE, solve_ik
@@ -113,12 +113,7 @@ def run_plan(options: argparse.Namespace, load: Callable[[], Robot]) -> int:
         return 0
     for warning in found.warnings:
         print(f"warning: {warning}", file=sys.stderr)
-    print(
-        f"group {found.group.name}: {found.duration:.2f} s, "
-        f"{counted(len(found.path) - 2, 'corner')}, at least "
-        f"{1e3 * found.clearance:.1f} mm from everything; "
-        f"found in {found.planning_time:.2f} s"
-    )
+    print(found.describe())
     if options.output is not None:
         words = [options.robot, "--motion", str(options.output)]
         words += [] if options.world == "empty" else ["--world", options.world]

@@ -287,10 +287,17 @@ class DriveCommands:
         """
         if fresh is not None or skipped is not None or self.has_limits:
             return self._write_anew(mode, values, last, fresh, skipped)
-        # Joints that go on as they are: to the bit what the other way gives, in an
-        # eighth of the time.
+        # To the bit what the other way gives, in an eighth of the time.
+        return np.array(self.go_on(mode, values.tolist(), last.tolist()))
+
+    def go_on(
+        self, mode: DriveMode, numbers: Sequence[float], lasts: Sequence[float]
+    ) -> list[float]:
+        """Return the drive vector of joints that go on as they are, without limits.
+
+        `numbers` are the values, `lasts` is the drive vector of the last cycle.
+        """
         positions, speeds, rates = [], [], []
-        numbers, lasts = values.tolist(), last.tolist()
         befores = lasts[len(lasts) - len(self.joints) :]
         for (at, hertz), (low, high), past, before in zip(
             mode.positions, self._ranges, lasts, befores, strict=False
@@ -309,11 +316,11 @@ class DriveCommands:
             speeds.append(v)
             rates.append(rate)
         if not self.has_modes:
-            return np.array([*positions, *speeds, *rates])
+            return [*positions, *speeds, *rates]
         drive = [*positions, *speeds, *self._still, *mode.flags, *rates]
         for i, at in mode.others:
             drive[i] = numbers[at]
-        return np.array(drive)
+        return drive
 
     def _write_anew(
         self,

@@ -343,6 +343,11 @@ class Trajectory(Message):
             _revisited=revisited,
         )
 
+    @property
+    def changes(self) -> bool:
+        """Whether segments are others once a later one has been sampled."""
+        return bool(self._revisited)
+
     def sample(self, time_ns: int, cursor: int = 0, seen: int = -1) -> Sample | None:
         """Return the trajectory at a time, or None where it isn't defined.
 

@@ -32,6 +32,7 @@ from arm_drake.arrays import Array
 from arm_drake.controllers.cycles import (
     Cycle,
     HardwareValues,
+    SteadyTicks,
     UpdateContext,
     UpdateResult,
 )
@@ -542,6 +543,47 @@ class TickingController(TickReader[S]):
         command = self._command(state)
         return UpdateResult(
             cycle.number, activation, state, command, True, "", last.inputs
+        )
+
+    def steady(self, last: UpdateResult[S], time_ns: int) -> SteadyTicks[S] | None:
+        """Return how it ticks from a state on as long as nothing comes.
+
+        None where it always ticks in full, which is right for every controller. What it
+        returns has to leave the same behind, bit by bit.
+
+        Args:
+            last: What the last tick left behind, with all that came until then.
+            time_ns: The time of that tick [ns].
+        """
+        del last, time_ns
+        return None
+
+    def resume(
+        self,
+        steady: SteadyTicks[S],
+        last: UpdateResult[S],
+        number: int,
+        time_ns: int,
+        motions: Array,
+    ) -> UpdateResult[S]:
+        """Return what a steady tick has left behind, as `tick` does.
+
+        Args:
+            steady: How it ticked since then.
+            last: What the last tick in full left behind.
+            number: Number of the cycle.
+            time_ns: Its time [ns].
+            motions: What was measured in it, shape (2 J,).
+        """
+        state = steady.state(time_ns, motions)
+        return UpdateResult(
+            number,
+            last.activation,
+            state,
+            self._command(state),
+            last.is_ok,
+            last.fault,
+            last.inputs,
         )
 
     @abstractmethod

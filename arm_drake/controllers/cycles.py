@@ -1,8 +1,8 @@
 """Cycles and ticks: what manager and controllers tell each other."""
 
 import math
-from collections.abc import Mapping
-from typing import Any, Generic, NamedTuple, Self, TypeVar
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Generic, NamedTuple, Protocol, Self, TypeVar
 
 from pydrake.systems.framework import Context, InputPort
 
@@ -10,6 +10,7 @@ from arm_drake.arrays import Array
 from arm_drake.messages import Message
 
 S = TypeVar("S")
+S_co = TypeVar("S_co", covariant=True)
 M = TypeVar("M", bound=Message)
 
 
@@ -71,6 +72,66 @@ class UpdateResult(NamedTuple, Generic[S]):
 
     def __deepcopy__(self, memo: dict[int, object]) -> Self:
         return self
+
+
+class SteadyTicks(Protocol[S_co]):
+    """What a controller does from a state on while nothing comes, number by number.
+
+    Both methods are functions of their arguments and of that state alone, so the state
+    after any such tick follows from what was measured in it.
+    """
+
+    # From this time on it ticks in full, and from the other on it has to tell
+    # something [ns].
+    until_ns: int
+    monitor_ns: int
+
+    def tell(self, time_ns: int, last_ns: int, motions: Array) -> S_co | None:
+        """Return the state to go on from, told what is due; None for a tick in full.
+
+        It differs from the one before in what has been told alone. `motions` is what
+        was measured in the last tick, at `last_ns`.
+        """
+
+    def command(self, time_ns: int, motions: Array) -> Sequence[float] | None:
+        """Return the values that a tick commands; None if it has to be one in full.
+
+        `motions` are positions and velocities of all J joints, shape (2 J,).
+        """
+
+    def state(self, time_ns: int, motions: Array) -> S_co:
+        """Return the state that this tick leaves behind."""
+
+
+# A time that never comes [ns].
+NEVER_NS = 2**63
+
+
+class SteadyCommand(Generic[S]):
+    """Steady ticks that command the same for ever."""
+
+    until_ns = monitor_ns = NEVER_NS
+
+    def __init__(
+        self, command: Array, state: S, sense: Callable[[S, Array], S] | None = None
+    ) -> None:
+        """Create it; `sense` returns the state with what is measured, if any."""
+        self._command, self._state, self._sense = command.tolist(), state, sense
+
+    def tell(self, time_ns: int, last_ns: int, motions: Array) -> S | None:
+        """Return None, for there is nothing to tell."""
+        del time_ns, last_ns, motions
+        return None
+
+    def command(self, time_ns: int, motions: Array) -> Sequence[float]:
+        """Return the values that a tick commands."""
+        del time_ns, motions
+        return self._command
+
+    def state(self, time_ns: int, motions: Array) -> S:
+        """Return the state that a tick leaves behind."""
+        del time_ns
+        return self._state if self._sense is None else self._sense(self._state, motions)
 
 
 class HardwareValues(NamedTuple):

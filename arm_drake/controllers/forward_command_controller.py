@@ -16,7 +16,12 @@ import numpy as np
 from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
-from arm_drake.controllers.cycles import UpdateContext
+from arm_drake.controllers.cycles import (
+    SteadyCommand,
+    SteadyTicks,
+    UpdateContext,
+    UpdateResult,
+)
 from arm_drake.controllers.topics import Inbox, TopicController, latest_reason
 from arm_drake.description.parameters import check_not_empty, check_unique
 from arm_drake.messages import Float64MultiArray
@@ -108,6 +113,13 @@ class ForwardControllersBase(TopicController[ForwardCommandState]):
         self, now: UpdateContext, state: ForwardCommandState
     ) -> ForwardCommandState:
         return state._replace(command=self._at_end)
+
+    def steady(
+        self, last: UpdateResult[ForwardCommandState], time_ns: int
+    ) -> SteadyTicks[ForwardCommandState]:
+        """Return the command that holds."""
+        del time_ns
+        return SteadyCommand(last.command, last.state)
 
     def _is_ok(self, state: ForwardCommandState) -> bool:
         return state.is_ok

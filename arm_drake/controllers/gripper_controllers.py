@@ -25,7 +25,12 @@ from arm_drake.arrays import Array
 from arm_drake.control.action_goals import ActiveGoal, answer_cancel
 from arm_drake.control.pid import Pid, PidGains, PidState
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
-from arm_drake.controllers.cycles import UpdateContext
+from arm_drake.controllers.cycles import (
+    SteadyCommand,
+    SteadyTicks,
+    UpdateContext,
+    UpdateResult,
+)
 from arm_drake.controllers.topics import (
     GRIPPER_COMMAND,
     Inbox,
@@ -298,6 +303,19 @@ class GripperControllerBase(TopicController[GripperState]):
             effort = min(max(float(pid.command[0]), -most), most)
         command = self._write(target, effort)
         return state._replace(effort=effort, pid=pid, command=command)
+
+    def steady(
+        self, last: UpdateResult[GripperState], time_ns: int
+    ) -> SteadyTicks[GripperState] | None:
+        """Return the command that holds where no goal is watched."""
+        del time_ns
+        if self._pid is not None or last.state.goal is not None:
+            return None
+        return SteadyCommand(last.command, last.state, self._sense)
+
+    def _sense(self, state: GripperState, motions: Array) -> GripperState:
+        position, velocity = motions[self._read_at].tolist()
+        return state._replace(position=position, velocity=velocity)
 
     def _deactivate(self, now: UpdateContext, state: GripperState) -> GripperState:
         return state._replace(command=self._unknown)

@@ -1,7 +1,6 @@
 """The controller manager's read-update-write loop, as a system of the diagram."""
 
 import math
-import operator
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial
 from types import MappingProxyType
@@ -10,8 +9,8 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import (
-    AbstractStateIndex,
     Context,
+    DependencyTicket,
     DiagramBuilder,
     DiscreteStateIndex,
     OutputPort,
@@ -34,6 +33,7 @@ from arm_drake.manager.lifecycle import (
     Claimants,
     Lifecycle,
     ManagerInputs,
+    SteadyCycles,
     TickKeeper,
     UpdateResults,
 )
@@ -83,9 +83,13 @@ class QuietTicks:
     That follows from the state alone; for the latest state it is remembered.
     """
 
-    def __init__(self, keeper: TickKeeper | None) -> None:
+    def __init__(
+        self, keeper: TickKeeper | None, claimants: Claimants, drive: DriveCommands
+    ) -> None:
         """Create it; without a keeper such a cycle is as any other."""
-        self._keeper = keeper
+        self._keeper, self._claimants, self._drive = keeper, claimants, drive
+        self._base: ManagerState | None = None
+        self._steady: SteadyCycles | None = None
         self._active: object = None
         self._asleep: object = None
         self._controllers: Collection[tuple[str, TickingController[Any]]] | None = None
@@ -99,6 +103,16 @@ class QuietTicks:
             if self._keeper is not None:
                 self._controllers = self._keeper.quiet_controllers(state)
         return self._controllers
+
+    def steady_cycles(self, base: ManagerState) -> SteadyCycles | None:
+        """Return what comes after a state in plain numbers, if anything does."""
+        if self._base is not base:
+            found = self.controllers(base)
+            self._base, self._steady = (
+                base,
+                SteadyCycles.after(base, found, self._claimants, self._drive),
+            )
+        return self._steady
 
 
 _NO_PERIODS: Mapping[str, int] = MappingProxyType({})
@@ -419,23 +433,36 @@ class ControllerManager(PythonSystem):
         self._loop = Loop(
             self._lifecycle, claimants, drive, limits, hardware_interfaces
         )
-        self._quiet = QuietTicks(self._keeper if self._loop.has_quiet_cycles else None)
+        keeper = self._keeper if self._loop.has_quiet_cycles else None
+        self._quiet = QuietTicks(keeper, claimants, drive)
         state = self._start(hardware_interfaces)
-        kept = self.DeclareAbstractState(AbstractValue.Make(state))
-        self._state_index = int(kept)
+        self._state_index = int(self.DeclareAbstractState(AbstractValue.Make(state)))
         self._cycle = self._declare_read("cycle", self._calc_cycle, is_of_now=True)
-        flags = [float(c.name in state.active) for c in self.controllers]
-        servo_input = drive.servo_input(state.drive)
-        self._num_servo = len(servo_input)
-        start = (state.values, servo_input, flags)
-        numbers = [self.DeclareDiscreteState(x) for x in start]
-        self._values, self._drive_state, self._flags = map(int, numbers)
+        self._num_motions = 2 * J
+        numbers = self._declare_numbers(state)
         self._stored_states = StoredStates(hardware_interfaces, self.commands)
         self._stored = self._declare_stored(hardware_interfaces)
-        self._declare_shown(kept, numbers)
+        self._declare_shown(numbers)
+        self._present = self._declare(
+            interfaces.TICKS_PORT,
+            self.read_state,
+            {self.discrete_state_ticket(DiscreteStateIndex(self._steady_state))},
+        )
         # Computed anew only when something is put on a port.
         self._inputs = self._declare_read("inputs", self._calc_inputs)
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
+
+    def _declare_numbers(self, state: ManagerState) -> list[DiscreteStateIndex]:
+        """Declare values, servo's input, active flags, and what steady cycles write."""
+        flags = [float(c.name in state.active) for c in self.controllers]
+        servo_input = self._drive.servo_input(state.drive)
+        self._num_servo, self._num_drive = len(servo_input), len(state.drive)
+        start = (state.values, servo_input, flags)
+        numbers = [self.DeclareDiscreteState(x) for x in start]
+        self._values, self._drive_state, self._flags = map(int, numbers)
+        steady = self.DeclareDiscreteState(self._steady_numbers(state))
+        self._steady_state = int(steady)
+        return numbers
 
     def _declare_stored(
         self, hardware_interfaces: HardwareInterfaces
@@ -496,7 +523,12 @@ class ControllerManager(PythonSystem):
     ) -> OutputPort:
         """Declare what is computed of messages, and of time, state and measurements."""
         ports = [self._switch, *self._keeper.inboxes]
-        more = {self.time_ticket(), self.xa_ticket(), self._measured.ticket()}
+        more = {
+            self.time_ticket(),
+            self.xa_ticket(),
+            self.xd_ticket(),
+            self._measured.ticket(),
+        }
         return self.DeclareAbstractOutputPort(
             name,
             lambda: AbstractValue.Make(()),
@@ -507,20 +539,17 @@ class ControllerManager(PythonSystem):
             },
         )
 
-    def _declare_shown(
-        self, kept: AbstractStateIndex, numbers: Iterable[DiscreteStateIndex]
-    ) -> None:
-        """Declare the ports that show the state."""
+    def _declare_shown(self, numbers: Iterable[DiscreteStateIndex]) -> None:
+        """Declare the ports that show the state, as the last full tick has left it."""
+        state, claimed = self._state, self._lifecycle.claimed
         self._declare(
-            "controllers", lambda state: list_states(self.controllers, state.active)
+            "controllers", lambda c: list_states(self.controllers, state(c).active)
         )
-        self._declare("events", operator.attrgetter("events"))
-        claimed = self._lifecycle.claimed
-        self._declare(interfaces.CLAIMED_PORT, lambda state: claimed(state.active))
+        self._declare("events", lambda c: state(c).events)
+        self._declare(interfaces.CLAIMED_PORT, lambda c: claimed(state(c).active))
         names = (interfaces.VALUES_PORT, "drive", "active")
         for name, index in zip(names, numbers, strict=True):
             self.DeclareStateOutputPort(name, index)
-        self.DeclareStateOutputPort(interfaces.TICKS_PORT, kept)
 
     def find_problems(
         self, context: Context, request: SwitchController
@@ -543,15 +572,55 @@ class ControllerManager(PythonSystem):
                 self._keeper.connect(builder, system)
 
     def _state(self, context: Context) -> ManagerState:
+        """Return the state that the last full tick has left."""
         state: ManagerState = context.get_abstract_state(self._state_index).get_value()
         return state
 
-    def _declare(self, name: str, calc: Callable[[ManagerState], object]) -> None:
-        self.DeclareAbstractOutputPort(
+    def read_state(self, context: Context) -> ManagerState:
+        """Return the state after the last cycle, from the manager's own context.
+
+        After steady cycles it is made of what these have kept.
+        """
+        values, numbers = (
+            np.array(context.get_discrete_state(index).value())
+            for index in (self._values, self._steady_state)
+        )
+        return self._make_state(self._state(context), values, numbers)
+
+    def _make_state(
+        self, state: ManagerState, values: Array, numbers: Array
+    ) -> ManagerState:
+        """Return the state after a steady cycle, of the last full one's and numbers."""
+        number = round(numbers[0])
+        if number == state.cycle.number:
+            return state
+        steady = self._quiet.steady_cycles(state)
+        assert steady is not None
+        times = cycle_times(number, self.period, self._update_rate)
+        drive, motions = np.split(numbers[1:], [self._num_drive])
+        return steady.state(number, times, values, drive, motions)
+
+    def write_state(self, context: Context, state: ManagerState) -> None:
+        """Store a state in the manager's own context, for the next cycle."""
+        context.SetAbstractState(self._state_index, state)
+        context.SetDiscreteState(self._steady_state, self._steady_numbers(state))
+
+    def _steady_numbers(self, state: ManagerState) -> Array:
+        """Return what steady cycles keep: number, drive vector, what was measured."""
+        unknown = np.zeros(self._num_motions)
+        return np.concatenate(([state.cycle.number], state.drive, unknown))
+
+    def _declare(
+        self,
+        name: str,
+        calc: Callable[[Context], object],
+        more: Collection[DependencyTicket] = (),
+    ) -> OutputPort:
+        return self.DeclareAbstractOutputPort(
             name,
             lambda: AbstractValue.Make(()),
-            lambda context, output: output.set_value(calc(self._state(context))),
-            prerequisites_of_calc={self.xa_ticket()},
+            lambda context, output: output.set_value(calc(context)),
+            prerequisites_of_calc={self.xa_ticket(), *more},
         )
 
     def _calc_inputs(self, context: Context, output: AbstractValue) -> None:
@@ -559,7 +628,7 @@ class ControllerManager(PythonSystem):
         output.set_value(self._keeper.read_inputs(context, requests))
 
     def _calc_cycle(self, context: Context, output: AbstractValue) -> None:
-        output.set_value(self._find_cycle(context, self._state(context)))
+        output.set_value(self._find_cycle(context, self._present.Eval(context)))
 
     def _find_cycle(self, context: Context, state: ManagerState) -> Cycle:
         number = cycle_at(context.get_time(), self.period)
@@ -569,6 +638,40 @@ class ControllerManager(PythonSystem):
         inputs = self._inputs.Eval(context)
         readings = Readings(state, inputs, partial(self._measured.Eval, context))
         return self._loop.begin(readings, number, *times)
+
+    def _tick_steadily(
+        self, context: Context, base: ManagerState
+    ) -> tuple[list[float], list[float], Array, ManagerState] | None:
+        """Return values, drive vector, numbers to keep, and the state they go on from.
+
+        None where a cycle isn't of this kind.
+        """
+        steady = self._quiet.steady_cycles(base)
+        if steady is None or self._inputs.Eval(context) is not steady.inputs:
+            return None
+        number = cycle_at(context.get_time(), self.period)
+        numbers = context.get_discrete_state(self._steady_state).value()
+        last, end = numbers.tolist(), 1 + self._num_drive
+        if number is None or number != round(last[0]) + 1:
+            return None
+        time_ns, period_ns = cycle_times(number, self.period, self._update_rate)
+        if time_ns >= steady.until_ns:
+            return None
+        if time_ns >= steady.monitor_ns:
+            if number == base.cycle.number + 1:
+                return None
+            told = steady.tell(time_ns, time_ns - period_ns, np.array(numbers[end:]))
+            if told is None:
+                return None
+            base, steady = told, self._quiet.steady_cycles(told)
+            if steady is None:
+                return None
+        motions = self._keeper.motions.Eval(context)
+        found = steady.tick(time_ns, last[1:end], motions)
+        if found is None:
+            return None
+        values, drive = found
+        return values, drive, np.array([number, *drive, *motions.tolist()]), base
 
     def _tick_quietly(self, context: Context, old: ManagerState) -> ManagerState | None:
         """Return what a cycle leads to in which nothing comes; None for all others.
@@ -613,18 +716,30 @@ class ControllerManager(PythonSystem):
         return self._loop.finish(ticks, asleep, readings, cycle)
 
     def _update(self, context: Context, state: State) -> None:
-        old: ManagerState = context.get_abstract_state(self._state_index).get_value()
-        new = self._tick_quietly(context, old) or self._tick(context, old)
-        if new is old:
-            return
-        state.get_mutable_abstract_state(self._state_index).set_value(new)
-        numbers = state.get_mutable_discrete_state()
-        numbers.set_value(self._values, new.values)
-        numbers.set_value(self._drive_state, new.drive[: self._num_servo])
-        if new.cycle.active is not old.cycle.active:
-            flags = [float(c.name in new.cycle.active) for c in self.controllers]
-            numbers.set_value(self._flags, flags)
+        base = self._state(context)
+        steady = self._tick_steadily(context, base)
+        if steady is not None:
+            values, drive, kept, new = steady
+            if new is not base:
+                state.get_mutable_abstract_state(self._state_index).set_value(new)
+            numbers = state.get_mutable_discrete_state()
+            new_values = np.array(values)
+            numbers.set_value(self._drive_state, np.array(drive[: self._num_servo]))
+        else:
+            old: ManagerState = self._present.Eval(context)
+            new = self._tick_quietly(context, old) or self._tick(context, old)
+            if new is old:
+                return
+            state.get_mutable_abstract_state(self._state_index).set_value(new)
+            numbers = state.get_mutable_discrete_state()
+            new_values, kept = new.values, self._steady_numbers(new)
+            numbers.set_value(self._drive_state, new.drive[: self._num_servo])
+            if new.cycle.active is not old.cycle.active:
+                flags = [float(c.name in new.cycle.active) for c in self.controllers]
+                numbers.set_value(self._flags, flags)
+        numbers.set_value(self._values, new_values)
+        numbers.set_value(self._steady_state, kept)
         if self._stored is not None:
             stored = context.get_discrete_state(self._stored).value()
-            stored = self._stored_states.update(stored, new.values)
+            stored = self._stored_states.update(stored, new_values)
             numbers.set_value(self._stored, stored)

@@ -10,7 +10,7 @@ Times are integer nanoseconds, rates are [Hz].
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +32,12 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     TickingController,
 )
-from arm_drake.controllers.cycles import Cycle, HardwareValues, UpdateResult
+from arm_drake.controllers.cycles import (
+    Cycle,
+    HardwareValues,
+    SteadyTicks,
+    UpdateResult,
+)
 from arm_drake.description.parameters import DISTROS
 from arm_drake.errors import ParameterError
 from arm_drake.manager.state import ControllerFailure, ManagerEvent, ManagerState
@@ -450,6 +455,126 @@ class TickKeeper:
         )
 
 
+class _SteadyController(NamedTuple):
+    """A controller that ticks steadily, and where its commands stand."""
+
+    name: str
+    system: TickingController[Any]
+    ticks: SteadyTicks[Any]
+    at: tuple[int, ...]
+
+
+class SteadyCycles:
+    """Cycles from a state on in which nothing comes and nobody does anything new.
+
+    Who reads the state in between has it made of the numbers of the last one.
+    """
+
+    def __init__(
+        self,
+        base: ManagerState,
+        controllers: Iterable[_SteadyController],
+        drive: DriveCommands,
+    ) -> None:
+        """Create it for cycles after a state."""
+        self._base, self._drive = base, drive
+        self._controllers = tuple(controllers)
+        self._values: list[float] = base.values.tolist()
+        # From then on cycles take the full way [ns].
+        self.until_ns = min((c.ticks.until_ns for c in self._controllers), default=0)
+        # Somebody has to tell something then [ns].
+        self.monitor_ns = min(
+            (c.ticks.monitor_ns for c in self._controllers), default=0
+        )
+        # What is on the ports meanwhile.
+        self.inputs = base.cycle.inputs
+
+    @classmethod
+    def after(
+        cls,
+        base: ManagerState,
+        controllers: Collection[tuple[str, TickingController[Any]]] | None,
+        claimants: "Claimants",
+        drive: DriveCommands,
+    ) -> Self | None:
+        """Return the cycles after a state, by those that tick quietly; None if none."""
+        cycle = base.cycle
+        if controllers is None or base.failing or cycle.active is not base.active:
+            return None
+        found = []
+        for name, system in controllers:
+            last = base.ticks[name]
+            goes_on = last.number == cycle.number and last.inputs is cycle.inputs
+            if not (goes_on and last.is_ok and last.activation == base.active[name]):
+                return None
+            ticks = system.steady(last, cycle.time_ns)
+            if ticks is None:
+                return None
+            at = claimants.places.get(name, ())
+            found.append(_SteadyController(name, system, ticks, at))
+        return cls(base, found, drive)
+
+    def tell(self, time_ns: int, last_ns: int, motions: Array) -> ManagerState | None:
+        """Return the state to go on from, in which all is told; None if it ends."""
+        ticks = dict(self._base.ticks)
+        for name, _, steady, _ in self._controllers:
+            if time_ns >= steady.monitor_ns:
+                state = steady.tell(time_ns, last_ns, motions)
+                if state is None:
+                    return None
+                ticks[name] = ticks[name]._replace(state=state)
+        return self._base._replace(ticks=ticks)
+
+    def tick(
+        self, time_ns: int, last: Sequence[float], motions: Array
+    ) -> tuple[list[float], list[float]] | None:
+        """Return the values of all commands and the drive vector; None if it ends.
+
+        `last` is the drive vector of the last cycle, `motions` what is measured.
+        """
+        values = self._values.copy()
+        for _, _, ticks, at in self._controllers:
+            command = ticks.command(time_ns, motions)
+            if command is None:
+                return None
+            if math.isfinite(sum(command)):
+                for i, value in zip(at, command, strict=True):
+                    values[i] = value
+                continue
+            for i, value in zip(at, command, strict=True):
+                if math.isfinite(value):
+                    values[i] = value
+        if self._drive.has_limits:
+            mode, lasts = self._base.mode, np.array(last)
+            drive = self._drive.write(mode, np.array(values), lasts).tolist()
+            return values, drive
+        return values, self._drive.go_on(self._base.mode, values, last)
+
+    def state(
+        self,
+        number: int,
+        times: tuple[int, int],
+        values: Array,
+        drive: Array,
+        motions: Array,
+    ) -> ManagerState:
+        """Return the state after one of these cycles, of what `tick` has returned."""
+        base, time_ns = self._base, times[0]
+        ticks = dict(base.ticks)
+        for name, system, steady, _ in self._controllers:
+            last = ticks[name]
+            ticks[name] = system.resume(steady, last, number, time_ns, motions)
+        cycle = base.cycle._replace(
+            number=number,
+            time_ns=time_ns,
+            period_ns=times[1],
+            chained=base.chained,
+            commands=None,
+            ticks={},
+        )
+        return base._replace(cycle=cycle, values=values, drive=drive, ticks=ticks)
+
+
 class _Claimant(NamedTuple):
     """A controller that writes command interfaces, or whose update can fail."""
 
@@ -490,6 +615,8 @@ class Claimants:
                     frozenset(claimed),
                 )
                 self._claimants.append(claimant)
+        # Where the commands of each stand among the values.
+        self.places = {c.name: tuple(c.at.tolist()) for c in self._claimants}
 
     def write(
         self, ticks: UpdateResults, cycle: Cycle, last: Cycle, values: Array

@@ -115,6 +115,8 @@ def find_group(robot: Robot, group: str | Collection[str] | None) -> PlanningGro
     Raises:
         InputError: If there is no such group or joint, or no joint at all.
     """
+    if group is not None and not isinstance(group, Collection):
+        raise InputError(f"group: expected its name or its joints, got {group!r}")
     if group is not None and not isinstance(group, str):
         return _made_of(robot, tuple(dict.fromkeys(group)))
     groups = planning_groups(robot)

@@ -9,7 +9,7 @@ import dataclasses as dc
 import functools
 import math
 import weakref
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -189,6 +189,20 @@ def complete_positions(
     return kinematics.named(kinematics.complete(positions))
 
 
+def find_reach(
+    robot: Robot, frame: str, group: Collection[str]
+) -> tuple[np.ndarray, float]:
+    """Return a point in the world that a link turns about, and how far it gets [m].
+
+    The point is that of the first of the group's joints which move the link, in the
+    robot's initial positions.
+    """
+    kinematics = _kinematics_of(robot)
+    chain = kinematics.chain(frame, group)
+    place = kinematics.place_of(kinematics.complete({}), chain.base)
+    return place, chain.reach
+
+
 def follow_line(
     robot: Robot,
     frame: str,
@@ -264,11 +278,12 @@ class _Target(NamedTuple):
         pose: RigidTransform, mask: Sequence[bool], tolerance: tuple[float, float]
     ) -> "_Target":
         """Return it, or raise InputError."""
-        rows = [bool(flag) for flag in mask]
+        shown = list(mask) if isinstance(mask, Iterable) else mask
+        rows = [bool(flag) for flag in shown] if isinstance(shown, list) else []
         if len(rows) != 6 or not any(rows):
             raise InputError(
                 "mask: expected six flags, for x, y, z and turns about x, y, z, with "
-                f"one that is set; got {list(mask)}"
+                f"one that is set; got {shown!r}"
             )
         if len(tolerance) != 2 or not all(0.0 < t < math.inf for t in tolerance):
             raise InputError(
@@ -543,8 +558,8 @@ class _Kinematics:
         for name, value in positions.items():
             if name not in self.at:
                 raise InputError(f"no joint {name!r}; {suggest(name, self.at)}")
-            if not math.isfinite(value):
-                problem = f"expected a finite number [rad or m], got {value}"
+            if not (isinstance(value, int | float) and math.isfinite(value)):
+                problem = f"expected a finite number [rad or m], got {value!r}"
                 raise InputError(f"joint {name!r}: {problem}")
         for name, (master, factor, offset) in self._masters.items():
             if name in positions:

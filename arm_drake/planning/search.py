@@ -1,7 +1,6 @@
 """OMPL's RRT-Connect on a CollisionModel; importing this needs the extra `planning`."""
 
-import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from ompl import base, geometric, util
@@ -37,7 +36,7 @@ def find_way(
     bounds: tuple[np.ndarray, np.ndarray],
     *,
     step: float,
-    deadline: float,
+    is_over: Callable[[], bool],
     seed: int,
 ) -> np.ndarray | None:
     """Return the corners of a way from the start to a goal, shape (m, n), or None.
@@ -48,7 +47,7 @@ def find_way(
         goals: Joint positions, each of shape (n,); the way leads to one of them.
         bounds: Lower and upper ends of the joints.
         step: How far apart checks on an edge are, in the model's norm.
-        deadline: When to give up, by the monotonic clock [s].
+        is_over: Whether to give up.
         seed: Seed of the random search, above 0.
     """
     util.noOutputHandler()
@@ -76,7 +75,7 @@ def find_way(
     planner = geometric.RRTConnect(information)
     planner.setProblemDefinition(problem)
     planner.setup()
-    planner.solve(base.PlannerTerminationCondition(lambda: time.monotonic() > deadline))
+    planner.solve(base.PlannerTerminationCondition(is_over))
     if not problem.hasExactSolution():
         return None
     way = problem.getSolutionPath()

@@ -593,7 +593,7 @@ class Simulation:
 
         name = self.directory.manager(robot).robot.name
         found = plan(self, to, name=name, **options)
-        goal = self._send(found, "")
+        goal = self.send_planned(found)
         end = self.time + found.duration + _GOAL_PATIENCE
         while not goal.status.is_terminal and self.time < end:
             self.advance_to(self.time + _GOAL_PERIOD)
@@ -632,7 +632,7 @@ class Simulation:
         except ArmDrakeError as error:
             self.mailbox.reject(message, str(error), where)
         else:
-            self._send(found, where)
+            self.send_planned(found, where=where)
         return True
 
     def reject_plan(self, message: PlanTo, *, where: str) -> None:
@@ -641,17 +641,25 @@ class Simulation:
         self.mailbox.reject(message, reason, where)
         self.collect_news()
 
-    def _send(self, found: "Plan", where: str) -> GoalHandle:
-        """Send a plan to its controller."""
+    def send_planned(self, plan: "Plan", *, where: str = "") -> GoalHandle:
+        """Send a plan to the trajectory controller of its group.
+
+        Args:
+            plan: The plan of one of the robots, which is where it begins.
+            where: The place in a motion file that asks for it.
+
+        Raises:
+            InputError: If no controller has exactly the group's joints.
+        """
         from arm_drake.planning.motion_planning import require_controller
 
-        manager = self.directory.manager(found.robot.name)
-        name = f"{manager.prefix}{require_controller(manager.robot, found.group)}"
-        return self.controller(name).send_goal(found.trajectory, where=where)
+        manager = self.directory.manager(plan.robot.name)
+        name = f"{manager.prefix}{require_controller(manager.robot, plan.group)}"
+        return self.controller(name).send_goal(plan.trajectory, where=where)
 
     def _rests(self, robot: str) -> bool:
         """Whether no joint of a robot moves, and no goal makes one move."""
-        from arm_drake.planning.motion_planning import find_moving
+        from arm_drake.planning.setting import find_moving
 
         prefix = self.directory.manager(robot).prefix
         goals = (goal for goal in self.goals if goal.controller.startswith(prefix))

@@ -21,7 +21,7 @@ from arm_drake.visualization.link_drawings import (
     visual_solid,
 )
 
-_BLUE = (0.1, 0.5, 1.0)
+BLUE = (0.1, 0.5, 1.0)
 _ALPHA = 0.35
 
 
@@ -62,7 +62,7 @@ class Ghost:
         description: RobotDescription,
         *,
         base_context: Context | None = None,
-        color: tuple[float, float, float] = _BLUE,
+        color: tuple[float, float, float] = BLUE,
     ) -> None:
         """Create it; nothing is shown yet.
 
@@ -93,6 +93,8 @@ class Ghost:
         if description.roots:
             self._base = plant.GetBodyByName(description.base, model)
         self._bodies: list[_DrawnBody] | None = None
+        # Paths of what has a colour.
+        self._solids: list[str] = []
         self._sent: dict[str, RigidTransform] = {}
         self._hidden: set[str] = set()
         self._is_shown = False
@@ -148,12 +150,23 @@ class Ghost:
             self._is_shown = False
             self._meshcat.SetProperty(self.path, "visible", False)
 
+    def set_color(self, color: tuple[float, float, float]) -> None:
+        """Change its colour: red, green and blue from 0 to 1."""
+        rgba = Rgba(*color, _ALPHA)
+        if rgba == self._rgba:
+            return
+        self._rgba = rgba
+        # A browser that comes later gets what lies below a path after its properties.
+        for path in self._solids:
+            self._meshcat.SetProperty(path, "color", [*color, _ALPHA])
+
     def clear(self) -> None:
         """Delete what was sent; as after the creation, nothing is shown."""
         if self._bodies is not None:
             self._meshcat.Delete(self.path)
         self._bodies, self._is_shown = None, False
         self._sent.clear()
+        self._solids.clear()
         self._hidden.clear()
 
     def _resolve(self, positions: Mapping[str, float]) -> np.ndarray:
@@ -221,6 +234,7 @@ class Ghost:
                     X_BG = inspector.GetPoseInFrame(geometry)
                     self._meshcat.SetTransform(own, X_BG)
                     draw_solid(self._meshcat, own, solid, self._rgba)
+                    self._solids.append(f"{own}/<object>")
                     is_drawn = True
             if is_drawn:
                 bodies.append(_DrawnBody(body, path, link in attached))

@@ -196,6 +196,15 @@ def draw_solid(
         meshcat.SetProperty(f"{path}/<object>", name, value)
 
 
+def draw_triad(meshcat: Meshcat, path: str, length: float) -> None:
+    """Draw a frame's axes [m], seen through all else: x red, y green, z blue."""
+    axis = Cylinder(_TRIAD_RADIUS * length, length)
+    for index, (name, rgba) in enumerate(_AXES):
+        own = f"{path}/{name}"
+        meshcat.SetTransform(own, _along(np.eye(3)[index], length / 2.0))
+        draw_solid(meshcat, own, axis, rgba, is_on_top=True)
+
+
 def visual_solid(inspector: SceneGraphInspector, geometry: GeometryId) -> Solid | None:
     """Return a visual shape whose colour can be chosen, or None: a half space.
 

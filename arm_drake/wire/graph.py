@@ -31,6 +31,8 @@ from arm_drake.messages import (
     JointState,
     Message,
     ParallelGripperCommandGoal,
+    ResetOdometry,
+    SetOdometry,
     TFMessage,
 )
 from arm_drake.rollout.bag import make_tf, stamp
@@ -309,6 +311,7 @@ def _find_topics(
     context, diagram = simulation.simulator.get_context(), simulation.diagram
     for found in TopicNames(simulation.directory.managers).all():
         topic = Topic(found.name, "")
+        taken: Any = None
         ports = [
             diagram.GetOutputPort(each.exported_as(each.port)) for each in found.outputs
         ]
@@ -331,7 +334,7 @@ def _find_topics(
                 topic.subscriber = _node_of(found.inputs[0])
         if topic.type:
             yield topic
-        else:
+        elif taken not in (SetOdometry, ResetOdometry):  # They are services.
             left_out.append(found.name)
 
 

@@ -27,6 +27,7 @@ from arm_drake.rollout.rollout import ClientInput
 from arm_drake.simulation.mailbox import GoalHandle, SimulationEvent
 from arm_drake.simulation.recording import History
 from arm_drake.simulation.simulation import ResetRequested, Simulation
+from arm_drake.timing import cycle_at
 from arm_drake.wire.graph import Action, Call, GoalNews, Graph, Request, Topic
 from arm_drake.wire.services import Controls, add_services
 from arm_drake.wire.types import load_wire_types, to_fields, to_message
@@ -263,12 +264,12 @@ class RosServer:
         Raises:
             ResetRequested: If a client asked for a reset.
         """
-        now = self.simulation.time
-        if now < self._last_time:
-            self._note_reset(self._last_time)
-        self._last_time = now
-        self._update(now)
+        now = self._look_at_time()
         self._do_again(now)
+        until = self._inputs[0].time if self._inputs else math.inf
+        if cycle_at(now, self.simulation.period) is None:
+            return until
+        self._update(now)
         self._drain()
         while self.controls.is_waiting and not self._is_stopping.is_set():
             time.sleep(_PAUSED_PERIOD)
@@ -276,7 +277,24 @@ class RosServer:
             if not self.controls.is_waiting:
                 # What was missed of real time isn't made up for.
                 self.simulation.simulator.ResetStatistics()
-        return self._inputs[0].time if self._inputs else math.inf
+        return until
+
+    def idle(self) -> None:
+        """Do what came in while time stands.
+
+        Raises:
+            ResetRequested: If a client asked for a reset.
+        """
+        self._look_at_time()
+        self._drain()
+
+    def _look_at_time(self) -> float:
+        """Return the time [s]; if it has begun anew, take note of that."""
+        now = self.simulation.time
+        if now < self._last_time:
+            self._note_reset(self._last_time)
+        self._last_time = now
+        return now
 
     def _update(self, now: float) -> None:
         context = self.simulation.simulator.get_context()
@@ -315,6 +333,11 @@ class RosServer:
         except ArmDrakeError as error:
             text = str(error)
             self._post(lambda: request.refuse(text))
+        # A slip of ours must not end the simulation; nor may what Drake refuses.
+        except (RuntimeError, ValueError, TypeError, LookupError, AttributeError) as e:
+            problem = f"it can't be done ({type(e).__name__}: {e})"
+            self.warn(f"{request.kind} {request.name}: {problem}")
+            self._post(lambda: request.refuse(problem))
 
     def _log(self, request: Request) -> None:
         """Keep what changes the simulation, with who asked for it."""

@@ -600,9 +600,7 @@ class _Things:
         context = self._plant.GetMyMutableContextFromRoot(self._simulation.context)
         self._plant.SetFloatingBaseBodyPoseInWorldFrame(context, body, pose)
         velocity = SpatialVelocity(twist)
-        self._plant.SetFloatingBaseBodySpatialVelocityInWorldFrame(
-            context, body, velocity
-        )
+        self._plant.SetFreeBodySpatialVelocity(context, body, velocity)
         return {"success": True}
 
     def get(self, call: Call) -> Fields:

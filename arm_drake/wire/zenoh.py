@@ -5,6 +5,7 @@ Source: ros2/rmw_zenoh, docs/design.md and `liveliness_utils.cpp`, `attachment_h
 
 import functools
 import json
+import socket
 import struct
 import time
 import uuid
@@ -256,6 +257,7 @@ class Zenoh:
     def _open(self) -> tuple[zenoh.Session, list[str]]:
         """Return a session, and what is to be said of it."""
         host = self.server.host
+        self._port = self._port or _free_port(host)
         endpoint = f"tcp/{host}:{self._port}"
         config = zenoh.Config()
         config.insert_json5("mode", '"router"')
@@ -275,6 +277,8 @@ class Zenoh:
         config.insert_json5("mode", '"client"')
         config.insert_json5("connect/endpoints", json.dumps([endpoint]))
         config.insert_json5("connect/timeout_ms", "2000")
+        # What is latched needs it, and a router has it by itself.
+        config.insert_json5("timestamping/enabled", "true")
         config.insert_json5("scouting/multicast/enabled", "false")
         try:
             session = zenoh.open(config)
@@ -431,6 +435,12 @@ class Zenoh:
             if heard != self._heard:
                 self._heard = heard
                 self.server.watch()
+
+
+def _free_port(host: str) -> int:
+    """Return a port that nobody listens at."""
+    with socket.create_server((host, 0)) as listening:
+        return int(listening.getsockname()[1])
 
 
 def _answer_to(attachment: bytes) -> bytes:

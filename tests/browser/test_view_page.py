@@ -578,3 +578,34 @@ def test_meshcat_s_own_controls_are_behind_a_button(
     assert controls.is_visible()
     button.click()
     assert not controls.is_visible()
+
+
+def test_a_motion_is_planned_and_executed_by_the_panel(
+    program: Program[RobotViewer], screen: Screen
+) -> None:
+    screen.page.locator("summary", has_text="Motion planning").click()
+    screen.choose("plan:group", "arm")
+    screen.choose("plan:frame", "tip")
+    screen.click("plan:position_only")
+    before = screen.picture(program.mark())
+    elbow = 0.7
+    x, z = UPPER * math.sin(elbow), ELBOW + UPPER * math.cos(elbow)
+
+    screen.type("plan:z", "3")
+    screen.until(
+        lambda: "no joint positions" in screen.text("plan:status"), "it is out of reach"
+    )
+    screen.type("plan:x", repr(x))
+    screen.type("plan:z", repr(z))
+    screen.until(lambda: "free" in screen.text("plan:status"), "the goal is free")
+    seen = screen.picture(program.mark())
+    screen.click("plan:plan")
+    screen.until(lambda: "group arm" in screen.text("plan:status"), "there is a plan")
+    screen.click("plan:execute")
+
+    mark = wait_for_joint(program, screen, "elbow", elbow, 2e-3)
+    # The ghost was where the arm comes to.
+    place = upper_at(elbow)
+    column, row = map(int, place)
+    assert difference(before, seen)[row - 5 : row + 5, column - 5 : column + 5].all()
+    assert is_near(middle(red(screen.picture(mark))), place)

@@ -14,6 +14,7 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 
 import arm_drake as ad
+from arm_drake.errors import InputError
 from arm_drake.planning.collisions import CollisionModel
 from arm_drake.planning.groups import motion_limits
 from arm_drake.worlds.world import add_world
@@ -295,3 +296,37 @@ def test_a_robot_without_shapes_is_planned_for_with_a_warning() -> None:
     assert plan.warnings == (
         "nothing that moves has a collision shape: whatever is there is passed",
     )
+
+
+@pytest.mark.parametrize(
+    ("to", "options", "message"),
+    [
+        (None, {}, "to: expected a state, joint positions, a pose or a list"),
+        (3.0, {}, "to: expected a state, joint positions, a pose or a list"),
+        (
+            {"joint1": "far"},
+            {},
+            "to: joint 'joint1': expected a finite number, got 'far'",
+        ),
+        (
+            "home",
+            {"start": {"joint1": None}},
+            "joint 'joint1': expected a finite number [rad or m], got None",
+        ),
+        ("home", {"padding": None}, "padding: expected a number, got None"),
+        ("home", {"time_limit": "long"}, "time_limit: expected a number, got 'long'"),
+        (
+            "home",
+            {"velocity_scaling": "fast"},
+            "velocity_scaling: expected a number, got 'fast'",
+        ),
+        ("home", {"group": 3}, "group: expected its name or its joints, got 3"),
+    ],
+)
+def test_what_is_no_number_is_one_message(
+    doosan: ad.Robot, to: object, options: dict[str, object], message: str
+) -> None:
+    with pytest.raises(InputError) as caught:
+        ad.plan(doosan, to, **options)
+
+    assert str(caught.value) == message

@@ -28,7 +28,7 @@ def simulation(robot: str = "doosan_a0912", **options: Any) -> Simulation:
 
 def port_of(server: RosServer, transport: str = "rosbridge") -> int:
     [line] = [line for line in server.addresses if line.startswith(f"{transport}: ")]
-    return int(line.rpartition(":")[2])
+    return int(line.rpartition(":")[2].split()[0])
 
 
 @contextlib.contextmanager

@@ -1,6 +1,7 @@
 """Time, determinism, and that nobody outside can stop a simulation."""
 
 import asyncio
+import dataclasses as dc
 import json
 import os
 import signal
@@ -366,3 +367,61 @@ def test_two_clients_get_a_thousand_states_a_second_of_thirty_joints(
 
     # Of what was told while it ran: a busy machine runs slower, and drops no more.
     assert min(rates) >= 900.0
+
+
+def test_things_are_put_where_a_client_wants_them(tmp_path: Path) -> None:
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(
+        "robots:\n- {robot: doosan_a0912}\nthings:\n"
+        "- {name: ball, sphere: 0.05, mass: 0.1, pose: [0.9, 0, 0.5]}\n"
+    )
+    sim = ad.Simulation(ad.build_diagram(ad.load_scene(scene)))
+    server = RosServer(sim, ())
+    answers: list[Any] = []
+    pose = {"position": {"x": 2.0, "y": 1.0, "z": 3.0}}
+    state = {"name": "ball", "pose": pose, "twist": {"linear": {"x": 1.0}}}
+    types = server.types
+    server._post = lambda act: act()  # type: ignore[method-assign]
+    for name, request in (
+        ("SetEntityState", {"state": state}),
+        ("GetEntityState", {"name": "ball"}),
+        ("SetEntityState", {"state": {**state, "name": "bull"}}),
+    ):
+        type_ = f"gazebo_msgs/srv/{name}_Request"
+        path = "/set_entity_state" if name.startswith("Set") else "/get_entity_state"
+        fields = types.fill(type_, request)
+        server.submit(
+            Request("call", path, fields, "me", "", answers.append, answers.append)
+        )
+    server.exchange()
+    sim.advance_to(0.5)
+
+    assert answers[0] == {"success": True}
+    assert answers[1]["state"]["pose"]["position"] == {"x": 2.0, "y": 1.0, "z": 3.0}
+    assert answers[1]["state"]["twist"]["linear"]["x"] == 1.0
+    assert "did you mean 'ball'" in answers[2]
+    # It falls freely meanwhile, half a meter ahead.
+    x, _, z = _position_of(sim, "ball")
+    assert (x, z) == pytest.approx((2.5, 3.0 - 0.5 * 9.81 * 0.25), abs=5e-3)
+
+
+def _position_of(sim: ad.Simulation, name: str) -> Any:
+    context = sim.plant.GetMyContextFromRoot(sim.context)
+    body = sim.plant.GetBodyByName(name)
+    return sim.plant.EvalBodyPoseInWorld(context, body).translation()
+
+
+def test_a_slip_in_a_service_is_its_answer_and_no_end() -> None:
+    server = RosServer(simulation(), ())
+    answers: list[Any] = []
+    server._post = lambda act: act()  # type: ignore[method-assign]
+    service = server.graph.services["/pause"]
+
+    def fail(call: Any) -> None:
+        raise KeyError("oops")
+
+    server.graph.services["/pause"] = dc.replace(service, call=fail)
+    server.submit(Request("call", "/pause", {}, "me", refuse=answers.append))
+    server.exchange()
+
+    assert answers == ["it can't be done (KeyError: 'oops')"]

@@ -27,13 +27,11 @@ pytestmark = pytest.mark.slow
 ATTACHMENT = struct.Struct("<qqB16s")
 ACTION = f"{JTC}/follow_joint_trajectory/_action"
 GID = bytes(range(16))
-PORT = 17447
 
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[RosServer]:
-    with served(simulation(), f"zenoh:{PORT}", domain=3) as server:
-        assert port_of(server, "zenoh") == PORT
+    with served(simulation(), "zenoh:0", domain=3) as server:
         yield server
 
 
@@ -41,7 +39,8 @@ def server() -> Iterator[RosServer]:
 def session(server: RosServer) -> Iterator[zenoh.Session]:
     config = zenoh.Config()
     config.insert_json5("mode", '"client"')
-    config.insert_json5("connect/endpoints", f'["tcp/127.0.0.1:{PORT}"]')
+    endpoint = f'["tcp/127.0.0.1:{port_of(server, "zenoh")}"]'
+    config.insert_json5("connect/endpoints", endpoint)
     config.insert_json5("scouting/multicast/enabled", "false")
     session = zenoh.open(config)
     yield session
@@ -200,9 +199,9 @@ def test_bytes_that_mean_nothing_are_dropped(
 
 def test_zenoh_ros2_sdk_reads_a_latched_topic_calls_and_publishes() -> None:
     sim = simulation()
-    with served(sim, f"zenoh:{PORT + 1}"):
-        controller = "joint_trajectory_controller"
-        seen = run_zenoh_peer("zenoh_sdk_client.py", PORT + 1, controller, "nope")
+    with served(sim, "zenoh:0") as server:
+        controller, port = "joint_trajectory_controller", port_of(server, "zenoh")
+        seen = run_zenoh_peer("zenoh_sdk_client.py", port, controller, "nope")
         time.sleep(0.1)
         factor = sim.controller(controller).state().speed_scaling_factor
 
@@ -260,3 +259,10 @@ def test_humble_knows_no_hashes_and_later_ones_more_fields() -> None:
     assert humble.hash("std_msgs/msg/String") == "TypeHashNotSupported"
     assert "index" not in [name for name, _, _ in humble.fields(feedback)]
     assert "index" in [name for name, _, _ in rolling.fields(feedback)]
+
+
+def test_where_a_router_is_there_it_is_a_client_of_it(server: RosServer) -> None:
+    port = port_of(server, "zenoh")
+
+    with served(simulation(), f"zenoh:{port}", domain=4) as other:
+        assert other.addresses[0].endswith("(a router that is there)")

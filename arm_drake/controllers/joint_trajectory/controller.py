@@ -14,6 +14,7 @@ One quirk is kept: when `cmd_timeout` stops a motion with a goal, the goal succe
 import functools
 import math
 import operator
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -35,7 +36,12 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterfaceParams,
     TickingController,
 )
-from arm_drake.controllers.cycles import UpdateContext
+from arm_drake.controllers.cycles import (
+    NEVER_NS,
+    SteadyTicks,
+    UpdateContext,
+    UpdateResult,
+)
 from arm_drake.controllers.joint_trajectory.goals import (
     commanded_before,
     conclude,
@@ -47,8 +53,10 @@ from arm_drake.controllers.joint_trajectory.goals import (
     receive,
     repeat_last_point,
     stop_motion,
+    tell_feedback,
 )
 from arm_drake.controllers.joint_trajectory.parameters import (
+    Inbox,
     JointTrajectoryControllerParameters,
     check_change,
     make_rules,
@@ -59,6 +67,8 @@ from arm_drake.controllers.joint_trajectory.state import (
     Plan,
     TickInputs,
     add_events,
+    errors_of,
+    make_command,
     make_controller_state,
     make_query_response,
     present_commands,
@@ -78,80 +88,6 @@ from arm_drake.messages import (
     Time,
     TimeLike,
 )
-
-
-def errors_of(
-    rules: JointTrajectoryRules, inputs: TickInputs, desired: Sample, error: Array
-) -> tuple[Array, Array | None, Array | None]:
-    """Return reference minus measurement, each of shape (n,); None isn't compared.
-
-    Velocities are compared if they are measured, and velocities or efforts commanded;
-    accelerations if both are.
-
-    `error` shape (n,).
-    """
-    velocity = acceleration = None
-    if rules.has_velocity_error and inputs.velocity is not None:
-        reference = desired.velocity
-        velocity = None if reference is None else reference - inputs.velocity
-    if rules.has_acceleration_error and inputs.acceleration is not None:
-        reference = desired.acceleration
-        acceleration = None if reference is None else reference - inputs.acceleration
-    return error, velocity, acceleration
-
-
-def make_command(
-    rules: JointTrajectoryRules,
-    state: JointTrajectoryState,
-    inputs: TickInputs,
-    desired: Sample,
-    ahead: Sample,
-    error: Array,
-) -> tuple[Array, PidState | None]:
-    """Return the values of all command interfaces, shape (k,), and what PIDs remember.
-
-    Efforts beside positions are those of the present, all others are one period ahead.
-    What a PID commands is, with the velocities v and efforts u one period ahead::
-
-        ff_velocity_scale v + u + PID(error, error of the velocity)
-
-    where velocities are commanded, without u.
-
-    `error` shape (n,).
-    """
-    pid = state.pid
-    if rules.pid is not None:
-        last = rules.pid.initial() if pid is None else pid
-        _, rate, _ = errors_of(rules, inputs, desired, error)
-        pid = rules.pid.step(last, error, inputs.period_ns / NANOSECONDS, rate)
-        output = pid.command
-        if rules.ff_velocity_scale is not None and ahead.velocity is not None:
-            output = rules.ff_velocity_scale * ahead.velocity + output
-        if rules.command_interfaces == ("effort",) and ahead.effort is not None:
-            output = output + ahead.effort
-        vectors: list[Array | None] = [output]
-    else:
-        vectors = [
-            _open_loop(name, desired, ahead) for name in rules.command_interfaces
-        ]
-    n = len(rules.joints)
-    values = [np.full(n, math.nan) if v is None else v for v in vectors]
-    if rules.commanded_joints is not None:
-        at = list(rules.commanded_joints)
-        values = [vector[at] for vector in values]
-    return (values[0] if len(values) == 1 else np.concatenate(values)), pid
-
-
-def _open_loop(interface: str, desired: Sample, ahead: Sample) -> Array | None:
-    match interface:
-        case "position":
-            return ahead.position
-        case "velocity":
-            return ahead.velocity
-        case "acceleration":
-            return ahead.acceleration
-    return desired.effort
-
 
 _SUCCESS_TEXT = "Goal successfully reached!"
 _PATH_TEXT = "Aborted due to path tolerance violation"
@@ -485,25 +421,149 @@ def tick(
     return follow(rules, state, inputs, is_first)
 
 
-class Inbox(NamedTuple):
-    """What came in on the ports of a JointTrajectoryController."""
-
-    # Parameters in effect, and what was made of them.
-    parameters: JointTrajectoryControllerParameters
-    rules: JointTrajectoryRules
-
-    # What was on the ports at the last tick.
-    received_parameters: object = ()
-    topics: tuple[JointTrajectory, ...] = ()
-    requests: tuple[ActionRequest, ...] = ()
-    factors: tuple[SpeedScalingFactor, ...] = ()
-
-
 class JointTrajectoryControllerSystemState(NamedTuple):
     """State of a JointTrajectoryController between two ticks."""
 
     inbox: Inbox
     control: JointTrajectoryState
+
+
+class SteadyTrajectory:
+    """Steady ticks of `follow`: between two points of a trajectory, or at its end.
+
+    Each of them leaves what `follow` would: the samples are functions of the time, and
+    what is measured only counts where a path has tolerances.
+    """
+
+    def __init__(
+        self,
+        system: JointTrajectoryControllerSystemState,
+        time_ns: int,
+        sense: Callable[[int, Array], TickInputs],
+    ) -> None:
+        """Take the state that a tick has left, and what gives the inputs of others."""
+        self._system, self._sense = system, sense
+        self._rules, state = system.inbox.rules, system.control
+        self._last, trajectory = state, state.plan.trajectory
+        assert trajectory is not None
+        self._trajectory = trajectory
+        # From the time to the place on the trajectory [ns], at present and ahead.
+        self._present_ns = state.clock_ns - time_ns
+        self._ahead_ns = self._present_ns + self._rules.look_ahead_ns
+        self._is_finished = _is_last(state.desired, trajectory)
+        self.until_ns = NEVER_NS
+        if not self._is_finished:
+            self.until_ns = trajectory.times_ns[-1] - self._ahead_ns
+        self.monitor_ns = NEVER_NS if state.goal is None else state.goal.monitor_ns
+        tolerances, plan = state.plan.tolerances, state.plan
+        self._path: StateTolerances | None = None
+        if not (plan.is_holding or self._is_finished or tolerances is None):
+            self._path = tolerances.path if tolerances.path.is_checked else None
+
+    @classmethod
+    def can_follow(
+        cls, system: JointTrajectoryControllerSystemState, time_ns: int
+    ) -> bool:
+        """Return whether ticks from a state on are of this kind."""
+        rules, state = system.inbox.rules, system.control
+        plan, desired, tolerances = state.plan, state.desired, state.plan.tolerances
+        is_plain = rules.pid is None and rules.wraparound is None
+        is_timed = not (rules.has_scaling_state or rules.has_scaling_command)
+        if not (is_plain and is_timed and state.scaling_factor == 1.0):
+            return False
+        if plan.rules is not rules or plan.pending is not None or desired is None:
+            return False
+        trajectory = plan.trajectory
+        if trajectory is None or trajectory.changes or state.time_ns != time_ns:
+            return False
+        if not _is_last(desired, trajectory):
+            is_position_only = tolerances is None or tolerances.path.is_position_only
+            return state.cursor == desired.segment_start and is_position_only
+        is_judged = plan.cmd_timeout > 0.0 or (
+            tolerances is not None and tolerances.goal_time != 0.0
+        )
+        is_over = state.goal is None or state.goal.outcome is not None
+        return is_over and (plan.is_holding or not is_judged)
+
+    def tell(
+        self, time_ns: int, last_ns: int, motions: Array
+    ) -> JointTrajectoryControllerSystemState | None:
+        """Return the state with the feedback that is due; None if a result is."""
+        last, goal = self._last, self._last.goal
+        if goal is None or goal.outcome is not None:
+            return None
+
+        # News that held the state would hold all news before it.
+        bare = last._replace(plan=last.plan._replace(events=()), goal=None)
+        bare_system = self._system._replace(control=bare)
+        since_ns = last.clock_ns - self._present_ns
+        steady = SteadyTrajectory(bare_system, since_ns, self._sense)
+
+        def look() -> JointTrajectoryState:
+            return steady.state(last_ns, motions).control
+
+        new = tell_feedback(self._rules, last, time_ns, last_ns, look)
+        return JointTrajectoryControllerSystemState(self._system.inbox, new)
+
+    def command(self, time_ns: int, motions: Array) -> list[float] | None:
+        """Return the values that a tick commands; None where it has to judge them."""
+        ahead = self._sample(time_ns + self._ahead_ns)
+        if self._path is None and self._rules.is_plain:
+            return ahead.position.tolist()
+        inputs = self._sense(time_ns, motions)
+        desired = self._sample(time_ns + self._present_ns)
+        error = desired.position - inputs.position
+        if self._path is not None and exceeds(error, None, None, self._path):
+            return None
+        return self._make_command(inputs, desired, ahead, error).tolist()
+
+    def _sample(self, time_ns: int) -> Sample:
+        sample = self._trajectory.sample(time_ns, self._last.cursor)
+        assert sample is not None
+        return sample
+
+    def _make_command(
+        self, inputs: TickInputs, desired: Sample, ahead: Sample, error: Array
+    ) -> Array:
+        if self._rules.is_plain:
+            return ahead.position
+        return make_command(self._rules, self._last, inputs, desired, ahead, error)[0]
+
+    def state(
+        self, time_ns: int, motions: Array
+    ) -> JointTrajectoryControllerSystemState:
+        """Return the state that a tick leaves behind."""
+        last, inputs = self._last, self._sense(time_ns, motions)
+        present_ns, ahead_ns = time_ns + self._present_ns, time_ns + self._ahead_ns
+        desired, ahead = self._sample(present_ns), self._sample(ahead_ns)
+        error = desired.position - inputs.position
+        values = self._make_command(inputs, desired, ahead, error)
+        new = JointTrajectoryState(
+            last.plan,
+            last.goal,
+            time_ns,
+            present_ns,
+            last.cursor if self._is_finished else desired.segment_start,
+            inputs.position,
+            inputs.velocity,
+            inputs.acceleration,
+            desired,
+            error,
+            ahead_ns,
+            ahead,
+            ahead,
+            time_ns,
+            values,
+            values,
+            last.pid,
+            last.scaling_factor,
+        )
+        return JointTrajectoryControllerSystemState(self._system.inbox, new)
+
+
+def _is_last(desired: Sample | None, trajectory: Trajectory) -> bool:
+    """Return whether a sample is of the end of a trajectory."""
+    return desired is not None and desired.segment_end == len(trajectory.times_ns)
 
 
 class JointTrajectoryController(
@@ -621,6 +681,19 @@ class JointTrajectoryController(
             inbox, inputs, last = self._receive(now, state)
         new = tick(inbox.rules, last, inputs)
         return JointTrajectoryControllerSystemState(inbox, new)
+
+    def steady(
+        self, last: UpdateResult[JointTrajectoryControllerSystemState], time_ns: int
+    ) -> SteadyTicks[JointTrajectoryControllerSystemState] | None:
+        """Return how it follows a trajectory between two of its points."""
+        if not SteadyTrajectory.can_follow(last.state, time_ns):
+            return None
+        return SteadyTrajectory(last.state, time_ns, self._sense_motions)
+
+    def _sense_motions(self, time_ns: int, motions: Array) -> TickInputs:
+        measured, velocity_at = motions[self._read_at], self._velocity_at
+        velocity = None if velocity_at is None else measured[velocity_at]
+        return TickInputs(time_ns, 0, measured[self._position_at], velocity)
 
     def _idle(
         self, now: UpdateContext, state: JointTrajectoryControllerSystemState

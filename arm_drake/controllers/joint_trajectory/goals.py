@@ -18,6 +18,7 @@ Quirks of upstream that are kept:
 import dataclasses as dc
 import functools
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -49,6 +50,7 @@ from arm_drake.messages import (
     CancelGoal,
     Duration,
     FollowJointTrajectoryErrorCode,
+    FollowJointTrajectoryFeedback,
     FollowJointTrajectoryGoal,
     FollowJointTrajectoryResult,
     GoalEvent,
@@ -288,6 +290,35 @@ def monitor(
         return state
     make = functools.partial(make_feedback, rules, snapshot)
     event = GoalEvent(goal.request, GoalStatus.EXECUTING, feedback_source=make)
+    return add_events(state, event)
+
+
+def tell_feedback(
+    rules: JointTrajectoryRules,
+    state: JointTrajectoryState,
+    now_ns: int,
+    last_ns: int,
+    look: Callable[[], JointTrajectoryState],
+) -> JointTrajectoryState:
+    """Return a state with what `monitor` tells of a goal that goes on.
+
+    `look` returns the state of the last tick, that of `last_ns`.
+    """
+    goal = state.goal
+    assert goal is not None
+    due_ns = goal.next_monitor(now_ns, rules.monitor_period_ns)
+    request, accepted_ns = goal.request, goal.accepted_ns
+    goal = ActiveGoal(request, accepted_ns, due_ns, None, goal.is_canceling)
+    state = state._replace(goal=goal)
+    if last_ns < accepted_ns:
+        return state
+
+    def make() -> FollowJointTrajectoryFeedback:
+        snapshot = take_snapshot(look())
+        assert snapshot is not None
+        return make_feedback(rules, snapshot)
+
+    event = GoalEvent(request, GoalStatus.EXECUTING, feedback_source=make)
     return add_events(state, event)
 
 

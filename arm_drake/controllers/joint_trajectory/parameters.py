@@ -7,7 +7,7 @@ jazzy, and by rule those of other distros).
 import dataclasses as dc
 import math
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
@@ -29,7 +29,13 @@ from arm_drake.description.parameters import (
     check_unique,
     per_element_of,
 )
-from arm_drake.messages import NANOSECONDS, GoalStatus
+from arm_drake.messages import (
+    NANOSECONDS,
+    ActionRequest,
+    GoalStatus,
+    JointTrajectory,
+    SpeedScalingFactor,
+)
 
 CommandInterface = Literal["position", "velocity", "acceleration", "effort"]
 StateInterface = Literal["position", "velocity", "acceleration"]
@@ -506,3 +512,17 @@ def _get(parameters: object, name: str) -> object:
     for part in name.split("."):
         parameters = getattr(parameters, part)
     return parameters
+
+
+class Inbox(NamedTuple):
+    """What came in on the ports of a JointTrajectoryController."""
+
+    # Parameters in effect, and what was made of them.
+    parameters: JointTrajectoryControllerParameters
+    rules: JointTrajectoryRules
+
+    # What was on the ports at the last tick.
+    received_parameters: object = ()
+    topics: tuple[JointTrajectory, ...] = ()
+    requests: tuple[ActionRequest, ...] = ()
+    factors: tuple[SpeedScalingFactor, ...] = ()

@@ -7,7 +7,7 @@ Which trajectories are taken, and in which order faults are looked for, is ruled
 ros2_controllers' joint_trajectory_controller (`validate_trajectory_msg`, version
 6.9.0); numbers that aren't finite and joints named twice, which upstream lets through
 to its undefined behaviour, are refused as well. Messages (`publish_state`,
-`query_state_service`) are made when someone looks at them.
+`query_state_service`) are made when someone looks at them, commands of what is sampled.
 """
 
 import dataclasses as dc
@@ -471,6 +471,79 @@ def present_commands(rules: JointTrajectoryRules, inputs: TickInputs) -> Array:
         return inputs.commands()
     joints = rules.joints if rules.commanded_joints is None else rules.commanded_joints
     return np.full(len(joints) * len(rules.command_interfaces), math.nan)
+
+
+def errors_of(
+    rules: JointTrajectoryRules, inputs: TickInputs, desired: Sample, error: Array
+) -> tuple[Array, Array | None, Array | None]:
+    """Return reference minus measurement, each of shape (n,); None isn't compared.
+
+    Velocities are compared if they are measured, and velocities or efforts commanded;
+    accelerations if both are.
+
+    `error` shape (n,).
+    """
+    velocity = acceleration = None
+    if rules.has_velocity_error and inputs.velocity is not None:
+        reference = desired.velocity
+        velocity = None if reference is None else reference - inputs.velocity
+    if rules.has_acceleration_error and inputs.acceleration is not None:
+        reference = desired.acceleration
+        acceleration = None if reference is None else reference - inputs.acceleration
+    return error, velocity, acceleration
+
+
+def make_command(
+    rules: JointTrajectoryRules,
+    state: JointTrajectoryState,
+    inputs: TickInputs,
+    desired: Sample,
+    ahead: Sample,
+    error: Array,
+) -> tuple[Array, PidState | None]:
+    """Return the values of all command interfaces, shape (k,), and what PIDs remember.
+
+    Efforts beside positions are those of the present, all others are one period ahead.
+    What a PID commands is, with the velocities v and efforts u one period ahead::
+
+        ff_velocity_scale v + u + PID(error, error of the velocity)
+
+    where velocities are commanded, without u.
+
+    `error` shape (n,).
+    """
+    pid = state.pid
+    if rules.pid is not None:
+        last = rules.pid.initial() if pid is None else pid
+        _, rate, _ = errors_of(rules, inputs, desired, error)
+        pid = rules.pid.step(last, error, inputs.period_ns / NANOSECONDS, rate)
+        output = pid.command
+        if rules.ff_velocity_scale is not None and ahead.velocity is not None:
+            output = rules.ff_velocity_scale * ahead.velocity + output
+        if rules.command_interfaces == ("effort",) and ahead.effort is not None:
+            output = output + ahead.effort
+        vectors: list[Array | None] = [output]
+    else:
+        vectors = [
+            _open_loop(name, desired, ahead) for name in rules.command_interfaces
+        ]
+    n = len(rules.joints)
+    values = [np.full(n, math.nan) if v is None else v for v in vectors]
+    if rules.commanded_joints is not None:
+        at = list(rules.commanded_joints)
+        values = [vector[at] for vector in values]
+    return (values[0] if len(values) == 1 else np.concatenate(values)), pid
+
+
+def _open_loop(interface: str, desired: Sample, ahead: Sample) -> Array | None:
+    match interface:
+        case "position":
+            return ahead.position
+        case "velocity":
+            return ahead.velocity
+        case "acceleration":
+            return ahead.acceleration
+    return desired.effort
 
 
 def add_events(state: JointTrajectoryState, *new_events: Event) -> JointTrajectoryState:

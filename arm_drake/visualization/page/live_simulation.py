@@ -33,6 +33,7 @@ from arm_drake.visualization.page import (
     Text,
 )
 from arm_drake.visualization.page.live_views import LiveViews, Pictures
+from arm_drake.visualization.page.motion_planning import MotionPlanning, SimulatedRobots
 from arm_drake.visualization.page.panel import make_report
 from arm_drake.visualization.page.parts import PARTS, Part, make_parts
 from arm_drake.visualization.recording import start_recording
@@ -192,19 +193,18 @@ class LiveSimulation:
         self._motion = self._find(motion)
         self._pacer = RealtimePacer(realtime_rate)
         self._is_playing, self._duration = not is_paused, math.inf
-        self._is_stopped = self.is_ended = False
-        self._frame_rate = frame_rate
+        self._is_stopped, self.is_ended, self._frame_rate = False, False, frame_rate
         self._history = History(simulation.mailbox, history)
         if frame_rate is not None:
             start_recording(page.meshcat, frame_rate)
         self._pictures, self._longest = Pictures(), history
-        # The time that is drawn [s]; NaN is to be drawn anew.
-        self._drawn = math.nan
+        self._drawn = math.nan  # The time that is drawn [s]; NaN is to be drawn anew.
         # The past time that is shown, and since when in wall time it is replayed [s].
         self._shown_time: float | None = None
         self._replayed_at: float | None = None
         self._log = LogLines()
         simulation.on_event(lambda event: self._log.add(simulation, event))
+        self.planning = MotionPlanning(page, SimulatedRobots(self))
         self.parts: list[Part] = make_parts(self, PARTS)
         self._start()
         self.ros = self._serve(ros)
@@ -304,6 +304,9 @@ class LiveSimulation:
         self.simulation.reset()
         for remote in self.remotes:
             remote.reset()
+        for part in self.parts:
+            part.reset()
+        self.planning.clear()
         if self._frame_rate is not None:
             start_recording(self.page.meshcat, self._frame_rate)
         self._log.clear()
@@ -362,12 +365,14 @@ class LiveSimulation:
                 if self._is_playing:
                     self._advance()
                 elif self.ros is not None:
-                    self.ros.exchange()
+                    self.ros.idle()
             except ResetRequested:
                 self.reset()
             now = time.perf_counter()
             if now >= next_picture:
                 self._go_on_replaying(now)
+                if self._shown_time is None:
+                    self.planning.tick()
                 # A recording has the pictures that its own times ask for, no others.
                 is_due = self._frame_rate is None or not self._is_playing
                 if is_due and self._drawn != self.shown_time:
@@ -451,7 +456,10 @@ class LiveSimulation:
         Args:
             events: What happened on the page, in order.
         """
-        do_events(self.page, events, lambda event: self._do(event.id, event.value))
+        waiting = list(events)
+        while waiting:  # Of clicks during the search for a plan there may be more.
+            do_events(self.page, waiting, lambda event: self._do(event.id, event.value))
+            waiting = self.planning.waiting_events()
 
     def _do(self, name: str, value: Any) -> None:
         kind, _, what = name.partition(":")
@@ -488,7 +496,9 @@ class LiveSimulation:
                 if isinstance(value, int | float):
                     text += f" {value:.4g}"
                 self._log.note(self.simulation, f"{text} by the panel", source=name)
-        elif not any(part.handle(name, value) for part in self.parts):
+        elif not self.planning.handle(name, value) and not any(
+            part.handle(name, value) for part in self.parts
+        ):
             self.views.handle(name, value)
             self._drawn = math.nan
 
@@ -520,6 +530,7 @@ class LiveSimulation:
             if self._frame_rate is not None:
                 due.append(self._picture_at)
             due.append(self._repeat_at)
+            due += [self.simulation.time + part.advance() for part in self.parts]
             self._player.play(max(min(due) - self.simulation.time, 0.0))
             now = self.simulation.time
             if now >= self._repeat_at:
@@ -650,6 +661,7 @@ def make_sections(live: LiveSimulation) -> list[Section]:
         Section("Simulation", (buttons, bar, rate, *times)),
         Section("Controllers", items),
         *(Section(remote.title, remote.widgets()) for remote in live.remotes),
+        live.planning.section(),
         *(part.section() for part in live.parts),
         live.views.readout.section(),
         Section("Show", (look, *live.views.widgets())),
@@ -690,6 +702,7 @@ def make_changes(live: LiveSimulation) -> dict[str, dict[str, Any]]:
         }
     for remote in live.remotes:
         changes |= remote.changes()
+    changes |= live.planning.changes()
     for part in live.parts:
         changes |= {name: dict(fields) for name, fields in part.changes().items()}
     return changes

@@ -19,7 +19,7 @@ from arm_drake.plant.kinematics import KinematicPlant
 from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.contact_arrows import ContactArrows
 from arm_drake.visualization.drawing import ROOM_TO_MOVE, draw, frame_robots
-from arm_drake.visualization.ghost import Ghost
+from arm_drake.visualization.ghost import BLUE, Ghost
 from arm_drake.visualization.link_drawings import VISUAL_PATH
 from arm_drake.visualization.meshcat import GROUND
 from arm_drake.visualization.page import Choice, Scene, Toggle, Widget
@@ -106,15 +106,7 @@ class LiveViews:
         # Pose of the fixed frame as it was last drawn.
         self._X_WF = RigidTransform()
         self._ghosts = {
-            name: Ghost(
-                scene.meshcat,
-                self._plant,
-                self._scene_graph,
-                self._models[name],
-                name,
-                robot.description,
-            )
-            for name, robot in self._robots.items()
+            name: self.make_ghost(name, name, BLUE) for name in self._robots
         }
         self._has_ghosts = False
         self._trail: Trail | None = None
@@ -123,6 +115,20 @@ class LiveViews:
         # Where past positions are set, made when they are first asked for.
         self._past: Context | None = None
         frame_robots(simulation, scene.meshcat, room=ROOM_TO_MOVE)
+
+    def make_ghost(
+        self, robot: str, name: str, color: tuple[float, float, float]
+    ) -> Ghost:
+        """Return a transparent copy of a robot, of another name and colour."""
+        return Ghost(
+            self._scene.meshcat,
+            self._plant,
+            self._scene_graph,
+            self._models[robot],
+            name,
+            self._robots[robot].description,
+            color=color,
+        )
 
     def show(self, what: str, is_shown: bool = True) -> None:
         """Draw something, or don't."""

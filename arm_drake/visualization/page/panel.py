@@ -114,6 +114,7 @@ def make_viewer_sections(
     own: Sequence[Section],
     has_ghost: bool,
     shown: Sequence[Widget],
+    planning: Section,
 ) -> list[Section]:
     """Return the panel of `arm-drake view`, with positions [rad] or [m]."""
     look = Buttons((Button("frame", "look at all", "all of the robot (f)", key="f"),))
@@ -123,6 +124,7 @@ def make_viewer_sections(
         make_pose(has_ghost=has_ghost),
         *own,
         Section("Show", (look, *shown)),
+        planning,
         make_report(robot.report),
     ]
     return [section for section in sections if section.widgets]

@@ -4,6 +4,8 @@ To add one, write a class with what `Part` has, and a row in `PARTS` or `VIEW_PA
 """
 
 import importlib
+import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from typing import Any, Protocol
 
@@ -52,29 +54,42 @@ class Viewer(Protocol):
         """Say something on the page and the terminal."""
 
 
-class Part(Protocol):
+class Part(ABC):
     """A section of the panel, and what its widgets do. All runs in the page's thread.
 
     Ids of its widgets are `<part>:<widget>`, with a word of its own for the part.
     """
 
+    @abstractmethod
     def section(self) -> Section:
         """Return the section as it is now; one without widgets is left out."""
 
-    def changes(self) -> Mapping[str, Mapping[str, Any]]:
-        """Return present fields of widgets, by id; it is asked ten times a second."""
-
+    @abstractmethod
     def handle(self, event_id: str, value: object) -> bool:
         """Do what was clicked, and return whether it was one of its widgets.
 
         What can't be done is an ArmDrakeError, whose text the page shows.
         """
 
+    def changes(self) -> Mapping[str, Mapping[str, Any]]:
+        """Return present fields of widgets, by id; it is asked ten times a second."""
+        return {}
+
+    def advance(self) -> float:
+        """Do what is due before simulated time goes on; return for how long [s]."""
+        return math.inf
+
+    def reset(self) -> None:  # noqa: B027  most have nothing to forget.
+        """Begin anew, as the simulation does."""
+
 
 # What makes each part of a LiveSimulation, and of a RobotViewer, or None where there is
 # nothing for it, as `<module>:<function>`, in the order of the panel. They are strings,
 # as those modules import this one.
-PARTS = ["arm_drake.visualization.page.teaching:teach_live"]
+PARTS = [
+    "arm_drake.visualization.page.hands:make_hands",
+    "arm_drake.visualization.page.teaching:teach_live",
+]
 VIEW_PARTS = ["arm_drake.visualization.page.teaching:teach_view"]
 
 

@@ -16,7 +16,7 @@ from arm_drake.plant.plant import (
     add_visualizer,
     set_initial_positions,
 )
-from arm_drake.visualization.ghost import Ghost
+from arm_drake.visualization.ghost import BLUE, Ghost
 from arm_drake.visualization.meshcat import show_ground
 
 # Nothing moves, but only discrete plants know joints that follow others.
@@ -74,16 +74,19 @@ class RobotScene:
             if link != WORLD
         }
 
-    def make_ghost(self) -> Ghost:
+    def make_ghost(
+        self, name: str | None = None, color: tuple[float, float, float] = BLUE
+    ) -> Ghost:
         """Return a ghost of the robot, which stands where the robot does."""
         return Ghost(
             self._meshcat,
             self.plant,
             self.scene_graph,
             self.model,
-            self.robot.name,
+            name or self.robot.name,
             self.robot.description,
             base_context=self.context,
+            color=color,
         )
 
     def set_free_pose(self, link: str, X_WL: RigidTransform) -> None:

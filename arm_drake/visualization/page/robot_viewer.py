@@ -21,9 +21,11 @@ from arm_drake.plant.joint_ranges import (
     joint_ranges,
     randomize,
 )
+from arm_drake.visualization.ghost import Ghost
 from arm_drake.visualization.meshcat import GROUND, frame_shapes
 from arm_drake.visualization.page import Event, Scene
 from arm_drake.visualization.page.link_readout import LinkReadout
+from arm_drake.visualization.page.motion_planning import MotionPlanning, ViewedRobot
 from arm_drake.visualization.page.panel import (
     LinkViews,
     find_pose,
@@ -36,8 +38,8 @@ from arm_drake.visualization.page.panel import (
 from arm_drake.visualization.page.parts import VIEW_PARTS, Part, make_parts
 from arm_drake.visualization.page.robot_scene import RobotScene
 
-# How often files are looked at [s].
-_WATCH_PERIOD = 0.5
+# How often files are looked at, and pictures drawn of what moves by itself [s].
+_WATCH_PERIOD, _FRAME_PERIOD = 0.5, 1.0 / 30.0
 
 
 class RobotViewer:
@@ -210,6 +212,15 @@ class RobotViewer:
         self._ghost.hide()
         self.page.patch({"hide_ghost": {"is_enabled": False}})
 
+    def make_ghost(self, name: str, color: tuple[float, float, float]) -> Ghost:
+        """Return a transparent copy of the robot that isn't shown yet.
+
+        Args:
+            name: Its name among the ghosts.
+            color: Red, green and blue from 0 to 1.
+        """
+        return self._scene.make_ghost(name, color)
+
     def note(self, text: str) -> None:
         """Say something on the terminal, and on the page until the next click."""
         self._tell(text)
@@ -243,18 +254,23 @@ class RobotViewer:
         Args:
             events: What happened on the page, in order.
         """
-        if happened := list(events):
+        happened = list(events)
+        while happened:  # Of clicks during the search for a plan there may be more.
             self._notes = []
             problems = [self._trouble, *handle_events(self, happened)]
             if not problems[-1] and self._notes:
                 self.page.say("\n".join(self._notes))
             else:
                 self.page.say(problems[-1], "error")
+            happened = self.planning.waiting_events()
+        self.planning.tick()
 
     def run(self) -> None:
         """Do what is clicked until `stop`, or Ctrl-C."""
         while not self._is_stopped:
-            self.handle(self.page.events(_WATCH_PERIOD))
+            is_moving = self.planning.is_playing or self._planned.is_moving
+            period = _FRAME_PERIOD if is_moving else _WATCH_PERIOD
+            self.handle(self.page.events(period))
             if self._watcher is not None and self._watcher.changed():
                 self.reload()
         self._is_stopped = False
@@ -290,6 +306,8 @@ class RobotViewer:
             ghost = self._ghost_positions.items()
             self.show_ghost({n: q for n, q in ghost if n in names})
         self.readout.put([robot])
+        self._planned = ViewedRobot(self)
+        self.planning = MotionPlanning(self.page, self._planned)
         self.parts: list[Part] = make_parts(self, VIEW_PARTS)
         sections = make_viewer_sections(
             robot,
@@ -302,6 +320,7 @@ class RobotViewer:
                 *self._views.toggles(),
                 make_fixed_frame([robot], self._fixed_frame),
             ],
+            planning=self.planning.section(),
         )
         self.page.set_panel(robot.title, sections)
         self._draw()
@@ -364,6 +383,8 @@ def _do(viewer: RobotViewer, kind: str, name: str, value: Any) -> None:
         viewer.set_fixed_frame(str(value))
     elif kind == "pose":
         viewer.take_named_pose(name)
+    elif kind == "plan":
+        viewer.planning.handle(f"{kind}:{name}", value)
     elif kind == "readout":
         viewer.readout.handle(f"{kind}:{name}", value)
     elif kind in ("randomize", "center", "frame", "show_ghost", "hide_ghost"):

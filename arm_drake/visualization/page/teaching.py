@@ -12,7 +12,7 @@ from arm_drake.errors import InputError
 from arm_drake.output_files import writing
 from arm_drake.planning.groups import motion_limits
 from arm_drake.simulation.motion_files import parse_motion
-from arm_drake.visualization.page.parts import Live, Viewer
+from arm_drake.visualization.page.parts import Live, Part, Viewer
 from arm_drake.visualization.page.widgets import Button, Buttons, Section, Slider, Text
 
 _CONTROLLER = "JointTrajectoryController"
@@ -108,7 +108,7 @@ class WayPoints:
         return text
 
 
-class Teaching:
+class Teaching(Part):
     """The section that keeps poses of robots as way points of a motion."""
 
     def __init__(

@@ -101,7 +101,7 @@ def _names(robot: ad.Robot) -> list[str]:
     return [joint.name for joint in robot.description.movable_joints]
 
 
-class Counter:
+class Counter(parts.Part):
     """A part of a panel, as somebody else may write it."""
 
     def __init__(self, live: parts.Live) -> None:

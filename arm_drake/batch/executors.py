@@ -1,0 +1,503 @@
+"""Runs on executors: clusters of dask, and whatever is a concurrent.futures.Executor.
+
+Each run is one call of `execute` there. Functions and loaded robots are many runs' and
+are named by their hash; a worker that lacks one asks for it and keeps it, so that they
+go to each worker once. Robots are loaded here, never there: their meshes go with them.
+"""
+
+import concurrent.futures as cf
+import contextlib
+import contextvars
+import dataclasses as dc
+import functools
+import hashlib
+import importlib.metadata
+import io
+import os
+import pickle
+import queue
+import socket
+import sys
+import threading
+import time
+import uuid
+import xml.etree.ElementTree as ET
+from collections import OrderedDict, deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+from urllib.parse import unquote
+
+import cloudpickle
+
+from arm_drake.batch.processes import (
+    Done,
+    Limits,
+    RunError,
+    SendError,
+    attempt,
+    loads,
+    pack,
+    run_alone,
+)
+from arm_drake.batch.runs import Run, describe, enter_thread, load_run
+from arm_drake.controllers import CONTROLLER_TYPES
+from arm_drake.description.meshes.conversion import cache_directory
+from arm_drake.description.robot import Robot
+from arm_drake.errors import InputError
+
+# How often to look whether there are more workers [s].
+_LOOK = 5.0
+
+# So many functions and robots a worker keeps in memory.
+_MOST_KEPT = 16
+
+
+class Missing(NamedTuple):
+    """The answer of a worker that lacks something: its hashes."""
+
+    hashes: tuple[str, ...]
+
+
+class Refused(NamedTuple):
+    """The answer of a worker that has other versions."""
+
+    why: str
+
+
+@functools.cache
+def versions() -> dict[str, str]:
+    """Return what must be the same on both sides."""
+    names = ("arm-drake", "drake")
+    found = {name: importlib.metadata.version(name) for name in names}
+    return {"Python": "{}.{}".format(*sys.version_info[:2]), **found}
+
+
+def compare_versions(theirs: Mapping[str, str], ours: Mapping[str, str]) -> str:
+    """Return why a worker can't be used; empty if it can."""
+    return ", ".join(
+        f"it has {name} {theirs.get(name, 'none')}, this program {version}"
+        for name, version in ours.items()
+        if theirs.get(name) != version
+    )
+
+
+# What this process was sent, by hash, and what is made of it; the oldest go first.
+_kept: OrderedDict[str, Any] = OrderedDict()
+_lock = threading.Lock()
+
+
+def execute(
+    theirs: Mapping[str, str],
+    needs: Sequence[str],
+    sent: Mapping[str, bytes],
+    index: int,
+    item: bytes,
+    limits: Limits,
+    topic: str,
+) -> bytes | Missing | Refused:
+    """Run one input on a worker; return a Done in bytes, or why it can't be.
+
+    Args:
+        theirs: Versions of the program.
+        needs: Hashes of the function and of all that function and input refer to.
+        sent: Some of it, by hash.
+        index: Place of the input.
+        item: The input.
+        limits: What the run may take.
+        topic: Where dask is told who runs it; empty for others.
+    """
+    if why := compare_versions(versions(), theirs):
+        return Refused(f"{name_worker()}: {why}")
+    with _lock:
+        _kept.update((key, data) for key, data in sent.items() if key not in _kept)
+        missing = tuple(key for key in needs if key not in _kept)
+        if missing:
+            return Missing(missing)
+        for key in needs:
+            _kept.move_to_end(key)
+    if topic:
+        _tell_dask(topic, index)
+
+    def run() -> Done:
+        enter_thread(threading.Event())
+        with _lock:
+            function, value = _take(needs[0]), _read(item)
+            while len(_kept) > max(_MOST_KEPT, len(needs)):
+                _kept.popitem(last=False)
+        if limits.are_set:
+            return run_alone(function, index, value, limits)
+        return attempt(function, index, value)
+
+    # What can't be read is that run's error, too.
+    begun = attempt(lambda _: contextvars.copy_context().run(run), index, None)
+    done = begun if begun.error is not None else begun.value
+    return pack(dc.replace(done, worker=name_worker()))
+
+
+def _tell_dask(topic: str, index: int) -> None:
+    with contextlib.suppress(Exception):  # It is of no importance.
+        distributed = sys.modules["distributed"]
+        distributed.get_worker().log_event(topic, (index, name_worker()))
+
+
+def name_worker() -> str:
+    """Return what this worker is called."""
+    with contextlib.suppress(Exception):  # No dask, or no worker of it.
+        return str(sys.modules["distributed"].get_worker().address)
+    return f"{socket.gethostname()}, process {os.getpid()}"
+
+
+def _take(key: str) -> Any:
+    """Return what a hash names; what was sent is read once."""
+    kept = _kept[key]
+    if isinstance(kept, bytes):
+        kept = _kept[key] = _read(kept)
+    if isinstance(kept, _SentFunction):
+        for name, row in kept.types.items():
+            CONTROLLER_TYPES.setdefault(name, row)
+        kept = _kept[key] = kept.function
+    elif isinstance(kept, _SentRobot):
+        kept = _kept[key] = kept.unpack()
+    return kept
+
+
+class _Reader(pickle.Unpickler):
+    """Reads what a _Sender has written."""
+
+    def persistent_load(self, pid: Any) -> Any:
+        return _take(pid)
+
+
+def _read(data: bytes) -> Any:
+    return _Reader(io.BytesIO(data)).load()
+
+
+class _SentFunction(NamedTuple):
+    """A function, and the controller types that the program has registered."""
+
+    function: Callable[[Any], Any]
+    types: Mapping[str, Any]
+
+
+class _SentRobot(NamedTuple):
+    """A robot, and the files of the shapes that it collides with, by their names."""
+
+    robot: Robot
+    files: Mapping[str, bytes]
+
+    @classmethod
+    def of(cls, robot: Robot) -> "_SentRobot":
+        # What it says of packages is found where they are.
+        _ = robot.portable_source
+        files: dict[str, bytes] = {}
+        for mesh in robot.description.root.iterfind(_COLLISION):
+            path = _path_of(mesh)
+            files[str(path)] = path.read_bytes()
+        return cls(robot, files)
+
+    def unpack(self) -> Robot:
+        """Return the robot with its files where this worker keeps them."""
+        description = self.robot.description
+        root = ET.fromstring(ET.tostring(description.root))  # noqa: S314  Our own.
+        for link in root.iterfind("link"):
+            for visual in link.findall("visual"):
+                mesh = visual.find("geometry/mesh")
+                # Nobody looks at it there.
+                if mesh is not None and not _path_of(mesh).exists():
+                    link.remove(visual)
+        for mesh in root.iterfind(_COLLISION):
+            path = _path_of(mesh)
+            mesh.set("filename", _keep_file(path, self.files[str(path)]).as_uri())
+        return dc.replace(self.robot, description=dc.replace(description, root=root))
+
+
+_COLLISION = "link/collision/geometry/mesh"
+
+
+def _path_of(mesh: ET.Element) -> Path:
+    return Path(unquote(mesh.get("filename", "").removeprefix("file://")))
+
+
+def _keep_file(path: Path, data: bytes) -> Path:
+    """Return a file with this content; write it if it isn't there."""
+    with contextlib.suppress(OSError):
+        if path.read_bytes() == data:
+            return path
+    folder = cache_directory().parent / "sent"
+    kept = folder / f"{hashlib.sha256(data).hexdigest()}{path.suffix}"
+    if not kept.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        part = kept.with_suffix(f".{uuid.uuid4().hex}")
+        part.write_bytes(data)
+        part.replace(kept)
+    return kept
+
+
+class _Sender:
+    """Makes bytes of functions and inputs, with hashes in place of robots."""
+
+    def __init__(self, function: Callable[[Any], Any]) -> None:
+        self.blobs: dict[str, bytes] = {}
+        self._robots: dict[int, tuple[Robot, str]] = {}
+        sent = _SentFunction(function, dict(CONTROLLER_TYPES.added))
+        data, refers = self._dump(sent, "the function")
+        # The function is the first of what is needed.
+        self._function = (self._keep(data), *refers)
+
+    def dump(self, item: Any) -> tuple[bytes, tuple[str, ...]]:
+        """Return an input as bytes, and all hashes that it needs."""
+        data, refers = self._dump(item, "the input of the run")
+        return data, tuple(dict.fromkeys((*self._function, *refers)))
+
+    def _dump(self, what: Any, role: str) -> tuple[bytes, list[str]]:
+        refers: list[str] = []
+
+        def refer(part: Any) -> str | None:
+            if not isinstance(part, Robot):
+                return None
+            refers.append(self._key_of(part))
+            return refers[-1]
+
+        file = io.BytesIO()
+        try:
+            pickler = type("_", (cloudpickle.Pickler,), {})(file)
+            pickler.persistent_id = refer
+            pickler.dump(what)
+        except Exception as error:  # Whatever classes of users raise.
+            text = f"{role} can't be sent to other processes: {error}"
+            raise SendError(f"{text}; expected what cloudpickle takes") from None
+        return file.getvalue(), refers
+
+    def _key_of(self, robot: Robot) -> str:
+        if id(robot) not in self._robots:
+            data = cloudpickle.dumps(_SentRobot.of(robot))
+            self._robots[id(robot)] = robot, self._keep(data)
+        return self._robots[id(robot)][1]
+
+    def _keep(self, data: bytes) -> str:
+        key = hashlib.sha256(data).hexdigest()
+        self.blobs[key] = data
+        return key
+
+
+class Pool:
+    """What runs are given to, whatever it is: a client of dask, or an executor."""
+
+    def __init__(self, on: Any) -> None:
+        """Take it; raises InputError if it is neither."""
+        self._on, self.topic = on, ""
+        self._make = None if isinstance(on, cf.Executor) else on
+        self._looked_at, self._width = -_LOOK, 0
+        # Who began which run, as dask tells.
+        self.began: dict[int, dict[str, None]] = {}
+        if _is_client(on):
+            self._join()
+        elif self._make is None:
+            self._executor = on
+        elif callable(on):
+            self._executor = self._made()
+        else:
+            raise InputError(
+                "on: expected a Client of dask.distributed, a concurrent.futures."
+                f"Executor, or a function that makes one, got {type(on).__name__}"
+            )
+
+    def _made(self) -> Any:
+        executor = self._make()  # type: ignore[misc]
+        if not hasattr(executor, "submit"):
+            kind = type(executor).__name__
+            raise InputError(f"on: expected it to make an Executor, got {kind}")
+        return executor
+
+    def _join(self) -> None:
+        """Use a client of dask, and those of its workers that can be used."""
+        found = self._on.run(versions, on_error="return")
+        problems = {
+            worker: describe(theirs)
+            if isinstance(theirs, BaseException)
+            else compare_versions(theirs, versions())
+            for worker, theirs in found.items()
+        }
+        bad = [f"{worker}: {why}" for worker, why in problems.items() if why]
+        if found and len(bad) == len(found):
+            raise InputError(f"on: no worker can be used; {'; '.join(bad)}")
+        for line in bad:
+            print(f"run_many: not used: {line}", file=sys.stderr)
+        good = [worker for worker, why in problems.items() if not why]
+        options = {"workers": good} if bad else {}
+        self._make = None
+        self._executor = self._on.get_executor(pure=False, **options)
+        self.topic = f"arm_drake-{uuid.uuid4().hex}"
+        self._on.subscribe_topic(self.topic, self._note)
+
+    def _note(self, event: tuple[float, tuple[int, str]]) -> None:
+        index, worker = event[1]
+        self.began.setdefault(index, {})[worker] = None
+
+    def width(self) -> int:
+        """Return how many runs should be under way: one works while one waits."""
+        now = time.monotonic()
+        if now - self._looked_at >= _LOOK:
+            self._looked_at = now
+            if self.topic:
+                workers = sum(self._on.nthreads().values())
+            else:
+                workers = getattr(self._executor, "_max_workers", os.cpu_count() or 1)
+            self._width = max(1, workers)
+        return 2 * self._width
+
+    def submit(self, *task: Any) -> Any:
+        """Return the future of a call of `execute`."""
+        return self._executor.submit(execute, *task, self.topic)
+
+    def renew(self) -> bool:
+        """Replace an executor that is broken; return whether that can be done."""
+        if self._make is None:
+            return False
+        self._executor.shutdown(wait=False)
+        self._executor = self._made()
+        return True
+
+    def close(self) -> None:
+        """Forget what was made here."""
+        if self.topic:
+            self._on.unsubscribe_topic(self.topic)
+        if self._make is not None:
+            self._executor.shutdown(wait=False, cancel_futures=True)
+
+    def __str__(self) -> str:
+        """Return what it is."""
+        return repr(self._on if self._make is None else self._executor)
+
+
+def _is_client(on: Any) -> bool:
+    distributed = sys.modules.get("distributed")
+    return distributed is not None and isinstance(on, distributed.Client)
+
+
+@dc.dataclass
+class _Sent:
+    """A run that is under way."""
+
+    index: int
+    data: bytes
+    needs: tuple[str, ...]
+    attempts: int = 1
+    since: float = dc.field(default_factory=time.perf_counter)
+
+
+class Dispatch:
+    """Gives runs to a pool, and yields what becomes of them as they end."""
+
+    def __init__(
+        self,
+        pool: Pool,
+        function: Callable[[Any], Any],
+        items: Sequence[Any],
+        limits: Limits,
+    ) -> None:
+        """Create it, or raise SendError of the function."""
+        self._pool, self._items, self._limits = pool, items, limits
+        self._sender = _Sender(function)
+        self._robots: dict[bytes, Robot] = {}
+        self._waiting: deque[int | _Sent] = deque(range(len(items)))
+        self._under_way: dict[Any, _Sent] = {}
+        self._ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._failed: list[Done] = []
+
+    def run(self) -> Iterator[Done]:
+        """Yield what becomes of the runs; who closes it cancels the rest."""
+        try:
+            while self._waiting or self._under_way:
+                while self._waiting and len(self._under_way) < self._pool.width():
+                    self._give(self._waiting.popleft())
+                yield from self._take_failed()
+                if self._under_way:
+                    future = self._ended.get()
+                    yield from self._take(future)
+            yield from self._take_failed()
+        finally:
+            for future in self._under_way:
+                future.cancel()
+            self._pool.close()
+
+    def _take_failed(self) -> Iterator[Done]:
+        failed, self._failed = self._failed, []
+        yield from failed
+
+    def _give(self, what: int | _Sent, sent: Mapping[str, bytes] | None = None) -> None:
+        """Submit a run; what can't be is its error."""
+        if not isinstance(what, _Sent):
+            try:
+                item = self._items[what]
+                if isinstance(item, Run):
+                    item = load_run(item, self._robots)
+                what = _Sent(what, *self._sender.dump(item))
+            except Exception as error:
+                failed = attempt(functools.partial(_raise, error), what, None)  # type: ignore[arg-type]
+                self._failed.append(failed)
+                return
+        task = (versions(), what.needs, sent or {}, what.index, what.data, self._limits)
+        try:
+            future = self._pool.submit(*task)
+        except Exception as error:
+            if isinstance(error, cf.BrokenExecutor) and self._pool.renew():
+                future = self._pool.submit(*task)
+            else:
+                self._fail(what, f"it can't be submitted: {describe(error)}")
+                return
+        self._under_way[future] = what
+        future.add_done_callback(self._ended.put)
+
+    def _fail(self, sent: _Sent, why: str) -> None:
+        wall_time = time.perf_counter() - sent.since
+        error = RunError(why)
+        self._failed.append(
+            Done(sent.index, None, error, wall_time, attempts=sent.attempts)
+        )
+
+    def _take(self, future: Any) -> Iterator[Done]:
+        sent = self._under_way.pop(future)
+        try:
+            answer = future.result()
+        except cf.BrokenExecutor as error:
+            self._try_again(sent, f"the executor broke while it was there: {error}")
+            return
+        except (Exception, cf.CancelledError) as error:
+            self._note_error(sent, error)
+            return
+        if isinstance(answer, Missing):
+            blobs = {key: self._sender.blobs[key] for key in answer.hashes}
+            self._give(sent, blobs)
+        elif isinstance(answer, Refused):
+            self._try_again(sent, f"a worker refused it: {answer.why}")
+        else:
+            done: Done = loads(answer)
+            before = self._pool.began.pop(sent.index, {})
+            died = tuple(worker for worker in before if worker != done.worker)
+            attempts = max(sent.attempts, 1 + len(died))
+            yield dc.replace(done, attempts=attempts, died=died)
+
+    def _try_again(self, sent: _Sent, why: str) -> None:
+        """Have a run tried once more, or fail."""
+        if sent.attempts > 1:
+            self._fail(sent, f"{why} (tried twice)")
+            return
+        sent.attempts += 1
+        self._waiting.appendleft(sent)
+
+    def _note_error(self, sent: _Sent, error: BaseException) -> None:
+        """Note why a run has no answer: not its own errors, those are in answers."""
+        kind, text = type(error).__name__, describe(error)
+        if isinstance(error, ImportError):
+            self._fail(sent, f"a worker can't run it: {text}; install arm-drake there")
+        elif kind == "KilledWorker":
+            workers = ", ".join(self._pool.began.pop(sent.index, {})) or "its workers"
+            self._fail(sent, f"{workers} died while they had this run")
+        else:
+            self._try_again(sent, f"its worker is lost: {text}")
+
+
+def _raise(error: Exception, _: Any) -> None:
+    raise error

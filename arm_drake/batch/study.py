@@ -1,0 +1,472 @@
+"""Study files: what is varied over many runs of a robot, and what is measured.
+
+    robot: mycobot_280
+    motion: ping_pong
+    duration: 3.0
+    vary:
+      payload.link6: {uniform: [0.0, 0.25]}
+      scale.friction: {normal: [1.0, 0.1]}
+      gains.link1_to_link2.p: {values: [5, 10, 20]}
+    draws: 20
+    seed: 1
+    measures: [peak_effort, end_speed]
+
+`values` and `linspace` make a grid; each point of it has as many random draws, the same
+ones. `schemas/study.schema.json` describes the file for editors.
+"""
+
+import dataclasses as dc
+import functools
+import importlib.util
+import itertools
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import cloudpickle
+import numpy as np
+
+from arm_drake import yaml_files
+from arm_drake.arrays import Array
+from arm_drake.batch.changes import change_robot
+from arm_drake.batch.runs import Run
+from arm_drake.description.robot import Robot
+from arm_drake.errors import ArmDrakeError, InputError, suggest
+from arm_drake.options import SimulationOptions
+from arm_drake.rollout.rollout import Rollout
+from arm_drake.scene import _at as at
+from arm_drake.scene import _read_options as read_options
+from arm_drake.scene import _read_robot as read_robot
+from arm_drake.scene import _read_world as read_world
+from arm_drake.scene import _Value as Value
+from arm_drake.simulation.recording import list_failures
+from arm_drake.simulation.simulation import Simulation
+
+_KEYS = (
+    "robot",
+    "motion",
+    "motion_parameters",
+    "world",
+    "duration",
+    "options",
+    "vary",
+    "draws",
+    "seed",
+    "measures",
+    "where",
+    "limits",
+)
+
+# Random draws, by the names of numpy's Generator, and how many numbers each takes.
+DISTRIBUTIONS = {
+    "uniform": 2,
+    "normal": 2,
+    "lognormal": 2,
+    "triangular": 3,
+    "exponential": 1,
+    "truncated_normal": 4,
+    "choice": 0,
+}
+GRIDS = ("values", "linspace")
+
+# What may be varied, by the start of its name.
+VARIED = (
+    "payload",
+    "initial",
+    "motion",
+    "options",
+    "scale",
+    "gains",
+    "controller",
+)
+
+_MOST_RUNS = 10_000_000
+
+
+@dc.dataclass(frozen=True, eq=False)
+class Study:
+    """What `load_study` returns: its runs are for `run_many`."""
+
+    robot: Robot
+    motion: Any = None
+    world: str = "empty"
+    duration: float | None = None
+    options: SimulationOptions = dc.field(default_factory=SimulationOptions)
+    payloads: Mapping[str, Any] = dc.field(default_factory=dict)
+
+    # By name: a kind of DISTRIBUTIONS or GRIDS, and its numbers.
+    vary: Mapping[str, tuple[str, tuple[Any, ...]]] = dc.field(default_factory=dict)
+
+    # Random draws at each point of the grid, and what they come from.
+    draws: int = 1
+    seed: int = 0
+
+    measures: "Measures" = dc.field(default_factory=lambda: Measures(()))
+
+    # Address of dask's scheduler, or None; and how many runs at a time here.
+    cluster: str | None = None
+    workers: int | None = None
+
+    # Of each run [s], [bytes].
+    time_limit: float | None = None
+    memory_limit: int | None = None
+
+    file: Path | None = None
+
+    @property
+    def num_runs(self) -> int:
+        """How many runs there are."""
+        sizes = [len(_points(*how)) for how in self.vary.values() if how[0] in GRIDS]
+        return math.prod(sizes) * self.draws
+
+    def values(self) -> Iterator[dict[str, Any]]:
+        """Yield what is varied in each run, by name."""
+        grid = {
+            name: _points(*how) for name, how in self.vary.items() if how[0] in GRIDS
+        }
+        for point in itertools.product(*grid.values()):
+            for draw in range(self.draws):
+                generator = np.random.default_rng([self.seed, draw])
+                random = {
+                    name: draw_from(generator, *how)
+                    for name, how in self.vary.items()
+                    if how[0] not in GRIDS
+                }
+                found = dict(zip(grid, point, strict=True)) | random
+                yield {name: found[name] for name in self.vary}
+
+    def runs(self) -> list[Run]:
+        """Return all runs, in the order of `values`."""
+        return [self.run_of(values) for values in self.values()]
+
+    def run_of(self, values: Mapping[str, Any]) -> Run:
+        """Return the run in which these are varied."""
+        robot, changes, parts = self.robot, {}, dict[str, dict[str, Any]]()
+        for name, value in values.items():
+            kind, _, rest = name.partition(".")
+            if kind in ("scale", "gains", "controller"):
+                changes[name] = value
+            else:
+                parts.setdefault(kind, {})[rest] = value
+        if "initial" in parts:
+            positions = {**robot.initial_positions, **parts["initial"]}
+            robot = dc.replace(robot, initial_positions=positions)
+        given, motion = parts.get("motion", {}), self.motion
+        parameters: dict[str, Any] = {}
+        if motion is not None and given:
+            if motion.file is None:
+                raise InputError("motion: expected a file, whose parameters vary")
+            parameters, motion = {**motion.parameters, **given}, motion.file
+        return Run(
+            robot=robot,
+            motion=motion,
+            parameters=parameters,
+            duration=self.duration,
+            world=self.world,
+            options=dc.replace(self.options, **parts.get("options", {})),
+            payloads={**self.payloads, **parts.get("payload", {})} or None,
+            changes=changes,
+            name=", ".join(f"{n}={_brief(v)}" for n, v in values.items()),
+        )
+
+
+def _brief(value: Any) -> str:
+    return f"{value:.5g}" if isinstance(value, float) else str(value)
+
+
+def _points(kind: str, numbers: tuple[Any, ...]) -> list[Any]:
+    if kind == "values":
+        return list(numbers)
+    low, high, count = numbers
+    return [float(x) for x in np.linspace(low, high, int(count))]
+
+
+def draw_from(generator: np.random.Generator, kind: str, numbers: Sequence[Any]) -> Any:
+    """Return a draw of a distribution of DISTRIBUTIONS."""
+    if kind == "choice":
+        return numbers[int(generator.integers(len(numbers)))]
+    if kind == "truncated_normal":
+        from scipy.stats import truncnorm
+
+        mean, width, low, high = numbers
+        ends = (low - mean) / width, (high - mean) / width
+        return float(truncnorm.rvs(*ends, mean, width, random_state=generator))
+    return float(getattr(generator, kind)(*numbers))
+
+
+def load_study(path: str | Path) -> Study:
+    """Load a study file, with its robot and its motion.
+
+    Args:
+        path: The `.yaml` file.
+
+    Raises:
+        InputError: If it can't be used: with the file, the line and the place in it.
+    """
+    path = Path(path).expanduser()
+    try:
+        node = yaml_files.compose(yaml_files.read_text(path))
+        if node is None:
+            raise InputError("it is empty; expected a robot", file=path)
+        return _read_study(Value(path, node, ""))
+    except yaml_files.YamlError as error:
+        raise InputError(error.problem, file=path, line=error.line) from None
+
+
+def _read_study(root: Value) -> Study:
+    fields = root.mapping(_KEYS)
+    if "robot" not in fields:
+        raise root.error("expected robot: a name, a file, or a mapping as in scenes")
+    loaded = read_robot(_robot_value(root, fields))
+    vary = _read_vary(fields["vary"]) if "vary" in fields else {}
+    options: dict[str, Any] = {
+        "robot": loaded.robot,
+        "motion": loaded.motion,
+        "payloads": loaded.payloads,
+        "vary": vary,
+        "file": root.file,
+    }
+    for key, read in _READERS.items():
+        if key in fields:
+            options[key] = read(fields[key])
+    if "where" in fields:
+        options |= _read_where(fields["where"])
+    if "limits" in fields:
+        limits = fields["limits"].mapping(("time", "memory"))
+        for key, each in limits.items():
+            options[f"{key}_limit"] = each.number(0.0, is_open=True)
+    study = Study(**options)
+    _check(study, fields)
+    return study
+
+
+def _robot_value(root: Value, fields: Mapping[str, Value]) -> Value:
+    """Return a robot with its motion, as scenes have it."""
+    import yaml
+
+    value = fields["robot"]
+    entries = []
+    if isinstance(value.node, yaml.MappingNode):
+        entries += value.node.value
+    else:
+        entries.append((_key("robot", value), value.node))
+    for name in ("motion", "motion_parameters"):
+        if name in fields:
+            entries.append((_key(name, fields[name]), fields[name].node))
+    node = yaml.MappingNode("tag:yaml.org,2002:map", entries)
+    node.start_mark, node.end_mark = value.node.start_mark, value.node.end_mark
+    return Value(root.file, node, "robot")
+
+
+def _key(name: str, value: Value) -> Any:
+    import yaml
+
+    marks = value.node.start_mark, value.node.end_mark
+    return yaml.ScalarNode("tag:yaml.org,2002:str", name, *marks)
+
+
+def _count(value: Value) -> int:
+    number = value.number(1.0)
+    if number != int(number):
+        raise value.error(f"expected an integer, got {number:g}")
+    return int(number)
+
+
+def _seed(value: Value) -> int:
+    return int(value.number(0.0))
+
+
+def _duration(value: Value) -> float:
+    return value.number(0.0, is_open=True)
+
+
+def _read_measures(value: Value) -> "Measures":
+    found: list[tuple[str, str | bytes]] = []
+    for each in value.list():
+        name = each.text()
+        file, colon, function = name.rpartition(":")
+        if colon:
+            found.append((function, _load_measure(each, file, function)))
+        elif name in MEASURES:
+            found.append((name, name))
+        else:
+            names = (*MEASURES, "FILE.py:FUNCTION")
+            raise each.error(f"unknown measure {name!r}; {suggest(name, names)}")
+    return Measures(tuple(found))
+
+
+def _load_measure(value: Value, file: str, name: str) -> bytes:
+    """Return a function of a file as bytes, with its code."""
+    path = value.file.absolute().parent / file
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    if spec is None or spec.loader is None or not path.is_file():
+        raise value.error(f"no Python file {file!r}")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:  # Whatever a user's file raises.
+        kind = type(error).__name__
+        raise value.error(f"{file} can't be run: {kind}: {error}") from None
+    function = getattr(module, name, None)
+    if not callable(function):
+        raise value.error(f"{file} has no function {name!r}")
+    function.__module__ = "__main__"  # So its code is sent, not its name.
+    return bytes(cloudpickle.dumps(function))
+
+
+_READERS: Mapping[str, Callable[[Value], Any]] = {
+    "world": read_world,
+    "duration": _duration,
+    "options": read_options,
+    "draws": _count,
+    "seed": _seed,
+    "measures": _read_measures,
+}
+
+
+def _read_where(value: Value) -> dict[str, Any]:
+    fields = value.mapping(("cluster", "workers"))
+    if len(fields) != 1:
+        raise value.error("expected cluster: an address, or workers: a number")
+    if "cluster" in fields:
+        return {"cluster": fields["cluster"].text()}
+    return {"workers": _count(fields["workers"])}
+
+
+def _read_vary(value: Value) -> dict[str, tuple[str, tuple[Any, ...]]]:
+    found = {}
+    for name, each in value.mapping().items():
+        if name.partition(".")[0] not in VARIED:
+            raise each.error(f"{name!r} can't be varied; {suggest(name, VARIED)}")
+        kinds = each.mapping((*DISTRIBUTIONS, *GRIDS))
+        if len(kinds) != 1:
+            names = ", ".join((*GRIDS, *DISTRIBUTIONS))
+            raise each.error(f"expected one of {names}, got {len(kinds)}")
+        ((kind, numbers),) = kinds.items()
+        found[name] = kind, _read_numbers(kind, numbers)
+    return found
+
+
+def _read_numbers(kind: str, value: Value) -> tuple[Any, ...]:
+    if kind in ("values", "choice"):
+        items = value.list()
+        if not items:
+            raise value.error("expected one value at least")
+        return tuple(each.plain() for each in items)
+    if kind == "linspace":
+        numbers = value.numbers(3)
+        if numbers[2] < 1 or numbers[2] != int(numbers[2]):
+            raise value.error(f"expected [low, high, count], got {list(numbers)}")
+        return numbers
+    numbers = value.numbers(DISTRIBUTIONS[kind])
+    try:
+        drawn = draw_from(np.random.default_rng(0), kind, numbers)
+    except ValueError as error:
+        raise value.error(f"{kind}: {error}") from None
+    if not math.isfinite(drawn):
+        raise value.error(f"{kind}: expected numbers that draw finite ones")
+    return numbers
+
+
+def _check(study: Study, fields: Mapping[str, Value]) -> None:
+    """Raise InputError for what the first run can't be changed to."""
+    where = fields.get("vary", fields["robot"])
+    if study.num_runs > _MOST_RUNS:
+        text = f"it has {study.num_runs} runs; expected at most {_MOST_RUNS}"
+        raise where.error(text)
+    first = next(study.values())
+    robot, known = study.robot, study.robot.initial_positions
+    for name, value in first.items():
+        kind, _, rest = name.partition(".")
+        place = fields["vary"].mapping()[name]
+        if kind == "payload" and rest not in robot.description.links:
+            hint = suggest(rest, robot.description.links)
+            raise place.error(f"no link {rest!r}; {hint}")
+        if kind == "initial" and rest not in known:
+            raise place.error(f"no joint {rest!r}; {suggest(rest, known)}")
+        if kind == "motion" and study.motion is None:
+            raise place.error("there is no motion whose parameters could vary")
+        if kind in ("scale", "gains", "controller"):
+            at(place, functools.partial(change_robot, robot, {name: value}))
+        else:
+            one = {name: value}
+            try:
+                study.run_of(one)
+            except (ArmDrakeError, TypeError) as error:
+                raise place.error(str(error)) from None
+
+
+def _last(array: Array) -> Array:
+    return np.asarray(array[-1])
+
+
+def _travel(rollout: Rollout) -> Array:
+    """Return how far joints are from where they end, over their way, shape (N, J)."""
+    off = np.abs(rollout.position - rollout.position[-1])
+    way = np.maximum(off.max(axis=0), 1e-9)
+    return np.asarray(np.where(way > 1e-6, off / way, 0.0))
+
+
+def _settling_time(rollout: Rollout) -> float:
+    late = np.flatnonzero((_travel(rollout) > 0.05).any(axis=1))
+    return float(rollout.time[late[-1]]) if late.size else 0.0
+
+
+def _errors(rollout: Rollout) -> Array:
+    """Return how far joints are from their references, of all controllers."""
+    parts = []
+    for reference in rollout.references.values():
+        at_ = [rollout.joint_names.index(name) for name in reference.joint_names]
+        parts.append(np.abs(reference.position - rollout.position[:, at_]))
+    if not parts:
+        raise InputError("no controller has a reference")
+    return np.nan_to_num(np.hstack(parts))
+
+
+def _energy(rollout: Rollout) -> float:
+    power = np.abs(rollout.effort * rollout.velocity).sum(axis=1)
+    return float(np.trapezoid(power, rollout.time))
+
+
+# Measures of a robot's rollout, by name; SI units.
+MEASURES: Mapping[str, Callable[[Rollout], float]] = {
+    "end_error": lambda r: float(_errors(r)[-1].max()),
+    "tracking_error": lambda r: float(_errors(r).max()),
+    "end_speed": lambda r: float(np.abs(_last(r.velocity)).max()),
+    "peak_speed": lambda r: float(np.abs(r.velocity).max()),
+    "peak_effort": lambda r: float(np.abs(r.effort).max()),
+    "settling_time": _settling_time,
+    "energy": _energy,
+}
+
+
+class Measures:
+    """Takes the measures of a simulation that has run, and whether all went well."""
+
+    # The simulation may be used for the next run.
+    only_reads = True
+
+    def __init__(self, measures: Sequence[tuple[str, str | bytes]]) -> None:
+        """Create it with names, and for each a name of MEASURES or a function."""
+        self._measures = tuple(measures)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What is measured."""
+        return tuple(name for name, _ in self._measures)
+
+    def __call__(self, simulation: Simulation) -> dict[str, float]:
+        """Return numbers by name; `success` is 1 if nothing failed, else 0."""
+        found = {"success": float(not list_failures(simulation.mailbox))}
+        for name, how in self._measures:
+            try:
+                if isinstance(how, bytes):
+                    value = cloudpickle.loads(how)(simulation)
+                else:
+                    value = MEASURES[how](simulation.rollout())
+                found[name] = float(value)
+            except Exception as error:
+                text = f"measure {name!r}: {type(error).__name__}: {error}"
+                raise InputError(text) from None
+        return found

@@ -1,0 +1,248 @@
+"""What is planned for: a robot, where its joints are, and what is around it."""
+
+import dataclasses as dc
+import math
+from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.systems.framework import Context, Diagram
+
+from arm_drake.description.robot import Robot
+from arm_drake.errors import ArmDrakeError, InputError, suggest
+from arm_drake.messages import JointState
+from arm_drake.planning.collisions import PlacedShape, look_around
+from arm_drake.planning.inverse_kinematics import WHOLE_POSE, complete_positions
+from arm_drake.plant.joint_ranges import joint_ranges
+from arm_drake.plant.payloads import Payload
+from arm_drake.worlds.world import World
+
+# A joint is at rest below this [rad/s], [m/s].
+_REST = 0.02
+
+# How far beyond a limit a joint of a simulation may be [rad], [m].
+_BEYOND = 0.02
+
+
+class PlanningError(ArmDrakeError):
+    """No plan was found, or what was asked for can't be planned.
+
+    Attributes:
+        fraction: How much of a straight line is free, from 0 to 1.
+    """
+
+    def __init__(self, message: str, *, fraction: float = 0.0) -> None:
+        """Create it."""
+        super().__init__(message)
+        self.fraction = fraction
+
+
+class Running(Protocol):
+    """What runs a diagram with robots: a Simulation."""
+
+    diagram: Diagram
+
+    @property
+    def context(self) -> Context:
+        """The root context of the diagram, as it is now."""
+
+    @property
+    def robots(self) -> Mapping[str, Robot]:
+        """The robots by name."""
+
+    def joint_states(self, robot: str | None = None) -> JointState:
+        """Return where the joints of a robot are, and how fast they move."""
+
+
+@dc.dataclass(frozen=True, kw_only=True)
+class PlanOptions:
+    """How to plan: what may be given to `plan` by name."""
+
+    # Which robot of a simulation; None is the first one.
+    name: str | None = None
+
+    # A planning group, or names of joints; None is the first group.
+    group: str | Collection[str] | None = None
+
+    # The link that poses are for; None is the group's tip.
+    frame: str | None = None
+
+    # What is around the robot, as that of `load_world`; None is the ground. What could
+    # move stands where it is at the start. A simulation has its own.
+    world: World | None = None
+
+    # Joint positions at the start [rad] or [m]; joints that are left out are at the
+    # initial ones, or at those of the simulation.
+    start: Mapping[str, float] | None = None
+
+    # What links hold, by link: a `Payload` with its shape and its mass; in a simulation
+    # also the name of a body that is held where it is now. It may touch the links of
+    # the robot that it touches at the start.
+    attached: Mapping[str, Payload | str] = dc.field(default_factory=dict)
+
+    # Bodies of a simulation that may be touched, as one to be grasped.
+    ignore: Collection[str] = ()
+
+    # Whether the frame moves on a straight line and turns evenly.
+    straight: bool = False
+
+    # What of poses counts, as that of `solve_ik`.
+    mask: Sequence[bool] = WHOLE_POSE
+
+    # Parts of the joints' speed and acceleration to use, above 0 and up to 1.
+    velocity_scaling: float = 1.0
+    acceleration_scaling: float = 1.0
+
+    # Distance that counts as a collision [m].
+    padding: float = 0.005
+
+    # How long to look for a way to each goal [s].
+    time_limit: float = 5.0
+
+    # Seed of the random search, at least 0.
+    seed: int = 0
+
+    # Asked again and again during the search; true ends it.
+    should_stop: Callable[[], bool] | None = None
+
+    def __post_init__(self) -> None:
+        """Raise InputError for what can't be."""
+        for name in (
+            "velocity_scaling",
+            "acceleration_scaling",
+            "padding",
+            "time_limit",
+        ):
+            value = getattr(self, name)
+            if not isinstance(value, int | float):
+                raise InputError(f"{name}: expected a number, got {value!r}")
+        for name in ("velocity_scaling", "acceleration_scaling"):
+            value = getattr(self, name)
+            if not 0.0 < value <= 1.0:
+                raise InputError(
+                    f"{name}: expected a number above 0, at most 1; {value}"
+                )
+        if not 0.0 <= self.padding < math.inf:
+            expected = "expected a distance of at least 0 m"
+            raise InputError(f"padding: {expected}, got {self.padding}")
+        if not 0.0 < self.time_limit < math.inf:
+            expected = "expected a positive time [s]"
+            raise InputError(f"time_limit: {expected}, got {self.time_limit}")
+        seed = self.seed
+        if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
+            raise InputError(f"seed: expected an integer of at least 0, got {seed!r}")
+
+
+class Setting(NamedTuple):
+    """A robot, where its joints are, and what is around it: can be pickled."""
+
+    robot: Robot
+    positions: dict[str, float]
+    world: World
+    things: tuple[PlacedShape, ...]
+    payloads: Mapping[str, Payload]
+
+
+def find_setting(robot: Robot | Running, options: PlanOptions) -> Setting:
+    """Return what is planned with; the errors are those of `plan`."""
+    if isinstance(robot, Robot):
+        return _set_up(robot, options)
+    return _set_up_running(robot, options)
+
+
+def _set_up(robot: Robot, options: PlanOptions) -> Setting:
+    """Return what is planned with for a robot that isn't simulated."""
+    if options.name not in (None, robot.name):
+        raise InputError(f"name: the robot is {robot.name!r}, not {options.name!r}")
+    for link, held in options.attached.items():
+        if not isinstance(held, Payload):
+            raise InputError(
+                f"attached: {link!r}: expected a Payload, got {held!r}; a body is held "
+                "in a simulation"
+            )
+    payloads = _check_attached(robot, options.attached)
+    return Setting(
+        robot,
+        complete_positions(robot, options.start or {}),
+        "empty" if options.world is None else options.world,
+        _shapes_of(payloads),
+        payloads,
+    )
+
+
+def _set_up_running(running: Running, options: PlanOptions) -> Setting:
+    """Return what is planned with for a robot of a simulation."""
+    if options.world is not None:
+        raise InputError("world: a simulation has its own; leave it out")
+    robots, attached = running.robots, options.attached
+    name = next(iter(robots)) if options.name is None else options.name
+    if name not in robots:
+        raise InputError(f"name: no robot {name!r}; {suggest(name, robots)}")
+    robot = robots[name]
+    payloads = _check_attached(robot, attached)
+    held = {link: body for link, body in attached.items() if isinstance(body, str)}
+    around = look_around(running.diagram, running.context, robot, held, options.ignore)
+    X = around.X_WB
+    if X is not None:
+        x, y, z = map(float, X.translation())
+        roll, pitch, yaw = map(float, RollPitchYaw(X.rotation()).vector())
+        robot = dc.replace(robot, pose=(x, y, z, roll, pitch, yaw))
+    state = running.joint_states(name)
+    positions = dict(zip(state.name, state.position, strict=True))
+    if options.start is None:
+        if moving := find_moving(state):
+            raise PlanningError(
+                f"{moving}; a plan begins at rest: simulate until the robot rests, or "
+                "say with start= where it will be"
+            )
+        positions = _within_limits(robot, positions)
+    else:
+        own = {j.name for j in robot.description.movable_joints if j.mimic is None}
+        measured = {joint: q for joint, q in positions.items() if joint in own}
+        positions = complete_positions(robot, {**measured, **options.start})
+    things = (*around.things, *_shapes_of(payloads))
+    return Setting(robot, positions, around.world, things, payloads)
+
+
+def find_moving(state: JointState) -> str:
+    """Return which joint moves how fast, in words; nothing if all rest."""
+    for joint, velocity in zip(state.name, state.velocity, strict=True):
+        if not abs(velocity) <= _REST:
+            return f"joint {joint!r} moves at {velocity:.3g} [rad/s or m/s]"
+    return ""
+
+
+def _check_attached(
+    robot: Robot, attached: Mapping[str, Payload | str]
+) -> dict[str, Payload]:
+    """Return the payloads among what links hold, or raise InputError."""
+    links = robot.description.links
+    for link in attached:
+        if link not in links:
+            raise InputError(f"attached: no link {link!r}; {suggest(link, links)}")
+    return {link: p for link, p in attached.items() if isinstance(p, Payload)}
+
+
+def _shapes_of(payloads: Mapping[str, Payload]) -> tuple[PlacedShape, ...]:
+    """Return the shapes of payloads, as links hold them."""
+    return tuple(
+        PlacedShape(
+            f"what {link} holds",
+            payload.shape,
+            RigidTransform(np.array(payload.com, dtype=float)),
+            link,
+        )
+        for link, payload in payloads.items()
+        if payload.shape is not None
+    )
+
+
+def _within_limits(robot: Robot, positions: Mapping[str, float]) -> dict[str, float]:
+    """Return measured positions, those a little beyond a limit at the limit."""
+    found = dict(positions)
+    for r in joint_ranges(robot.description):
+        inside = min(max(found[r.name], r.lower), r.upper)
+        if not r.wraps and abs(found[r.name] - inside) <= _BEYOND:
+            found[r.name] = inside
+    return found
