@@ -73,6 +73,7 @@ bench: setup
 	$(BIN)/python -m tests.benchmarks.servo
 	$(BIN)/python -m tests.benchmarks.inverse_kinematics
 	$(BIN)/python -m tests.benchmarks.planning
+	$(BIN)/python -m tests.benchmarks.wire
 
 # For those who change the dependencies; needs uv.
 lock:

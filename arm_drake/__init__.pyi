@@ -104,4 +104,5 @@ from arm_drake.visualization.page.live_simulation import (
     LiveSimulation as LiveSimulation,
 )
 from arm_drake.visualization.page.robot_viewer import RobotViewer as RobotViewer
+from arm_drake.wire.server import RosServer as RosServer
 from arm_drake.worlds.things import Thing as Thing

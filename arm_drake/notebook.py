@@ -239,6 +239,8 @@ class PageThread:
                 self.error = error
                 print(f"arm_drake: a page has ended: {error}", file=sys.stderr)
         finally:
+            if isinstance(self._runner, LiveSimulation):
+                self._runner.close()
             self._runner = self._thread = None
             self._done.set()
 
@@ -394,6 +396,7 @@ def simulate(
     shown: Sequence[str] = ("visual",),
     host: str = "localhost",
     port: int | None = None,
+    ros: str | None = None,
 ) -> PageHandle:
     """Simulate robots on a page, with all that Gazebo's window has, and go on.
 
@@ -413,6 +416,7 @@ def simulate(
         shown: What to draw, as `LiveViews.show`.
         host: Address of the page.
         port: Port of the page, or the first free one after it.
+        ros: How programs that speak ROS 2 get in, such as "rosbridge"; see `RosServer`.
 
     Raises:
         ArmDrakeError: If the robots can't be simulated, or the page can't be there.
@@ -430,6 +434,7 @@ def simulate(
             is_paused=is_paused,
             history=history,
             shown=shown,
+            ros=ros,
         )
 
     names = ", ".join(robot.name for robot in loaded)

@@ -102,12 +102,20 @@ class ServoRig:
         self.diagram, self.plant, self.model = diagram, plant, model
         self.simulator = Simulator(diagram)
         self.command(self.start)
+        self._initial = self.simulator.get_context().Clone()
 
     def command(self, positions: Sequence[float] | np.ndarray) -> None:
         """Command positions of the joints, from now on."""
         context = self.simulator.get_mutable_context()
         commands = np.concatenate([positions, np.zeros(len(positions))])
         self.diagram.get_input_port(0).FixValue(context, commands)
+
+    def reset(self) -> None:
+        """Go back to the start, as it was built."""
+        context = self.simulator.get_mutable_context()
+        context.SetTimeStateAndParametersFrom(self._initial)
+        self.command(self.start)
+        self.simulator.Initialize()
 
     def run(self, duration: float) -> Motion:
         """Return what happens during the next seconds."""

@@ -19,6 +19,7 @@ def test_there_are_notebooks():
         "05_bring_your_own_robot",
         "06_gripper_and_contact",
         "07_many_rollouts",
+        "12_roslibpy",
     ]
 
 

@@ -29,6 +29,7 @@ PACKAGES = [
     "planning",
     "rollout",
     "simulation",
+    "wire",
     "visualization",
     "batch",
     "environments",

@@ -182,6 +182,39 @@ def add_sim_arguments(parser: argparse.ArgumentParser) -> None:
     _add_shown_arguments(parser)
     text = "draw the commanded positions, too"
     parser.add_argument("--ghost", action="store_true", help=text)
+    add_ros_arguments(parser)
+
+
+def add_ros_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what lets other programs talk to a simulation."""
+    add = parser.add_argument
+    add(
+        "--ros",
+        metavar="NAME[:PORT],...",
+        nargs="?",
+        const="",
+        help="let programs that speak ROS 2 in: rosbridge, foxglove, zenoh (by default "
+        "rosbridge, and foxglove if it is installed); until Ctrl-C, at real time",
+    )
+    add("--ros-host", metavar="HOST", default="127.0.0.1", help="where to listen")
+    add(
+        "--ros-domain",
+        metavar="N",
+        type=int,
+        default=0,
+        help="ROS_DOMAIN_ID, for zenoh (0)",
+    )
+    add(
+        "--ros-origin",
+        metavar="URL",
+        action="append",
+        default=[],
+        help="web pages that may connect, besides those of this machine; repeatable",
+    )
+    text = "after a reset the clock begins at 0 again; else it goes on"
+    add("--ros-reset-clock", action="store_true", help=text)
+    text = "do again what other programs sent in the run that this log is of"
+    add("--inputs", metavar="FILE", type=Path, help=text)
 
 
 def add_launch_arguments(parser: argparse.ArgumentParser) -> None:
@@ -193,18 +226,9 @@ def add_launch_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add("--show-args", action="store_true", help="say which arguments it has")
     add("--print", action="store_true", help="say what it would start")
-    several: Any = {"action": "append", "default": []}
-    add(
-        "--package-path",
-        metavar="DIR",
-        **several,
-        help="folder to search for packages; repeatable",
-    )
-    add(
-        "--strict",
-        action="store_true",
-        help="take every line of the report as an error",
-    )
+    add_loading_arguments(parser)
+    text = "take every line of the report as an error"
+    add("--strict", action="store_true", help=text)
     add_json(parser)
     text = "; where nothing is simulated"
     add("--position", metavar="V", nargs="+", **_EXTEND, help=f"as for view{text}")
@@ -220,6 +244,7 @@ def add_launch_arguments(parser: argparse.ArgumentParser) -> None:
     _add_solver_arguments(parser)
     _add_output_arguments(parser)
     _add_shown_arguments(parser)
+    add_ros_arguments(parser)
 
 
 def _add_shown_arguments(parser: argparse.ArgumentParser) -> None:
@@ -525,7 +550,6 @@ def add_cache_arguments(parser: argparse.ArgumentParser) -> None:
 def add_robot_arguments(parser: argparse.ArgumentParser) -> None:
     """Add which robot to load, and how."""
     add = parser.add_argument
-    several: Any = {"action": "append", "default": []}
     add(
         "robot",
         metavar="ROBOT",
@@ -540,6 +564,16 @@ def add_robot_arguments(parser: argparse.ArgumentParser) -> None:
         type=pair(XACRO),
         help="xacro arguments",
     )
+    add_loading_arguments(parser)
+    text = "take every line of the report as an error"
+    add("--strict", action="store_true", help=text)
+    add_json(parser)
+
+
+def add_loading_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what a robot is loaded with, besides its description."""
+    add = parser.add_argument
+    several: Any = {"action": "append", "default": []}
     add(
         "--controllers",
         metavar="YAML",
@@ -559,9 +593,6 @@ def add_robot_arguments(parser: argparse.ArgumentParser) -> None:
     add("--srdf", metavar="FILE", action="append", help=text)
     add("--distro", default="jazzy", help="ROS distribution (jazzy)")
     add("--name", help="name of the robot")
-    text = "take every line of the report as an error"
-    add("--strict", action="store_true", help=text)
-    add_json(parser)
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from arm_drake.commands.arguments import read_initial
+from arm_drake.commands.arguments import read_frames, read_initial
 from arm_drake.commands.sim import (
     choose_motion,
     read_payloads,
@@ -60,6 +60,7 @@ def run_launch(options: argparse.Namespace) -> int:
         for line in dict.fromkeys(map(str, plan.not_started)):
             print(line, file=sys.stderr)
     _use_rviz(options, plan)
+    plan = _with_loading(options, plan)
     if plan.robots and not plan.is_simulated:
         return _view(options, plan)
     _check_simulated(options, plan)
@@ -73,6 +74,27 @@ def run_launch(options: argparse.Namespace) -> int:
     payloads = read_payloads(options.payload)
     scene = dc.replace(_with_motion(options, scene), payloads=payloads)
     return simulate(options, scene)
+
+
+def _with_loading(options: argparse.Namespace, plan: LaunchPlan) -> LaunchPlan:
+    """Return a plan whose robots are loaded as the command line says."""
+    loading = {
+        "name": options.name,
+        "controllers": options.controllers,
+        "variables": dict(options.var),
+        "frames": read_frames(options.add_frame),
+        "srdf": options.srdf,
+    }
+    loading = {name: value for name, value in loading.items() if value}
+    for word in ("name", "controllers", "add_frame", "srdf"):
+        if getattr(options, word) and len(plan.robots) != 1:
+            text = f"--{word.replace('_', '-')} is for one robot; it starts "
+            raise InputError(f"{text}{len(plan.robots)}", file=plan.file)
+    loading["decompose"] = options.decompose
+    loading["max_faces"] = options.max_faces
+    loading["distro"] = options.distro
+    robots = tuple(dc.replace(robot, loading=loading) for robot in plan.robots)
+    return dc.replace(plan, robots=robots)
 
 
 def _with_place(
@@ -115,6 +137,8 @@ def _say_report(plan: LaunchPlan) -> None:
 
 def _use_rviz(options: argparse.Namespace, plan: LaunchPlan) -> None:
     """Show on the page what the launch file's RViz would show."""
+    options.fixed_frame = options.fixed_frame or plan.fixed_frame
+    options.is_frame_of_rviz = options.fixed_frame == plan.fixed_frame
     if not isinstance(plan.rviz, Path) or options.headless:
         return
     if not plan.rviz.is_file():
@@ -173,7 +197,7 @@ def _view(options: argparse.Namespace, plan: LaunchPlan) -> int:
     defaults: Mapping[str, Any] = {
         "robot": launched.source,
         "xacro_args": list(launched.xacro_args.items()),
-        "controllers": list(launched.controllers) or None,
+        "controllers": options.controllers or list(launched.controllers) or None,
         "package_path": list(plan.package_paths),
         "no_watch": options.no_watch or isinstance(launched.source, str),
     }

@@ -1,6 +1,7 @@
 """The command `arm-drake sim`: a robot with its controllers, as Gazebo runs it."""
 
 import argparse
+import contextlib
 import dataclasses as dc
 import json
 import sys
@@ -49,6 +50,7 @@ from arm_drake.visualization.video import FRAME_RATE
 from arm_drake.worlds.world import load_world
 
 if TYPE_CHECKING:
+    from arm_drake.visualization.page.live_simulation import LiveSimulation
     from arm_drake.visualization.page.live_views import LiveViews
 
 
@@ -110,6 +112,8 @@ def choose_duration(options: argparse.Namespace, motion: Motion | None) -> float
     """Return how long to simulate [s]; None is until Ctrl-C."""
     if options.duration is not None:
         return float(options.duration)
+    if options.ros is not None:
+        return None
     has_end = motion is not None and not motion.repeats
     return default_duration(motion) if options.headless or has_end else None
 
@@ -214,6 +218,8 @@ def _simulate_headless(
     """Simulate without a page; return the exit code."""
     motion = scene.motion
     chosen, rate = choose_duration(options, motion), options.rate or 0.0
+    if options.ros is not None or options.inputs is not None:
+        return _simulate_served(options, scene, chosen, say)
     assert chosen is not None  # Only a page goes on without an end.
     duration = chosen
     if not (needs_recording(options) or options.screenshot):
@@ -257,6 +263,27 @@ def _simulate_headless(
         return _finish(options, simulation, wall_time, alive, say)
 
 
+def _simulate_served(
+    options: argparse.Namespace, scene: Scene, duration: float | None, say: Speaker
+) -> int:
+    """Simulate without a page, for programs outside; return the exit code."""
+    # Not at the top: nothing of it is needed else.
+    from arm_drake.commands.ros import run_served, serve
+
+    if needs_recording(options) or options.screenshot:
+        text = "--record, --video and --screenshot are for runs without --ros"
+        raise InputError(f"{text} or --inputs, or with a page")
+    _check_nothing_shown(options)
+    simulation = _prepare(options, scene, None, say)
+    with serve(options, simulation, say) as server:
+        wall_time = _measure(
+            lambda: run_served(options, server, duration, scene.motion, say),
+            simulation,
+            say,
+        )
+    return _finish(options, simulation, wall_time, None, say)
+
+
 def _check_nothing_shown(options: argparse.Namespace) -> None:
     """Raise InputError if something is to be shown where nothing is to be seen."""
     for name in ("show", "fixed_frame", "ghost", "trail", "contacts", "max_faces"):
@@ -294,11 +321,7 @@ def _measure(run: Callable[[], None], simulation: Simulation, say: Speaker) -> f
     return time.perf_counter() - start
 
 
-def _simulate_live(
-    options: argparse.Namespace,
-    scene: Scene,
-    say: Speaker,
-) -> int:
+def _simulate_live(options: argparse.Namespace, scene: Scene, say: Speaker) -> int:
     """Simulate on a page; return the exit code."""
     # Not at the top: a headless simulation must not wait for a web server.
     from arm_drake.commands.page import (
@@ -310,7 +333,7 @@ def _simulate_live(
     )
     from arm_drake.visualization.page.live_simulation import LiveSimulation
 
-    with start_page(options) as page:
+    with start_page(options) as page, contextlib.ExitStack() as stack:
         motion = scene.motion
         simulation = _prepare(options, scene, page.meshcat, say)
         live = LiveSimulation(
@@ -325,6 +348,7 @@ def _simulate_live(
             scene=scene,
         )
         _show(options, live.views)
+        _let_in(options, say, live, stack)
         say.page(f"page: {page.url}")
         say.line(from_elsewhere(page))
         open_browser(options, page)
@@ -344,16 +368,29 @@ def _simulate_live(
         alive = page.meshcat if page.is_alive else None
         if alive is not None:
             live.views.end_recording()
-        is_over = is_interrupted() or live.is_ended or bool(say.failures)
-        if is_interrupted() or live.is_ended:
+        if is_over := is_interrupted() or live.is_ended:
             say.line(f"stopped at {simulation.time:.2f} s")
         code = _finish(options, simulation, live.wall_time, alive, say)
+        is_over = is_over or bool(say.failures)
         if (is_show if options.hold is None else options.hold) and not is_over:
             say.page(f"the page stays at {page.url} until Ctrl-C, or its button 'end'")
             live.pause()
             with interrupting(live.stop):
                 live.run()
         return code
+
+
+def _let_in(
+    options: argparse.Namespace,
+    say: Speaker,
+    live: "LiveSimulation",
+    stack: contextlib.ExitStack,
+) -> None:
+    """Let programs outside in, if they may."""
+    if options.ros is not None or options.inputs is not None:
+        from arm_drake.commands.ros import serve
+
+        live.ros = stack.enter_context(serve(options, live.simulation, say, live))
 
 
 def _prepare(

@@ -395,6 +395,9 @@ class _SensorReader(ElementReader):
         if center and center.split() != ["0.5", "0.5"]:
             what, done = f"distortion center {center!r}", "it is the picture's middle"
             self.note("warning", "unsupported", what, done)
+        if any((k1, k2, p1, p2, k3)):
+            what, done = "distortion", "camera_info tells it; the picture has none"
+            self.note("warning", "unsupported", what, done)
         return (k1, k2, p1, p2, k3)
 
     def _plugin_number(

@@ -327,6 +327,11 @@ def _explain(
                 return PackageError(missing.problem, file=file, line=line)
             problem = f"package {error['name']!r} not found"
         case "import":
+            first = error["name"].partition(".")[0]
+            with contextlib.suppress(PackageError):
+                text = f"it imports {error['name']!r}, which isn't in its package, "
+                text += f"{finder.source(first)}; a build makes it, or files lack"
+                return InputError(text, file=file, line=line)
             known = (
                 "launch, launch_ros, ament_index_python, xacro, moveit_configs_utils"
             )

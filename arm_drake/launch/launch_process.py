@@ -13,6 +13,7 @@ It reads one request from standard input as a line of JSON, asks for packages, a
 with what it noted, or with what is wrong.
 """
 
+import builtins
 import contextlib
 import functools
 import importlib.abc
@@ -150,6 +151,11 @@ class _Document:
             )
             self._as_it_was = self._made.toxml()
         return getattr(self._made, name)
+
+    @property  # type: ignore[misc]
+    def __class__(self) -> type:
+        """What launch files ask of it with isinstance."""
+        return minidom.Document
 
     def _texts(self) -> dict[str, str]:
         return {name: str(value) for name, value in self.arguments.items()}
@@ -311,6 +317,7 @@ def _describe_modules() -> Mapping[str, Mapping[str, Any]]:
         "controller_manager.launch_utils": controller_manager,
         "moveit_configs_utils": moveit,
         "moveit_configs_utils.launches": moveit,
+        "moveit_configs_utils.substitutions": moveit,
         "moveit_configs_utils.moveit_configs_builder": moveit,
         "ros_gz_bridge": {},
         "ros_gz_bridge.actions": gazebo,
@@ -539,6 +546,8 @@ def main() -> None:
     tempfile.tempdir = request["folder"]
     sys.dont_write_bytecode = True
     sys.argv = ["ros2", "launch", request["file"]]
+    # As the module site has it, which isn't loaded.
+    vars(builtins).update(exit=sys.exit, quit=sys.exit)
     context = LaunchContext(other.find, other.expand)
     install(context, other.find_sources)
     run = LaunchRun(
@@ -550,6 +559,9 @@ def main() -> None:
     _seal(watch)
     with contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
         error = _launch(run, request)
+    if error is not None and error.get("ends"):
+        last = said.getvalue().strip().rpartition("\n")[2][:500]
+        error["text"] += f"; it said: {last}" if last else ""
     other.tell(
         error=error,
         arguments=list(run.declared.values()),
@@ -639,7 +651,8 @@ def _launch(run: LaunchRun, request: Mapping[str, Any]) -> dict[str, Any] | None
         text = f"{type(error).__name__}: {str(error)[:500]}"
         if isinstance(error, _RefusedError):
             text = str(error)
-        return {"kind": "python", "text": text, **_place(error, run)}
+        ends = isinstance(error, SystemExit)
+        return {"kind": "python", "text": text, "ends": ends, **_place(error, run)}
     return None
 
 

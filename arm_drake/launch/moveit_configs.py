@@ -14,13 +14,41 @@ from arm_drake.launch.actions import DeclareLaunchArgument, LaunchDescription, N
 from arm_drake.launch.substitutions import (
     IfCondition,
     LaunchConfiguration,
+    LaunchContext,
+    Substitution,
     current,
     describe,
     find_package,
+    is_substitution,
+    perform,
 )
 
 # Where the controllers that a planner talks to are named.
 _MANAGER = "moveit_simple_controller_manager"
+
+
+class Xacro(Substitution):
+    """The text of a xacro file, with arguments that depend on the context."""
+
+    def __init__(
+        self,
+        file_path: Any,
+        mappings: Mapping[Any, Any] | None = None,
+        verbose: bool = False,
+    ) -> None:
+        super().__init__(file_path)
+        self.mappings = dict(mappings or {})
+
+    def perform(self, context: LaunchContext) -> str:
+        given = {perform(context, name): v for name, v in self.mappings.items()}
+        return describe(Path(perform(context, self.args[0])), given)
+
+
+def _describe(path: Path, mappings: Mapping[Any, Any] | None) -> Any:
+    """Return what stands for a description, now or when its arguments are known."""
+    if any(map(is_substitution, (*(mappings or {}), *(mappings or {}).values()))):
+        return parameters.ParameterValue(Xacro(str(path), mappings), value_type=str)
+    return describe(path, mappings)
 
 
 class MoveItConfigs:
@@ -72,7 +100,7 @@ class MoveItConfigsBuilder:
             path = Path(package, urdf["relative_path"])
         if path.is_file():
             self._values["robot_description"] = {
-                self._parameter: describe(path, mappings)
+                self._parameter: _describe(path, mappings)
             }
         return self
 
@@ -82,7 +110,7 @@ class MoveItConfigsBuilder:
         srdf = self._setup.get("srdf") or self._setup.get("SRDF") or {}
         name = file_path or srdf.get("relative_path", f"config/{self._name}.srdf")
         self._values["robot_description_semantic"] = {
-            f"{self._parameter}_semantic": describe(self._package / name, mappings)
+            f"{self._parameter}_semantic": _describe(self._package / name, mappings)
         }
         return self
 

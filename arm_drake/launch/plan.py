@@ -69,6 +69,9 @@ class LaunchPlan:
     # RViz's configuration; "" for its own one; None if it isn't started.
     rviz: Path | str | None
 
+    # The fixed frame that RViz is started with, if any.
+    fixed_frame: str | None
+
     # Whether there are sliders for the joints, and a planner of MoveIt.
     has_sliders: bool
     has_move_group: bool

@@ -8,7 +8,7 @@ import weakref
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import yaml
 
@@ -109,6 +109,9 @@ class LaunchedRobot:
     # Values of `$(var NAME)` in parameter files.
     variables: Mapping[str, str] = dc.field(default_factory=dict)
 
+    # Arguments of `load_robot` that go before what the launch file says.
+    loading: Mapping[str, Any] = dc.field(default_factory=dict)
+
     # What holds the files that were written.
     folder: PlanFolder | None = dc.field(default=None, repr=False, compare=False)
 
@@ -137,18 +140,20 @@ class LaunchedRobot:
         Raises:
             InputError: If it can't be loaded.
         """
-        files = [*self._files(package_paths), *bridges]
+        given = dict(self.loading)
+        own = given.pop("controllers", None) or self._files(package_paths)
+        files = [*map(Path, own), *bridges]
+        said: dict[str, Any] = {"name": name, "srdf": self.srdf}
         robot = load_robot(
             self.source,
             xacro_args=self.xacro_args,
             controllers=files or None,
             package_paths=package_paths,
-            variables=self._variables_in(files),
-            name=name,
+            variables=self._variables_in(files) | given.pop("variables", {}),
             pose=placed.pose if self.pose is None else self.pose,
             initial_positions=initial_positions,
-            frames=placed.frames,
-            srdf=self.srdf,
+            frames={**placed.frames, **given.pop("frames", {})},
+            **(said | given),
         )
         namespace = self.namespace.strip("/")
         aliases = [each.to_alias(namespace) for each in self.remappings]

@@ -67,6 +67,7 @@ _INSTEAD = {
     "rqt_robot_steering": "the page's teleop moves a base",
     "teleop_twist_joy": "the page's teleop moves a base",
     "teleop_twist_keyboard": "the page's teleop moves a base",
+    "twist_mux": "a base takes whatever command comes last",
 }
 
 # How rclpy and rclcpp say it: what is done, the type, the name.
@@ -128,6 +129,7 @@ class Roles:
         self._world: str | Path | None = None
         self._is_paused, self._is_headless = False, True
         self._rviz: Path | str | None = None
+        self._fixed_frame: str | None = None
         self._has_sliders = self._has_move_group = False
         self._bridges: list[Bridge] = []
         self._bridge_files: list[Path] = []
@@ -154,6 +156,7 @@ class Roles:
             "is_paused": self._is_paused,
             "is_headless": self._is_headless,
             "rviz": self._rviz,
+            "fixed_frame": self._fixed_frame,
             "has_sliders": self._has_sliders,
             "has_move_group": self._has_move_group,
             "bridges": tuple(self._bridges),
@@ -241,38 +244,31 @@ class Roles:
                 else:
                     self._steps.append(step)
             case ["rviz2", *rest]:
-                self._rviz = value_of(rest, "-d", "--display-config") or ""
+                self._read_rviz({"arguments": rest})
             case _:
                 self._leave_out(" ".join(words)[:200], "process")
 
     def _read_gazebo(self, words: Sequence[str], record: Mapping[str, Any]) -> None:
         """Read the command line of Gazebo Classic."""
         self._simulator = "gazebo"
-        names, skip = [], False
-        for word in words:
-            if not skip and not word.startswith("-"):
-                names.append(word)
-            skip = word in ("-s", "-g", "-e", "--iters", "--physics", "--seed")
+        with_value = ("-s", "-g", "-e", "--iters", "--physics", "--seed")
+        names = positional(words, with_value)
         self._is_paused |= "-u" in words or "--pause" in words
         self._set_world(names[0] if names else "", record)
 
     def _read_gz(self, words: Sequence[str], record: Mapping[str, Any]) -> None:
         """Read the arguments of `gz sim`."""
         self._simulator = "gz"
-        with_value = {
+        with_value = (
             *("-v", "--verbose", "--gui-config", "--render-engine", "--seed", "-z"),
             *("--iterations", "--record-path", "--playback", "--physics-engine"),
             *("--render-engine-server", "--render-engine-gui", "--network-role"),
-        }
+        )
         if "-g" in words:
             self._is_headless = False
             return
         self._is_headless &= "-s" in words
-        names, skip = [], False
-        for word in words:
-            if not skip and not word.startswith("-"):
-                names.append(word)
-            skip = word in with_value
+        names = positional(words, with_value)
         names = [n for n in names if not n.isdigit() and n != ".sdf"]
         self._is_paused |= "-r" not in words and "--run" not in words
         self._set_world(names[0] if names else "", record)
@@ -343,7 +339,9 @@ class Roles:
         self._has_sliders = True
 
     def _read_rviz(self, record: Mapping[str, Any]) -> None:
-        path = value_of(record.get("arguments", ()), "-d", "--display-config")
+        words = record.get("arguments", ())
+        path = value_of(words, "-d", "--display-config")
+        self._fixed_frame = value_of(words, "-f", "--fixed-frame")
         self._rviz = "" if path is None else self._finder.real(Path(path))
 
     def _read_unspawner(self, record: Mapping[str, Any]) -> None:

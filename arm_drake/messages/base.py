@@ -351,9 +351,12 @@ def _field(name: str) -> property:
     def get(self: Message) -> Any:
         kept = self.__dict__
         if _MADE not in kept:
-            kept[_MADE] = kept[_MAKE]()
+            # Another thread may make the same meanwhile.
+            make = kept.get(_MAKE)
+            if make is not None:
+                kept[_MADE] = make()
             # What it was made of may be large.
-            del kept[_MAKE]
+            kept.pop(_MAKE, None)
         return getattr(kept[_MADE], name)
 
     return property(get)

@@ -33,6 +33,7 @@ from arm_drake.rollout.link_poses import (
 from arm_drake.rollout.mcap import MAGIC, McapFile, load_types, type_of
 from arm_drake.rollout.rollout import (
     STATIC_FIELDS,
+    ClientInput,
     GoalRecord,
     Rollout,
     SentMessage,
@@ -44,6 +45,7 @@ from arm_drake.rollout.rollout import (
 # Names of topics that are ours; in front of them stands the robot's namespace.
 STATIC, GOALS = "/arm_drake/rollout", "/arm_drake/goals"
 MESSAGES, ACTIVE = "/arm_drake/messages", "/arm_drake/active_controllers"
+INPUTS = "/arm_drake/inputs"
 COMMANDS, POSES = "/arm_drake/command_interfaces", "/arm_drake/pose/"
 CONTACTS = "/arm_drake/contact_force/"
 
@@ -307,6 +309,7 @@ class RobotTopics:
         self._goals: dict[int, str] = {}
         # Time of the last messages that were sent, and how many of that time are told.
         self._sent_at, self._num_sent = -math.inf, 0
+        self._input_at, self._num_inputs = -math.inf, 0
 
     def tell(self, rollout: Rollout) -> Iterator[BagMessage]:
         """Yield messages of what is later than the last rollout, not in their order."""
@@ -351,6 +354,17 @@ class RobotTopics:
         if rollout.messages:
             times = [message.time for message in rollout.messages]
             self._sent_at, self._num_sent = times[-1], times.count(times[-1])
+        known_inputs = [i for i in rollout.inputs if i.time == self._input_at]
+        later_inputs = [i for i in rollout.inputs if i.time > self._input_at]
+        for each in known_inputs[self._num_inputs :] + later_inputs:
+            topic, time_ns = (
+                f"{rollout.namespace}{INPUTS}",
+                round(each.time * NANOSECONDS),
+            )
+            yield make_string(topic, time_ns, _json(each))
+        if rollout.inputs:
+            times = [each.time for each in rollout.inputs]
+            self._input_at, self._num_inputs = times[-1], times.count(times[-1])
 
     def _tell_goals(self, rollout: Rollout) -> Iterator[BagMessage]:
         for number, goal in enumerate(rollout.goals):
@@ -511,7 +525,16 @@ def read_fields(path: Path, robot: str | None = None) -> dict[str, Any]:
 
 
 def _is_ours(topic: str) -> bool:
-    own_topics = (STATIC, GOALS, MESSAGES, ACTIVE, COMMANDS, JOINT_STATES, DESCRIPTION)
+    own_topics = (
+        STATIC,
+        GOALS,
+        MESSAGES,
+        INPUTS,
+        ACTIVE,
+        COMMANDS,
+        JOINT_STATES,
+        DESCRIPTION,
+    )
     return topic.endswith((*own_topics, CONTROLLER_STATE)) or any(
         part in topic for part in (POSES, CONTACTS)
     )
@@ -568,6 +591,7 @@ def _read_robot(
         each = json.loads(text)
         goals[each["number"]] = GoalRecord(**each["goal"])
     messages = (json.loads(text) for text in found.texts(MESSAGES))
+    inputs = (json.loads(text) for text in found.texts(INPUTS))
     return {
         # Goals, messages and description are in topics of their own.
         **{name: static[name] for name in STATIC_FIELDS if name in static},
@@ -590,6 +614,7 @@ def _read_robot(
         },
         "goals": tuple(goals[number] for number in sorted(goals)),
         "messages": tuple(SentMessage(**message) for message in messages),
+        "inputs": tuple(ClientInput(**each) for each in inputs),
         "description": (found.texts(DESCRIPTION) or [""])[-1],
     }
 

@@ -85,6 +85,32 @@ class SentMessage:
     data: Mapping[str, Any]
 
 
+@dc.dataclass(frozen=True)
+class ClientInput:
+    """What a program outside asked for while a simulation ran."""
+
+    # When it was done [s].
+    time: float
+
+    # "publish", "call", "goal" or "cancel".
+    kind: str
+
+    # Topic, service or action.
+    name: str
+
+    # Who asked: protocol and address.
+    sender: str
+
+    # The message, request or goal, as its type in ROS has it.
+    data: Mapping[str, Any]
+
+    # Of a goal.
+    goal_id: str = ""
+
+    # How much later the sender's clock was [ns].
+    offset_ns: int = 0
+
+
 @dc.dataclass(frozen=True, eq=False)
 class Reference:
     """What a controller wanted of its joints."""
@@ -151,6 +177,9 @@ class Rollout:
     # Goals and messages that were sent, in order.
     goals: tuple[GoalRecord, ...] = ()
     messages: tuple[SentMessage, ...] = ()
+
+    # What programs outside asked for; with several robots it is with the first one.
+    inputs: tuple[ClientInput, ...] = ()
 
     # What made it: versions, files with hashes, options, world, motions; plain data.
     info: Mapping[str, Any] = dc.field(default_factory=dict)
@@ -396,6 +425,7 @@ STATIC_FIELDS = (
     "controllers",
     "goals",
     "messages",
+    "inputs",
     "info",
     "description",
 )
@@ -404,12 +434,13 @@ STATIC_FIELDS = (
 def make_static(rollout: Rollout, *, is_whole: bool = True) -> str:
     """Return what isn't in the rows, as JSON; not whole without what a bag has beside.
 
-    That are goals, messages and the robot's description.
+    That are goals, messages, what came from outside, and the robot's description.
     """
     more = (
         {
             "goals": rollout.goals,
             "messages": rollout.messages,
+            "inputs": rollout.inputs,
             "description": rollout.description,
         }
         if is_whole
@@ -451,5 +482,7 @@ def read_static(text: str) -> dict[str, Any]:
     goals, messages = data.get("goals", ()), data.get("messages", ())
     data["goals"] = tuple(GoalRecord(**goal) for goal in goals)
     data["messages"] = tuple(SentMessage(**message) for message in messages)
+    inputs = data.get("inputs", ())
+    data["inputs"] = tuple(ClientInput(**each) for each in inputs)
     data["effort_limit"] = [float(limit) for limit in data["effort_limit"]]
     return data

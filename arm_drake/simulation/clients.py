@@ -171,9 +171,15 @@ class ControllerHandle:
         port, message = self._topics.make_trajectory(trajectory)
         self._send(port, message, where)
 
-    def cancel(self) -> None:
-        """Cancel the last goal that was sent to the controller, if there is one."""
+    def cancel(self, goal: GoalHandle | None = None) -> None:
+        """Cancel a goal, if it isn't done.
+
+        Args:
+            goal: What `send_goal` returned; by default the last one that was sent to
+                the controller, if there is one.
+        """
         goals = [g for g in self._mailbox.goals if g.controller == self.name]
+        goals = goals if goal is None else [goal]
         if goals and not goals[-1].status.is_terminal:
             request = CancelGoal(goals[-1].request)
             self._send(self._topics.find_action(), request)
@@ -528,6 +534,44 @@ def publish_parameters(
         config, present, changes, distro=robot.distro, types=robot.controller_types
     )
     port.FixValue(context, AbstractValue.Make(parameters))
+
+
+def list_parameters(
+    robot: Robot, system: ControllerInterface, context: Context
+) -> dict[str, Any]:
+    """Return a controller's parameters by their dotted names, as they are now."""
+    config, schema = _find_schema(robot, system)
+    present = None
+    if system.HasInputPort(interfaces.PARAMETERS_PORT):
+        port = system.GetInputPort(interfaces.PARAMETERS_PORT)
+        present = port.Eval(context) if port.HasValue(context) else None
+    if present is None:
+        base = {n: p for n, p in config.parameters.items() if n not in _OF_THE_MANAGER}
+        present, _ = _load(schema, config, base, robot.distro)
+    return {name: _plain(value) for name, value in _leaves(present, "")}
+
+
+def is_changeable(robot: Robot, system: ControllerInterface, name: str) -> bool:
+    """Return whether a parameter of a controller may change while it runs."""
+    if not system.HasInputPort(interfaces.PARAMETERS_PORT) or name in _OF_THE_MANAGER:
+        return False
+    _, schema = _find_schema(robot, system)
+    patterns = next(
+        (names for kind, names in _CHANGEABLE.items() if issubclass(schema, kind)),
+        ("*",),
+    )
+    return any(fnmatch.fnmatchcase(name, pattern) for pattern in patterns)
+
+
+def _find_schema(
+    robot: Robot, system: ControllerInterface
+) -> tuple[ControllerConfig, type]:
+    """Return what the YAML says of a controller, and the class of its parameters."""
+    name = system.params.controller_name
+    config = next(c for c in robot.controllers.controllers if c.name == name)
+    row = find_controller_type(config.type, robot.controller_types or {})
+    assert row is not None  # It could be loaded.
+    return config, row.parameters
 
 
 def change_parameters(

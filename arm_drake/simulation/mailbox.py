@@ -30,6 +30,7 @@ from arm_drake.messages import (
     SwitchControllerResult,
     TopicRejected,
 )
+from arm_drake.rollout.rollout import ClientInput
 from arm_drake.simulation.motion import PlanTo
 from arm_drake.simulation.topics import describe_grip
 
@@ -189,6 +190,9 @@ class Mailbox:
         # What was sent, the latest last.
         self.sent: list[Sent] = []
 
+        # What clients of other programs asked for, in order.
+        self.inputs: list[ClientInput] = []
+
         # News of the simulation itself.
         self._own: list[Rejection] = []
 
@@ -262,6 +266,7 @@ class Mailbox:
     def forget_before(self, time: float) -> None:
         """Forget what was sent before a time [s], and feedback of ended goals."""
         self.sent = [sent for sent in self.sent if sent.time >= time]
+        self.inputs = [each for each in self.inputs if each.time >= time]
         for goal in self.goals:
             if goal.ended_at is not None and goal.ended_at < time:
                 goal.forget_feedback()

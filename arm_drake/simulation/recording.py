@@ -33,6 +33,7 @@ from arm_drake.plant.contact import CONTACT_LOG, Shape
 from arm_drake.plant.initial_poses import read_free_poses
 from arm_drake.python_system import PythonSystem
 from arm_drake.rollout.rollout import (
+    ClientInput,
     GoalRecord,
     Reference,
     Rollout,
@@ -421,8 +422,21 @@ def collect_rollout(
         read_rollout(diagram, context, manager, since),
         goals=record_goals(mailbox.goals, manager),
         messages=record_messages(sent, manager),
+        inputs=_inputs_of(mailbox, manager, since),
         info=describe_provenance(manager.robot, diagram, motions),
     )
+
+
+def _inputs_of(
+    mailbox: Mailbox, manager: ControllerManager, since: float
+) -> tuple[ClientInput, ...]:
+    """Return what came from outside since a time [s]; the first robot has all of it."""
+    first = next(
+        s for s in mailbox.diagram.GetSystems() if isinstance(s, type(manager))
+    )
+    if not mailbox.inputs or first is not manager:
+        return ()
+    return tuple(each for each in mailbox.inputs if each.time >= since)
 
 
 def record_goals(

@@ -235,7 +235,12 @@ def _since(rollout: Rollout, time: float) -> Rollout:
             if goal.ended_at is None or goal.ended_at >= time
         ),
         messages=tuple(m for m in rollout.messages if m.time >= time - _SAME_TIME),
+        inputs=tuple(i for i in rollout.inputs if i.time >= time - _SAME_TIME),
     )
+
+
+class ResetRequested(Exception):
+    """Whoever exchanges with a simulation wants it to begin anew."""
 
 
 def advance(simulator: Simulator, time: float) -> None:
@@ -289,6 +294,10 @@ class Simulation:
         info = find_build_info(diagram)
         self._parted = () if info is None else info.parted
         self._on_event: list[Callable[[SimulationEvent], None]] = []
+        # Called between any two ticks, by who talks to others meanwhile. It returns the
+        # time at which it wants to be called next at the latest [s], and may raise
+        # ResetRequested.
+        self.exchange: Callable[[], float] | None = None
         self.recorders: list[Recorder] = []
         self.mailbox = Mailbox(diagram, self.simulator, managers)
         self._start()
@@ -511,17 +520,29 @@ class Simulation:
             raise ValueError(f"can't go from {now} s to {time} s")
         while now < time:
             end = min(now + _TICKS_AT_A_TIME * self.period, time)
+            if self.exchange is not None:
+                end = min(self.exchange(), self._next_exchange(now), time)
             if self._parted:
                 end = min(end, self._next_look(now))
             advance(self.simulator, end)
             if self._parted and end == self._next_look(now):
                 rejoin(self.diagram, self.context, self._parted)
-            self._tell()
+            if self.exchange is None or end >= self._next_news(now):
+                self.collect_news()
             for recorder in self.recorders:
                 recorder.update()
             now = self.time
 
-    def _tell(self) -> None:
+    def _next_exchange(self, time: float) -> float:
+        """Return when the next tick is [s]."""
+        return (math.floor(time / self.period + TICK_TOLERANCE) + 1) * self.period
+
+    def _next_news(self, time: float) -> float:
+        """Return when to look for news next [s], where all ticks are exchanged."""
+        pause = _TICKS_AT_A_TIME * self.period
+        return (math.floor(time / pause + TICK_TOLERANCE) + 1) * pause
+
+    def collect_news(self) -> None:
         """Tell who listens what is new."""
         for event in self.mailbox.collect():
             for callback in self._on_event:
@@ -643,7 +664,7 @@ class Simulation:
         """Take note of a motion that wasn't planned as its robot never rested."""
         reason = "not planned: the robot didn't come to rest in time"
         self.mailbox.reject(message, reason, where)
-        self._tell()
+        self.collect_news()
 
     def _send(self, found: "Plan", where: str) -> GoalHandle:
         """Send a plan to its controller."""

@@ -1,5 +1,6 @@
 """Screenshots: all of the robot is in the picture, whatever its size."""
 
+import contextlib
 import dataclasses as dc
 import io
 import json
@@ -28,6 +29,7 @@ from tests.browser.pictures import difference, grow
 from tests.models import GRIPPER, LENGTH, bob
 from tests.robots import skip_or_fail
 from tests.shown import show_robot
+from tests.waiting import wait_until
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
@@ -383,19 +385,30 @@ def test_a_page_that_does_not_exist_is_said(
     assert "\n" not in str(caught.value)
 
 
+def _programs() -> set[int]:
+    """Return the processes below this one, but for those that browsers split off.
+
+    A browser that runs before and after starts and ends such as it likes.
+    """
+    found = set()
+    for process in psutil.Process(os.getpid()).children(recursive=True):
+        with contextlib.suppress(psutil.NoSuchProcess):
+            if not any(word.startswith("--type=") for word in process.cmdline()):
+                found.add(process.pid)
+    return found
+
+
 def test_the_browser_is_gone_afterwards(
     photographer: Photographer, start_meshcat: StartMeshcat, tmp_path: Path
 ) -> None:
     meshcat = start_meshcat()
     show_robot(meshcat, load(tmp_path, red_arm(1.0)))
-    own = psutil.Process(os.getpid())
-    before = {process.pid for process in own.children(recursive=True)}
+    before = _programs()
     threads = set(threading.enumerate())
 
     save_screenshot(meshcat, tmp_path / "robot.png")
 
-    after = {process.pid for process in own.children(recursive=True)}
-    assert after <= before
+    wait_until(lambda: _programs() <= before, "the browser has ended")
     # asyncio tells its own threads to end, and doesn't wait for them.
     for thread in set(threading.enumerate()) - threads:
         thread.join(10.0)

@@ -38,6 +38,7 @@ def message(path: Path) -> str:
         (WHOLE + "raise KeyError('x')\n", "KeyError: 'x'", 3),
         (WHOLE + "return LaunchDescription([5])\n", "expected actions, got int", None),
         (WHOLE + "return LaunchDescription(['a'])\n", "actions, got str 'a'", None),
+        (WHOLE + "print('no arm'); exit(1)\n", "SystemExit: 1; it said: no arm", 3),
         (WHOLE + "import sys; sys.exit(3)\n", "SystemExit: 3", 3),
         (WHOLE + "return generate_launch_description()\n", "RecursionError", 3),
         (WHOLE + "return 'x' * 10**11\n", "needs more than 2048 MB of memory", None),

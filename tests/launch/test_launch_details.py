@@ -74,7 +74,10 @@ def test_libraries_of_python_may_be_used(package: Path) -> None:
 def test_a_document_of_xacro_may_be_changed(package: Path, is_changed: bool) -> None:
     before = f"""
     import xacro
+    import xml.dom.minidom
     made = xacro.process_file(XACRO[1], mappings={{"prefix": "left_"}})
+    if not isinstance(made, xml.dom.minidom.Document):
+        raise RuntimeError("no document")
     links = made.getElementsByTagName("link")
     if {is_changed}:
         links[1].setAttribute("name", "pole")
@@ -296,4 +299,73 @@ def test_a_package_without_a_name_is_told(package: Path) -> None:
     path = describe(package, "", "get_package_share_directory(None)")
 
     with pytest.raises(PackageError, match="None"):
+        ad.load_launch(path)
+
+
+def test_descriptions_of_moveit_take_arguments_of_the_launch(package: Path) -> None:
+    (package / "config" / "pendulum.srdf").write_text(SRDF, encoding="utf-8")
+    path = describe(
+        package,
+        """
+        DeclareLaunchArgument("side", default_value="left_"),
+        Node(package="robot_state_publisher", executable="robot_state_publisher",
+             parameters=[configs.robot_description]),
+        Node(package="moveit_ros_move_group", executable="move_group",
+             parameters=[configs.to_dict()]),
+        """,
+        """
+        from moveit_configs_utils import MoveItConfigsBuilder
+        configs = (
+            MoveItConfigsBuilder("pendulum", package_name="pendulum_bringup")
+            .robot_description(
+                file_path="urdf/pendulum.urdf.xacro",
+                mappings={"prefix": LaunchConfiguration("side")})
+            .to_moveit_configs())
+        """,
+    )
+
+    plan = ad.load_launch(path)
+
+    (robot,) = plan.robots
+    assert robot.xacro_args == {"prefix": "left_"}
+    assert plan.has_move_group
+
+
+def test_rviz_may_be_started_with_a_fixed_frame(package: Path) -> None:
+    path = describe(
+        package,
+        "publisher(), Node(package='rviz2', executable='rviz2',"
+        " arguments=['-f', 'arm', '-d', PACKAGE + '/none.rviz']),",
+    )
+
+    plan = ad.load_launch(path)
+
+    assert plan.fixed_frame == "arm"
+    assert plan.rviz == package / "none.rviz"
+
+
+def test_the_command_line_says_how_a_robot_is_loaded(
+    package: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    path = describe(package, "publisher(), manager(), spawner('slow'),")
+    text = (package / "config" / "controllers.yaml").read_text(encoding="utf-8")
+    other = tmp_path / "other.yaml"
+    # Another name for one of them, and a variable for its joint.
+    text = text.replace("forward:", "slow:").replace("[swing]", '["$(var joint)"]')
+    other.write_text(text, encoding="utf-8")
+    words = ["launch", str(path), "--headless", "--duration", "0.01", "--name", "one"]
+    words += ["--controllers", str(other), "--var", "joint=swing", "--json"]
+
+    assert main([*words, "--add-frame", "tip=arm,0,0,1"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["robot"] == "one"
+    assert {c["name"]: c["state"] for c in told["controllers"]}["slow"] == "active"
+    assert main([*words, "--add-frame", "tip=leg,0,0,1"]) == 2
+    assert "no link 'leg'; known: arm, world" in capsys.readouterr().err
+
+
+def test_a_module_that_its_package_lacks_is_told(package: Path) -> None:
+    path = describe(package, "", "from pendulum_bringup.msg import Angle")
+
+    with pytest.raises(InputError, match=r"'pendulum_bringup.*', which isn't in its"):
         ad.load_launch(path)

@@ -9,6 +9,7 @@ import pytest
 import arm_drake as ad
 from arm_drake.errors import InputError
 from arm_drake.perception.images import to_array, to_points
+from tests.snippets import ROOT, read_blocks
 
 _URDF = """<robot name="r"><link name="world"/><link name="base">
 <inertial><mass value="1"/>
@@ -133,3 +134,16 @@ def test_the_other_robot_stays_as_it_is() -> None:
     assert len(robot.description.perception_sensors) == 1
     assert len(changed.description.perception_sensors) == 2
     assert dc.is_dataclass(changed)
+
+
+@pytest.mark.slow
+def test_the_page_of_cameras_is_right() -> None:
+    blocks = read_blocks(ROOT / "docs" / "cameras.md")
+    [text] = [b.text for b in blocks if b.language == "python"]
+    names: dict[str, ad.CameraHandle] = {}
+
+    exec(text, names)  # noqa: S102
+
+    camera = names["camera"]
+    assert camera.color().shape == (480, 640, 3)
+    assert any("mycobot" in name for name in camera.label_names)

@@ -278,7 +278,7 @@ def test_an_effort_below_friction_moves_nothing(
     urdf = one_joint(type, LEVEL[type], dynamics=f'friction="{FRICTION}"')
 
     efforts = [(0.0, part * FRICTION)]
-    rollout = run(tmp_path, urdf, 10.0, step=h, efforts=efforts)
+    rollout = run(tmp_path, urdf, 4.0, step=h, efforts=efforts)
 
     # The first step may not be opposed; what friction f leaves of the effort F stops
     # its speed h F / M. Then the bristle bends. All in units of h^2 f / M.
@@ -339,12 +339,12 @@ def test_a_falling_slide_reaches_the_speed_at_which_damping_carries_it(
 def test_an_effort_reaches_the_speed_at_which_damping_balances_it(
     tmp_path: Path, type: str, h: float
 ) -> None:
-    damping = 2.0 * inertia(type)
+    damping = 4.0 * inertia(type)
     urdf = one_joint(type, LEVEL[type], dynamics=f'damping="{damping!r}"')
 
-    rollout = run(tmp_path, urdf, 16.0, step=h, efforts=[(0.0, 3.0)])
+    rollout = run(tmp_path, urdf, 8.0, step=h, efforts=[(0.0, 3.0)])
 
-    assert_reaches(rollout, 3.0 / damping, 2.0, h)
+    assert_reaches(rollout, 3.0 / damping, 4.0, h)
 
 
 @pytest.mark.parametrize("h", STEPS)

@@ -44,6 +44,10 @@ FRICTION = 1.0
 DYNAMICS = ["", f'<dynamics damping="0.5" friction="{FRICTION}"/>']
 STOPS = [(UPPER, 1.0), (LOWER, -1.0)]
 
+# How long joints are pushed [s]: each is at its stop, and at rest, within the first or
+# second, and from then on every step is the same.
+PUSHED = 4.0
+
 # How near to it a joint rests that has been sent beyond its stop [rad].
 AT_STOP = 1e-5
 
@@ -96,7 +100,7 @@ def test_a_joint_that_an_effort_pushes_into_its_stop_stays_there(
     sim = pendulum(tmp_path, "effort", h, dynamics=dynamics)
 
     sim.controller("group").command([sign * PUSH])
-    sim.advance_to(10.0)
+    sim.advance_to(PUSHED)
 
     rollout = sim.rollout()
     beyond = sign * (rollout.position[:, 0] - stop)
@@ -155,17 +159,17 @@ def test_a_joint_that_the_servo_drives_into_its_stop_comes_back(
 ) -> None:
     sim = pendulum(tmp_path, interface, h, dynamics=dynamics)
     sim.controller("group").command([into])
-    sim.advance_to(10.0)
+    sim.advance_to(PUSHED)
 
     sim.controller("group").command([back])
-    sim.advance_to(11.0)
+    sim.advance_to(PUSHED + 1.0)
 
     rollout = sim.rollout()
     position, velocity, effort = (
         values[:, 0] for values in (rollout.position, rollout.velocity, rollout.effort)
     )
-    # The row at 10 s has the effort that the next command causes.
-    pushed = (rollout.time > 1.0) & (rollout.time < 10.0)
+    # The last row has the effort that the next command causes.
+    pushed = (rollout.time > 1.0) & (rollout.time < PUSHED)
     net = EFFORT_LIMIT - WEIGHT * math.sin(UPPER) + (FRICTION if dynamics else 0.0)
     assert (position - UPPER).max() <= 1.01 * give(h, net)
     if interface == "velocity":
@@ -270,11 +274,11 @@ def test_an_arm_that_an_effort_pushes_into_a_stop_stays_there(
     held = [robot.initial_positions[name] for name in others]
     sim.controller("hold").command(held)
     sim.controller("push").command([PUSH])
-    sim.advance_to(10.0)
+    sim.advance_to(PUSHED)
     load, inertia = load_at_stop(sim, "joint_2", PUSH)
 
     sim.controller("push").command([-PUSH - load])
-    sim.advance_to(10.3)
+    sim.advance_to(PUSHED + 0.3)
 
     rollout = sim.rollout()
     at = rollout.joint_names.index("joint_2")
@@ -283,7 +287,7 @@ def test_an_arm_that_an_effort_pushes_into_a_stop_stays_there(
     )
     assert limit.upper is not None
     beyond = rollout.position[:, at] - limit.upper
-    late = (rollout.time > 2.0) & (rollout.time < 10.0)
+    late = (rollout.time > 2.0) & (rollout.time < PUSHED)
     # A load that comes suddenly, as it arrives, gives at most twice that.
     assert beyond.max() <= 2.0 * give(h, load, inertia)
     assert beyond[late] == pytest.approx(give(h, load, inertia), rel=1e-2)
@@ -306,20 +310,20 @@ def test_an_arm_whose_goal_is_beyond_a_stop_goes_as_far_and_comes_back(
     options = ad.SimulationOptions(time_step=h, log_rate=1.0 / h)
     sim = ad.Simulation(ad.build_diagram(robot, world="void", options=options))
     sim.controller("group").command([0.0, 2.5, -1.2, 0.0, 0.5, 0.0])
-    sim.advance_to(10.0)
+    sim.advance_to(PUSHED)
     # Dry friction may help it.
     effort = sim.joint_states().effort[1] + 1.0
     load, inertia = load_at_stop(sim, "joint2", effort)
 
     sim.controller("group").command(list(start.values()))
-    sim.advance_to(12.0)
+    sim.advance_to(PUSHED + 2.0)
 
     rollout = sim.rollout()
     columns = [rollout.joint_names.index(name) for name in names]
     at = columns[1]
     upper = robot.description.movable_joints[1].limits.upper
     assert upper is not None
-    pushed = (rollout.time > 2.0) & (rollout.time <= 10.0)
+    pushed = (rollout.time > 2.0) & (rollout.time <= PUSHED)
     beyond = rollout.position[:, at] - upper
     # A load that comes suddenly, as it arrives, gives at most twice that.
     assert beyond.max() <= 2.0 * give(h, 50.0 + load - effort, inertia)

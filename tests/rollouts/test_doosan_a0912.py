@@ -202,11 +202,12 @@ def test_without_a_command_the_arm_holds_its_pose(source, pose):
     robot = ad.load_robot(source, initial_positions=initial)
     sim = ad.Simulation(ad.build_diagram(robot))
 
-    sim.advance_to(10.0)
+    sim.advance_to(4.0)
 
     position = sim.rollout().position
     np.testing.assert_allclose(position[0], pose, rtol=0.0, atol=1e-12)
-    assert np.abs(position - pose).max() <= 1e-3
+    # 0.1 mrad a second, were it to creep.
+    assert np.abs(position - pose).max() <= 4e-4
 
 
 def test_with_little_effort_the_arm_sags_and_says_so(tmp_path):

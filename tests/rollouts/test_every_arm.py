@@ -34,7 +34,7 @@ SETTLED = 0.02
 
 # How long poses are held [s], and how many random goals are sent then, one a second, by
 # step: at small ones the first of the same goals, for they take ten times as long.
-FEW = 3.0, {1e-3: 4, 2e-3: 6, 5e-3: 15, 1e-2: 15}
+FEW = 1.0, {1e-3: 4, 2e-3: 6, 5e-3: 15, 1e-2: 15}
 MANY = 10.0, {1e-3: 20, 2e-3: 30, 5e-3: 60, 1e-2: 60}
 
 # Payloads [kg] of arms, and where they are from the last axis [m].
@@ -213,14 +213,15 @@ def test_it_holds_and_goes_wherever_it_is_sent(
     rig = ServoRig(arm.robot, step=h, preset=preset)
     held = rig.run(hold)
     if arm.is_strong:
-        np.testing.assert_allclose(held.position - rig.start, 0.0, atol=1e-3)
+        # A creep of 0.1 mrad a second would be seen.
+        np.testing.assert_allclose(held.position - rig.start, 0.0, atol=1e-4 * hold)
     random, goal = np.random.default_rng(5), rig.start
     for _ in range(goals[h]):
         goal = random.uniform(arm.lower, arm.upper)
         rig.command(goal)
         check_limits(arm, rig.run(1.0))
     if arm.is_strong:
-        final = rig.run(4.0).position[-1]
+        final = rig.run(2.0 if arm.can_brake else 4.0).position[-1]
         np.testing.assert_allclose(final - goal, 0.0, atol=1e-3)
 
 
@@ -230,8 +231,8 @@ def test_it_holds_and_goes_wherever_it_is_sent(
 def test_a_small_step_settles_and_moves_no_other_joint(
     arm: Arm, preset: str, h: float, friction: bool
 ) -> None:
-    if needs_more(arm, preset):
-        return
+    if not arm.steps or needs_more(arm, preset):
+        return  # A suction cup has no joints.
     if not arm.is_strong:
         return  # Said in the report; its efforts are saturated.
     if friction and not any(j.friction for j in arm.robot.description.movable_joints):
@@ -239,14 +240,15 @@ def test_a_small_step_settles_and_moves_no_other_joint(
     names = [joint.name for joint in commanded_joints(arm.robot.description)]
     initial = np.array([arm.robot.initial_positions[name] for name in names])
     start = arm.inside(initial, 2.0 * STEP_OF_OTHERS)
+    rig = ServoRig(
+        arm.robot,
+        step=h,
+        preset=preset,
+        friction=friction,
+        initial=dict(zip(names, start, strict=True)),
+    )
     for index, size in arm.steps:
-        rig = ServoRig(
-            arm.robot,
-            step=h,
-            preset=preset,
-            friction=friction,
-            initial=dict(zip(names, start, strict=True)),
-        )
+        rig.reset()
         goal = start.copy()
         goal[index] += size
         rig.command(goal)
@@ -312,5 +314,5 @@ def carry(arm: Arm, mass: float, h: float, **options: object) -> None:
     for _ in range(5):
         goal = middle + (random.uniform(arm.lower, arm.upper) - middle) / 2.0
         rig.command(goal)
-        final = rig.run(4.0).position[-1]
+        final = rig.run(2.0).position[-1]
         np.testing.assert_allclose(final - goal, 0.0, atol=2e-3)

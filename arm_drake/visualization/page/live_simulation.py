@@ -12,10 +12,15 @@ from typing import TYPE_CHECKING, Any
 from arm_drake.errors import ArmDrakeError, InputError, SimulationError
 from arm_drake.messages import CancelResponse, GoalStatus, SwitchControllerResult
 from arm_drake.simulation.mailbox import GoalHandle, SimulationEvent
+from arm_drake.simulation.motion import Motion
 from arm_drake.simulation.motion_files import MotionSource, find_motion
 from arm_drake.simulation.playback import Player
 from arm_drake.simulation.recording import History
-from arm_drake.simulation.simulation import TICK_TOLERANCE, Simulation
+from arm_drake.simulation.simulation import (
+    TICK_TOLERANCE,
+    ResetRequested,
+    Simulation,
+)
 from arm_drake.visualization.page import (
     Button,
     Buttons,
@@ -29,12 +34,14 @@ from arm_drake.visualization.page import (
 )
 from arm_drake.visualization.page.live_views import LiveViews, Pictures
 from arm_drake.visualization.page.panel import make_report
+from arm_drake.visualization.page.parts import PARTS, Part, make_parts
 from arm_drake.visualization.recording import start_recording
 from arm_drake.visualization.teleop.base import Remote
 from arm_drake.visualization.teleop.remotes import find_remotes
 
 if TYPE_CHECKING:
     from arm_drake.scene import Scene
+    from arm_drake.wire.server import RosServer
 
 # What was missed of real time for longer than this is given up [s].
 _LONGEST_LAG = 0.1
@@ -118,6 +125,9 @@ class RealtimePacer:
 _FRAME_PERIOD = 1.0 / 30.0
 _PANEL_PERIOD = 0.1
 
+# How long programs outside wait for an answer while it is paused [s].
+_EXCHANGE_PERIOD = 0.01
+
 # Velocities of bases are sent anew after so much simulated time [s].
 _REPEAT_PERIOD = 0.1
 
@@ -151,6 +161,7 @@ class LiveSimulation:
         frame_rate: float | None = None,
         history: float = math.inf,
         scene: "Scene | None" = None,
+        ros: str | None = None,
     ) -> None:
         """Show a simulation; `run` lets it go.
 
@@ -167,23 +178,21 @@ class LiveSimulation:
             history: How much of the past the rollout has at least [s]; from twice as
                 much on, the rest is forgotten.
             scene: What is simulated, for a button that saves it as it is now.
+            ros: How programs that speak ROS 2 get in; see `RosServer`.
 
         Raises:
             InputError: If there is nothing called as in ``shown``.
             MotionError: As `Simulation.run`.
         """
         self.simulation, self.scene = simulation, scene
-        self.views = LiveViews(
-            page, simulation, tuple(shown), is_recorded=frame_rate is not None
-        )
+        recorded = frame_rate is not None
+        self.views = LiveViews(page, simulation, tuple(shown), is_recorded=recorded)
         self.remotes: list[Remote] = find_remotes(simulation)
         self.page = page
-        robot = next(iter(simulation.robots.values()))
-        self._motion = None if motion is None else find_motion(motion, robot)
+        self._motion = self._find(motion)
         self._pacer = RealtimePacer(realtime_rate)
-        self._is_playing = not is_paused
+        self._is_playing, self._duration = not is_paused, math.inf
         self._is_stopped = self.is_ended = False
-        self._duration = math.inf
         self._frame_rate = frame_rate
         self._history = History(simulation.mailbox, history)
         if frame_rate is not None:
@@ -191,14 +200,27 @@ class LiveSimulation:
         self._pictures, self._longest = Pictures(), history
         # The time that is drawn [s]; NaN is to be drawn anew.
         self._drawn = math.nan
-        # The time of the past that is shown [s], None is the present; and since when it
-        # is replayed [s] of wall time.
+        # The past time that is shown, and since when in wall time it is replayed [s].
         self._shown_time: float | None = None
         self._replayed_at: float | None = None
         self._log = LogLines()
         simulation.on_event(lambda event: self._log.add(simulation, event))
+        self.parts: list[Part] = make_parts(self, PARTS)
         self._start()
+        self.ros = self._serve(ros)
         page.set_panel(self._title(), make_sections(self))
+
+    def _find(self, motion: MotionSource | None) -> Motion | None:
+        robot = next(iter(self.simulation.robots.values()))
+        return None if motion is None else find_motion(motion, robot)
+
+    def _serve(self, ros: str | None) -> "RosServer | None":
+        if ros is None:
+            return None
+        # Not at the top: nothing of it is needed else.
+        from arm_drake.wire.server import RosServer
+
+        return RosServer(self.simulation, ros, controls=LiveControls(self)).start()
 
     @property
     def is_playing(self) -> bool:
@@ -282,6 +304,8 @@ class LiveSimulation:
         self.simulation.reset()
         for remote in self.remotes:
             remote.reset()
+        for part in self.parts:
+            part.reset()
         if self._frame_rate is not None:
             start_recording(self.page.meshcat, self._frame_rate)
         self._log.clear()
@@ -333,9 +357,16 @@ class LiveSimulation:
             wait = min(next_picture, next_panel) - time.perf_counter()
             # As fast as it goes: no waiting, but for what is clicked.
             is_busy = self._is_playing and self.realtime_rate == 0.0
+            if self.ros is not None:
+                wait = min(wait, _EXCHANGE_PERIOD)
             self.handle(self.page.events(0.0 if is_busy else max(wait, 0.0)))
-            if self._is_playing:
-                self._advance()
+            try:
+                if self._is_playing:
+                    self._advance()
+                elif self.ros is not None:
+                    self.ros.idle()
+            except ResetRequested:
+                self.reset()
             now = time.perf_counter()
             if now >= next_picture:
                 self._go_on_replaying(now)
@@ -386,8 +417,12 @@ class LiveSimulation:
             if not path.exists()
         )
         self.scene.at(self.simulation).save(path)
-        self._log.note(self.simulation, f"scene saved: {path}")
+        self.note(f"scene saved: {path}")
         return path
+
+    def note(self, text: str) -> None:
+        """Add a line to the news."""
+        self._log.note(self.simulation, text)
 
     def wait_for_browser(self) -> None:
         """Wait until a browser shows the page, doing what is clicked, or `stop`."""
@@ -396,6 +431,11 @@ class LiveSimulation:
             while not (self._is_stopped or self.page.num_browsers):
                 self.handle(self.page.events(_PANEL_PERIOD))
             self._tell(None)
+
+    def close(self) -> None:
+        """End the connections of programs outside, if there are any."""
+        if self.ros is not None:
+            self.ros.stop()
 
     def end(self) -> None:
         """End `run` for good: whoever runs it is to end, too."""
@@ -450,7 +490,7 @@ class LiveSimulation:
                 if isinstance(value, int | float):
                     text += f" {value:.4g}"
                 self._log.note(self.simulation, f"{text} by the panel", source=name)
-        else:
+        elif not any(part.handle(name, value) for part in self.parts):
             self.views.handle(name, value)
             self._drawn = math.nan
 
@@ -482,6 +522,7 @@ class LiveSimulation:
             if self._frame_rate is not None:
                 due.append(self._picture_at)
             due.append(self._repeat_at)
+            due += [self.simulation.time + part.advance() for part in self.parts]
             self._player.play(max(min(due) - self.simulation.time, 0.0))
             now = self.simulation.time
             if now >= self._repeat_at:
@@ -498,6 +539,26 @@ class LiveSimulation:
             self.views.tell()
         if progress is not None:
             progress(self.simulation.time)
+
+
+class LiveControls:
+    """Pauses and plays a simulation on a page for programs outside."""
+
+    # Its page goes on while it is paused.
+    is_waiting = False
+    can_reset = True
+
+    def __init__(self, live: LiveSimulation) -> None:
+        """Create it."""
+        self._live = live
+
+    def pause(self) -> None:
+        """Let time stand."""
+        self._live.pause()
+
+    def play(self) -> None:
+        """Let time pass."""
+        self._live.play()
 
 
 class LogLines:
@@ -592,6 +653,7 @@ def make_sections(live: LiveSimulation) -> list[Section]:
         Section("Simulation", (buttons, bar, rate, *times)),
         Section("Controllers", items),
         *(Section(remote.title, remote.widgets()) for remote in live.remotes),
+        *(part.section() for part in live.parts),
         live.views.readout.section(),
         Section("Show", (look, *live.views.widgets())),
         Section("News", (Text("log", "the newest first", can_copy=True),)),
@@ -631,6 +693,8 @@ def make_changes(live: LiveSimulation) -> dict[str, dict[str, Any]]:
         }
     for remote in live.remotes:
         changes |= remote.changes()
+    for part in live.parts:
+        changes |= {name: dict(fields) for name, fields in part.changes().items()}
     return changes
 
 

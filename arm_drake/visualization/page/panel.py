@@ -111,7 +111,7 @@ def make_viewer_sections(
     positions: Mapping[str, float],
     states: Iterable[GroupState],
     *,
-    readout: Section,
+    own: Sequence[Section],
     has_ghost: bool,
     shown: Sequence[Widget],
 ) -> list[Section]:
@@ -121,7 +121,7 @@ def make_viewer_sections(
         make_joints(ranges, positions),
         make_named_poses(states),
         make_pose(has_ghost=has_ghost),
-        readout,
+        *own,
         Section("Show", (look, *shown)),
         make_report(robot.report),
     ]

@@ -33,6 +33,7 @@ from arm_drake.visualization.page.panel import (
     make_viewer_sections,
     pose_yaml,
 )
+from arm_drake.visualization.page.parts import VIEW_PARTS, Part, make_parts
 from arm_drake.visualization.page.robot_scene import RobotScene
 
 # How often files are looked at [s].
@@ -78,6 +79,7 @@ class RobotViewer:
         self._fixed_frame, self._positions = WORLD, dict[str, float]()
         self._ghost_positions: dict[str, float] | None = None
         self._is_stopped, self._trouble = False, ""
+        self._notes: list[str] = []
         robot = load()
         self.readout = LinkReadout(page, [robot])
         self._put(robot)
@@ -208,6 +210,11 @@ class RobotViewer:
         self._ghost.hide()
         self.page.patch({"hide_ghost": {"is_enabled": False}})
 
+    def note(self, text: str) -> None:
+        """Say something on the terminal, and on the page until the next click."""
+        self._tell(text)
+        self._notes.append(text)
+
     def reload(self) -> bool:
         """Load the robot again; joints that are still there stay where they are.
 
@@ -237,8 +244,12 @@ class RobotViewer:
             events: What happened on the page, in order.
         """
         if happened := list(events):
+            self._notes = []
             problems = [self._trouble, *handle_events(self, happened)]
-            self.page.say(problems[-1], "error")
+            if not problems[-1] and self._notes:
+                self.page.say("\n".join(self._notes))
+            else:
+                self.page.say(problems[-1], "error")
 
     def run(self) -> None:
         """Do what is clicked until `stop`, or Ctrl-C."""
@@ -279,12 +290,13 @@ class RobotViewer:
             ghost = self._ghost_positions.items()
             self.show_ghost({n: q for n, q in ghost if n in names})
         self.readout.put([robot])
+        self.parts: list[Part] = make_parts(self, VIEW_PARTS)
         sections = make_viewer_sections(
             robot,
             ranges,
             self._positions,
             named_poses,
-            readout=self.readout.section(),
+            own=[*(part.section() for part in self.parts), self.readout.section()],
             has_ghost=self._ghost_positions is not None,
             shown=[
                 *self._views.toggles(),
@@ -321,7 +333,7 @@ def handle_events(viewer: RobotViewer, events: Iterable[Event]) -> Iterator[str]
         moved = {}
         try:
             _do(viewer, kind, name, event.value)
-        except InputError as error:
+        except ArmDrakeError as error:
             yield str(error)
     _move(viewer, moved)
 
@@ -356,3 +368,7 @@ def _do(viewer: RobotViewer, kind: str, name: str, value: Any) -> None:
         viewer.readout.handle(f"{kind}:{name}", value)
     elif kind in ("randomize", "center", "frame", "show_ghost", "hide_ghost"):
         getattr(viewer, kind)()
+    else:
+        for part in viewer.parts:
+            if part.handle(f"{kind}:{name}", value):
+                viewer.page.patch(part.changes())

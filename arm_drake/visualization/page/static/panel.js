@@ -139,6 +139,12 @@ at("scene").addEventListener("load", () => {
     show_controls(false);
     at("scene").contentWindow.addEventListener("keydown", press);
     listen_to_clicks(at("scene").contentWindow, (path) => say("readout:pick", path));
+    const has_hands = () => widgets.get("hands:drag");
+    listen_to_drags(
+        at("scene").contentWindow,
+        ({shiftKey}) => has_hands() && (shiftKey || has_hands().widget.value),
+        (drag) => say("hands:pull", drag),
+        () => say("hands:release"));
 });
 
 connect();

@@ -49,12 +49,19 @@ const keep_above_ground = (viewer) => {
 
 // ---- Clicks ----
 
-// Returns the path of what is seen at a point, from -1 to 1 to the right and up.
-const path_at = ({MeshCat: {THREE}, viewer}, right, up) => {
+// Returns the ray into the scene of a window through where the pointer is.
+const ray_at = ({MeshCat: {THREE}, viewer}, {clientX, clientY}) => {
+    const {left, top, width, height} = viewer.renderer.domElement.getBoundingClientRect();
     const ray = new THREE.Raycaster();
+    const [right, up] = [2 * (clientX - left) / width - 1, 1 - 2 * (clientY - top) / height];
     ray.setFromCamera({x: right, y: up}, viewer.camera);
+    return ray;
+};
+
+// Returns what is seen along a ray, {path, point}, or nothing.
+const hit_by = ({viewer}, ray) => {
     const drake = viewer.scene_tree.find(["drake"]);
-    for (const {object} of ray.intersectObject(drake.object, true)) {
+    for (const {object, point} of ray.intersectObject(drake.object, true)) {
         const above = new Set();
         for (let one = object; one; one = one.parent) above.add(one);
         if (!object.isMesh || [...above].some((one) => !one.visible)) continue;
@@ -64,9 +71,9 @@ const path_at = ({MeshCat: {THREE}, viewer}, right, up) => {
             if (found) path.push(found[0]);
             node = found && found[1];
         }
-        return path.join("/");
+        return {path: path.join("/"), point};
     }
-    return "";
+    return null;
 };
 
 // Tells what a click, not a drag, has hit in the scene of a window.
@@ -77,13 +84,41 @@ const listen_to_clicks = (window, tell) => {
         start = button ? null : [clientX, clientY];
     });
     // What turns the camera takes the rest of a drag for itself.
-    window.addEventListener("pointerup", ({clientX, clientY}) => {
+    window.addEventListener("pointerup", (event) => {
+        const {clientX, clientY} = event;
         const is_click = start && Math.hypot(clientX - start[0], clientY - start[1]) < 4;
         start = null;
         if (!is_click) return;
-        const {left, top, width, height} = canvas.getBoundingClientRect();
-        const path = path_at(
-            window, 2 * (clientX - left) / width - 1, 1 - 2 * (clientY - top) / height);
-        if (path) tell(path);
+        const hit = hit_by(window, ray_at(window, event));
+        if (hit) tell(hit.path);
     });
+};
+
+// Tells of drags that begin on something, where `is_on`, instead of turning the camera:
+// where they began and are now, in Drake's world, in the plane that faces the camera.
+const listen_to_drags = (window, is_on, tell, release) => {
+    const {MeshCat: {THREE}, viewer} = window;
+    let drag = null;
+    window.addEventListener("pointerdown", (event) => {
+        if (event.button || event.target !== viewer.renderer.domElement || !is_on(event)) return;
+        const hit = hit_by(window, ray_at(window, event));
+        if (!hit) return;
+        event.stopPropagation(); // Else the camera turns.
+        const facing = viewer.camera.getWorldDirection(new THREE.Vector3());
+        const plane = new THREE.Plane().setFromNormalAndCoplanarPoint(facing, hit.point);
+        const drake = viewer.scene_tree.find(["drake"]).object;
+        const local = (point) => drake.worldToLocal(point.clone()).toArray();
+        drag = {plane, local, path: hit.path, from: local(hit.point)};
+    }, true);
+    window.addEventListener("pointermove", (event) => {
+        const point = drag && ray_at(window, event).ray.intersectPlane(drag.plane, new THREE.Vector3());
+        if (!point) return;
+        event.stopPropagation();
+        tell({path: drag.path, from: drag.from, to: drag.local(point)});
+    }, true);
+    for (const end of ["pointerup", "pointercancel"])
+        window.addEventListener(end, () => {
+            if (drag) release();
+            drag = null;
+        }, true);
 };

@@ -1,0 +1,104 @@
+"""Parts of the panels of `arm-drake sim` and `view` that stand for themselves.
+
+To add one, write a class with what `Part` has, and a row in `PARTS` or `VIEW_PARTS`.
+"""
+
+import importlib
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping
+from typing import Any, Protocol
+
+from arm_drake.description.robot import Robot
+from arm_drake.simulation.simulation import Simulation
+from arm_drake.visualization.page.live_views import LiveViews
+from arm_drake.visualization.page.scene import Scene
+from arm_drake.visualization.page.widgets import Section
+
+
+class Live(Protocol):
+    """What a part knows of the LiveSimulation that it belongs to."""
+
+    @property
+    def page(self) -> Scene:
+        """Where it is shown."""
+
+    @property
+    def simulation(self) -> Simulation:
+        """What runs now; ask for it anew each time, for it may be replaced."""
+
+    @property
+    def views(self) -> LiveViews:
+        """What is shown of it, with the readout of a link."""
+
+    def note(self, text: str) -> None:
+        """Add a line to the page's news."""
+
+
+class Viewer(Protocol):
+    """What a part knows of the RobotViewer that it belongs to."""
+
+    @property
+    def page(self) -> Scene:
+        """Where it is shown."""
+
+    @property
+    def robot(self) -> Robot:
+        """The robot; when it is loaded anew, so are the parts."""
+
+    @property
+    def positions(self) -> dict[str, float]:
+        """Where its joints are [rad, m]."""
+
+    def note(self, text: str) -> None:
+        """Say something on the page and the terminal."""
+
+
+class Part(ABC):
+    """A section of the panel, and what its widgets do. All runs in the page's thread.
+
+    Ids of its widgets are `<part>:<widget>`, with a word of its own for the part.
+    """
+
+    @abstractmethod
+    def section(self) -> Section:
+        """Return the section as it is now; one without widgets is left out."""
+
+    @abstractmethod
+    def handle(self, event_id: str, value: object) -> bool:
+        """Do what was clicked, and return whether it was one of its widgets.
+
+        What can't be done is an ArmDrakeError, whose text the page shows.
+        """
+
+    def changes(self) -> Mapping[str, Mapping[str, Any]]:
+        """Return present fields of widgets, by id; it is asked ten times a second."""
+        return {}
+
+    def advance(self) -> float:
+        """Do what is due before simulated time goes on; return for how long [s]."""
+        return math.inf
+
+    def reset(self) -> None:  # noqa: B027  most have nothing to forget.
+        """Begin anew, as the simulation does."""
+
+
+# What makes each part of a LiveSimulation, and of a RobotViewer, or None where there is
+# nothing for it, as `<module>:<function>`, in the order of the panel. They are strings,
+# as those modules import this one.
+PARTS = [
+    "arm_drake.visualization.page.hands:make_hands",
+    "arm_drake.visualization.page.teaching:teach_live",
+]
+VIEW_PARTS = ["arm_drake.visualization.page.teaching:teach_view"]
+
+
+def make_parts(page: Any, rows: Iterable[str]) -> list[Part]:
+    """Return the parts of a LiveSimulation or a RobotViewer."""
+    parts = []
+    for row in rows:
+        module, _, name = row.partition(":")
+        part: Part | None = getattr(importlib.import_module(module), name)(page)
+        if part is not None:
+            parts.append(part)
+    return parts

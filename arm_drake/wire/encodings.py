@@ -1,0 +1,149 @@
+"""CBOR, pictures and fragments: what clients of rosbridge may ask for."""
+
+import base64
+import io
+import json
+import math
+import struct
+import time
+import uuid
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import cbor2
+import numpy as np
+from PIL import Image
+
+from arm_drake.errors import InputError
+
+# Tags of CBOR (RFC 8746) for arrays of little-endian numbers.
+_FLOAT64_ARRAY = 86
+
+
+def encode_cbor(content: Mapping[str, Any]) -> bytes:
+    """Return a message as CBOR."""
+    return cbor2.dumps(_for_cbor(content))
+
+
+def _for_cbor(value: Any) -> Any:
+    """Return plain data with arrays of numbers as they go in CBOR."""
+    if isinstance(value, Mapping):
+        return {name: _for_cbor(item) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        if value and type(value[0]) is float:
+            data = np.asarray(value, dtype="<f8").tobytes()
+            return cbor2.CBORTag(_FLOAT64_ARRAY, data)
+        return [_for_cbor(item) for item in value]
+    return value
+
+
+# Arrays of CBOR tags: kinds of numpy.
+_TYPED_ARRAYS = {
+    64: "u1",
+    68: "u1",
+    69: "<u2",
+    70: "<u4",
+    71: "<u8",
+    72: "i1",
+    77: "<i2",
+    78: "<i4",
+    79: "<i8",
+    85: "<f4",
+    86: "<f8",
+}
+
+
+def decode_cbor(data: bytes) -> Any:
+    """Return what bytes of CBOR say, or raise InputError."""
+
+    def tag(decoder: Any, tag: Any = None) -> Any:
+        found = tag if tag is not None else decoder
+        kind = _TYPED_ARRAYS.get(found.tag)
+        if kind is None or not isinstance(found.value, bytes):
+            return found.value
+        return np.frombuffer(found.value, dtype=kind).tolist()
+
+    try:
+        return cbor2.loads(data, tag_hook=tag)
+    # Whatever a codec says of bytes that mean nothing to it.
+    except Exception as error:
+        raise InputError(f"no CBOR: {error}") from None
+
+
+def to_png(text: str) -> str:
+    """Return a text as the pixels of a picture, in base64."""
+    data = text.encode()
+    width = max(math.isqrt(max(len(data) // 3, 1)), 1)
+    height = math.ceil(len(data) / 3 / width)
+    padded = data.ljust(3 * width * height, b"\n")
+    picture = Image.frombytes("RGB", (width, height), padded)
+    buffer = io.BytesIO()
+    picture.save(buffer, format="PNG")
+    return base64.b64encode(buffer.getvalue()).decode()
+
+
+def from_png(text: Any, max_size: int) -> str:
+    """Return the text that the pixels of a picture are, or raise InputError."""
+    try:
+        picture = Image.open(io.BytesIO(base64.b64decode(text, validate=True)))
+        width, height = picture.size
+        if width * height * 3 > max_size:
+            raise InputError(f"png: more than {max_size} bytes")
+        return picture.convert("RGB").tobytes().decode().strip("\n\0")
+    except (ValueError, TypeError, OSError, SyntaxError, struct.error) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"png: no picture in base64 ({error})") from None
+
+
+# Parts of messages: how many there may be, and how long they are kept [s].
+_MAX_FRAGMENTS, _LIFE = 4096, 10.0
+
+
+def split(data: str, size: int) -> Iterator[str]:
+    """Yield the fragments of a message, with so many characters of it each."""
+    id_ = uuid.uuid4().hex
+    parts = [data[start : start + size] for start in range(0, len(data), size)]
+    for number, part in enumerate(parts):
+        content = {"op": "fragment", "id": id_, "data": part, "num": number}
+        yield json.dumps({**content, "total": len(parts)})
+
+
+class Fragments:
+    """Parts of messages of a client."""
+
+    def __init__(self, max_size: int) -> None:
+        """Create it for so many characters at once."""
+        self._max_size = max_size
+        # When the first part came [s], and the parts by number.
+        self._found: dict[str, tuple[float, dict[int, str]]] = {}
+
+    def add(self, content: Mapping[str, Any]) -> str | None:
+        """Take a part of a message; return the message if it is whole now.
+
+        Raises:
+            InputError: If it is no such part, or there are too many.
+        """
+        id_, data = content.get("id"), content.get("data")
+        number, total = content.get("num"), content.get("total")
+        if not (
+            isinstance(id_, str)
+            and isinstance(data, str)
+            and isinstance(number, int)
+            and isinstance(total, int)
+            and 0 <= number < total <= _MAX_FRAGMENTS
+        ):
+            text = f"expected id, data, num and total of at most {_MAX_FRAGMENTS}"
+            raise InputError(f"fragment: {text}")
+        now = time.monotonic()
+        self._found = {k: v for k, v in self._found.items() if now - v[0] < _LIFE}
+        _, parts = self._found.setdefault(id_, (now, {}))
+        parts[number] = data
+        size = sum(len(p) for _, found in self._found.values() for p in found.values())
+        if size > self._max_size:
+            self._found.clear()
+            raise InputError(f"fragments: more than {self._max_size} characters")
+        if len(parts) < total:
+            return None
+        del self._found[id_]
+        return "".join(parts[index] for index in sorted(parts))

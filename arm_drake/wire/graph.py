@@ -1,0 +1,559 @@
+"""The graph of a simulation: topics, actions and nodes; it knows no transport.
+
+Topics are read by the thread that simulates, as messages of ours; what they are in ROS
+is made where they are sent.
+"""
+
+import collections
+import dataclasses as dc
+import functools
+import math
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import Context
+
+from arm_drake.arrays import Array
+from arm_drake.controllers.controller_interface import ControllerInterface
+from arm_drake.description.joints import WORLD
+from arm_drake.description.robot import Robot
+from arm_drake.errors import InputError, suggest
+from arm_drake.manager import ControllerManager
+from arm_drake.messages import (
+    NANOSECONDS,
+    ActionRequest,
+    FollowJointTrajectoryGoal,
+    Goal,
+    GripperCommandGoal,
+    Header,
+    JointState,
+    Message,
+    ParallelGripperCommandGoal,
+    ResetOdometry,
+    SetOdometry,
+    TFMessage,
+)
+from arm_drake.rollout.bag import make_tf, stamp
+from arm_drake.rollout.link_poses import (
+    LinkTransform,
+    fixed_pose,
+    read_transforms,
+    root_links,
+)
+from arm_drake.simulation.clients import input_type
+from arm_drake.simulation.recording import read_joint_states
+from arm_drake.simulation.simulation import Simulation
+from arm_drake.simulation.topics import ACTIONS, TopicNames, TopicPort, message_type
+from arm_drake.wire.types import WireTypes, to_fields, type_of
+
+# How often a topic is told at most [Hz]: that of robot_state_publisher, and of ours.
+_TF_RATE, _CLOCK_RATE = 50.0, 100.0
+
+# Values that wait for the network; older ones are dropped.
+_NUM_WAITING = 128
+
+TF, TF_STATIC, CLOCK = "/tf", "/tf_static", "/clock"
+JOINT_STATES, DESCRIPTION = "/joint_states", "/robot_description"
+
+# The node of what no controller has: Gazebo's.
+SIMULATOR = "/gazebo"
+
+
+# In a class with a field `type` they have no other name.
+MessageClass: TypeAlias = type[Message]
+GoalClass: TypeAlias = type[Goal]
+
+
+class Qos(NamedTuple):
+    """Quality of service that a topic is offered or asked with."""
+
+    depth: int = 10
+
+    # Whether a late subscriber gets the last message.
+    is_latched: bool = False
+
+    is_reliable: bool = True
+
+
+DEFAULT_QOS = Qos()
+LATCHED = Qos(depth=1, is_latched=True)
+
+
+@dc.dataclass(eq=False)
+class Topic:
+    """A topic: what is published on it, and whether anybody takes messages."""
+
+    name: str
+
+    # Such as "sensor_msgs/msg/JointState".
+    type: str
+
+    # Who publishes and who subscribes to it, by name.
+    publisher: str = ""
+    subscriber: str = ""
+
+    qos: Qos = DEFAULT_QOS
+
+    # Returns what is to be told, the same object if that is not new; in the thread that
+    # simulates.
+    read: Callable[[Context], Any] | None = None
+
+    # Returns it as plain data, with stamps so much later [ns]; in any thread.
+    convert: Callable[[Any, int], dict[str, Any]] = to_fields
+
+    # The class of messages that are taken.
+    takes: MessageClass | None = None
+
+    # What is told once, as plain data.
+    constant: dict[str, Any] | None = None
+
+    # How often it is told at most [s].
+    period: float = 0.0
+
+    # When it is told next [s], what was told last, and what waits.
+    due: float = -math.inf
+    last: Any = None
+    waiting: collections.deque[Any] = dc.field(
+        default_factory=lambda: collections.deque(maxlen=_NUM_WAITING)
+    )
+
+    @property
+    def is_published(self) -> bool:
+        """Whether anything is told."""
+        return bool(self.publisher)
+
+    def update(self, context: Context, time: float) -> None:
+        """Take note of what is new at a time [s]."""
+        if time < self.due or self.read is None:
+            return
+        if self.period:
+            self.due = time + self.period * (1.0 - 1e-6)
+        value = self.read(context)
+        if value is not self.last:
+            self.last = value
+            self.waiting.append(value)
+
+    def reset(self) -> None:
+        """Begin anew, as the simulation does."""
+        self.due, self.last = -math.inf, None
+
+
+class Action(NamedTuple):
+    """An action of a controller."""
+
+    name: str
+
+    # Such as "control_msgs/action/FollowJointTrajectory".
+    type: str
+
+    # The controller with its robot's prefix, and the class of its goals.
+    controller: str
+    goal: GoalClass
+
+    # Its node.
+    node: str
+
+
+@dc.dataclass(frozen=True, eq=False)
+class Service:
+    """A service; `call` is done by the thread that simulates."""
+
+    name: str
+
+    # Such as "std_srvs/srv/Empty".
+    type: str
+
+    node: str
+
+    # Returns the response to a request, both as plain data, or None if it comes later.
+    call: Callable[["Call"], dict[str, Any] | None]
+
+    # Whether it changes anything in the simulation.
+    acts: bool = False
+
+
+class Call(NamedTuple):
+    """A call of a service."""
+
+    request: dict[str, Any]
+
+    # Who calls.
+    sender: str
+
+    # Takes the response if it comes later.
+    reply: Callable[[dict[str, Any]], None]
+
+
+@dc.dataclass(frozen=True)
+class GoalNews:
+    """News of a goal that a client sent."""
+
+    goal_id: str
+    action: Action
+
+    # "accepted", "rejected", "feedback", "result" or "cancel".
+    kind: str
+
+    # Of action_msgs/msg/GoalStatus.
+    status: int = 0
+
+    # Feedback or result as plain data.
+    data: dict[str, Any] = dc.field(default_factory=dict)
+
+    # Why it is refused, in words.
+    reason: str = ""
+
+    stamp_ns: int = 0
+
+
+class Request(NamedTuple):
+    """What a client asks for."""
+
+    # "publish", "call", "goal" or "cancel".
+    kind: str
+
+    # Name of the topic, service or action.
+    name: str
+
+    # Plain data, with all fields of its type.
+    data: dict[str, Any]
+
+    # Who asks, such as "rosbridge 127.0.0.1:51234".
+    sender: str
+
+    # Of a goal.
+    goal_id: str = ""
+
+    # Takes the response to a call, or GoalNews; it is called in the network's thread.
+    reply: Callable[[Any], None] = lambda answer: None
+
+    # Takes what is wrong, in words.
+    refuse: Callable[[str], None] = lambda problem: None
+
+    # How much later the client's clock is than that of the simulation [ns].
+    offset_ns: int = 0
+
+
+# What actions of controllers are in ROS.
+_ACTION_TYPES: Mapping[type, str] = {
+    FollowJointTrajectoryGoal: "control_msgs/action/FollowJointTrajectory",
+    GripperCommandGoal: "control_msgs/action/GripperCommand",
+    ParallelGripperCommandGoal: "control_msgs/action/ParallelGripperCommand",
+}
+
+
+class Graph:
+    """The topics, actions and services of a simulation, by their names."""
+
+    def __init__(self, simulation: Simulation, types: WireTypes) -> None:
+        """Create it; what has no type in ROS is left out, and listed."""
+        self.simulation, self.types = simulation, types
+        self.topics: dict[str, Topic] = {}
+        self.actions: dict[str, Action] = {}
+        self.services: dict[str, Service] = {}
+
+        # Topics that no message of ROS can tell.
+        self.left_out: list[str] = []
+        for topic in _find_topics(simulation, types, self.left_out):
+            self._add(topic)
+        self._add(_clock(simulation))
+        for manager in simulation.directory.managers.values():
+            for topic in _robot_topics(simulation, manager, self.topics):
+                self._add(topic)
+            for action in _find_actions(manager):
+                self.actions[action.name] = action
+
+    def _add(self, topic: Topic) -> None:
+        known = self.topics.get(topic.name)
+        if known is not None and not known.subscriber and known.read is None:
+            known.publisher = known.publisher or topic.publisher
+            return
+        self.topics[topic.name] = topic
+
+    def add_service(self, service: Service) -> None:
+        """Add a service."""
+        self.services[service.name] = service
+
+    def topic(self, name: str) -> Topic:
+        """Return the topic of a name, or raise InputError."""
+        return _find(self.topics, name, "topic")
+
+    def action(self, name: str) -> Action:
+        """Return the action of a name, or raise InputError."""
+        return _find(self.actions, name, "action")
+
+    def service(self, name: str) -> Service:
+        """Return the service of a name, or raise InputError."""
+        return _find(self.services, name, "service")
+
+    def nodes(self) -> list[str]:
+        """Return the names of all nodes."""
+        names = [t.publisher for t in self.topics.values()]
+        names += [t.subscriber for t in self.topics.values()]
+        names += [s.node for s in self.services.values()]
+        names += [a.node for a in self.actions.values()]
+        return sorted({name for name in names if name})
+
+
+def _find(known: Mapping[str, Any], name: Any, what: str) -> Any:
+    key = f"/{name.strip('/')}" if isinstance(name, str) else name
+    if not isinstance(key, str) or key not in known:
+        raise InputError(f"no {what} {str(name)[:200]!r}; {suggest(str(key), known)}")
+    return known[key]
+
+
+def _find_topics(
+    simulation: Simulation, types: WireTypes, left_out: list[str]
+) -> Iterator[Topic]:
+    """Yield the topics of controllers and plugins."""
+    context, diagram = simulation.simulator.get_context(), simulation.diagram
+    for found in TopicNames(simulation.directory.managers).all():
+        topic = Topic(found.name, "")
+        taken: Any = None
+        ports = [
+            diagram.GetOutputPort(each.exported_as(each.port)) for each in found.outputs
+        ]
+        if ports:
+            value = ports[0].Eval(context)
+            kind = type_of(value.__class__) if isinstance(value, Message) else None
+            if kind is None or found.name == TF:
+                if kind is None:
+                    left_out.append(found.name)
+                continue
+            topic.type, topic.publisher = kind, _node_of(found.outputs[0])
+            topic.read = ports[0].Eval
+            if not types.is_whole(value.__class__, kind):
+                topic.convert = functools.partial(_complete, types, kind)
+        if found.inputs:
+            taken = input_type(found.inputs[0])
+            kind = type_of(taken)
+            if kind is not None and topic.type in ("", kind):
+                topic.type, topic.takes = kind, taken
+                topic.subscriber = _node_of(found.inputs[0])
+        if topic.type:
+            yield topic
+        elif taken not in (SetOdometry, ResetOdometry):  # They are services.
+            left_out.append(found.name)
+
+
+def _complete(
+    types: WireTypes, kind: str, message: Message, offset_ns: int
+) -> dict[str, Any]:
+    return types.complete(kind, to_fields(message, offset_ns))
+
+
+def _node_of(port: TopicPort) -> str:
+    return f"/{port.controller}"
+
+
+def _clock(simulation: Simulation) -> Topic:
+    def read(context: Context) -> int:
+        return round(context.get_time() * NANOSECONDS)
+
+    return Topic(
+        CLOCK,
+        "rosgraph_msgs/msg/Clock",
+        publisher=SIMULATOR,
+        read=read,
+        convert=lambda time_ns, offset_ns: {"clock": stamp(time_ns + offset_ns)},
+        period=1.0 / _CLOCK_RATE,
+    )
+
+
+def _robot_topics(
+    simulation: Simulation, manager: ControllerManager, known: Mapping[str, Topic]
+) -> Iterator[Topic]:
+    """Yield what robot_state_publisher tells of a robot, and its joints."""
+    robot, namespace = manager.robot, f"/{manager.prefix}".rstrip("/")
+    node = f"{namespace}/robot_state_publisher"
+    yield Topic(
+        f"{namespace}{DESCRIPTION}",
+        "std_msgs/msg/String",
+        publisher=node,
+        qos=LATCHED,
+        constant={"data": robot.portable_source},
+    )
+    frames = RobotFrames(simulation, manager)
+    yield Topic(
+        f"{namespace}{TF}",
+        "tf2_msgs/msg/TFMessage",
+        publisher=node,
+        read=frames.read,
+        convert=frames.convert,
+        period=1.0 / _TF_RATE,
+    )
+    yield Topic(
+        f"{namespace}{TF_STATIC}",
+        "tf2_msgs/msg/TFMessage",
+        publisher=node,
+        qos=LATCHED,
+        constant=frames.fixed(),
+    )
+    if f"{namespace}{JOINT_STATES}" not in known:
+        yield Topic(
+            f"{namespace}{JOINT_STATES}",
+            "sensor_msgs/msg/JointState",
+            publisher=SIMULATOR,
+            read=lambda context: _read_joints(simulation, manager, context),
+        )
+
+
+def _read_joints(
+    simulation: Simulation, manager: ControllerManager, context: Context
+) -> JointState:
+    joints = read_joint_states(simulation.diagram, context, manager)
+    time_ns = round(context.get_time() * NANOSECONDS)
+    return dc.replace(joints, header=Header.from_nanoseconds(time_ns))
+
+
+class RobotFrames:
+    """The frames of a robot, as robot_state_publisher tells them."""
+
+    def __init__(self, simulation: Simulation, manager: ControllerManager) -> None:
+        """Create it."""
+        robot, diagram = manager.robot, simulation.diagram
+        self._namespace = manager.prefix.rstrip("/")
+        pose = [0.0] * 6 if robot.pose is None else list(robot.pose)
+        self._transforms = read_transforms(robot.portable_source, pose)
+        joints = {j.name: i for i, j in enumerate(robot.description.movable_joints)}
+        self._moving = [
+            (transform, joints[transform.joint])
+            for transform in self._transforms
+            if transform.joint in joints
+        ]
+        self._port = diagram.GetOutputPort(f"{manager.prefix}joint_states")
+        self._bodies = _free_bodies(simulation, robot)
+        roots = root_links(robot.portable_source, self._transforms)
+        free = {name for name, _ in self._bodies}
+        self._topics = _frame_ports(simulation, manager)
+        context = simulation.simulator.get_context()
+        told = {
+            transform.child_frame_id.rpartition("/")[2]
+            for read in self._topics
+            for transform in read(context).transforms
+        }
+        # Whoever drives tells where the base is, and a frame has one parent.
+        self._bodies = [(name, read) for name, read in self._bodies if name not in told]
+        self._fixed = [
+            (t.parent, t.child, t.poses(np.zeros(1))[0])
+            for t in self._transforms
+            if not t.joint
+        ]
+        self._fixed += [
+            (WORLD, root, np.hstack(fixed_pose(pose)))
+            for root in roots
+            if root not in free | told
+        ]
+
+    def fixed(self) -> dict[str, Any]:
+        """Return the frames that never move, as plain data."""
+        return dict(make_tf(TF_STATIC, self._fixed, 0, self._namespace).fields)
+
+    def read(self, context: Context) -> Any:
+        """Return what is known of the frames now."""
+        return (
+            round(context.get_time() * NANOSECONDS),
+            self._port.Eval(context),
+            [(name, read(context)) for name, read in self._bodies],
+            [read(context) for read in self._topics],
+        )
+
+    def convert(self, value: Any, offset_ns: int) -> dict[str, Any]:
+        """Return it as plain data."""
+        time_ns, positions, bodies, messages = value
+        frames = [(WORLD, name, pose) for name, pose in bodies]
+        frames += [
+            (each.parent, each.child, _moved(each, float(positions[index])))
+            for each, index in self._moving
+        ]
+        found = make_tf(TF, frames, time_ns + offset_ns, self._namespace).fields
+        transforms = list(found["transforms"])
+        for message in messages:
+            transforms += to_fields(message, offset_ns)["transforms"]
+        return {"transforms": transforms}
+
+
+def _free_bodies(
+    simulation: Simulation, robot: Robot
+) -> list[tuple[str, Callable[[Context], Array]]]:
+    """Return what reads the poses of links that nothing holds."""
+    plant = simulation.diagram.GetSubsystemByName("plant")
+    if not isinstance(plant, MultibodyPlant):
+        return []
+    model = plant.GetModelInstanceByName(robot.name)
+
+    def reader(index: Any) -> Callable[[Context], Array]:
+        def read(context: Context) -> Array:
+            here = plant.GetMyContextFromRoot(context)
+            pose = plant.EvalBodyPoseInWorld(here, plant.get_body(index))
+            quaternion = pose.rotation().ToQuaternion().wxyz()
+            return np.hstack([pose.translation(), quaternion])
+
+        return read
+
+    return [
+        (plant.get_body(index).name(), reader(index))
+        for index in plant.GetBodyIndices(model)
+        if plant.get_body(index).is_floating_base_body()
+    ]
+
+
+def _frame_ports(
+    simulation: Simulation, manager: ControllerManager
+) -> list[Callable[[Context], TFMessage]]:
+    """Return what reads the frames that controllers of a robot tell."""
+    names = TopicNames({manager.robot.name: manager})
+    context, found = simulation.simulator.get_context(), []
+    for topic in names.all():
+        for each in topic.outputs if topic.name.endswith(TF) else ():
+            port = simulation.diagram.GetOutputPort(each.exported_as(each.port))
+            if isinstance(port.Eval(context), TFMessage):
+                found.append(port.Eval)
+    return found
+
+
+def _moved(transform: LinkTransform, position: float) -> Array:
+    """Return x, y, z [m], quaternion w, x, y, z of a link at a joint's position.
+
+    It is that of `LinkTransform.poses`, of one position and quicker.
+    """
+    w, x, y, z = transform.rotation.tolist()
+    i, j, k = transform.axis.tolist()
+    if transform.is_prismatic:
+        return transform.poses(np.array([position]))[0]
+    cosine, sine = math.cos(0.5 * position), math.sin(0.5 * position)
+    i, j, k = sine * i, sine * j, sine * k
+    turned = (
+        w * cosine - x * i - y * j - z * k,
+        w * i + x * cosine + y * k - z * j,
+        w * j - x * k + y * cosine + z * i,
+        w * k + x * j - y * i + z * cosine,
+    )
+    return np.array([*transform.origin.tolist(), *turned])
+
+
+def _find_actions(manager: ControllerManager) -> Iterator[Action]:
+    """Yield the actions of a robot's controllers."""
+    for controller in manager.controllers:
+        system = controller.system
+        for port in () if system is None else _action_ports(system):
+            kind: Any = getattr(system, "goal_type", None)
+            if kind not in _ACTION_TYPES:
+                kind = ACTIONS.get(port, (FollowJointTrajectoryGoal,))[0]
+            name = f"{manager.prefix}{controller.name}"
+            own = port if port.startswith("/") else f"/{name}/{port}"
+            yield Action(own, _ACTION_TYPES[kind], name, kind, f"/{name}")
+
+
+def _action_ports(system: ControllerInterface) -> list[str]:
+    names = [
+        system.get_input_port(index).get_name()
+        for index in range(system.num_input_ports())
+    ]
+    return [
+        name
+        for name in names
+        if name in ACTIONS or message_type(system, name) is ActionRequest
+    ]
