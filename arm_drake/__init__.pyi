@@ -86,6 +86,8 @@ from arm_drake.notebook import (
     view as view,
 )
 from arm_drake.options import SimulationOptions as SimulationOptions
+from arm_drake.perception.cameras import CameraHandle as CameraHandle
+from arm_drake.perception.sensors import add_camera as add_camera
 from arm_drake.planning.groups import (
     PlanningGroup as PlanningGroup,
     planning_groups as planning_groups,

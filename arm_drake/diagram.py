@@ -49,7 +49,7 @@ from arm_drake.hardware.presets import (
     report_fallback,
 )
 from arm_drake.hardware.robot_systems import RobotSystems
-from arm_drake.manager import ControllerManager
+from arm_drake.manager import MANAGER, ControllerManager
 from arm_drake.manager.hardware_interfaces import HardwareInterfaces
 from arm_drake.manager.loaded_controllers import LoadedController, command_order
 from arm_drake.manager.loading import load_controllers_of, report_motionless
@@ -181,6 +181,8 @@ def build_diagram(
         _add_kinematic_robots(builder, parts, plant, scene_graph, models)
     else:
         _add_dynamic_robots(builder, parts, plant, scene_graph, models, bases)
+    if any(part.robot.description.perception_sensors for part in parts):
+        _add_perception(setting, builder, parts, plant, scene_graph, models)
     if meshcat is not None:
         _add_meshcat(setting, builder, scene_graph, meshcat)
     diagram = builder.Build()
@@ -529,6 +531,31 @@ def _add_kinematic_robots(
         system.add(hardware, hardware_interfaces, controllers, report, drive)
     kinematic.connect_geometry(builder, scene_graph)
     builder.ExportOutput(kinematic.GetOutputPort("state"), "state")
+
+
+def _add_perception(
+    setting: Setting,
+    builder: DiagramBuilder,
+    parts: Sequence[RobotParts],
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    models: Sequence[ModelInstanceIndex],
+) -> None:
+    """Add the cameras and lidars of the robots."""
+    # Robots that have none pay for nothing.
+    from arm_drake.perception.scenery import Scenery
+    from arm_drake.perception.sensors import Place, add_sensors
+
+    world = setting.world
+    scenery = Scenery(world.lights, world.background)
+    for part, model in zip(parts, models, strict=True):
+        name, prefix = part.robot.name, part.system.prefix
+        seed = setting.options.seed
+        place = Place(name, plant.GetModelInstanceName(model), world.name, seed)
+        manager = builder.GetSubsystemByName(f"{prefix}{MANAGER}")
+        manager.sensors = add_sensors(
+            builder, scene_graph, part.robot, place, scenery, prefix, part.report
+        )
 
 
 def _add_meshcat(

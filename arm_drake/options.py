@@ -91,6 +91,9 @@ class SimulationOptions:
     # Whether the rollout has the contact forces on the robot's links, too.
     log_contacts: bool = False
 
+    # Seed of the noise of cameras and lidars.
+    seed: int = 0
+
     # Pictures per simulated second, in a diagram with a Meshcat [Hz]; 0 leaves it to
     # who runs the diagram.
     frame_rate: float = 30.0
@@ -142,6 +145,8 @@ class SimulationOptions:
             raise InputError(
                 f"frame_rate must be at least 0 Hz, got {self.frame_rate!r}"
             )
+        if isinstance(self.seed, bool) or self.seed < 0:
+            raise InputError(f"seed must be at least 0, got {self.seed!r}")
         both = [name for name in self.active if name in self.inactive]
         if both:
             raise InputError(
@@ -158,6 +163,7 @@ _KINDS: Mapping[object, tuple[tuple[type, ...], str]] = {
         (bool, tuple, NoneType),
         "True, False, (x, y, z) [m/s^2] or None",
     ),
+    int: ((int,), "an integer of at least 0"),
     float: ((Real,), "a number"),
     float | None: ((Real, NoneType), "a number or None"),
     str: ((str,), "a text"),

@@ -25,6 +25,7 @@ PACKAGES = [
     "manager",
     "hardware",
     "worlds",
+    "perception",
     "planning",
     "rollout",
     "simulation",

@@ -122,12 +122,16 @@ from arm_drake.controllers.sensor_broadcasters import (
 from arm_drake.description import gazebo_plugins as drives
 from arm_drake.description import gazebo_plugins as tags
 from arm_drake.description.gazebo_plugins import ContactSensorTag
+from arm_drake.description.perception_sensors import CameraSensor
 from arm_drake.description.sensors import SensorInfo
 from arm_drake.hardware.mobile_bases import BaseTruth, Wheel
 from arm_drake.hardware.mock_hardware import MockHardware
 from arm_drake.manager import ControllerManager
 from arm_drake.manager.connections import ReferencePositions, SampledStates
 from arm_drake.manager.hardware_interfaces import HardwareInterfaces
+from arm_drake.perception.cameras import Camera
+from arm_drake.perception.scenery import Scenery
+from arm_drake.perception.sensors import Place
 from arm_drake.plant.contact import ContactForces
 from arm_drake.plant.kinematics import KinematicPlant, LinkFrames
 from arm_drake.plant.sensor_readings import ContactReadings, SensorReadings
@@ -257,6 +261,11 @@ def make_contact_readings() -> ContactReadings:
 # How to make each system, small.
 FACTORIES: dict[type[LeafSystem], Callable[[], LeafSystem]] = {
     BuildInfo: lambda: BuildInfo(ad.SimulationOptions(), "empty"),
+    Camera: lambda: Camera(
+        CameraSensor("c", "world", topic="<camera>", kind="rgbd"),
+        Place("robot", "robot", "empty"),
+        Scenery(None, None),
+    ),
     ContactForces: lambda: ContactForces(["link"]),
     ReferencePositions: lambda: ReferencePositions(2),
     MockHardware: lambda: MockHardware(

@@ -358,6 +358,13 @@ def _add_output_arguments(parser: argparse.ArgumentParser) -> None:
     add("--loop", action="store_true", help="the page of --record plays for ever")
     add_plot_arguments(parser)
     add("--screenshot", metavar="FILE.png", type=Path, help="take a picture at the end")
+    add(
+        "--image",
+        metavar="CAMERA=FILE.png",
+        action="append",
+        default=[],
+        help="what a camera of the robot sees at the end (repeatable)",
+    )
     add("--video", metavar="FILE.mp4", type=Path, help="film the simulation")
 
 

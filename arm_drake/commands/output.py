@@ -241,7 +241,8 @@ def check_outputs(options: argparse.Namespace) -> None:
     if options.video is not None:
         check_video_installed()
         check_suffix(options.video, "a film", VIDEO_SUFFIXES)
-    files = (options.log, options.plot, options.record, options.screenshot)
+    images = [path for _, path in camera_images(options)]
+    files = (options.log, options.plot, options.record, options.screenshot, *images)
     for path in (*files, options.video):
         if path is not None:
             check_writable(path)
@@ -286,6 +287,30 @@ def write_outputs(
             raise
         of = f"{film.duration:.1f} s, {_size(options.video)}"
         say.line(f"video: {options.video} ({of})")
+
+
+def camera_images(options: argparse.Namespace) -> list[tuple[str, Path]]:
+    """Return cameras and the files of their pictures, or raise InputError."""
+    found = []
+    for text in getattr(options, "image", ()):
+        name, is_given, file = text.partition("=")
+        if not (name and is_given and file):
+            raise InputError(f"--image: expected CAMERA=FILE.png, got {text!r}")
+        check_suffix(Path(file), "a picture", SCREENSHOT_SUFFIXES)
+        found.append((name, Path(file)))
+    return found
+
+
+def write_images(
+    simulation: Simulation, options: argparse.Namespace, say: Speaker
+) -> None:
+    """Write what cameras see, as the command line asks for."""
+    for name, path in camera_images(options):
+        # Not at the top: a simulation without cameras needs none of it.
+        from arm_drake.perception.images import save_image
+
+        save_image(simulation.camera(name).image(), path)
+        say.line(f"image: {path}")
 
 
 def needs_recording(options: argparse.Namespace) -> bool:

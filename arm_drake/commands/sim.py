@@ -14,6 +14,7 @@ from pydrake.geometry import Meshcat
 from arm_drake import yaml_files
 from arm_drake.commands.output import (
     Speaker,
+    camera_images,
     check_outputs,
     check_outputs_of_several,
     find_saturation,
@@ -25,6 +26,7 @@ from arm_drake.commands.output import (
     start_log,
     summarize,
     warn_of_pictures,
+    write_images,
     write_outputs,
 )
 from arm_drake.description.elements import parse_float
@@ -410,6 +412,8 @@ def _prepare(
     build = find_build_info(simulation.diagram)
     if build is not None and build.options.leaves_out:
         say.line(f"preset {build.options.preset}: {build.options.leaves_out}")
+    for name, _ in camera_images(options):
+        simulation.camera(name)
     say.controllers(simulation)
     simulation.on_event(say.event)
     start_log(options, simulation)
@@ -436,6 +440,7 @@ def _finish(
         options = argparse.Namespace(**{**vars(options), "plot": None})
     rollout = next(iter(rollouts.values()))
     write_outputs(rollout, options, meshcat, say, *robots.values())
+    write_images(simulation, options, say)
     failures = [*list_failures(simulation.mailbox), *say.failures]
     if options.json:
         print(

@@ -38,10 +38,24 @@ from arm_drake.description.joints import JointInfo
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import suggest
 
+# x, y, z [m], roll, pitch, yaw [rad].
+Pose = tuple[float, float, float, float, float, float]
+
 # Libraries, without "lib" and ".so".
 _ROS2_CONTROL = re.compile(r"gazebo_ros2_control|(ign|gz)_ros2_control-system")
 _SYSTEM = re.compile(r"(gz-sim|ignition-gazebo)\d*-(?P<kind>[a-z-]+)-system")
 _CLASS = re.compile(r"(gz::sim|ignition::gazebo)(::v\d+)?::systems::(?P<kind>\w+)")
+
+_SENSORS = re.compile(r"(gz-sim|ignition-gazebo)\d*-sensors-system")
+
+# What publishes what cameras and lidars see.
+_PERCEPTION = (
+    "gazebo_ros_camera",
+    "gazebo_ros_depth_camera",
+    "gazebo_ros_openni_kinect",
+    "gazebo_ros_multicamera",
+    "gazebo_ros_ray_sensor",
+)
 
 
 @dc.dataclass(frozen=True)
@@ -69,6 +83,21 @@ class GazeboPlugin:
     def is_bumper(self) -> bool:
         """Whether it publishes what a contact sensor of Gazebo Classic feels."""
         return self._library == "gazebo_ros_bumper"
+
+    @property
+    def publishes_sensor(self) -> bool:
+        """Whether it publishes what a sensor of Gazebo Classic measures."""
+        return self.is_bumper or self.is_perception
+
+    @property
+    def is_perception(self) -> bool:
+        """Whether it publishes what a camera or lidar of Gazebo Classic sees."""
+        return self._library in _PERCEPTION
+
+    @property
+    def is_sensor_system(self) -> bool:
+        """Whether it lets the sensors of a world work, which they do without it."""
+        return _SENSORS.fullmatch(self._library or "") is not None
 
     @property
     def _library(self) -> str:
@@ -118,14 +147,21 @@ def report_gazebo(
     file: Path,
     *,
     sensors: Collection[str] = (),
+    sees: bool = False,
 ) -> None:
-    """Report the content of `<gazebo>` tags that has no effect, in two lines."""
+    """Report the content of `<gazebo>` tags that has no effect, in two lines.
+
+    `sensors` are those that measure; `sees` says whether some are cameras or lidars.
+    """
     holders = {f"sensor {name!r}" for name in sensors}
     plugins = collections.Counter(
         repr(plugin.filename or plugin.name)
         for plugin in read_gazebo_plugins(root)
         if plugin.kind == "other"
-        and not (plugin.is_bumper and plugin.holder in holders)
+        and not (
+            plugin.holder in holders and (plugin.is_bumper or plugin.is_perception)
+        )
+        and not (plugin.is_sensor_system and sees)
     )
     tags = collections.Counter(
         f"<{child.tag.rpartition('}')[2]}>" + _sensor_type(child)
@@ -326,7 +362,7 @@ class GazeboSensor:
     reference: str
 
     # Pose in that link: x, y, z [m], roll, pitch, yaw [rad].
-    pose: tuple[float, float, float, float, float, float] = (0.0,) * 6
+    pose: Pose = (0.0,) * 6
 
     # Topic that it names; empty is Gazebo's default.
     topic: str = ""
@@ -357,7 +393,7 @@ def read_gazebo_sensors(
             name=attribute(element, "name"),
             type=attribute(element, "type"),
             reference=attribute(gazebo, "reference"),
-            pose=_pose(element, report, file),
+            pose=read_sensor_pose(element, report, file),
             topic=text_of(element, "topic")
             or text_of(element.find("contact"), "topic"),
             collisions=tuple(
@@ -407,9 +443,8 @@ def _says(element: ET.Element, tag: str, value: str) -> bool:
     return text_of(element.find("force_torque"), tag) == value
 
 
-def _pose(
-    element: ET.Element, report: LoadReport, file: Path
-) -> tuple[float, float, float, float, float, float]:
+def read_sensor_pose(element: ET.Element, report: LoadReport, file: Path) -> Pose:
+    """Return the pose that a sensor states, in its link."""
     tag, text = element.find("pose"), text_of(element, "pose")
     if tag is None:
         return (0.0,) * 6

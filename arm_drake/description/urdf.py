@@ -10,7 +10,7 @@ import math
 import xml.etree.ElementTree as ET
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 from xml.sax.saxutils import quoteattr
 
 from arm_drake.description.elements import ElementReader, parse_float, parse_xml
@@ -50,6 +50,9 @@ from arm_drake.description.ros2_control import (
 )
 from arm_drake.errors import DescriptionError, InputError, suggest
 
+if TYPE_CHECKING:
+    from arm_drake.description.perception_sensors import PerceptionSensor
+
 # Shapes of a kind that one link may have.
 _MOST_SHAPES = 1000
 
@@ -86,6 +89,9 @@ class RobotDescription:
 
     # Sensors in `<gazebo>` tags.
     gazebo_sensors: tuple[GazeboSensor, ...]
+
+    # Cameras and lidars among them.
+    perception_sensors: "tuple[PerceptionSensor, ...]"
 
     # Friction coefficients by link, at most 1, of those that `<gazebo>` tags state.
     friction: Mapping[str, float]
@@ -212,7 +218,7 @@ def parse_urdf(
     joints = find_mimics(joints, hardware, report, file)
     plugins = read_gazebo_plugins(root)
     report_hardware(hardware, report, file)
-    sensors = _read_sensors(root, hardware, report, file)
+    sensors, seeing = _read_sensors(root, links, joints, hardware, report, file)
     as_written = _AsWritten.read(root, links)
     write_mimics(root, joints)
     normalise(root, file, packages, report, decompose=decompose, max_faces=max_faces)
@@ -227,6 +233,7 @@ def parse_urdf(
             plugins, [joint.name for joint in joints], report, file
         ),
         gazebo_sensors=sensors,
+        perception_sensors=seeing,
         friction=as_written.friction,
         undivided=as_written.undivided,
         mesh_names=as_written.mesh_names,
@@ -278,16 +285,28 @@ def _link_names(root: ET.Element, file: Path) -> tuple[str, ...]:
 
 def _read_sensors(
     root: ET.Element,
+    links: Sequence[str],
+    joints: Sequence[JointInfo],
     hardware: Sequence[HardwareInfo],
     report: LoadReport,
     file: Path,
-) -> tuple[GazeboSensor, ...]:
-    """Return the sensors in `<gazebo>` tags; record what of the tags has no effect."""
+) -> tuple[tuple[GazeboSensor, ...], "tuple[PerceptionSensor, ...]"]:
+    """Return the sensors in `<gazebo>` tags, and cameras and lidars among them.
+
+    What of the tags has no effect is recorded.
+    """
     sensors = read_gazebo_sensors(root, report, file)
     components = {sensor.name for block in hardware for sensor in block.sensors}
     measuring = components.union(s.name for s in sensors if s.type == CONTACT)
-    report_gazebo(root, report, file, sensors=measuring)
-    return sensors
+    seeing: tuple[PerceptionSensor, ...] = ()
+    if sensors:
+        from arm_drake.description import perception_sensors as perception
+
+        seeing = perception.read_perception_sensors(root, links, joints, report, file)
+        cameras = [s for s in seeing if isinstance(s, perception.CameraSensor)]
+        measuring.update(camera.group or camera.name for camera in cameras)
+    report_gazebo(root, report, file, sensors=measuring, sees=bool(seeing))
+    return sensors, seeing
 
 
 class _AsWritten(NamedTuple):

@@ -413,6 +413,7 @@ class ControllerManager(PythonSystem):
         # Its load report, with what its controllers lack.
         self.report = report
         self.controllers = tuple(controllers)
+        self.sensors: tuple[Any, ...] = ()  # Its cameras and lidars, beside it.
         # Start of the names of the robot's ports and systems.
         self.prefix = prefix
         # Periods of the manager, and of the log of joints' states, in Drake's time [s].

@@ -71,13 +71,19 @@ from arm_drake.messages.geometry import (
 from arm_drake.messages.sensors import (
     BatteryState as BatteryState,
     BatteryStateArray as BatteryStateArray,
+    CameraInfo as CameraInfo,
     Float64Values as Float64Values,
+    Image as Image,
     Imu as Imu,
     Keys as Keys,
+    LaserScan as LaserScan,
     MagneticField as MagneticField,
     NavSatFix as NavSatFix,
     NavSatStatus as NavSatStatus,
+    PointCloud2 as PointCloud2,
+    PointField as PointField,
     Range as Range,
+    RegionOfInterest as RegionOfInterest,
 )
 from arm_drake.messages.trajectories import (
     ActionRequest as ActionRequest,

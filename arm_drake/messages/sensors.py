@@ -222,3 +222,131 @@ class ContactsState(Message):
 
     header: Header = Header()
     states: tuple[ContactState, ...] = ()
+
+
+@dc.dataclass(frozen=True)
+class RegionOfInterest(Message):
+    """Part of a picture (`sensor_msgs`); of size 0 it is the whole picture."""
+
+    # [pixels].
+    x_offset: int = 0
+    y_offset: int = 0
+    height: int = 0
+    width: int = 0
+
+    do_rectify: bool = False
+
+
+@dc.dataclass(frozen=True)
+class Image(Message):
+    """A picture (`sensor_msgs`); `arm_drake.perception.images` makes it an array."""
+
+    header: Header = Header()
+
+    # [pixels].
+    height: int = 0
+    width: int = 0
+
+    # Such as "rgb8", "mono8", "32FC1" [m], "16UC1" [mm].
+    encoding: str = "rgb8"
+
+    is_bigendian: int = 0
+
+    # Length of a row [bytes].
+    step: int = 0
+
+    # Row by row, from the top left, shape (height * step,).
+    data: bytes = dc.field(default=b"", repr=False)
+
+
+@dc.dataclass(frozen=True)
+class CameraInfo(Message):
+    """How a camera projects (`sensor_msgs`), in its optical frame: z ahead, y down."""
+
+    header: Header = Header()
+
+    # [pixels].
+    height: int = 0
+    width: int = 0
+
+    distortion_model: str = "plumb_bob"
+
+    # Distortion k1, k2, t1, t2, k3.
+    d: tuple[float, ...] = ()
+
+    # Camera matrix [pixels], row by row, shape (9,). A pixel's centre has whole numbers
+    # as coordinates, the first one 0.
+    k: tuple[float, ...] = _NO_COVARIANCE
+
+    # Rectification, row by row, shape (9,).
+    r: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+
+    # Projection [pixels], row by row, shape (12,).
+    p: tuple[float, ...] = (0.0,) * 12
+
+    binning_x: int = 0
+    binning_y: int = 0
+    roi: RegionOfInterest = RegionOfInterest()
+
+
+@dc.dataclass(frozen=True)
+class PointField(Message):
+    """One number of a point of a PointCloud2 (`sensor_msgs`)."""
+
+    name: str = ""
+
+    # From the start of the point [bytes].
+    offset: int = 0
+
+    # 1 int8, 2 uint8, 3 int16, 4 uint16, 5 int32, 6 uint32, 7 float32, 8 float64.
+    datatype: int = 7
+
+    count: int = 1
+
+
+@dc.dataclass(frozen=True)
+class PointCloud2(Message):
+    """Points in the header's frame (`sensor_msgs`)."""
+
+    header: Header = Header()
+
+    # Of a cloud without an order the height is 1.
+    height: int = 0
+    width: int = 0
+
+    fields: tuple[PointField, ...] = ()
+    is_bigendian: bool = False
+
+    # [bytes].
+    point_step: int = 0
+    row_step: int = 0
+    data: bytes = dc.field(default=b"", repr=False)
+
+    # Whether all points are finite.
+    is_dense: bool = True
+
+
+@dc.dataclass(frozen=True)
+class LaserScan(Message):
+    """Distances in a plane, counterclockwise about z (`sensor_msgs`)."""
+
+    header: Header = Header()
+
+    # Of the first and the last ray, and between two of them [rad].
+    angle_min: float = 0.0
+    angle_max: float = 0.0
+    angle_increment: float = 0.0
+
+    # Between two rays, and between two scans [s].
+    time_increment: float = 0.0
+    scan_time: float = 0.0
+
+    # What the sensor can tell [m]; nearer is -inf, farther +inf.
+    range_min: float = 0.0
+    range_max: float = 0.0
+
+    # [m], shape (n,).
+    ranges: tuple[float, ...] = dc.field(default=(), repr=False)
+
+    # Empty if it tells none.
+    intensities: tuple[float, ...] = dc.field(default=(), repr=False)

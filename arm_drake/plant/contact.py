@@ -12,12 +12,16 @@ from pydrake.geometry import (
     Box,
     CollisionFilterDeclaration,
     GeometryId,
+    GeometryInstance,
     GeometrySet,
     HydroelasticContactRepresentation,
     Mesh,
     PenetrationAsPointPair,
+    PerceptionProperties,
     ProximityProperties,
     QueryObject,
+    RenderLabel,
+    Rgba,
     RoleAssign,
     SceneGraph,
 )
@@ -342,13 +346,24 @@ GROUND_FRICTION = 1.0
 # A box, for Drake warns about half spaces [m].
 _SIZE = (100.0, 100.0, 1.0)
 
+# Gazebo's.
+_GROUND_COLOR = Rgba(0.8, 0.8, 0.8, 1.0)
+
 
 def add_ground(plant: MultibodyPlant) -> None:
     """Add the ground plane z = 0, as Gazebo's empty world has it."""
+    X_WG = RigidTransform([0.0, 0.0, -_SIZE[2] / 2.0])
     plant.RegisterCollisionGeometry(
         plant.world_body(),
-        RigidTransform([0.0, 0.0, -_SIZE[2] / 2.0]),
+        X_WG,
         Box(*_SIZE),
         GROUND,
         CoulombFriction(GROUND_FRICTION, GROUND_FRICTION),
     )
+    # Only cameras see it; the page has a ground of its own.
+    seen = GeometryInstance(X_WG, Box(*_SIZE), GROUND)
+    properties = PerceptionProperties()
+    properties.AddProperty("phong", "diffuse", _GROUND_COLOR)
+    properties.AddProperty("label", "id", RenderLabel(int(world_index())))
+    seen.set_perception_properties(properties)
+    plant.RegisterVisualGeometry(plant.world_body(), seen)

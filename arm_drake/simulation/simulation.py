@@ -21,6 +21,7 @@ from arm_drake.errors import (
     InputError,
     OutputError,
     SimulationError,
+    suggest,
 )
 from arm_drake.manager import MANAGER, SWITCH_PORT
 from arm_drake.messages import (
@@ -69,6 +70,7 @@ from arm_drake.simulation.recording import (
 from arm_drake.simulation.topics import TopicNames
 
 if TYPE_CHECKING:
+    from arm_drake.perception.cameras import CameraHandle
     from arm_drake.planning.motion_planning import Plan, Target
 
 # Times of rows are rounded to nanoseconds [s].
@@ -378,6 +380,29 @@ class Simulation:
             InputError: If there is no such topic.
         """
         return TopicHandle(self.mailbox, self._topics.find(name))
+
+    def camera(self, name: str) -> "CameraHandle":
+        """Return what a camera sees.
+
+        Args:
+            name: Its name; `<robot>/<name>` where there are several robots.
+
+        Raises:
+            InputError: If there is no such camera.
+        """
+        from arm_drake.perception.cameras import Camera, CameraHandle
+
+        cameras = {
+            f"{manager.prefix}{sensor.sensor.name}": sensor
+            for manager in self.directory.managers.values()
+            for sensor in manager.sensors
+            if isinstance(sensor, Camera)
+        }
+        if name not in cameras:
+            none = "the robots have none; arm_drake.add_camera adds one"
+            hint = suggest(name, cameras) if cameras else none
+            raise InputError(f"no camera {name!r}; {hint}")
+        return CameraHandle(cameras[name], self.simulator.get_context)
 
     def list_topics(self) -> TopicList:
         """Return the topics and the types of their messages; as text, a table."""

@@ -276,10 +276,10 @@ VIRTUAL_TOPICS: dict[str, VirtualTopic] = {
 
 
 class TopicPort(NamedTuple):
-    """A port of a controller that is a topic."""
+    """A port of a controller, or of a camera or lidar, that is a topic."""
 
     manager: ControllerManager
-    system: ControllerInterface
+    system: Any
 
     # Name at the controller; "" is that of a virtual topic.
     port: str
@@ -357,6 +357,12 @@ class _RobotTopics:
         self._actions: dict[str, str] = {}
         for system in self._systems():
             self._add(system)
+        for sensor in manager.sensors:
+            for port in sensor.output_types:
+                topic = self._topic(port)
+                new = (*topic.outputs, TopicPort(manager, sensor, port))
+                # Of several that would publish on a topic the first one does.
+                self._topics.setdefault(_key(port), topic._replace(outputs=new))
         self._aliases: dict[str, list[TopicAlias]] = {}
         for alias in manager.robot.topic_aliases:
             self._aliases.setdefault(_key(alias.ros_name), []).append(alias)

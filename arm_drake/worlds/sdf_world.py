@@ -4,6 +4,7 @@ import dataclasses as dc
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pydrake.geometry import Meshcat
 from pydrake.multibody.plant import MultibodyPlant
@@ -18,6 +19,9 @@ from arm_drake.worlds.sdf_files import (
     text_of,
 )
 from arm_drake.worlds.sdf_models import Cleaner
+
+if TYPE_CHECKING:
+    from arm_drake.worlds.lights import Light
 
 Vector = tuple[float, float, float]
 
@@ -47,6 +51,9 @@ class LoadedWorld:
 
     # Colour of the page behind everything, red, green and blue from 0 to 1.
     background: Vector | None = None
+
+    # Lights by which cameras see; None are those of a day.
+    lights: "tuple[Light, ...] | None" = None
 
     # What was not taken as written.
     report: LoadReport = dc.field(default_factory=LoadReport)
@@ -99,6 +106,7 @@ class SdfWorld:
     gravity: Vector | None
     has_grid: bool
     background: Vector | None
+    lights: "tuple[Light, ...] | None"
 
     # Models and inclusions, those that stand still and those that move.
     static: Sequence[ET.Element]
@@ -155,6 +163,7 @@ def read_world(path: Path, package_paths: Sequence[Path] = ()) -> SdfWorld:
         _read_gravity(world, file),
         scene is None or text_of(scene, "grid") not in ("false", "0"),
         _read_background(scene),
+        _read_lights(world, file),
         kept[True],
         kept[False],
         [child for child in world if child.tag in _FRAMES],
@@ -179,7 +188,7 @@ def _report_rest(world: ET.Element, file: SdfFile) -> None:
     lights = world.findall("light")
     if lights:
         names = ", ".join(repr(light.get("name", "")) for light in lights)
-        what, done = f"lights {names}", "the page has its own lamps"
+        what, done = f"lights {names}", "cameras see by them; the page has its own"
         file.note("info", "ignored", what, done, lights[0])
     seen: set[str] = set()
     for child in world:
@@ -250,6 +259,15 @@ def _read_gravity(world: ET.Element, file: SdfFile) -> Vector | None:
         problem = f"<gravity>: expected at most {_MOST_GRAVITY:g} m/s^2, got {text!r}"
         raise file.error(problem, gravity)
     return values
+
+
+def _read_lights(world: ET.Element, file: SdfFile) -> "tuple[Light, ...] | None":
+    elements = world.findall("light")
+    if not elements:
+        return None
+    from arm_drake.worlds.lights import read_lights
+
+    return read_lights(elements, file)
 
 
 def _read_background(scene: ET.Element | None) -> Vector | None:

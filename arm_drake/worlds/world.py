@@ -143,6 +143,7 @@ def load_sdf_world(path: Path, package_paths: Sequence[Path] = ()) -> LoadedWorl
         gravity=world.gravity,
         has_grid=world.has_grid,
         background=world.background,
+        lights=world.lights,
         report=world.file.report,
     )
 

@@ -473,7 +473,7 @@ def test_what_has_no_effect_is_reported_once(tmp_path: Path) -> None:
         "the step of the physics is the option time_step",
         "info : <scene>: ambient; the page has its own light",
         "info : <wind>; there is none",
-        "info : lights 'lamp', 'sun'; the page has its own lamps",
+        "info : lights 'lamp', 'sun'; cameras see by them; the page has its own",
         "info : plugin 'gz-sim-physics-system'; what it does is there without it",
         "warning : actor 'walker'; it isn't shown",
         "warning : plugin 'libmystery.so'; it has no effect",

@@ -267,12 +267,12 @@ def velocity_topic(tag: JointController, model: str) -> str:
 
 def trajectory_topic(tag: JointTrajectoryController, model: str) -> str:
     """Return the topic of a JointTrajectoryController."""
-    return _as_topic(tag.topic or f"model/{model}/joint_trajectory")
+    return as_topic(tag.topic or f"model/{model}/joint_trajectory")
 
 
 def joint_state_topic(tag: JointStatePublisher, model: str, world: str) -> str:
     """Return the topic of a JointStatePublisher."""
-    return _as_topic(tag.topic or f"world/{world}/model/{model}/joint_state")
+    return as_topic(tag.topic or f"world/{world}/model/{model}/joint_state")
 
 
 def contact_topic(tag: ContactSensorTag, model: str, world: str) -> str:
@@ -280,7 +280,7 @@ def contact_topic(tag: ContactSensorTag, model: str, world: str) -> str:
     if tag.is_classic:
         return ros_topic("bumper_states", tag.namespace, tag.remappings)
     place = f"world/{world}/model/{model}/link/{tag.link}/sensor/{tag.name}"
-    return _as_topic(tag.topic or f"{place}/contact")
+    return as_topic(tag.topic or f"{place}/contact")
 
 
 class DriveTopics(NamedTuple):
@@ -297,7 +297,7 @@ def drive_topics(tag: DiffDrive, model: str) -> DriveTopics:
     tag_topics = (tag.topic, "", tag.odom_topic, tag.tf_topic)
     ends = ("cmd_vel", "enable", "odometry", "tf")
     names = (
-        _as_topic(name or f"model/{model}/{end}")
+        as_topic(name or f"model/{model}/{end}")
         for name, end in zip(tag_topics, ends, strict=True)
     )
     return DriveTopics(*names)
@@ -350,13 +350,14 @@ def find_unsupported(tag: GazeboTag) -> list[str]:
 
 def _command_topic(tag: _OneJoint, model: str, end: str) -> str:
     if tag.topic:
-        return _as_topic(tag.topic)
+        return as_topic(tag.topic)
     if tag.sub_topic:
-        return _as_topic(f"model/{model}/{tag.sub_topic.strip()}")
-    return _as_topic(f"model/{model}/joint/{tag.joint_names[0]}{end}")
+        return as_topic(f"model/{model}/{tag.sub_topic.strip()}")
+    return as_topic(f"model/{model}/joint/{tag.joint_names[0]}{end}")
 
 
-def _as_topic(name: str) -> str:
+def as_topic(name: str) -> str:
+    """Return the full name of a topic of Gazebo Sim."""
     return "/" + name.strip().lstrip("/").replace(" ", "_")
 
 

@@ -1,0 +1,525 @@
+"""Cameras and lidars in the `<gazebo>` tags of a URDF, of all generations of Gazebo.
+
+What they measure is computed by `arm_drake.perception`.
+
+Sources: SDFormat, sdf/1.11/sensor.sdf, camera.sdf, ray.sdf, noise.sdf; gazebo_ros_pkgs,
+branch ros2, gazebo_plugins/src/gazebo_ros_camera.cpp, gazebo_ros_ray_sensor.cpp;
+gz-sensors, src/CameraSensor.cc, RgbdCameraSensor.cc, SegmentationCameraSensor.cc.
+"""
+
+import dataclasses as dc
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Final, Literal
+
+from arm_drake.description.elements import ElementReader, attribute, text_of
+from arm_drake.description.gazebo import (
+    GazeboPlugin,
+    Pose,
+    read_plugins,
+    read_sensor_pose,
+    referred_link,
+)
+from arm_drake.description.joints import JointInfo
+from arm_drake.description.report import LoadReport
+from arm_drake.errors import suggest
+
+CameraKind = Literal["color", "depth", "rgbd", "segmentation"]
+
+# Encodings of `sensor_msgs/Image` by the formats of SDF.
+FORMATS: Final[Mapping[str, str]] = {
+    "R8G8B8": "rgb8",
+    "RGB_INT8": "rgb8",
+    "B8G8R8": "bgr8",
+    "BGR_INT8": "bgr8",
+    "L8": "mono8",
+    "L_INT8": "mono8",
+}
+
+# Other formats of SDF.
+_OTHER_FORMATS: Final = (
+    *("L16", "L_INT16", "R16G16B16", "RGB_INT16", "RGB_INT32", "R_FLOAT16"),
+    *("R_FLOAT32", "RGB_FLOAT16", "RGB_FLOAT32", "BAYER_RGGB8", "BAYER_BGGR8"),
+    *("BAYER_GBRG8", "BAYER_GRBG8", "BAYER_RGGR8"),
+)
+
+MOST_PIXELS: Final = 8192
+
+# More than any lidar has.
+_MOST_RAYS: Final = 10_000_000
+
+# Sensors that say 0 tell something at every step of Gazebo; here they do at this [Hz].
+USUAL_RATE: Final = 30.0
+
+_LEFT_OUT: Final = "the sensor is left out"
+
+
+@dc.dataclass(frozen=True)
+class Noise:
+    """Gaussian noise of a sensor, in its unit; a camera's is of colours from 0 to 1."""
+
+    mean: float = 0.0
+    stddev: float = 0.0
+
+
+@dc.dataclass(frozen=True)
+class PerceptionSensor:
+    """What cameras and lidars have in common."""
+
+    # Name in the robot, which no other of them has.
+    name: str
+
+    # Link that carries it, and its pose there, x ahead and z up (REP 103): x, y, z [m],
+    # roll, pitch, yaw [rad].
+    link: str
+    pose: Pose = (0.0,) * 6
+
+    # [Hz].
+    update_rate: float = USUAL_RATE
+
+    # Frame that its messages name; empty is Gazebo's default.
+    frame_id: str = ""
+
+    # Topic that its tag names; empty is Gazebo's default.
+    topic: str = ""
+
+    # Plugin of Gazebo Classic that publishes it, if it has one.
+    plugin: GazeboPlugin | None = None
+
+    noise: Noise = Noise()
+
+    # Whether it is to be shown.
+    visualize: bool = False
+
+
+@dc.dataclass(frozen=True)
+class CameraSensor(PerceptionSensor):
+    """A camera: a pinhole without a shutter."""
+
+    kind: CameraKind = "color"
+
+    # Angle between the left and the right edge of the picture [rad].
+    horizontal_fov: float = 1.047
+
+    # [pixels].
+    width: int = 320
+    height: int = 240
+
+    # Encoding of its picture, as in `FORMATS`.
+    encoding: str = "rgb8"
+
+    # What is nearer or farther along its axis isn't drawn [m].
+    near: float = 0.1
+    far: float = 100.0
+
+    # Depths that it can tell [m]; nearer is -inf, farther +inf (REP 117).
+    min_depth: float = 0.1
+    max_depth: float = 100.0
+
+    # Encoding of depths: "32FC1" [m], or "16UC1" [mm], 0 where it can't tell.
+    depth_encoding: str = "32FC1"
+
+    # Distortion k1, k2, p1, p2, k3, as in `sensor_msgs/CameraInfo`.
+    distortion: tuple[float, float, float, float, float] = (0.0,) * 5
+
+    # Frame of its pictures, if not that of its points.
+    optical_frame_id: str = ""
+
+    # Topic of its CameraInfo; empty is Gazebo's default.
+    info_topic: str = ""
+
+    # Distance to the right-hand camera of a pair, of which this is the left one [m].
+    baseline: float = 0.0
+
+    # Of several cameras of one sensor its own name, and the sensor's.
+    part: str = ""
+    group: str = ""
+
+    @property
+    def focal_length(self) -> float:
+        """Focal length [pixels]."""
+        return self.width / (2.0 * math.tan(self.horizontal_fov / 2.0))
+
+    @property
+    def has_color(self) -> bool:
+        """Whether it takes pictures in colour; a depth camera of Classic does."""
+        is_classic_depth = self.kind == "depth" and self.plugin is not None
+        return self.kind in ("color", "rgbd") or is_classic_depth
+
+    @property
+    def has_depth(self) -> bool:
+        """Whether it measures depths."""
+        return self.kind in ("depth", "rgbd")
+
+
+@dc.dataclass(frozen=True)
+class ScanAxis:
+    """Directions of rays about one axis."""
+
+    samples: int = 640
+
+    # Rays that are told, for each that is measured.
+    resolution: float = 1.0
+
+    # [rad].
+    min_angle: float = 0.0
+    max_angle: float = 0.0
+
+    @property
+    def count(self) -> int:
+        """Number of rays that are told."""
+        return max(1, round(self.samples * self.resolution))
+
+
+@dc.dataclass(frozen=True)
+class LidarSensor(PerceptionSensor):
+    """A lidar: rays about the z axis, and about the y axis."""
+
+    horizontal: ScanAxis = ScanAxis()
+    vertical: ScanAxis = ScanAxis(samples=1)
+
+    # Distances that it can tell [m], and in which steps; 0 is any.
+    range_min: float = 0.0
+    range_max: float = math.inf
+    range_resolution: float = 0.0
+
+    # Class of its messages, as Classic's plugin names it; empty is Gazebo's default.
+    output_type: str = ""
+
+
+def read_perception_sensors(
+    root: ET.Element,
+    links: Collection[str],
+    joints: Sequence[JointInfo],
+    report: LoadReport,
+    file: Path,
+) -> tuple[PerceptionSensor, ...]:
+    """Return the cameras and lidars in the `<gazebo>` tags of a URDF."""
+    found: dict[str, PerceptionSensor] = {}
+    for gazebo in root.iterfind("gazebo"):
+        for element in gazebo.iterfind("sensor"):
+            read = _READERS.get(attribute(element, "type"))
+            if read is None:
+                continue
+            name = attribute(element, "name")
+            reader = _SensorReader(f"sensor {name!r}", report, file)
+            reference = attribute(gazebo, "reference")
+            link = referred_link(reference, links, joints)
+            if link not in links:
+                what = f"its reference is no link, {reference!r}; "
+                reader.refuse(what + suggest(reference, links), "missing")
+                continue
+            plugins = tuple(read_plugins(element, reference))
+            common = reader.read_common(element, link, plugins, links)
+            for sensor in read(reader, element, common):
+                free, number = sensor.name, 2
+                while free in found:
+                    free, number = f"{sensor.name}_{number}", number + 1
+                found[free] = dc.replace(sensor, name=free)
+    return tuple(found.values())
+
+
+class _SensorReader(ElementReader):
+    """Reads the fields of one sensor."""
+
+    def refuse(
+        self, what: str, kind: Literal["missing", "invalid"] = "invalid"
+    ) -> None:
+        """Report why there is no such sensor."""
+        self.note("error", kind, what, _LEFT_OUT)
+
+    def read_common(
+        self,
+        element: ET.Element,
+        link: str,
+        plugins: Sequence[GazeboPlugin],
+        links: Collection[str],
+    ) -> PerceptionSensor:
+        """Return what all sensors have."""
+        plugin = next((p for p in plugins if p.is_perception), None)
+        for other in plugins:
+            if other is not plugin:
+                what = f"plugin {other.filename or other.name!r}"
+                self.note("info", "ignored", what, "it has no effect")
+        rate = self.value(element, "update_rate", 0.0, least=0.0)
+        frame = next(
+            filter(None, (text_of(element, t) for t in _FRAME_TAGS)),
+            "",
+        )
+        if plugin is not None:
+            frame = next(filter(None, plugin.texts("frame_name")), "")
+        for each in (frame, text_of(element, "camera/optical_frame_id")):
+            if each and each not in links and each != "world":
+                what = f"its frame {each!r} is no link; {suggest(each, links)}"
+                done = "its messages name it all the same"
+                self.note("warning", "missing", what, done)
+        return PerceptionSensor(
+            name=attribute(element, "name") or link,
+            link=link,
+            pose=read_sensor_pose(element, self._report, self._file),
+            update_rate=rate or USUAL_RATE,
+            frame_id=frame,
+            topic=text_of(element, "topic"),
+            plugin=plugin,
+            noise=self._noise(element),
+            visualize=text_of(element, "visualize") in ("true", "1"),
+        )
+
+    def value(
+        self,
+        element: ET.Element | None,
+        path: str,
+        default: float,
+        *,
+        least: float = -math.inf,
+    ) -> float:
+        """Return the number in a child, the default if it gives none."""
+        found = None if element is None else element.find(path)
+        if found is None:
+            return default
+        number = self.number(text_of(found), path)
+        if number is not None and number < least:
+            self.expected(path, f"at least {least:g}", text_of(found))
+            number = None
+        return default if number is None else number
+
+    def _noise(self, element: ET.Element) -> Noise:
+        noise = next(
+            (
+                e
+                for p in ("camera", "lidar", "ray")
+                if (e := element.find(f"{p}/noise")) is not None
+            ),
+            None,
+        )
+        if noise is None:
+            return Noise()
+        kind = attribute(noise, "type") or text_of(noise, "type") or "none"
+        if kind not in ("gaussian", "gaussian_quantized", "none"):
+            expected = "gaussian, gaussian_quantized or none"
+            self.expected("noise type", expected, kind)
+        if kind not in ("gaussian", "gaussian_quantized"):
+            return Noise()
+        return Noise(
+            self.value(noise, "mean", 0.0), self.value(noise, "stddev", 0.0, least=0.0)
+        )
+
+    def cameras(
+        self, element: ET.Element, common: PerceptionSensor
+    ) -> Iterator[PerceptionSensor]:
+        """Yield the camera of a sensor, or several of them."""
+        kind = _CAMERA_KINDS[attribute(element, "type")]
+        tags = element.findall("camera")
+        if not tags:
+            self.refuse("it has no <camera>", "missing")
+        is_several = attribute(element, "type") == "multicamera"
+        if len(tags) > 1 and not is_several:
+            what = f"{len(tags)} <camera> in one sensor"
+            self.note("warning", "ignored", what, "the first one is taken")
+            tags = tags[:1]
+        for camera in tags:
+            part = attribute(camera, "name") if is_several else ""
+            sensor = self._camera(camera, common, kind, part)
+            if sensor is not None:
+                yield sensor
+
+    def _camera(
+        self, tag: ET.Element, common: PerceptionSensor, kind: CameraKind, part: str
+    ) -> CameraSensor | None:
+        """Return one camera, or None and a line in the report."""
+        encoding = self._encoding(tag)
+        size = [
+            self.value(tag, f"image/{name}", default)
+            for name, default in (("width", 320), ("height", 240))
+        ]
+        near = self.value(tag, "clip/near", 0.1)
+        far = self.value(tag, "clip/far", 100.0)
+        fov = self.value(tag, "horizontal_fov", 1.047)
+        problem = find_camera_problem(fov, size, near, far)
+        if encoding is None or problem:
+            if problem:
+                self.refuse(problem)
+            return None
+        depths = _depth_range(self, tag, common.plugin, near, far)
+        fields = {f.name: getattr(common, f.name) for f in dc.fields(common)}
+        if part:
+            fields |= {"name": f"{common.name}_{part}", "part": part}
+            fields |= {"group": common.name, "pose": self._pose(tag, common.pose)}
+        plugin = common.plugin
+        return CameraSensor(
+            **fields,
+            kind=kind,
+            horizontal_fov=fov,
+            width=int(size[0]),
+            height=int(size[1]),
+            encoding=encoding,
+            near=near,
+            far=far,
+            min_depth=depths[0],
+            max_depth=depths[1],
+            distortion=self._distortion(tag),
+            optical_frame_id=text_of(tag, "optical_frame_id"),
+            info_topic=text_of(tag, "camera_info_topic"),
+            baseline=self._plugin_number(plugin, "hack_baseline", 0.0),
+        )
+
+    def _pose(self, tag: ET.Element, pose: Pose) -> Pose:
+        """Return the pose of one of several cameras."""
+        if tag.find("pose") is None:
+            return pose
+        if any(pose):
+            what, done = "<pose> of sensor and of camera", "the camera's is taken"
+            self.note("warning", "unsupported", what, done)
+        return read_sensor_pose(tag, self._report, self._file)
+
+    def _encoding(self, tag: ET.Element) -> str | None:
+        text = text_of(tag, "image/format") or "R8G8B8"
+        if text in FORMATS:
+            return FORMATS[text]
+        if text in _OTHER_FORMATS:
+            what, done = f"pixel format {text}", "its picture is R8G8B8"
+            self.note("warning", "unsupported", what, done)
+            return "rgb8"
+        known = ", ".join((*FORMATS, *_OTHER_FORMATS))
+        self.refuse(f"unknown pixel format {text!r}; known: {known}")
+        return None
+
+    def _distortion(self, tag: ET.Element) -> tuple[float, float, float, float, float]:
+        found = tag.find("distortion")
+        k1, k2, p1, p2, k3 = (
+            self.value(found, name, 0.0) for name in ("k1", "k2", "p1", "p2", "k3")
+        )
+        center = text_of(found, "center") if found is not None else ""
+        if center and center.split() != ["0.5", "0.5"]:
+            what, done = f"distortion center {center!r}", "it is the picture's middle"
+            self.note("warning", "unsupported", what, done)
+        if any((k1, k2, p1, p2, k3)):
+            what, done = "distortion", "camera_info tells it; the picture has none"
+            self.note("warning", "unsupported", what, done)
+        return (k1, k2, p1, p2, k3)
+
+    def _plugin_number(
+        self, plugin: GazeboPlugin | None, tag: str, default: float
+    ) -> float:
+        texts = () if plugin is None else plugin.texts(tag)
+        number = self.number(texts[0], tag) if texts else None
+        return default if number is None else number
+
+    def lidars(
+        self, element: ET.Element, common: PerceptionSensor
+    ) -> Iterator[PerceptionSensor]:
+        """Yield the lidar of a sensor."""
+        tag = element.find("lidar")
+        tag = element.find("ray") if tag is None else tag
+        if tag is None:
+            self.refuse("it has no <lidar> and no <ray>", "missing")
+            return
+        horizontal = self._axis(tag, "horizontal", 640)
+        vertical = self._axis(tag, "vertical", 1)
+        low = self.value(tag, "range/min", 0.0)
+        high = self.value(tag, "range/max", math.inf)
+        if horizontal is None or vertical is None:
+            return
+        rays = horizontal.count * vertical.count
+        if rays > _MOST_RAYS:
+            self.refuse(f"{rays} rays; expected at most {_MOST_RAYS}")
+        elif not 0.0 <= low < high:
+            expected = "expected 0 <= min < max"
+            self.refuse(f"range: {expected}, got {low:g} and {high:g} m")
+        else:
+            plugin, fields = common.plugin, dc.fields(common)
+            outputs = () if plugin is None else plugin.texts("output_type")
+            yield LidarSensor(
+                **{f.name: getattr(common, f.name) for f in fields},
+                horizontal=horizontal,
+                vertical=vertical,
+                range_min=low,
+                range_max=high,
+                range_resolution=self.value(tag, "range/resolution", 0.0, least=0.0),
+                output_type=outputs[0] if outputs else "",
+            )
+
+    def _axis(self, tag: ET.Element, name: str, default: int) -> ScanAxis | None:
+        found = tag.find(f"scan/{name}")
+        samples = self.value(found, "samples", default)
+        low = self.value(found, "min_angle", 0.0)
+        high = self.value(found, "max_angle", 0.0)
+        if not 1.0 <= samples <= _MOST_RAYS:
+            self.refuse(f"{name} samples: expected 1 to {_MOST_RAYS}, got {samples:g}")
+        elif not low <= high or math.isinf(high - low):
+            expected = "expected min_angle <= max_angle"
+            self.refuse(f"{name}: {expected}, got {low:g} and {high:g} rad")
+        else:
+            resolution = self.value(found, "resolution", 1.0, least=0.0)
+            return ScanAxis(int(samples), resolution, low, high)
+        return None
+
+
+def find_camera_problem(
+    fov: float, size: Sequence[float], near: float, far: float
+) -> str:
+    """Return what is wrong with a camera's numbers, in words; empty if nothing."""
+    if not 0.0 < fov < math.pi:
+        return f"horizontal_fov: expected more than 0 and less than pi, got {fov:g} rad"
+    for name, pixels in zip(("width", "height"), size, strict=True):
+        if not 1 <= pixels <= MOST_PIXELS or int(pixels) != pixels:
+            expected = f"expected 1 to {MOST_PIXELS} pixels"
+            return f"image {name}: {expected}, got {pixels:g}"
+    if not 0.0 < near < far < math.inf:
+        return f"clip: expected 0 < near < far, got {near:g} and {far:g} m"
+    return ""
+
+
+def _depth_range(
+    reader: _SensorReader,
+    tag: ET.Element,
+    plugin: GazeboPlugin | None,
+    near: float,
+    far: float,
+) -> tuple[float, float]:
+    """Return the depths that a camera tells [m]."""
+    if plugin is not None:
+        texts = {name: plugin.texts(name) for name in ("min_depth", "max_depth")}
+        low, high = (
+            reader.number(texts[name][0], name) if texts[name] else None
+            for name in texts
+        )
+        # Classic's plugin has these defaults.
+        low, high = 0.4 if low is None else low, far if high is None else high
+    else:
+        low = reader.value(tag, "depth_camera/clip/near", near)
+        high = reader.value(tag, "depth_camera/clip/far", far)
+    low, high = max(low, near), min(high, far)
+    if low < high:
+        return low, high
+    what = f"depths from {low:g} to {high:g} m"
+    done = f"it tells those from {near:g} to {far:g} m"
+    reader.note("warning", "invalid", what, done)
+    return near, far
+
+
+# Frames of messages, by the tags of the generations of Gazebo.
+_FRAME_TAGS: Final = ("gz_frame_id", "ignition_frame_id", "frame_id")
+
+_CAMERA_KINDS: Final[Mapping[str, CameraKind]] = {
+    "camera": "color",
+    "multicamera": "color",
+    "depth": "depth",
+    "depth_camera": "depth",
+    "rgbd": "rgbd",
+    "rgbd_camera": "rgbd",
+    "segmentation": "segmentation",
+    "segmentation_camera": "segmentation",
+}
+
+_Read = Callable[
+    [_SensorReader, ET.Element, PerceptionSensor], Iterator[PerceptionSensor]
+]
+
+# What reads a `<sensor>`, by its type.
+_READERS: Final[Mapping[str, _Read]] = {
+    **dict.fromkeys(_CAMERA_KINDS, _SensorReader.cameras),
+    **dict.fromkeys(("ray", "gpu_ray", "lidar", "gpu_lidar"), _SensorReader.lidars),
+}

@@ -1,0 +1,1 @@
+"""What robots see: cameras, and what they look at."""

@@ -1,0 +1,440 @@
+"""Cameras: systems that take pictures when somebody reads them.
+
+Conventions: REP 103 (optical frames: z ahead, x right, y down), REP 117 (depths that
+can't be told), REP 118 (depth images). Topics and frames are those of the generation of
+Gazebo that a tag is for; see `arm_drake.description.perception_sensors`.
+"""
+
+import zlib
+from collections.abc import Callable, Mapping
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.common.value import AbstractValue
+from pydrake.geometry import (
+    ClippingRange,
+    ColorRenderCamera,
+    DepthRange,
+    DepthRenderCamera,
+    QueryObject,
+    RenderCameraCore,
+)
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.systems.framework import Context, OutputPort
+
+from arm_drake.arrays import Array
+from arm_drake.controllers.gazebo.plugin import as_topic, ros_topic
+from arm_drake.description.gazebo import GazeboPlugin
+from arm_drake.description.perception_sensors import CameraSensor
+from arm_drake.errors import InputError
+from arm_drake.messages import CameraInfo, Header, Image, Message, PointCloud2
+from arm_drake.perception.images import (
+    color_depths,
+    color_labels,
+    make_cloud,
+    make_image,
+    project,
+)
+from arm_drake.perception.scenery import RENDERER, Scenery
+from arm_drake.perception.sensors import Place, SensorParams
+from arm_drake.plant.plant import transform_of
+from arm_drake.python_system import PythonSystem
+
+# From the frame of a sensor, x ahead and z up, to its optical frame.
+R_SENSOR_OPTICAL: Final = RotationMatrix(
+    np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+)
+
+
+def topics_of(camera: CameraSensor, robot: str, world: str) -> dict[str, str]:
+    """Return the topics of a camera by what is on them.
+
+    They are "image", "depth_image", "points", "camera_info", "depth_camera_info",
+    "labels_map" and "colored_map".
+    """
+    if camera.plugin is not None:
+        return _classic_topics(camera, camera.plugin)
+    place = f"world/{world}/model/{robot}/link/{camera.link}/sensor"
+    place += f"/{camera.group or camera.name}"
+    if camera.part:
+        place += f"/{camera.part}"
+    own = camera.topic
+    if camera.kind == "rgbd":
+        base = own or place
+        ends = ("image", "depth_image", "points", "camera_info")
+        topics = {end: f"{base}/{end}" for end in ends}
+    elif camera.kind == "depth":
+        base = own or f"{place}/depth_image"
+        info = f"{base.rpartition('/')[0]}/camera_info"
+        topics = {"depth_image": base, "points": f"{base}/points", "camera_info": info}
+    elif camera.kind == "segmentation":
+        base = own or f"{place}/segmentation"
+        topics = {end: f"{base}/{end}" for end in ("labels_map", "colored_map")}
+        topics["camera_info"] = f"{base.rpartition('/')[0]}/camera_info"
+    else:
+        base = own or f"{place}/image"
+        topics = {
+            "image": base,
+            "camera_info": f"{base.rpartition('/')[0]}/camera_info",
+        }
+    if camera.info_topic:
+        topics["camera_info"] = camera.info_topic
+    return {name: as_topic(topic) for name, topic in topics.items()}
+
+
+def _classic_topics(camera: CameraSensor, plugin: GazeboPlugin) -> dict[str, str]:
+    """Return the topics of a camera of Gazebo Classic's plugin."""
+    name = next(iter(plugin.texts("camera_name")), "") or camera.group or camera.name
+    names = {"image": "image_raw", "camera_info": "camera_info"}
+    if camera.part:
+        names = {key: f"{camera.part}/{end}" for key, end in names.items()}
+    if camera.has_depth:
+        names |= {"depth_image": "depth/image_raw", "points": "points"}
+        names |= {"depth_camera_info": "depth/camera_info"}
+    namespace = next(iter(plugin.texts("ros/namespace")), "")
+    # A rule's ~ is the plugin's node.
+    node = f"{namespace}/{plugin.name}"
+    rules = [text.replace("~", node, 1) for text in plugin.texts("ros/remapping")]
+    rules = [rule.replace(":=~", f":={node}", 1) for rule in rules]
+    return {
+        key: ros_topic(f"{name}/{end}", namespace, rules) for key, end in names.items()
+    }
+
+
+def default_frame(camera: CameraSensor, robot: str) -> str:
+    """Return the frame of a camera's messages where its tag names none."""
+    if camera.plugin is not None:
+        return camera.link
+    return f"{robot}/{camera.link}/{camera.group or camera.name}"
+
+
+class Camera(PythonSystem):
+    """Takes pictures of what is around a robot.
+
+    .. pydrake_system::
+
+        name: Camera
+        input_ports:
+        - geometry_query
+        output_ports:
+        - color
+        - depth
+        - labels
+        - /<camera>/image
+        - /<camera>/depth_image
+        - /<camera>/points
+        - /<camera>/camera_info
+
+    =====================  ====  ====================================================
+    port                   size  meaning
+    =====================  ====  ====================================================
+    geometry_query         --    where all shapes are, as the scene graph tells it
+    color                  --    picture, shape (height, width, 3), uint8
+    depth                  --    depths [m], shape (height, width)
+    labels                 --    what each pixel shows, shape (height, width), uint16:
+                                 the place of its name in ``label_names``
+    /<camera>/image        --    Image
+    /<camera>/depth_image  --    Image
+    /<camera>/points       --    PointCloud2
+    /<camera>/camera_info  --    CameraInfo
+    =====================  ====  ====================================================
+
+    These are the ports of an RGB-D camera; others lack some, and a segmentation camera
+    has labels as messages. ``topics`` tells what they are called.
+
+    It has no state: whenever it is asked, it tells what is to be seen then. Pictures
+    that nobody reads are not taken.
+    """
+
+    def __init__(self, sensor: CameraSensor, place: Place, scenery: Scenery) -> None:
+        """Create the system."""
+        super().__init__()
+        self.sensor, self.scenery = sensor, scenery
+        self.params = SensorParams(sensor.name, sensor.update_rate)
+        self.topics = topics_of(sensor, place.robot, place.world)
+        self.frame_id = sensor.frame_id or default_frame(sensor, place.robot)
+        self._image_frame = sensor.optical_frame_id or self.frame_id
+        is_world = sensor.link == "world"
+        self.link = "world" if is_world else f"{place.model}::{sensor.link}"
+        self._seed = (place.seed, zlib.crc32(f"{place.robot}/{sensor.name}".encode()))
+        X_LS = transform_of(sensor.pose)
+        self._X_LC = RigidTransform(
+            X_LS.rotation() @ R_SENSOR_OPTICAL, X_LS.translation()
+        )
+        self._query = self.DeclareAbstractInputPort(
+            "geometry_query", AbstractValue.Make(QueryObject())
+        )
+        # Pictures, before they are messages; of these a message is made each.
+        self._color = self._declare("color", self._calc_color) if self._sees else None
+        self._depth = (
+            self._declare("depth", self._calc_depth) if sensor.has_depth else None
+        )
+        self._labels = self._declare("labels", self._calc_labels)
+        self.output_types: dict[str, type[Message]] = {}
+        for key, topic in self.topics.items():
+            kind, make = self._makers[key]
+            self.output_types[topic] = kind
+            self._declare(topic, make)
+
+    @property
+    def _sees(self) -> bool:
+        return self.sensor.kind != "segmentation" and self.sensor.has_color
+
+    def _declare(self, name: str, make: Any) -> OutputPort:
+        def calc(context: Context, output: AbstractValue) -> None:
+            output.set_value(make(context))
+
+        return self.DeclareAbstractOutputPort(
+            name,
+            lambda: AbstractValue.Make(()),
+            calc,
+            prerequisites_of_calc={self._query.ticket(), self.time_ticket()},
+        )
+
+    @property
+    def _makers(self) -> Mapping[str, tuple[type[Message], Any]]:
+        """What makes the messages of topics."""
+        encoding = self.sensor.depth_encoding
+
+        def image(port: str, encoding: str) -> Any:
+            return lambda context: self._image(context, port, encoding)
+
+        return {
+            "image": (Image, image("color", self.sensor.encoding)),
+            "depth_image": (Image, image("depth", encoding)),
+            "labels_map": (Image, image("labels", "16UC1")),
+            "colored_map": (Image, self._make_colored_map),
+            "camera_info": (CameraInfo, self._make_info),
+            "depth_camera_info": (CameraInfo, self._make_info),
+            "points": (PointCloud2, self._make_points),
+        }
+
+    @property
+    def label_names(self) -> tuple[str, ...]:
+        """Names of what labels mean, in a picture that was taken before."""
+        return tuple(self.scenery.label_names)
+
+    def pose(self, context: Context) -> RigidTransform:
+        """Return the pose of the optical frame in the world, by its own context."""
+        query = self._query.Eval(context)
+        return self.scenery.pose_of(query, self.link) @ self._X_LC
+
+    @cached_property
+    def info(self) -> CameraInfo:
+        """How it projects, without a header."""
+        sensor = self.sensor
+        f = sensor.focal_length
+        # The middle of the picture, where the first pixel's centre is 0.
+        cx, cy = (sensor.width - 1) / 2.0, (sensor.height - 1) / 2.0
+        return CameraInfo(
+            height=sensor.height,
+            width=sensor.width,
+            d=sensor.distortion,
+            k=(f, 0.0, cx, 0.0, f, cy, 0.0, 0.0, 1.0),
+            p=(f, 0.0, cx, -f * sensor.baseline, 0.0, f, cy, 0.0, 0.0, 0.0, 1.0, 0.0),
+        )
+
+    @cached_property
+    def _core(self) -> RenderCameraCore:
+        from pydrake.systems import sensors
+
+        sensor, k = self.sensor, self.info.k
+        intrinsics = sensors.CameraInfo(
+            width=sensor.width,
+            height=sensor.height,
+            focal_x=k[0],
+            focal_y=k[4],
+            # Drake's first pixel has its centre at 0.5, that of a CameraInfo at 0.
+            center_x=k[2] + 0.5,
+            center_y=k[5] + 0.5,
+        )
+        clipping = ClippingRange(sensor.near, sensor.far)
+        return RenderCameraCore(RENDERER, intrinsics, clipping, RigidTransform())
+
+    def _calc_color(self, context: Context) -> Array:
+        camera = ColorRenderCamera(self._core, show_window=False)
+        query = self._query.Eval(context)
+        picture = self.scenery.color(query, camera, self.pose(context))
+        noise = self.sensor.noise
+        if noise.stddev or noise.mean:
+            added = self._noise(context, "color", picture.shape) * 255.0
+            noisy = np.clip(np.round(picture + added), 0.0, 255.0)
+            picture = noisy.astype(np.uint8)
+        return picture
+
+    def _calc_depth(self, context: Context) -> Array:
+        sensor = self.sensor
+        depths = DepthRange(sensor.min_depth, sensor.max_depth)
+        camera = DepthRenderCamera(self._core, depths)
+        query = self._query.Eval(context)
+        picture = self.scenery.depth(query, camera, self.pose(context))
+        noise = sensor.noise
+        # Of other cameras the noise is one of colours.
+        if sensor.kind == "depth" and (noise.stddev or noise.mean):
+            picture = picture + self._noise(context, "depth", picture.shape)
+        return picture.astype(np.float32, copy=False)
+
+    def _calc_labels(self, context: Context) -> Array:
+        camera = ColorRenderCamera(self._core, show_window=False)
+        query = self._query.Eval(context)
+        return self.scenery.labels(query, camera, self.pose(context))
+
+    def _noise(self, context: Context, what: str, shape: tuple[int, ...]) -> Array:
+        """Return the noise of a picture; at one time it is always the same."""
+        noise, time = self.sensor.noise, round(context.get_time() * 1e9)
+        seed = [*self._seed, time, zlib.crc32(what.encode())]
+        random = np.random.default_rng(seed)
+        return random.normal(noise.mean, noise.stddev, shape)
+
+    def _header(self, context: Context, frame: str) -> Header:
+        return Header.from_nanoseconds(round(context.get_time() * 1e9), frame)
+
+    def _image(self, context: Context, port: str, encoding: str) -> Image:
+        pixels = self.GetOutputPort(port).Eval(context)
+        header = self._header(context, self._image_frame)
+        return make_image(header, pixels, encoding)
+
+    def _make_colored_map(self, context: Context) -> Image:
+        labels = self._labels.Eval(context)
+        header = self._header(context, self._image_frame)
+        return make_image(header, color_labels(labels), "rgb8")
+
+    def _make_info(self, context: Context) -> CameraInfo:
+        header = self._header(context, self._image_frame)
+        return CameraInfo(
+            header,
+            **{n: getattr(self.info, n) for n in ("height", "width", "d", "k", "p")},
+        )
+
+    def _make_points(self, context: Context) -> PointCloud2:
+        assert self._depth is not None
+        points = project(self._depth.Eval(context), self.info.k)
+        frame = self._image_frame
+        if self.sensor.plugin is None:
+            # Gazebo Sim's points are in the frame of the sensor, x ahead.
+            points = points @ R_SENSOR_OPTICAL.matrix().T.astype(np.float32)
+            frame = self.frame_id
+        colors = None if self._color is None else self._color.Eval(context)
+        return make_cloud(self._header(context, frame), points, colors)
+
+
+class CameraHandle:
+    """What a camera sees now; `Simulation.camera` makes it."""
+
+    def __init__(self, camera: Camera, find_context: Callable[[], Context]) -> None:
+        """Create it; the function returns the diagram's context, as it is then."""
+        self._camera = camera
+        self._find_context = find_context
+
+    @property
+    def sensor(self) -> CameraSensor:
+        """The camera as described."""
+        return self._camera.sensor
+
+    @property
+    def topics(self) -> dict[str, str]:
+        """Its topics, by what is on them."""
+        return dict(self._camera.topics)
+
+    @property
+    def info(self) -> CameraInfo:
+        """How it projects."""
+        return self._camera.info
+
+    def color(self) -> NDArray[np.uint8]:
+        """Return a picture, red, green and blue, shape (height, width, 3).
+
+        Raises:
+            InputError: If the camera takes none.
+            ArmDrakeError: If the renderer's libraries are missing.
+        """
+        pixels: NDArray[np.uint8] = self._eval("color")
+        return pixels
+
+    def depth(self) -> NDArray[np.float32]:
+        """Return depths along the axis [m], shape (height, width).
+
+        What is nearer than the camera can tell is -inf, what is farther +inf.
+
+        Raises:
+            InputError: If the camera measures none.
+            ArmDrakeError: As `color`.
+        """
+        depths: NDArray[np.float32] = self._eval("depth")
+        return depths
+
+    def labels(self) -> NDArray[np.uint16]:
+        """Return what each pixel shows, shape (height, width), as `label_names` says.
+
+        Raises:
+            ArmDrakeError: As `color`.
+        """
+        labels: NDArray[np.uint16] = self._eval("labels")
+        return labels
+
+    @property
+    def label_names(self) -> tuple[str, ...]:
+        """Names of what labels mean: links, "<robot>::<link>", and things."""
+        self.labels()
+        return self._camera.label_names
+
+    def points(self, frame: str = "world") -> NDArray[np.float64]:
+        """Return the points that are seen [m], shape (n, 3), row by row.
+
+        Args:
+            frame: "world", or "optical": the camera's, z ahead and y down.
+
+        Raises:
+            InputError: If the camera measures no depths, or there is no such frame.
+            ArmDrakeError: As `color`.
+        """
+        points = project(self.depth(), self.info.k).reshape(-1, 3)
+        seen = points[np.isfinite(points[:, 2])].astype(np.float64)
+        if frame == "optical":
+            return seen
+        if frame != "world":
+            raise InputError(f"frame: expected 'world' or 'optical', got {frame!r}")
+        X_WC = self.pose
+        return seen @ X_WC.rotation().matrix().T + X_WC.translation()
+
+    @property
+    def pose(self) -> RigidTransform:
+        """Pose of the optical frame in the world."""
+        return self._camera.pose(self._own_context())
+
+    def image(self, what: str = "") -> NDArray[np.uint8]:
+        """Return what to show of it, shape (height, width, 3).
+
+        Args:
+            what: "color", "depth" or "labels"; by default the first one that it has.
+
+        Raises:
+            InputError: If it has no such picture.
+            ArmDrakeError: As `color`.
+        """
+        pixels = self._eval(what or self._first)
+        if pixels.ndim == 3:
+            return pixels
+        return (
+            color_labels(pixels) if pixels.dtype == np.uint16 else color_depths(pixels)
+        )
+
+    @property
+    def _first(self) -> str:
+        kinds = ("color", "depth", "labels")
+        return next(kind for kind in kinds if self._camera.HasOutputPort(kind))
+
+    def _own_context(self) -> Context:
+        return self._camera.GetMyContextFromRoot(self._find_context())
+
+    def _eval(self, port: str) -> Any:
+        camera = self._camera
+        if port not in ("color", "depth", "labels") or not camera.HasOutputPort(port):
+            kinds = [k for k in ("color", "depth", "labels") if camera.HasOutputPort(k)]
+            raise InputError(
+                f"camera {self.sensor.name!r} is a {self.sensor.kind} camera and has "
+                f"no {port}; it has {', '.join(kinds)}"
+            )
+        return camera.GetOutputPort(port).Eval(self._own_context())

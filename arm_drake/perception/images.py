@@ -1,0 +1,187 @@
+"""Messages of pictures and points as arrays, and as pictures that people look at."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_drake.errors import InputError
+from arm_drake.messages import Header, Image, PointCloud2, PointField
+from arm_drake.output_files import writing
+
+# Numbers of a pixel, and their type, by encoding of `sensor_msgs/Image`.
+ENCODINGS: Final[Mapping[str, tuple[int, str]]] = {
+    "rgb8": (3, "u1"),
+    "bgr8": (3, "u1"),
+    "mono8": (1, "u1"),
+    "16UC1": (1, "<u2"),
+    "32FC1": (1, "<f4"),
+}
+
+_LUMA: Final = np.array([0.299, 0.587, 0.114])
+
+_POINT_FIELDS: Final = tuple(
+    PointField(name, 4 * index) for index, name in enumerate(("x", "y", "z", "rgb"))
+)
+
+
+def make_image(header: Header, pixels: NDArray[Any], encoding: str) -> Image:
+    """Return a picture as a message.
+
+    `pixels` are red, green and blue, shape (height, width, 3), uint8; or depths [m] or
+    labels, shape (height, width).
+    """
+    if encoding == "bgr8":
+        pixels = pixels[..., ::-1]
+    elif encoding == "mono8":
+        pixels = np.round(pixels @ _LUMA)
+    elif encoding == "16UC1" and pixels.dtype != np.uint16:
+        pixels = to_millimetres(pixels)
+    count, kind = ENCODINGS[encoding]
+    height, width = pixels.shape[:2]
+    step = width * count * np.dtype(kind).itemsize
+    data = np.ascontiguousarray(pixels, dtype=kind).tobytes()
+    return Image(header, height, width, encoding, 0, step, data)
+
+
+def to_array(image: Image) -> NDArray[Any]:
+    """Return a picture's numbers, shape (height, width) or (height, width, 3).
+
+    They are in its encoding's order and unit.
+
+    Raises:
+        InputError: If the encoding isn't one of `ENCODINGS`.
+    """
+    if image.encoding not in ENCODINGS:
+        known = ", ".join(ENCODINGS)
+        raise InputError(f"unknown encoding {image.encoding!r}; known: {known}")
+    count, kind = ENCODINGS[image.encoding]
+    pixels = np.frombuffer(image.data, kind)
+    shape = (image.height, image.width, count)
+    return pixels.reshape(shape if count > 1 else shape[:2])
+
+
+def to_rgb(image: Image) -> NDArray[np.uint8]:
+    """Return what to show of a picture, shape (height, width, 3).
+
+    Depths are coloured from near, red, to far, blue; what can't be told is black.
+    """
+    pixels = to_array(image)
+    if image.encoding == "bgr8":
+        return pixels[..., ::-1]
+    if pixels.ndim == 3:
+        return pixels
+    if image.encoding == "mono8":
+        return np.repeat(pixels[..., None], 3, axis=2)
+    if image.encoding == "16UC1":
+        return color_depths(np.where(pixels, pixels / 1000.0, np.nan))
+    return color_depths(pixels)
+
+
+def color_depths(depths: NDArray[Any]) -> NDArray[np.uint8]:
+    """Return colours of depths, by where they are between the nearest and farthest."""
+    known = np.isfinite(depths)
+    colors = np.zeros((*depths.shape, 3), np.uint8)
+    if not known.any():
+        return colors
+    near, far = np.percentile(depths[known], [1.0, 99.0])
+    part = np.clip((depths - near) / max(far - near, 1e-9), 0.0, 1.0)
+    rows = np.where(known, np.round(255.0 * np.where(known, part, 0.0)), 0.0)
+    colors = _SCALE[rows.astype(int)]
+    colors[~known] = 0
+    return colors
+
+
+def color_labels(labels: NDArray[Any]) -> NDArray[np.uint8]:
+    """Return a colour for each label, black for 0."""
+    hues = (labels.astype(np.float64) * 0.61803398875) % 1.0
+    colors = _SCALE[np.round(255.0 * hues).astype(int)]
+    colors[labels == 0] = 0
+    return colors
+
+
+def to_millimetres(depths: NDArray[Any]) -> NDArray[np.uint16]:
+    """Return depths [mm], 0 where they can't be told, from depths [m]."""
+    known = np.isfinite(depths) & (depths > 0.0) & (depths < 65.5355)
+    return np.round(1000.0 * np.where(known, depths, 0.0)).astype(np.uint16)
+
+
+def project(depths: NDArray[Any], k: tuple[float, ...]) -> NDArray[np.float32]:
+    """Return the points that a depth image shows, shape (height, width, 3) [m].
+
+    They are in the optical frame, z ahead and y down; NaN where a depth can't be told.
+    """
+    height, width = depths.shape
+    fx, cx, fy, cy = k[0], k[2], k[4], k[5]
+    z = np.where(np.isfinite(depths), depths, np.nan).astype(np.float32)
+    points = np.empty((height, width, 3), np.float32)
+    points[..., 0] = z * ((np.arange(width) - cx) / fx).astype(np.float32)
+    points[..., 1] = z * ((np.arange(height) - cy) / fy).astype(np.float32)[:, None]
+    points[..., 2] = z
+    return points
+
+
+def make_cloud(
+    header: Header, points: NDArray[Any], colors: NDArray[Any] | None
+) -> PointCloud2:
+    """Return points as a message.
+
+    `points` have the shape (height, width, 3), `colors` too if there are any.
+    """
+    height, width = points.shape[:2]
+    count = 3 if colors is None else 4
+    numbers = np.empty((height, width, count), "<f4")
+    numbers[..., :3] = points
+    if colors is not None:
+        red, green, blue = (colors[..., i].astype(np.uint32) for i in range(3))
+        packed = (red << 16) | (green << 8) | blue
+        numbers[..., 3] = packed.astype("<u4").view("<f4")
+    return PointCloud2(
+        header,
+        height,
+        width,
+        _POINT_FIELDS[:count],
+        False,
+        4 * count,
+        4 * count * width,
+        numbers.tobytes(),
+        bool(np.isfinite(points).all()),
+    )
+
+
+def to_points(cloud: PointCloud2) -> NDArray[np.float32]:
+    """Return the points of a cloud, shape (height, width, 3) [m]."""
+    numbers = np.frombuffer(cloud.data, "<f4").reshape(cloud.height, cloud.width, -1)
+    return numbers[..., :3]
+
+
+def to_colors(cloud: PointCloud2) -> NDArray[np.uint8] | None:
+    """Return the colours of a cloud's points, shape (height, width, 3), if it has."""
+    if len(cloud.fields) < 4:
+        return None
+    numbers = np.frombuffer(cloud.data, "<u4").reshape(cloud.height, cloud.width, -1)
+    packed = numbers[..., 3]
+    shifts = np.array([16, 8, 0], np.uint32)
+    return ((packed[..., None] >> shifts) & 255).astype(np.uint8)
+
+
+def save_image(pixels: NDArray[np.uint8], path: Path) -> None:
+    """Write red, green and blue, shape (height, width, 3), to a file."""
+    from PIL import Image as Picture  # Large, and seldom wanted.
+
+    with writing(path):
+        Picture.fromarray(pixels).save(path)
+
+
+def _make_scale() -> NDArray[np.uint8]:
+    """Return colours from red over yellow, green and cyan to blue, shape (256, 3)."""
+    knots = np.linspace(0.0, 255.0, 5)
+    channels = ([255, 255, 0, 0, 30], [30, 220, 200, 200, 60], [30, 0, 60, 255, 255])
+    at = np.arange(256)
+    columns = [np.interp(at, knots, channel) for channel in channels]
+    return np.round(np.stack(columns, axis=1)).astype(np.uint8)
+
+
+_SCALE: Final = _make_scale()

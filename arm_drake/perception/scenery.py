@@ -1,0 +1,246 @@
+"""What cameras look at: the shapes of a diagram, lights, and Drake's renderer.
+
+The shapes are copied out of the diagram's scene graph into one of their own when the
+first picture is taken: who reads no picture pays for none, and several cameras share
+what was loaded. A picture depends on the poses of that moment alone.
+"""
+
+import ctypes
+import sys
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+from pydrake.geometry import (
+    ColorRenderCamera,
+    DepthRenderCamera,
+    FrameId,
+    FramePoseVector,
+    GeometryFrame,
+    GeometryInstance,
+    LightParameter,
+    MakeRenderEngineVtk,
+    QueryObject,
+    RenderEngineVtkParams,
+    RenderLabel,
+    Rgba,
+    Role,
+    SceneGraph,
+    SceneGraphInspector,
+    SourceId,
+)
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import Context
+
+from arm_drake.arrays import Array
+from arm_drake.errors import ArmDrakeError
+from arm_drake.worlds.lights import DAYLIGHT, Light
+
+RENDERER: Final = "arm_drake"
+
+# Library that Drake's renderer opens on Linux.
+_EGL: Final = "libEGL.so.1"
+
+# Side of the square in which shadows are computed [pixels].
+_SHADOW_SIZE: Final = 1024
+
+# The renderer's physical materials reflect a part of the light to each side.
+_BRIGHTNESS: Final = 2.6
+
+# Label of what is nothing: sky.
+NOTHING: Final = 0
+
+# Colour behind everything where the world names none.
+SKY: Final = (0.7, 0.7, 0.7)
+
+
+class _Loaded(NamedTuple):
+    """The copy of a scene."""
+
+    scene_graph: SceneGraph
+    context: Context
+    source: SourceId
+
+    # Of each frame of the diagram that anything hangs on: its place among all of them.
+    frames: Sequence[tuple[int, FrameId]]
+
+    # Place of each frame of the diagram by name.
+    places: dict[str, int]
+
+
+class Scenery:
+    """The shapes of a diagram, as cameras see them."""
+
+    def __init__(
+        self, lights: Sequence[Light] | None, background: Sequence[float] | None
+    ) -> None:
+        """Remember what is needed; nothing is loaded yet."""
+        self._lights = DAYLIGHT if lights is None else lights
+        self._background = background
+        self._loaded: _Loaded | None = None
+
+        # Names of what labels mean, the first one of nothing.
+        self.label_names: list[str] = ["nothing"]
+
+    @property
+    def is_loaded(self) -> bool:
+        """Whether a picture was taken."""
+        return self._loaded is not None
+
+    def look(self, query: QueryObject) -> QueryObject:
+        """Return what renders the scene as it is now, by frames of its own.
+
+        Raises:
+            ArmDrakeError: If the renderer's libraries are missing.
+        """
+        loaded = self._load(query)
+        everywhere = query.inspector().GetAllFrameIds()
+        poses = FramePoseVector()
+        for place, frame in loaded.frames:
+            poses.set_value(frame, query.GetPoseInWorld(everywhere[place]))
+        port = loaded.scene_graph.get_source_pose_port(loaded.source)
+        port.FixValue(loaded.context, poses)
+        output = loaded.scene_graph.get_query_output_port()
+        found: QueryObject = output.Eval(loaded.context)
+        return found
+
+    def pose_of(self, query: QueryObject, frame: str) -> RigidTransform:
+        """Return the pose in the world of a frame, "<robot>::<link>" or "world"."""
+        inspector = query.inspector()
+        if frame == "world":
+            return RigidTransform()
+        if self._loaded is None:
+            names = [inspector.GetName(f) for f in inspector.GetAllFrameIds()]
+            place = names.index(frame)
+        else:
+            place = self._loaded.places[frame]
+        return RigidTransform(query.GetPoseInWorld(inspector.GetAllFrameIds()[place]))
+
+    def color(
+        self, query: QueryObject, camera: ColorRenderCamera, X_WC: RigidTransform
+    ) -> Array:
+        """Return a picture, shape (height, width, 3), uint8; z ahead, y down."""
+        seen = self.look(query)
+        picture = seen.RenderColorImage(camera, _world(seen), X_WC)
+        return np.array(picture.data[..., :3])
+
+    def depth(
+        self, query: QueryObject, camera: DepthRenderCamera, X_WC: RigidTransform
+    ) -> Array:
+        """Return depths [m], shape (height, width), float32.
+
+        What is nearer than the camera can tell is -inf, what is farther +inf (REP 117).
+        """
+        seen = self.look(query)
+        picture = seen.RenderDepthImage(camera, _world(seen), X_WC)
+        depths = np.array(picture.data[..., 0])
+        depths[depths == 0.0] = -np.inf
+        return depths
+
+    def labels(
+        self, query: QueryObject, camera: ColorRenderCamera, X_WC: RigidTransform
+    ) -> Array:
+        """Return what each pixel shows, shape (height, width), uint16.
+
+        The numbers are those of `label_names`.
+        """
+        seen = self.look(query)
+        picture = seen.RenderLabelImage(camera, _world(seen), X_WC)
+        labels = np.array(picture.data[..., 0])
+        labels[(labels < 0) | (labels >= len(self.label_names))] = NOTHING
+        return labels.astype(np.uint16)
+
+    def _load(self, query: QueryObject) -> _Loaded:
+        """Return the copy of the scene, which is made once."""
+        if self._loaded is not None:
+            return self._loaded
+        require_renderer()
+        scene_graph = SceneGraph()
+        scene_graph.AddRenderer(RENDERER, MakeRenderEngineVtk(self._parameters()))
+        source = scene_graph.RegisterSource("seen")
+        inspector = query.inspector()
+        frames: list[tuple[int, FrameId]] = []
+        places: dict[str, int] = {}
+        for place, frame in enumerate(inspector.GetAllFrameIds()):
+            name = inspector.GetName(frame)
+            places[name] = place
+            copies = self._copy(inspector, frame, name)
+            if not copies:
+                continue
+            target = scene_graph.world_frame_id()
+            if frame != inspector.world_frame_id():
+                target = scene_graph.RegisterFrame(source, GeometryFrame(str(place)))
+                frames.append((place, target))
+            for copy in copies:
+                scene_graph.RegisterGeometry(source, target, copy)
+        context = scene_graph.CreateDefaultContext()
+        self._loaded = _Loaded(scene_graph, context, source, frames, places)
+        return self._loaded
+
+    def _copy(
+        self, inspector: SceneGraphInspector, frame: FrameId, name: str
+    ) -> list[GeometryInstance]:
+        """Return the shapes of a frame that can be seen, labelled."""
+        copies = []
+        is_world = frame == inspector.world_frame_id()
+        for geometry in inspector.GetGeometries(frame, Role.kPerception):
+            copy = inspector.CloneGeometryInstance(geometry)
+            X_FG = RigidTransform(copy.pose())
+            only_seen = GeometryInstance(X_FG, copy.shape(), copy.name())
+            # What stands still hangs on the world, and is called by its model.
+            owner = copy.name().rpartition("::")[0] or copy.name() if is_world else name
+            properties = copy.mutable_perception_properties()
+            label = RenderLabel(self._label(owner))
+            properties.UpdateProperty("label", "id", label)
+            only_seen.set_perception_properties(properties)
+            copies.append(only_seen)
+        return copies
+
+    def _label(self, owner: str) -> int:
+        """Return the label of a thing, a new one if it has none."""
+        if owner not in self.label_names:
+            self.label_names.append(owner)
+        return self.label_names.index(owner)
+
+    def _parameters(self) -> RenderEngineVtkParams:
+        background = SKY if self._background is None else self._background
+        return RenderEngineVtkParams(
+            backend="EGL" if sys.platform == "linux" else "",
+            default_clear_color=np.array(background),
+            default_diffuse=np.array([0.7, 0.7, 0.7, 1.0]),
+            lights=[_make_light(light) for light in self._lights],
+            cast_shadows=any(light.cast_shadows for light in self._lights),
+            shadow_map_size=_SHADOW_SIZE,
+            # Else its materials would depend on whether a mesh has physical ones.
+            force_to_pbr=True,
+        )
+
+
+def require_renderer() -> None:
+    """Raise ArmDrakeError if the libraries that Drake's renderer opens are missing."""
+    if sys.platform != "linux":
+        return
+    try:
+        ctypes.CDLL(_EGL)
+    except OSError:
+        raise ArmDrakeError(
+            f"pictures of cameras need EGL, and {_EGL} isn't there; Debian and Ubuntu "
+            "have it in a package: apt-get install libegl1 libgl1-mesa-dri"
+        ) from None
+
+
+def _make_light(light: Light) -> LightParameter:
+    return LightParameter(
+        type=light.type,
+        color=Rgba(*light.color),
+        attenuation_values=np.array(light.attenuation),
+        position=np.array(light.position),
+        frame=light.frame,
+        intensity=_BRIGHTNESS * light.intensity,
+        direction=np.array(light.direction),
+        cone_angle=light.cone_angle,
+    )
+
+
+def _world(query: QueryObject) -> FrameId:
+    return query.inspector().world_frame_id()

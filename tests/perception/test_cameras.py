@@ -1,0 +1,149 @@
+"""Cameras of robots, judged by projection and ray casts by hand."""
+
+import dataclasses as dc
+import math
+
+import numpy as np
+import pytest
+
+import arm_drake as ad
+from arm_drake.errors import InputError
+from arm_drake.perception.images import to_array, to_points
+from tests.snippets import ROOT, read_blocks
+
+_URDF = """<robot name="r"><link name="world"/><link name="base">
+<inertial><mass value="1"/>
+<inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/></inertial>
+<visual><origin xyz="1.1 0 0.4"/><geometry><box size="0.2 0.3 0.2"/></geometry>
+<material name="red"><color rgba="0.9 0.1 0.1 1"/></material></visual></link>
+<link name="eye"/>
+<joint name="a" type="fixed"><parent link="world"/><child link="base"/></joint>
+<joint name="b" type="fixed"><parent link="base"/><child link="eye"/>
+<origin xyz="0 0 0.4"/></joint>
+<gazebo reference="eye"><sensor name="front" type="rgbd_camera"><topic>cam</topic>
+<camera><horizontal_fov>{fov}</horizontal_fov>
+<image><width>{width}</width><height>240</height><format>{pixels}</format></image>
+<clip><near>{near}</near><far>10</far></clip></camera></sensor></gazebo></robot>"""
+_NUMBERS = {"fov": "1.0", "width": "320", "near": "0.05", "pixels": "R8G8B8"}
+
+
+def load(**numbers: str) -> ad.Robot:
+    return ad.load_robot(_URDF.format(**{**_NUMBERS, **numbers}))
+
+
+@pytest.fixture(scope="module")
+def simulation() -> ad.Simulation:
+    return ad.Simulation(ad.build_diagram(load()))
+
+
+def test_a_box_is_where_a_pinhole_projects_it(simulation: ad.Simulation) -> None:
+    depth = simulation.camera("front").depth()
+    focal = 320 / (2.0 * math.tan(0.5))
+    rows, columns = np.nonzero(np.abs(depth - 1.0) < 1e-3)
+
+    # Its face is 0.3 m wide and 0.2 m high, 1 m ahead; the middle is at 159.5, 119.5.
+    assert columns.min() - 0.5 == pytest.approx(159.5 - 0.15 * focal, abs=0.5)
+    assert columns.max() + 0.5 == pytest.approx(159.5 + 0.15 * focal, abs=0.5)
+    assert rows.min() - 0.5 == pytest.approx(119.5 - 0.1 * focal, abs=0.5)
+    assert rows.max() + 0.5 == pytest.approx(119.5 + 0.1 * focal, abs=0.5)
+
+
+def test_depths_are_those_of_rays(simulation: ad.Simulation) -> None:
+    camera = simulation.camera("front")
+    depth = camera.depth()
+    # The ground is 0.4 m below: a ray of slope s meets it at 0.4 / s.
+    slopes = (np.arange(240) - camera.info.k[5]) / camera.info.k[4]
+    below = np.arange(240) > 180
+
+    np.testing.assert_allclose(depth[below, 5], 0.4 / slopes[below], atol=1e-3)
+    assert np.isposinf(depth[0, 0])
+
+
+def test_points_are_on_what_is_seen(simulation: ad.Simulation) -> None:
+    points = simulation.camera("front").points()
+    face = points[np.abs(points[:, 0] - 1.0) < 1e-3]
+
+    assert np.ptp(face[:, 1]) == pytest.approx(0.3, abs=0.01)
+    assert np.abs(points[points[:, 0] > 1.3, 2]).max() < 1e-3
+
+
+def test_topics_have_pictures_and_points(simulation: ad.Simulation) -> None:
+    image = simulation.topic("/cam/image").value()
+    cloud = simulation.topic("/cam/points").value()
+
+    assert to_array(image).shape == (240, 320, 3)
+    assert image.header.frame_id == "r/eye/front"
+    # Gazebo Sim's points are x ahead.
+    assert to_points(cloud)[120, 160, 0] == pytest.approx(1.0, abs=1e-3)
+
+
+def test_labels_are_names_of_links(simulation: ad.Simulation) -> None:
+    camera = simulation.camera("front")
+
+    assert camera.label_names[camera.labels()[120, 160]] == "r::base"
+
+
+def test_nobody_reads_nothing_is_loaded() -> None:
+    simulation = ad.Simulation(ad.build_diagram(load()))
+    simulation.advance_to(0.1)
+    [camera] = simulation.directory.manager(None).sensors
+
+    assert not camera.scenery.is_loaded
+
+
+def test_noise_is_that_of_its_seed() -> None:
+    def look(seed: int) -> np.ndarray:
+        robot = ad.add_camera(load(), "eye", name="noisy", width=32, noise=0.1)
+        options = ad.SimulationOptions(seed=seed)
+        diagram = ad.build_diagram(robot, options=options)
+        return ad.Simulation(diagram).camera("noisy").color()
+
+    first = look(1)
+
+    np.testing.assert_array_equal(first, look(1))
+    assert (first != look(2)).any()
+
+
+@pytest.mark.parametrize(
+    ("numbers", "told"),
+    [
+        ({"fov": "0"}, "horizontal_fov: expected more than 0 and less than pi"),
+        ({"fov": "3.2"}, "horizontal_fov: expected more than 0 and less than pi"),
+        ({"width": "0"}, "image width: expected 1 to 8192 pixels, got 0"),
+        ({"width": "9000"}, "image width: expected 1 to 8192 pixels, got 9000"),
+        ({"near": "10"}, "clip: expected 0 < near < far, got 10 and 10 m"),
+        ({"pixels": "RGB9"}, "unknown pixel format 'RGB9'; known: R8G8B8"),
+    ],
+)
+def test_what_is_no_camera_is_told(numbers: dict[str, str], told: str) -> None:
+    robot = load(**numbers)
+
+    assert not robot.description.perception_sensors
+    assert [e for e in robot.report.errors if e.what.startswith(told)]
+
+
+def test_a_camera_needs_a_link() -> None:
+    with pytest.raises(InputError, match="no link 'ey'"):
+        ad.add_camera(load(), "ey")
+
+
+def test_the_other_robot_stays_as_it_is() -> None:
+    robot = load()
+    changed = ad.add_camera(robot, "eye", name="second")
+
+    assert len(robot.description.perception_sensors) == 1
+    assert len(changed.description.perception_sensors) == 2
+    assert dc.is_dataclass(changed)
+
+
+@pytest.mark.slow
+def test_the_page_of_cameras_is_right() -> None:
+    blocks = read_blocks(ROOT / "docs" / "cameras.md")
+    [text] = [b.text for b in blocks if b.language == "python"]
+    names: dict[str, ad.CameraHandle] = {}
+
+    exec(text, names)  # noqa: S102
+
+    camera = names["camera"]
+    assert camera.color().shape == (480, 640, 3)
+    assert any("mycobot" in name for name in camera.label_names)
