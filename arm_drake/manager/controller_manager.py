@@ -439,15 +439,16 @@ class ControllerManager(PythonSystem):
         state = self._start(hardware_interfaces)
         self._state_index = int(self.DeclareAbstractState(AbstractValue.Make(state)))
         self._cycle = self._declare_read("cycle", self._calc_cycle, is_of_now=True)
-        self._num_motions = 2 * J
-        numbers = self._declare_numbers(state)
+        self._num_servo = len(drive.servo_input(state.drive))
+        self._num_drive, self._num_motions = len(state.drive), 2 * J
+        *numbers, steady = self._declare_numbers(state)
+        self._values, self._drive_state, self._flags = map(int, numbers)
+        self._steady_state = int(steady)
         self._stored_states = StoredStates(hardware_interfaces, self.commands)
         self._stored = self._declare_stored(hardware_interfaces)
         self._declare_shown(numbers)
         self._present = self._declare(
-            interfaces.TICKS_PORT,
-            self.read_state,
-            {self.discrete_state_ticket(DiscreteStateIndex(self._steady_state))},
+            interfaces.TICKS_PORT, self.read_state, {self.discrete_state_ticket(steady)}
         )
         # Computed anew only when something is put on a port.
         self._inputs = self._declare_read("inputs", self._calc_inputs)
@@ -455,15 +456,10 @@ class ControllerManager(PythonSystem):
 
     def _declare_numbers(self, state: ManagerState) -> list[DiscreteStateIndex]:
         """Declare values, servo's input, active flags, and what steady cycles write."""
-        flags = [float(c.name in state.active) for c in self.controllers]
         servo_input = self._drive.servo_input(state.drive)
-        self._num_servo, self._num_drive = len(servo_input), len(state.drive)
-        start = (state.values, servo_input, flags)
-        numbers = [self.DeclareDiscreteState(x) for x in start]
-        self._values, self._drive_state, self._flags = map(int, numbers)
-        steady = self.DeclareDiscreteState(self._steady_numbers(state))
-        self._steady_state = int(steady)
-        return numbers
+        flags = [float(c.name in state.active) for c in self.controllers]
+        start = (state.values, servo_input, flags, self._steady_numbers(state))
+        return [self.DeclareDiscreteState(x) for x in start]
 
     def _declare_stored(
         self, hardware_interfaces: HardwareInterfaces
