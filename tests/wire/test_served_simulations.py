@@ -290,6 +290,8 @@ def test_clients_come_and_go() -> None:
         assert server.simulation.time > 0.0
 
 
+@pytest.mark.long
+@pytest.mark.slow
 def test_two_clients_get_a_thousand_states_a_second_of_thirty_joints(
     tmp_path: Path,
 ) -> None:
