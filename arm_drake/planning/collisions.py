@@ -469,7 +469,11 @@ def show_standing(
     inspector = scene_graph.model_inspector()
     for index in range(plant.num_bodies()):
         body = plant.get_body(BodyIndex(index))
-        is_seen = plant.GetVisualGeometriesForBody(body)
+        # The ground that cameras see isn't drawn on pages.
+        is_seen = any(
+            inspector.GetIllustrationProperties(geometry) is not None
+            for geometry in plant.GetVisualGeometriesForBody(body)
+        )
         if body.model_instance() == robot or is_seen:
             continue
         for geometry in plant.GetCollisionGeometriesForBody(body):

@@ -19,6 +19,7 @@ import dataclasses as dc
 import functools
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -293,6 +294,30 @@ def monitor(
     return add_events(state, event)
 
 
+class _LateFeedback:
+    """Feedback of a state that is made when somebody looks; pickled, it is made."""
+
+    def __init__(
+        self, rules: JointTrajectoryRules, look: Callable[[], JointTrajectoryState]
+    ) -> None:
+        self._rules, self._look = rules, look
+
+    def __call__(self) -> FollowJointTrajectoryFeedback:
+        snapshot = take_snapshot(self._look())
+        assert snapshot is not None
+        return make_feedback(self._rules, snapshot)
+
+    def __deepcopy__(self, memo: object) -> "_LateFeedback":
+        return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return functools.partial, (
+            make_feedback,
+            self._rules,
+            take_snapshot(self._look()),
+        )
+
+
 def tell_feedback(
     rules: JointTrajectoryRules,
     state: JointTrajectoryState,
@@ -313,11 +338,7 @@ def tell_feedback(
     if last_ns < accepted_ns:
         return state
 
-    def make() -> FollowJointTrajectoryFeedback:
-        snapshot = take_snapshot(look())
-        assert snapshot is not None
-        return make_feedback(rules, snapshot)
-
+    make = _LateFeedback(rules, look)
     event = GoalEvent(request, GoalStatus.EXECUTING, feedback_source=make)
     return add_events(state, event)
 
