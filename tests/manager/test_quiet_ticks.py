@@ -40,6 +40,7 @@ from arm_drake.messages.control import GripperCommand
 from tests import models
 from tests.conformance.jtc_players import NAME, Dict, Player, flatten, load
 from tests.conformance.test_oracle_jtc_scenarios import INPUTS, OUTPUTS, REPLAYED
+from tests.robots import skip_or_fail
 
 JOINTS = tuple(f"joint{i}" for i in range(1, 7))
 PERIOD = 0.01
@@ -274,7 +275,7 @@ def test_scenarios_of_upstream_are_the_same_both_ways(
 ) -> None:
     names = [name for d, name in REPLAYED if d == distro][part]
     if not names:
-        pytest.skip("the files of the scenarios aren't there")
+        skip_or_fail("the files of the scenarios aren't there")
     for name in names:
         ManagedPlayer(distro, INPUTS[name], OUTPUTS[distro, name]).play()
 

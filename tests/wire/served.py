@@ -10,13 +10,14 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import pytest
 
 import arm_drake as ad
 from arm_drake.simulation.simulation import Simulation
 from arm_drake.wire.server import RosServer, run
+from tests.robots import skip_or_fail
 
 DOOSAN_JOINTS = [f"joint{index}" for index in range(1, 7)]
 JTC = "/joint_trajectory_controller"
@@ -89,9 +90,9 @@ def run_client(script: str, *arguments: object, timeout: float = 60.0) -> Any:
 def run_node(script: str, *arguments: object, timeout: float = 60.0) -> Any:
     """Run a program of a client from npm; return what it prints as JSON."""
     if shutil.which("node") is None:
-        skip("there is no node")
+        skip_or_fail("there is no node")
     if not Path(__file__).with_name("node_modules").is_dir():
-        skip("npm ci was not run in tests/wire")
+        skip_or_fail("npm ci was not run in tests/wire")
     return _run(["node", str(CLIENTS / script)], arguments, timeout)
 
 
@@ -99,15 +100,8 @@ def run_zenoh_peer(script: str, *arguments: object, timeout: float = 60.0) -> An
     """Run a program of zenoh-ros2-sdk, which has an environment of its own."""
     peer = Path(__file__).parents[2] / "out" / "zenoh_peer" / "bin" / "python"
     if not peer.is_file():
-        skip("there is no environment out/zenoh_peer with zenoh-ros2-sdk")
+        skip_or_fail("there is no environment out/zenoh_peer with zenoh-ros2-sdk")
     return _run([str(peer), str(CLIENTS / script)], arguments, timeout)
-
-
-def skip(reason: str) -> NoReturn:
-    """Skip a test, or fail where nothing may be skipped."""
-    if os.environ.get("ARM_DRAKE_NO_SKIP"):
-        pytest.fail(reason)
-    pytest.skip(reason)
 
 
 def _run(command: list[str], arguments: tuple[object, ...], timeout: float) -> Any:
