@@ -533,6 +533,42 @@ def test_two_browsers_show_the_same_simulation(
         assert is_near(middle(red(picture)), middle_of_arm(ELBOW, UPPER, 0.5))
 
 
+def test_a_link_that_is_dragged_is_pulled_and_the_camera_stays(
+    program: Live, screen: Screen
+) -> None:
+    screen.click("play")
+    column, row = map(float, middle_of_arm(ELBOW, UPPER, 0.0))
+    scene = screen.page.locator("#scene").bounding_box()
+    assert scene is not None
+    mouse, keyboard = screen.page.mouse, screen.page.keyboard
+    mouse.move(scene["x"] + column, scene["y"] + row)
+    keyboard.down("Shift")
+    mouse.down()
+    mouse.move(scene["x"] + column + 100.0, scene["y"] + row, steps=5)
+    keyboard.up("Shift")
+
+    def pulled() -> float:
+        text = screen.widget("hands:pulling").locator(".value").text_content()
+        return 0.0 if text in (None, "–") else float(str(text).split()[0])
+
+    # A spring of 20 rad/s at a link of 1 kg, which its servo holds in its place.
+    front = 0.04
+    depth = (1.5 - front) / 1.5
+    meters = depth * 100.0 / float(pixel(1.0, 0.5)[0] - pixel(0.0, 0.5)[0])
+    expected = 400.0 * meters
+    try:
+        screen.until(lambda: abs(pulled() - expected) < 0.05 * expected, "the force")
+        meshcat = program.page.meshcat
+        assert program.ask(lambda: meshcat.HasPath("/hands/spring"))
+    finally:
+        mouse.up()
+    screen.until(lambda: pulled() == 0.0, "it is let go")
+
+    picture = screen.picture(pause(program))
+    assert is_near(middle(red(picture)), middle_of_arm(ELBOW, UPPER, 0.0))
+    assert not program.ask(lambda: meshcat.HasPath("/hands/spring"))
+
+
 @pytest.fixture(scope="module")
 def cart(
     program_thread: concurrent.futures.ThreadPoolExecutor,
@@ -623,39 +659,3 @@ def test_a_base_drives_by_its_slider_and_stops(cart: Live, cart_screen: Screen) 
 
     screen.until(lambda: screen.number(f"remote:{name}:forward") == 0.0, "0 m/s")
     screen.until(stands, "it stands")
-
-
-def test_a_link_that_is_dragged_is_pulled_and_the_camera_stays(
-    program: Live, screen: Screen
-) -> None:
-    screen.click("play")
-    column, row = map(float, middle_of_arm(ELBOW, UPPER, 0.0))
-    scene = screen.page.locator("#scene").bounding_box()
-    assert scene is not None
-    mouse, keyboard = screen.page.mouse, screen.page.keyboard
-    mouse.move(scene["x"] + column, scene["y"] + row)
-    keyboard.down("Shift")
-    mouse.down()
-    mouse.move(scene["x"] + column + 100.0, scene["y"] + row, steps=5)
-    keyboard.up("Shift")
-
-    def pulled() -> float:
-        text = screen.widget("hands:pulling").locator(".value").text_content()
-        return 0.0 if text in (None, "–") else float(str(text).split()[0])
-
-    # A spring of 20 rad/s at a link of 1 kg, which its servo holds in its place.
-    front = 0.04
-    depth = (1.5 - front) / 1.5
-    meters = depth * 100.0 / float(pixel(1.0, 0.5)[0] - pixel(0.0, 0.5)[0])
-    expected = 400.0 * meters
-    try:
-        screen.until(lambda: abs(pulled() - expected) < 0.05 * expected, "the force")
-        meshcat = program.page.meshcat
-        assert program.ask(lambda: meshcat.HasPath("/hands/spring"))
-    finally:
-        mouse.up()
-    screen.until(lambda: pulled() == 0.0, "it is let go")
-
-    picture = screen.picture(pause(program))
-    assert is_near(middle(red(picture)), middle_of_arm(ELBOW, UPPER, 0.0))
-    assert not program.ask(lambda: meshcat.HasPath("/hands/spring"))
