@@ -27,7 +27,6 @@ from typing import Any
 import cloudpickle
 import numpy as np
 
-from arm_drake import yaml_files
 from arm_drake.arrays import Array
 from arm_drake.batch.changes import change_robot
 from arm_drake.batch.runs import Run
@@ -35,11 +34,14 @@ from arm_drake.description.robot import Robot
 from arm_drake.errors import ArmDrakeError, InputError, suggest
 from arm_drake.options import SimulationOptions
 from arm_drake.rollout.rollout import Rollout
-from arm_drake.scene import _at as at
-from arm_drake.scene import _read_options as read_options
-from arm_drake.scene import _read_robot as read_robot
-from arm_drake.scene import _read_world as read_world
-from arm_drake.scene import _Value as Value
+from arm_drake.scene import (
+    Value,
+    at_place,
+    read_file,
+    read_options,
+    read_robot,
+    read_world,
+)
 from arm_drake.simulation.recording import list_failures
 from arm_drake.simulation.simulation import Simulation
 
@@ -204,14 +206,7 @@ def load_study(path: str | Path) -> Study:
     Raises:
         InputError: If it can't be used: with the file, the line and the place in it.
     """
-    path = Path(path).expanduser()
-    try:
-        node = yaml_files.compose(yaml_files.read_text(path))
-        if node is None:
-            raise InputError("it is empty; expected a robot", file=path)
-        return _read_study(Value(path, node, ""))
-    except yaml_files.YamlError as error:
-        raise InputError(error.problem, file=path, line=error.line) from None
+    return read_file(path, _read_study, "a robot")
 
 
 def _read_study(root: Value) -> Study:
@@ -388,7 +383,7 @@ def _check(study: Study, fields: Mapping[str, Value]) -> None:
         if kind == "motion" and study.motion is None:
             raise place.error("there is no motion whose parameters could vary")
         if kind in ("scale", "gains", "controller"):
-            at(place, functools.partial(change_robot, robot, {name: value}))
+            at_place(place, functools.partial(change_robot, robot, {name: value}))
         else:
             one = {name: value}
             try:
