@@ -410,6 +410,7 @@ _THING_KEYS = ("name", *SHAPES, "mass", "color", "friction", "pose", "fixed")
 _OPTIONS = tuple(
     field.name for field in dc.fields(SimulationOptions) if field.name != "frame_rate"
 )
+_WHOLE = [field.name for field in dc.fields(SimulationOptions) if field.type is int]
 
 
 class _LoadedRobot(NamedTuple):
@@ -619,7 +620,7 @@ def _read_options(value: _Value) -> SimulationOptions:
     for name, given in options.items():
         if isinstance(given, list):
             options[name] = tuple(given)
-        elif type(given) is int:
+        elif type(given) is int and name not in _WHOLE:
             options[name] = float(given)
     for name, given in options.items():
         place = dc.replace(fields[name], where="options")
