@@ -289,8 +289,8 @@ def _motion_to_data(motion: Motion, robot: Robot, folder: Path | None) -> Any:
     data: dict[str, Any] = {
         "motion": names[0] if names else _name_file(motion.file, folder)
     }
-    given = dict(motion.parameters)
-    return data | ({"motion_parameters": given} if given else {})
+    parameters = dict(motion.parameters)
+    return data | ({"motion_parameters": parameters} if parameters else {})
 
 
 def _thing_to_data(thing: Thing) -> dict[str, Any]:
@@ -477,13 +477,17 @@ def _read_robot(value: _Value) -> _LoadedRobot:
             )
     robot = _at(value, lambda: load_robot(**options))
     payloads = _read_payloads(fields["payload"], robot) if "payload" in fields else {}
-    motion, given = None, fields.get("motion_parameters")
+    motion, motion_parameters = None, fields.get("motion_parameters")
     if "motion" in fields:
         name = fields["motion"].path()
-        parameters = given.plain() if given and given.mapping() else {}
+        parameters = (
+            motion_parameters.plain()
+            if motion_parameters and motion_parameters.mapping()
+            else {}
+        )
         motion = _at(fields["motion"], lambda: find_motion(name, robot, parameters))
-    elif given:
-        raise given.error("there is no motion beside them")
+    elif motion_parameters:
+        raise motion_parameters.error("there is no motion beside them")
     return _LoadedRobot(robot, payloads, motion)
 
 

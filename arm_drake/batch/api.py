@@ -1,4 +1,4 @@
-"""run_many and iterate_many, and where they execute runs.
+"""run_many and iterate_many: many runs, on processes or executors.
 
 That is here, one after the other; in threads; in processes; or by choice, for which
 runs that are executed here take the time. How many at a time is by the cores that this
@@ -659,9 +659,9 @@ class _Execution:
         limits = _check_limits(how)
         function = _check_function(self._items, function, keep)
         self._store = self._open(how.to)
-        there = {} if self._store is None else self._store.done
+        done = {} if self._store is None else self._store.done
         # Places of the runs that are left.
-        self._left = [i for i in range(self.num_runs) if i not in there]
+        self._left = [i for i in range(self.num_runs) if i not in done]
         work = Work(
             function,
             [self._items[index] for index in self._left],
@@ -673,8 +673,8 @@ class _Execution:
         except BaseException:
             self._close_store()
             raise
-        if there:
-            self.choice.why += f"; {len(there)} were there already"
+        if done:
+            self.choice.why += f"; {len(done)} were there already"
         self._progress = Progress(self.num_runs, how.progress)
 
     def _open(self, path: str | Path | None) -> "RunStore | None":

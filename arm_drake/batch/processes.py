@@ -145,8 +145,8 @@ def sendable(error: Exception) -> Exception:
             return error
     except Exception:  # noqa: S110  Classes of others may raise anything.
         pass
-    is_told = isinstance(error, ArmDrakeError)
-    text = RunError(str(error) if is_told else describe(error))
+    is_expected = isinstance(error, ArmDrakeError)
+    text = RunError(str(error) if is_expected else describe(error))
     for note in getattr(error, "__notes__", ()):
         text.add_note(note)
     return text

@@ -152,12 +152,12 @@ class Study:
         if "initial" in parts:
             positions = {**robot.initial_positions, **parts["initial"]}
             robot = dc.replace(robot, initial_positions=positions)
-        given, motion = parts.get("motion", {}), self.motion
+        varied, motion = parts.get("motion", {}), self.motion
         parameters: dict[str, Any] = {}
-        if motion is not None and given:
+        if motion is not None and varied:
             if motion.file is None:
                 raise InputError("motion: expected a file, whose parameters vary")
-            parameters, motion = {**motion.parameters, **given}, motion.file
+            parameters, motion = {**motion.parameters, **varied}, motion.file
         return Run(
             robot=robot,
             motion=motion,

@@ -292,12 +292,12 @@ def _warnings(problem: "_Problem", legs: Sequence["_Leg"]) -> Iterator[str]:
 def find_controller(robot: Robot, group: PlanningGroup) -> str | None:
     """Return the name of the trajectory controller of exactly a group's joints."""
     for controller in robot.controllers.controllers:
-        given = controller.parameters.get("joints")
-        has_joints = given is not None and isinstance(given.value, list)
+        parameter = controller.parameters.get("joints")
+        has_joints = parameter is not None and isinstance(parameter.value, list)
         if (
             has_joints
             and controller.type.endswith("JointTrajectoryController")
-            and set(map(str, given.value)) == set(group.joints)  # type: ignore[union-attr]
+            and set(map(str, parameter.value)) == set(group.joints)  # type: ignore[union-attr]
         ):
             return controller.name
     return None
@@ -438,9 +438,11 @@ def _find_goals(
     """Return joint positions of a goal that are free, the nearest first."""
     model, joints = problem.model, problem.group.joints
     if isinstance(target, str | Mapping):
-        given = find_state(problem.group, target) if isinstance(target, str) else target
+        positions = (
+            find_state(problem.group, target) if isinstance(target, str) else target
+        )
         x = start.copy()
-        for name, value in given.items():
+        for name, value in positions.items():
             if name not in joints:
                 raise InputError(
                     f"to: joint {name!r} is not of group {problem.group.name!r}, which "

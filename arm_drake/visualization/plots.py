@@ -23,10 +23,10 @@ from arm_drake.planning.inverse_kinematics import forward_kinematics
 from arm_drake.planning.motion_planning import Plan
 from arm_drake.rollout.rollout import Rollout
 from arm_drake.visualization.plot_panels import (
+    COMMANDED,
     DASHES,
     LIMIT,
     MEASURED,
-    WANTED,
     JointLimits,
     Picture,
     Tracked,
@@ -66,7 +66,7 @@ def plot_effort(rollout: Rollout, joints: Sequence[str]) -> Picture:
         draw_line(panel, rollout.time, effort, color=MEASURED, lw=2, label="applied")
         reference = commanded(rollout, joint, interfaces.EFFORT)
         if reference is not None:
-            style = {"color": WANTED[0], "ls": DASHES[0], "lw": 1.0}
+            style = {"color": COMMANDED[0], "ls": DASHES[0], "lw": 1.0}
             draw_line(panel, rollout.time, reference, label="commanded effort", **style)
         see_least(panel, unit)
         note = _draw_limit(panel, peak_of([effort]), limit, unit)
@@ -120,7 +120,7 @@ _SLIM = 0.4
 
 _MEASURED: dict[str, Any] = {"color": MEASURED, "lw": 3, "label": "measured"}
 _REFERENCE_LINE: dict[str, Any] = {
-    "color": WANTED[0],
+    "color": COMMANDED[0],
     "ls": DASHES[0],
     "lw": 1.2,
     "label": "reference",
@@ -427,7 +427,7 @@ def plot_phase(rollout: Rollout, joints: Sequence[str]) -> Picture:
             if len(rows):
                 point = [q[rows[at]]], [v[rows[at]]]
                 style: dict[str, Any] = {
-                    "color": WANTED[0],
+                    "color": COMMANDED[0],
                     "mfc": "white",
                     "ls": "",
                     "ms": 6,
@@ -554,7 +554,7 @@ class _Styles:
         self._numbers = {label: number for number, label in enumerate(labels)}
 
     def colour(self, label: str) -> str:
-        return WANTED[self._numbers[label] % len(WANTED)]
+        return COMMANDED[self._numbers[label] % len(COMMANDED)]
 
     def dashes(self, label: str) -> Any:
         return DASHES[self._numbers[label] % len(DASHES)]
