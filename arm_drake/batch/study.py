@@ -395,7 +395,7 @@ def _check(study: Study, fields: Mapping[str, Value]) -> None:
             offered = find_hardware_interfaces(
                 robot.description, known, sensors=robot.sensors
             )
-            at(place, functools.partial(check_noise, {rest: 0.0}, [offered]))
+            at_place(place, functools.partial(check_noise, {rest: 0.0}, [offered]))
         if kind == "motion" and study.motion is None:
             raise place.error("there is no motion whose parameters could vary")
         if kind in ("scale", "gains", "controller"):

@@ -284,7 +284,7 @@ class Request(NamedTuple):
     # Of a goal.
     goal_id: str = ""
 
-    # Takes the response to a call, or GoalNews; it is called in the network's thread.
+    # Takes the response to a call, or GoalEvent; it is called in the network's thread.
     reply: Callable[[Any], None] = lambda answer: None
 
     # Takes what is wrong, in words.
