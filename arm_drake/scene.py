@@ -424,6 +424,7 @@ _THING_KEYS = ("name", *SHAPES, "mass", "color", "friction", "pose", "fixed")
 _OPTIONS = tuple(
     field.name for field in dc.fields(SimulationOptions) if field.name != "frame_rate"
 )
+_WHOLE = [field.name for field in dc.fields(SimulationOptions) if field.type is int]
 
 
 class SceneRobot(NamedTuple):
@@ -644,7 +645,7 @@ def read_options(value: Value) -> SimulationOptions:
     for name, option in options.items():
         if isinstance(option, list):
             options[name] = tuple(option)
-        elif type(option) is int:
+        elif type(option) is int and name not in _WHOLE:
             options[name] = float(option)
     for name, option in options.items():
         place = dc.replace(fields[name], where="options")

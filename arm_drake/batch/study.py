@@ -32,6 +32,8 @@ from arm_drake.batch.changes import change_robot
 from arm_drake.batch.runs import Run
 from arm_drake.description.robot import Robot
 from arm_drake.errors import ArmDrakeError, InputError, suggest
+from arm_drake.hardware.noise_and_delay import check_noise
+from arm_drake.manager.hardware_interfaces import find_hardware_interfaces
 from arm_drake.options import SimulationOptions
 from arm_drake.rollout.rollout import Rollout
 from arm_drake.scene import (
@@ -78,6 +80,7 @@ VARIED = (
     "initial",
     "motion",
     "options",
+    "noise",
     "scale",
     "gains",
     "controller",
@@ -140,10 +143,13 @@ class Study:
 
     def runs(self) -> list[Run]:
         """Return all runs, in the order of `values`."""
-        return [self.run_of(values) for values in self.values()]
+        return [
+            self.run_of(values, index % self.draws)
+            for index, values in enumerate(self.values())
+        ]
 
-    def run_of(self, values: Mapping[str, Any]) -> Run:
-        """Return the run in which these are varied."""
+    def run_of(self, values: Mapping[str, Any], draw: int = 0) -> Run:
+        """Return the run in which these are varied; its noise is that of its draw."""
         robot, changes, parts = self.robot, {}, dict[str, dict[str, Any]]()
         for name, value in values.items():
             kind, _, rest = name.partition(".")
@@ -154,6 +160,11 @@ class Study:
         if "initial" in parts:
             positions = {**robot.initial_positions, **parts["initial"]}
             robot = dc.replace(robot, initial_positions=positions)
+        chosen = parts.get("options", {})
+        noise = {**self.options.state_noise, **parts.get("noise", {})}
+        if noise and "seed" not in chosen:
+            chosen["seed"] = self.options.seed + draw
+        options = dc.replace(self.options, **chosen, state_noise=noise)
         varied, motion = parts.get("motion", {}), self.motion
         parameters: dict[str, Any] = {}
         if motion is not None and varied:
@@ -166,7 +177,7 @@ class Study:
             parameters=parameters,
             duration=self.duration,
             world=self.world,
-            options=dc.replace(self.options, **parts.get("options", {})),
+            options=options,
             payloads={**self.payloads, **parts.get("payload", {})} or None,
             changes=changes,
             name=", ".join(f"{n}={_brief(v)}" for n, v in values.items()),
@@ -380,6 +391,11 @@ def _check(study: Study, fields: Mapping[str, Value]) -> None:
             raise place.error(f"no link {rest!r}; {hint}")
         if kind == "initial" and rest not in known:
             raise place.error(f"no joint {rest!r}; {suggest(rest, known)}")
+        if kind == "noise":
+            offered = find_hardware_interfaces(
+                robot.description, known, sensors=robot.sensors
+            )
+            at_place(place, functools.partial(check_noise, {rest: 0.0}, [offered]))
         if kind == "motion" and study.motion is None:
             raise place.error("there is no motion whose parameters could vary")
         if kind in ("scale", "gains", "controller"):
