@@ -14,7 +14,7 @@ import inspect
 import textwrap
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from pydrake.common.value import AbstractValue
@@ -29,6 +29,7 @@ from pydrake.systems.framework import (
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
+from arm_drake.control.admittance import ChainKinematics
 from arm_drake.controllers.cycles import (
     Cycle,
     HardwareValues,
@@ -40,9 +41,6 @@ from arm_drake.errors import InputError
 from arm_drake.messages import NANOSECONDS
 from arm_drake.python_system import PythonSystem
 from arm_drake.timing import cycle_at
-
-if TYPE_CHECKING:
-    from arm_drake.control.admittance import ChainKinematics
 
 # Returns what a controller exports.
 _ReadExports = Callable[[Context], Array]
@@ -103,7 +101,7 @@ class ControllerInterfaceParams:
     world_name: str = "empty"
 
     # Returns the kinematics of joints, seen from a link; None if it isn't known.
-    make_kinematics: Callable[[Sequence[str], str], "ChainKinematics"] | None = None
+    make_kinematics: Callable[[Sequence[str], str], ChainKinematics] | None = None
 
     # Whether a manager keeps its state and says when it ticks; else it does so itself.
     is_managed: bool = False

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from arm_drake.errors import ArmDrakeError, InputError, SimulationError
 from arm_drake.messages import CancelResponse, GoalStatus, SwitchControllerResult
+from arm_drake.scene import Scene
 from arm_drake.simulation.mailbox import GoalHandle, SimulationEvent
 from arm_drake.simulation.motion import Motion
 from arm_drake.simulation.motion_files import MotionSource, find_motion
@@ -41,7 +42,6 @@ from arm_drake.visualization.teleop.base import Remote
 from arm_drake.visualization.teleop.remotes import find_remotes
 
 if TYPE_CHECKING:
-    from arm_drake.scene import Scene
     from arm_drake.wire.server import RosServer
 
 # What was missed of real time for longer than this is given up [s].
@@ -161,7 +161,7 @@ class LiveSimulation:
         shown: Iterable[str] = ("visual",),
         frame_rate: float | None = None,
         history: float = math.inf,
-        scene: "Scene | None" = None,
+        scene: Scene | None = None,
         ros: str | None = None,
     ) -> None:
         """Show a simulation; `run` lets it go.
