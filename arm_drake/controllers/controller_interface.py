@@ -47,6 +47,9 @@ if TYPE_CHECKING:
 # Returns what a controller exports.
 _ReadExports = Callable[[Context], Array]
 
+# See ControllerInterface.find_look.
+Look = Callable[[Context], Callable[[Cycle], Any]]
+
 
 @dc.dataclass(frozen=True)
 class ControllerInterfaceParams:
@@ -172,6 +175,8 @@ class ControllerInterface(PythonSystem):
         self._read_at: slice | list[int] | None = None
         if not self._missing:
             self._read_at = _as_slice(self._source_indices)
+        # By ports, see find_look.
+        self._looks: dict[str, Look] = {}
         # At most one port with the time of the last tick.
         self._tick_times: list[InputPort] = []
 
@@ -229,6 +234,15 @@ class ControllerInterface(PythonSystem):
         for read, target_indices, source_indices in self._exporters:
             values[target_indices] = read(context)[source_indices]
         return values
+
+    def find_look(self, port: str) -> Look | None:
+        """Return what reads a port's message so that it can be made elsewhere.
+
+        It takes the diagram's context, and is quick; what it returns makes the message
+        of the last cycle, in any thread, or None where there is nothing to say. None
+        for a port that can only be evaluated.
+        """
+        return self._looks.get(port)
 
     def _is_active(self, context: Context) -> bool:
         """Return whether the controller is active, as of the last cycle or this one."""
@@ -654,7 +668,13 @@ class TickingController(TickReader[S]):
         self, name: str, calc: Callable[[S], Any], *, default: Any = ()
     ) -> OutputPort:
         """Declare an abstract output port that shows something of the state."""
-        last = self._ticks.last
+        last, own = self._ticks.last, self.params.controller_name
+        if self.params.is_managed:
+
+            def show(cycle: Cycle) -> Any:
+                return calc(cycle.ticks[own].state)
+
+            self._looks[name] = lambda root: show
         return self.DeclareAbstractOutputPort(
             name,
             lambda: AbstractValue.Make(default),

@@ -578,24 +578,49 @@ class ControllerManager(PythonSystem):
 
         After steady cycles it is made of what these have kept.
         """
+        return self._make_state(*self._read_parts(context))
+
+    def look(self, context: Context) -> Callable[[], Cycle]:
+        """Return what makes the last cycle as controllers are told it, with its ticks.
+
+        That may be done later and in another thread: what it is made of is read now,
+        from the manager's own context, in a tenth of the time.
+        """
+        make = self._find_maker(*self._read_parts(context))
+
+        def tell() -> Cycle:
+            state = make()
+            return state.cycle._replace(ticks=state.ticks)
+
+        return tell
+
+    def _read_parts(self, context: Context) -> tuple[ManagerState, Array, Array]:
         values, numbers = (
             np.array(context.get_discrete_state(index).value())
             for index in (self._values, self._steady_state)
         )
-        return self._make_state(self._state(context), values, numbers)
+        return self._state(context), values, numbers
 
     def _make_state(
         self, state: ManagerState, values: Array, numbers: Array
     ) -> ManagerState:
         """Return the state after a steady cycle, of the last full one's and numbers."""
-        number = round(numbers[0])
+        return self._find_maker(state, values, numbers)()
+
+    def _find_maker(
+        self, state: ManagerState, values: Array, numbers: Array
+    ) -> Callable[[], ManagerState]:
+        """Return what makes that state."""
+        number = round(numbers.item(0))
         if number == state.cycle.number:
-            return state
+            return lambda: state
         steady = self._quiet.steady_cycles(state)
         assert steady is not None
         times = cycle_times(number, self.period, self._update_rate)
-        drive, motions = np.split(numbers[1:], [self._num_drive])
-        return steady.state(number, times, values, drive, motions)
+        end = 1 + self._num_drive
+        return lambda: steady.state(
+            number, times, values, numbers[1:end], numbers[end:]
+        )
 
     def write_state(self, context: Context, state: ManagerState) -> None:
         """Store a state in the manager's own context, for the next cycle."""

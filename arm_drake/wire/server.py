@@ -265,8 +265,10 @@ class RosServer:
             ResetRequested: If a client asked for a reset.
         """
         now = self._look_at_time()
-        self._do_again(now)
-        until = self._inputs[0].time if self._inputs else math.inf
+        until = math.inf
+        if self._inputs:
+            self._do_again(now)
+            until = self._inputs[0].time if self._inputs else math.inf
         if cycle_at(now, self.simulation.period) is None:
             return until
         self._update(now)
@@ -297,9 +299,8 @@ class RosServer:
         return now
 
     def _update(self, now: float) -> None:
-        context = self.simulation.simulator.get_context()
-        for topic in self._watched:
-            topic.update(context, now)
+        if self._watched:
+            self.graph.update(self._watched, now)
         if now >= self._events_due or now < self._events_due - 1.0:
             self._events_due = now + _EVENTS_PERIOD
             if self._goals or self._switches:
@@ -532,10 +533,6 @@ class RosServer:
         names = {id(t): t for each in self._transports for t in each.watched()}
         self._watched = tuple(t for t in names.values() if t.read is not None)
 
-    def fields_of(self, topic: Topic, value: Any) -> dict[str, Any]:
-        """Return what a topic tells as plain data, with all fields of its type."""
-        return topic.convert(value, self.offset_ns)
-
     def _serve(self) -> None:
         try:
             asyncio.run(self._run())
@@ -570,8 +567,9 @@ class RosServer:
             for _ in range(len(topic.waiting) - limit):
                 topic.waiting.popleft()
             while topic.waiting:
-                value = topic.waiting.popleft()
-                new.setdefault(topic, []).append(self.fields_of(topic, value))
+                fields = topic.convert(topic.waiting.popleft(), self.offset_ns)
+                if fields is not None:
+                    new.setdefault(topic, []).append(fields)
         for transport in self._transports:
             self._attempt(lambda transport=transport: transport.poll(new))  # type: ignore[misc]
 
