@@ -21,7 +21,7 @@ from arm_drake.visualization.contact_arrows import ContactArrows
 from arm_drake.visualization.drawing import ROOM_TO_MOVE, draw, frame_robots
 from arm_drake.visualization.ghost import BLUE, Ghost
 from arm_drake.visualization.link_drawings import VISUAL_PATH
-from arm_drake.visualization.meshcat import GROUND
+from arm_drake.visualization.meshcat import set_ground_visible
 from arm_drake.visualization.page import Choice, Scene, Toggle, Widget
 from arm_drake.visualization.page.link_readout import LinkReadout
 from arm_drake.visualization.page.panel import LinkViews, frame_names, make_fixed_frame
@@ -151,7 +151,7 @@ class LiveViews:
         InputError.
         """
         self._fixed_frame = self._find(frame, "fixed frame", self._frames)
-        self._scene.meshcat.SetProperty(GROUND, "visible", frame == WORLD)
+        set_ground_visible(self._scene.meshcat, is_visible=frame == WORLD)
         self._scene.patch({"fixed_frame": {"value": frame}})
         self.draw()
         if frame == WORLD:  # All goes back, and stays there without being drawn.

@@ -22,7 +22,7 @@ from arm_drake.plant.joint_ranges import (
     randomize,
 )
 from arm_drake.visualization.ghost import Ghost
-from arm_drake.visualization.meshcat import GROUND, frame_shapes
+from arm_drake.visualization.meshcat import frame_shapes, set_ground_visible
 from arm_drake.visualization.page import Event, Scene
 from arm_drake.visualization.page.link_readout import LinkReadout
 from arm_drake.visualization.page.motion_planning import MotionPlanning, ViewedRobot
@@ -187,7 +187,7 @@ class RobotViewer:
         if link not in names:
             raise InputError(f"fixed frame: no link {link!r}; {suggest(link, names)}")
         self._fixed_frame = link
-        self.page.meshcat.SetProperty(GROUND, "visible", link == WORLD)
+        set_ground_visible(self.page.meshcat, is_visible=link == WORLD)
         self.page.patch({"fixed_frame": {"value": link}})
         self._draw()
 
