@@ -219,13 +219,22 @@ def start_meshcat(*, host: str = "localhost", port: int | None = None) -> Meshca
         ) from None
 
 
-def frame_points(meshcat: Meshcat, points: Sequence[np.ndarray]) -> None:
+def move_camera(meshcat: Meshcat, way: Array) -> None:
+    """Move the camera from where somebody has put it, by a way in the world [m]."""
+    meshcat.SetTransform("/Cameras/default", RigidTransform(np.asarray(way, float)))
+
+
+def frame_points(
+    meshcat: Meshcat,
+    points: Sequence[np.ndarray],
+    direction: tuple[float, float, float] = THREE_QUARTER,
+) -> None:
     """Point the camera so that it sees all of some points."""
     lower, upper = np.min(points, axis=0), np.max(points, axis=0)
     centre = (lower + upper) / 2.0
     diameter = max(float(np.linalg.norm(upper - lower)), _SMALLEST_DIAMETER)
-    direction = np.array(THREE_QUARTER) / np.linalg.norm(THREE_QUARTER)
-    eye = centre + _VIEW_DISTANCE * diameter * direction
+    along = np.array(direction) / np.linalg.norm(direction)
+    eye = centre + _VIEW_DISTANCE * diameter * along
     _look(meshcat, eye, centre, diameter)
 
 
@@ -235,6 +244,7 @@ def frame_shapes(
     *,
     models: Collection[str] | None = None,
     room: float = 0.0,
+    direction: tuple[float, float, float] = THREE_QUARTER,
 ) -> None:
     """Point the camera so that it sees all that is drawn of a scene, or of robots.
 
@@ -261,13 +271,14 @@ def frame_shapes(
         points = np.concatenate(corners)
         diameter = float(np.linalg.norm(np.ptp(points, axis=0)))
         sideways = room * diameter * np.array(_SIDES)
-        camera = _VIEW.camera_for((points + sideways[:, None, :]).reshape(-1, 3))
+        view = dc.replace(_VIEW, direction=direction)
+        camera = view.camera_for((points + sideways[:, None, :]).reshape(-1, 3))
         _look(meshcat, np.array(camera.eye), np.array(camera.target), diameter)
         is_sunk = float(points[:, 2].min()) < -max(_SUNK * diameter, 2.0 * _BELOW)
         for path in (_PLANE, _OWN_PLANE):
             meshcat.SetProperty(path, "visible", not is_sunk)
     elif origins:
-        frame_points(meshcat, origins)
+        frame_points(meshcat, origins, direction)
 
 
 def _model(frame: str) -> str:
