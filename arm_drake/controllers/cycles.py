@@ -180,11 +180,43 @@ def last_cycle(context: Context, period: float) -> int:
     return math.ceil(context.get_time() / period - _TICK_TOLERANCE) - 1
 
 
+class MessageBatch:
+    """Messages on a port: the first ones of a list that does nothing but grow.
+
+    So many can be put on a port, one after the other, without copies of all before.
+    """
+
+    __slots__ = ("_growing", "_size")
+
+    def __init__(self, growing: list[Message]) -> None:
+        """Create it for all that are there now."""
+        self._growing, self._size = growing, len(growing)
+
+    @property
+    def messages(self) -> tuple[Message, ...]:
+        """The messages, the newest last."""
+        return tuple(self._growing[: self._size])
+
+    def __len__(self) -> int:
+        return self._size
+
+    def __getitem__(self, index: int) -> Message:
+        return self.messages[index]
+
+    def __deepcopy__(self, memo: dict[int, object]) -> Self:
+        return self
+
+
 def messages_on(port: InputPort, context: Context, expected: type[M]) -> tuple[M, ...]:
-    """Return the messages on an abstract port: one, a tuple of them, or nothing."""
+    """Return the messages on an abstract port: one, several, or nothing.
+
+    Several are a tuple or a MessageBatch.
+    """
     if not port.HasValue(context):
         return ()
     value = port.Eval(context)
+    if isinstance(value, MessageBatch):
+        value = value.messages
     messages = value if isinstance(value, tuple) else (value,)
     for message in messages:
         if not isinstance(message, expected):

@@ -525,6 +525,11 @@ class RosServer:
         else:
             self._replies.append(act)
 
+    @property
+    def now_ns(self) -> int:
+        """The time of the last tick [ns], by the clock that clients see."""
+        return round(self._last_time * 1e9) + self.offset_ns
+
     def warn(self, text: str) -> None:
         """Say what is wrong, at most ten times a second."""
         now = time.monotonic()

@@ -3,11 +3,19 @@
 import dataclasses as dc
 import io
 import time
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from playwright.sync_api import Locator, Page, ViewportSize, expect
+from playwright.sync_api import (
+    Browser,
+    BrowserContext,
+    Locator,
+    Page,
+    ViewportSize,
+    expect,
+)
 
 from tests.waiting import PATIENCE
 
@@ -25,6 +33,25 @@ Picture = NDArray[np.int16]
 
 # Whether each pixel belongs to something, shape (height, width).
 Mask = NDArray[np.bool_]
+
+
+# Pages are drawn on the processor; 60 times a second shows a test no more [ms].
+_PAUSE = 60
+
+_DRAW_SELDOM = f"""
+    const draw_next = window.requestAnimationFrame.bind(window);
+    window.requestAnimationFrame = (draw) =>
+        window.setTimeout(() => draw_next(draw), {_PAUSE});
+    window.cancelAnimationFrame = window.clearTimeout.bind(window);
+"""
+
+
+def new_context(browser: Browser, **options: Any) -> BrowserContext:
+    """Return a context whose pages draw seldom, and are waited for."""
+    context = browser.new_context(**{"viewport": VIEWPORT, **options})
+    context.set_default_timeout(1000.0 * PATIENCE)
+    context.add_init_script(_DRAW_SELDOM)
+    return context
 
 
 @dc.dataclass(frozen=True)

@@ -179,7 +179,13 @@ def test_the_programs_of_the_page_run(capsys: pytest.CaptureFixture[str]) -> Non
 
 
 @pytest.mark.slow
-def test_a_linear_policy_learns_to_reach_the_sphere() -> None:
+@pytest.mark.parametrize(
+    ("rounds", "policies", "trials"),
+    [(3, 12, 30), pytest.param(6, 20, 200, marks=pytest.mark.long)],
+)
+def test_a_linear_policy_learns_to_reach_the_sphere(
+    rounds: int, policies: int, trials: int
+) -> None:
     """The cross-entropy method finds 24 numbers: from the way there to the joints."""
     task = ad.ReachTask(region=((0.45, -0.3, 0.3), (0.8, 0.3, 0.75)), time_limit=2.5)
     environment = ad.make_env(
@@ -198,15 +204,15 @@ def test_a_linear_policy_learns_to_reach_the_sphere() -> None:
 
     generator = np.random.default_rng(1)
     mean, spread = np.zeros((6, 4)), np.full((6, 4), 3.0)
-    for round_ in range(6):
-        tried = mean + spread * generator.normal(size=(20, 6, 4))
+    for round_ in range(rounds):
+        tried = mean + spread * generator.normal(size=(policies, 6, 4))
         seeds = [int(s) for s in generator.integers(1_000_000, size=3)]
         totals = [np.mean([run(each, s)[0] for s in seeds]) for each in tried]
         best = tried[np.argsort(totals)[-5:]]
         mean = 0.3 * mean + 0.7 * best.mean(axis=0) if round_ else best.mean(axis=0)
         spread = best.std(axis=0) + 0.5 * 0.8**round_
 
-    successes = [run(mean, 1_000_000 + trial)[1] for trial in range(200)]
+    successes = [run(mean, 1_000_000 + trial)[1] for trial in range(trials)]
 
     assert np.mean(successes) > 0.9
     # It is learnt: without, the arm stays where it is.

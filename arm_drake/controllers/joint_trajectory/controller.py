@@ -492,7 +492,6 @@ class SteadyTrajectory:
         last, goal = self._last, self._last.goal
         if goal is None or goal.outcome is not None:
             return None
-
         # News that held the state would hold all news before it.
         stripped = last._replace(plan=last.plan._replace(events=()), goal=None)
         stripped_system = self._system._replace(control=stripped)
@@ -507,13 +506,14 @@ class SteadyTrajectory:
 
     def command(self, time_ns: int, motions: Array) -> list[float] | None:
         """Return the values that a tick commands; None where it has to judge them."""
-        ahead = self._sample(time_ns + self._ahead_ns)
+        ahead_ns = time_ns + self._ahead_ns
         if self._path is None and self._rules.is_plain:
-            return ahead.position.tolist()
+            return self._trajectory.positions(ahead_ns, self._last.cursor)
+        ahead = self._sample(ahead_ns)
         inputs = self._sense(time_ns, motions)
         desired = self._sample(time_ns + self._present_ns)
-        error = desired.position - inputs.position
-        if self._path is not None and exceeds(error, None, None, self._path):
+        error, path = desired.position - inputs.position, self._path
+        if path is not None and exceeds(error, None, None, path):
             return None
         return self._make_command(inputs, desired, ahead, error).tolist()
 

@@ -401,6 +401,8 @@ class LiveSimulation:
         if self._shown_time is None:
             self.views.draw()
             self._pictures.add(self.simulation.time, self.views.positions())
+            for part in self.parts:
+                part.draw()
         else:
             self.views.draw_past(self._pictures.at(self._shown_time))
         self._drawn = self.shown_time

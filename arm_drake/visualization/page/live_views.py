@@ -21,7 +21,7 @@ from arm_drake.visualization.contact_arrows import ContactArrows
 from arm_drake.visualization.drawing import ROOM_TO_MOVE, draw, frame_robots
 from arm_drake.visualization.ghost import BLUE, Ghost
 from arm_drake.visualization.link_drawings import VISUAL_PATH
-from arm_drake.visualization.meshcat import GROUND
+from arm_drake.visualization.meshcat import THREE_QUARTER, set_ground_visible
 from arm_drake.visualization.page import Choice, Scene, Toggle, Widget
 from arm_drake.visualization.page.link_readout import LinkReadout
 from arm_drake.visualization.page.panel import LinkViews, frame_names, make_fixed_frame
@@ -151,7 +151,7 @@ class LiveViews:
         InputError.
         """
         self._fixed_frame = self._find(frame, "fixed frame", self._frames)
-        self._scene.meshcat.SetProperty(GROUND, "visible", frame == WORLD)
+        set_ground_visible(self._scene.meshcat, is_visible=frame == WORLD)
         self._scene.patch({"fixed_frame": {"value": frame}})
         self.draw()
         if frame == WORLD:  # All goes back, and stays there without being drawn.
@@ -171,9 +171,16 @@ class LiveViews:
         self._scene.patch({"trail": {"value": frame or _NOTHING}})
         self.draw()
 
-    def frame(self) -> None:
+    def frame(self, direction: tuple[float, float, float] = THREE_QUARTER) -> None:
         """Point the camera at the robots, so that all of them is to be seen."""
-        frame_robots(self._simulation, self._scene.meshcat)
+        frame_robots(self._simulation, self._scene.meshcat, direction=direction)
+
+    def drawn_poses(self) -> dict[str, RigidTransform]:
+        """Return where links are drawn, by their names as frames."""
+        poses = {name: self._simulation.link_poses(name) for name in self._robots}
+        where = self._named(poses)
+        X_FW = where.get(self._fixed_frame, RigidTransform()).inverse()
+        return {name: X_FW @ X_WL for name, X_WL in where.items()}
 
     def draw(self) -> None:
         """Draw all as it is now."""
