@@ -1,4 +1,4 @@
-"""Cycles and ticks: what manager and controllers tell each other."""
+"""Cycles and ticks: the data that manager and controllers exchange."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence

@@ -177,16 +177,16 @@ class Foxglove:
         ]
         found = []
         for node in nodes:
-            wanted = [n[len(node) + 1 :] for n in names if n.startswith(f"{node}.")]
-            if names and not wanted:
+            own_names = [n[len(node) + 1 :] for n in names if n.startswith(f"{node}.")]
+            if names and not own_names:
                 continue
-            if not wanted:
+            if not own_names:
                 listed = self.ask(
                     f"{node}/list_parameters", {"prefixes": [], "depth": 0}
                 )
-                wanted = listed["result"]["names"]
-            values = self.ask(f"{node}/get_parameters", {"names": wanted})["values"]
-            for name, value in zip(wanted, values, strict=True):
+                own_names = listed["result"]["names"]
+            values = self.ask(f"{node}/get_parameters", {"names": own_names})["values"]
+            for name, value in zip(own_names, values, strict=True):
                 if value["type"]:
                     found.append(_parameter(f"{node}.{name}", value))
         return found
@@ -200,8 +200,8 @@ class Foxglove:
             try:
                 type_ = "rcl_interfaces/srv/SetParameters_Request"
                 value = to_parameter_value(self._as_known(each.name, each.get_value()))
-                wanted = {"parameters": [{"name": name, "value": value}]}
-                fields = self.server.types.fill(type_, wanted)
+                message = {"parameters": [{"name": name, "value": value}]}
+                fields = self.server.types.fill(type_, message)
                 [result] = self.ask(f"{node}/set_parameters", fields)["results"]
                 if not result["successful"]:
                     raise InputError(result["reason"])
@@ -235,9 +235,9 @@ class Foxglove:
         """Return the topics that a client listens to."""
         return [topic for topic, count in self._listening.items() if count > 0]
 
-    def poll(self, news: Mapping[Topic, Sequence[dict[str, Any]]]) -> None:
+    def poll(self, received: Mapping[Topic, Sequence[dict[str, Any]]]) -> None:
         """Send what is new."""
-        for topic, messages in news.items():
+        for topic, messages in received.items():
             if self._listening.get(topic, 0) > 0:
                 for fields in messages:
                     self._log(topic, fields)

@@ -245,7 +245,7 @@ class Call(NamedTuple):
 
 
 @dc.dataclass(frozen=True)
-class GoalNews:
+class GoalEvent:
     """News of a goal that a client sent."""
 
     goal_id: str
@@ -284,7 +284,7 @@ class Request(NamedTuple):
     # Of a goal.
     goal_id: str = ""
 
-    # Takes the response to a call, or GoalNews; it is called in the network's thread.
+    # Takes the response to a call, or GoalEvent; it is called in the network's thread.
     reply: Callable[[Any], None] = lambda answer: None
 
     # Takes what is wrong, in words.
@@ -504,13 +504,15 @@ class RobotFrames:
         free = {name for name, _ in self._bodies}
         self._topics = _frame_ports(simulation, manager)
         context = simulation.simulator.get_context()
-        told = {
+        driven = {
             transform.child_frame_id.rpartition("/")[2]
             for read in self._topics
             for transform in read(context).transforms
         }
         # Whoever drives tells where the base is, and a frame has one parent.
-        self._bodies = [(name, read) for name, read in self._bodies if name not in told]
+        self._bodies = [
+            (name, read) for name, read in self._bodies if name not in driven
+        ]
         self._fixed = [
             (t.parent, t.child, t.poses(np.zeros(1))[0])
             for t in self._transforms
@@ -519,7 +521,7 @@ class RobotFrames:
         self._fixed += [
             (WORLD, root, np.hstack(fixed_pose(pose)))
             for root in roots
-            if root not in free | told
+            if root not in free | driven
         ]
 
     def fixed(self) -> dict[str, Any]:

@@ -31,7 +31,7 @@ from arm_drake.wire.encodings import (
     split,
     to_png,
 )
-from arm_drake.wire.graph import GoalNews, Graph, Request, Topic
+from arm_drake.wire.graph import GoalEvent, Graph, Request, Topic
 from arm_drake.wire.types import WireTypes, full_name
 
 if TYPE_CHECKING:
@@ -337,12 +337,12 @@ class Rosbridge:
         names = {name for client in self.clients for name in client.subscriptions}
         return [known[name] for name in names if name in known]
 
-    def poll(self, news: Mapping[Topic, Sequence[dict[str, Any]]]) -> None:
+    def poll(self, received: Mapping[Topic, Sequence[dict[str, Any]]]) -> None:
         """Send what is new to who wants it."""
-        if not news and not self._pending:
+        if not received and not self._pending:
             return
         encoder, now = Encoder(self.server), time.monotonic()
-        for topic, messages in news.items():
+        for topic, messages in received.items():
             for client in self.clients:
                 subscription = client.subscriptions.get(topic.name)
                 if subscription is None:
@@ -435,11 +435,11 @@ class Rosbridge:
             encoder = Encoder(self.server)
             self._send(client, name, self._type_of(name), last, encoder)
 
-    def _check_type(self, name: str, given: Any) -> None:
+    def _check_type(self, name: str, type_name: Any) -> None:
         """Raise InputError if a topic has another type than is given, if one is."""
         known = self._type_of(name)
-        if given and known and full_name(str(given)) != known:
-            raise InputError(f"topic {name!r} is of type {known}, not {given}")
+        if type_name and known and full_name(str(type_name)) != known:
+            raise InputError(f"topic {name!r} is of type {known}, not {type_name}")
 
     def _do_unsubscribe(self, client: Client, content: dict[str, Any]) -> None:
         name = _name(content, "topic")
@@ -625,28 +625,30 @@ class Rosbridge:
             provider.send({**content, "id": key})
             return
         action = self.server.graph.action(name)
-        given = content.get("action_type")
-        if given and full_name(str(given), "action") != action.type:
-            raise InputError(f"action {name!r} is of type {action.type}, not {given}")
+        type_name = content.get("action_type")
+        if type_name and full_name(str(type_name), "action") != action.type:
+            raise InputError(
+                f"action {name!r} is of type {action.type}, not {type_name}"
+            )
         fields = _arguments(content, f"{action.type}_Goal", self)
         wants_feedback = bool(content.get("feedback", False))
         compression = content.get("compression") or "none"
 
-        def reply(news: GoalNews) -> None:
+        def reply(event: GoalEvent) -> None:
             answer = {"action": content.get("action"), "id": id_}
-            if news.kind == "feedback":
+            if event.kind == "feedback":
                 if wants_feedback:
-                    answer |= {"op": "action_feedback", "values": news.data}
+                    answer |= {"op": "action_feedback", "values": event.data}
                     client.send(answer, compression)
-            elif news.kind == "cancel":
-                client.status("error", news.reason, id_)
-            elif news.kind != "accepted":
+            elif event.kind == "cancel":
+                client.status("error", event.reason, id_)
+            elif event.kind != "accepted":
                 client.goals.pop(id_, None)
-                is_done = news.status == _SUCCEEDED
-                answer |= {"op": "action_result", "values": news.data}
-                if news.kind == "rejected":
-                    answer["values"] = news.reason or "the goal is rejected"
-                answer |= {"status": news.status, "result": is_done}
+                is_done = event.status == _SUCCEEDED
+                answer |= {"op": "action_result", "values": event.data}
+                if event.kind == "rejected":
+                    answer["values"] = event.reason or "the goal is rejected"
+                answer |= {"status": event.status, "result": is_done}
                 client.send(answer, compression)
 
         self._submit(

@@ -28,7 +28,7 @@ from arm_drake.simulation.mailbox import GoalHandle, SimulationEvent
 from arm_drake.simulation.recording import History
 from arm_drake.simulation.simulation import ResetRequested, Simulation
 from arm_drake.timing import cycle_at
-from arm_drake.wire.graph import Action, Call, GoalNews, Graph, Request, Topic
+from arm_drake.wire.graph import Action, Call, GoalEvent, Graph, Request, Topic
 from arm_drake.wire.services import Controls, add_services
 from arm_drake.wire.types import load_wire_types, to_fields, to_message
 
@@ -43,7 +43,7 @@ MAX_REQUESTS = 1000
 _MAX_RATE = 1250.0
 
 # News of goals are looked for so often [s].
-_NEWS_PERIOD = 0.01
+_EVENTS_PERIOD = 0.01
 
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 
@@ -89,7 +89,7 @@ class Transport(Protocol):
     async def start(self) -> list[str]:
         """Listen; return its address, and what to type on the other side."""
 
-    def poll(self, news: Mapping[Topic, Sequence[dict[str, Any]]]) -> None:
+    def poll(self, received: Mapping[Topic, Sequence[dict[str, Any]]]) -> None:
         """Send what is new of topics that it watches."""
 
     def watched(self) -> Iterable[Topic]:
@@ -104,7 +104,7 @@ class _Goal:
 
     def __init__(self, request: Request, action: Action, handle: GoalHandle) -> None:
         self.request, self.action, self.handle = request, action, handle
-        self.told: GoalStatus = GoalStatus.PENDING
+        self.reported: GoalStatus = GoalStatus.PENDING
         self.num_feedback = 0
 
 
@@ -183,12 +183,12 @@ class RosServer:
         self.addresses: list[str] = []
         self.offset_ns = 0
         self._requests: collections.deque[Request] = collections.deque()
-        self._news: collections.deque[Callable[[], None]] = collections.deque()
+        self._replies: collections.deque[Callable[[], None]] = collections.deque()
         self._watched: tuple[Topic, ...] = ()
         self._goals: dict[str, _Goal] = {}
         self._switches: list[_Switch] = []
         self._last_time = self.simulation.time
-        self._news_due = 0.0
+        self._events_due = 0.0
         self._trim_due = 0.0
         self._warn_due = 0.0
         self._polled = time.monotonic()
@@ -301,10 +301,10 @@ class RosServer:
     def _update(self, now: float) -> None:
         if self._watched:
             self.graph.update(self._watched, now)
-        if now >= self._news_due or now < self._news_due - 1.0:
-            self._news_due = now + _NEWS_PERIOD
+        if now >= self._events_due or now < self._events_due - 1.0:
+            self._events_due = now + _EVENTS_PERIOD
             if self._goals or self._switches:
-                self.simulation.collect_news()
+                self.simulation.collect_events()
             if self._history is not None and now >= self._trim_due:
                 self._trim_due = now + 1.0
                 self._history.trim()
@@ -403,7 +403,7 @@ class RosServer:
             self.offset_ns += round(time * 1e9)
         for topic in self.graph.topics.values():
             topic.reset()
-        self._news_due = self._trim_due = 0.0
+        self._events_due = self._trim_due = 0.0
         for goal in list(self._goals.values()):
             self._tell(goal, GoalStatus.ABORTED, {}, "the simulation was reset")
         self._goals.clear()
@@ -439,25 +439,25 @@ class RosServer:
         elif isinstance(event, CancelResponse) and not event.accepted:
             for goal in self._goals.values():
                 if goal.handle.request is event.request.request:
-                    news = GoalNews(
+                    answer = GoalEvent(
                         goal.request.goal_id, goal.action, "cancel", reason=event.reason
                     )
-                    self._reply(goal, news)
+                    self._reply(goal, answer)
 
     def _take_goal(self, goal: _Goal) -> None:
         """Tell a client what is new of its goal."""
         handle = goal.handle
-        is_new = goal.told is GoalStatus.PENDING
+        is_new = goal.reported is GoalStatus.PENDING
         if is_new and handle.status not in (GoalStatus.PENDING, GoalStatus.REJECTED):
-            goal.told = GoalStatus.EXECUTING
+            goal.reported = GoalStatus.EXECUTING
             self._tell(goal, GoalStatus.EXECUTING, {}, "", kind="accepted")
         feedback = handle.feedback
         for each in feedback[goal.num_feedback :]:
             fields = to_fields(each, self.offset_ns)
             self._tell(goal, GoalStatus.EXECUTING, fields, "", kind="feedback")
         goal.num_feedback = len(feedback)
-        if handle.status.is_terminal and not goal.told.is_terminal:
-            goal.told = handle.status
+        if handle.status.is_terminal and not goal.reported.is_terminal:
+            goal.reported = handle.status
             result = to_fields(handle.result) if handle.result is not None else {}
             reason = getattr(handle.result, "error_string", "") or handle.note
             self._tell(goal, handle.status, result, reason)
@@ -477,7 +477,7 @@ class RosServer:
         stamp_ns = round(self.simulation.time * 1e9) + self.offset_ns
         self._reply(
             goal,
-            GoalNews(
+            GoalEvent(
                 goal.request.goal_id,
                 goal.action,
                 kind,
@@ -488,13 +488,13 @@ class RosServer:
             ),
         )
 
-    def _reply(self, goal: _Goal, news: GoalNews) -> None:
-        self._post(lambda: goal.request.reply(news))
+    def _reply(self, goal: _Goal, event: GoalEvent) -> None:
+        self._post(lambda: goal.request.reply(event))
 
     def _post(self, act: Callable[[], None]) -> None:
         """Have the network's thread do something, when it looks next."""
         if self._thread is not None:
-            self._news.append(act)
+            self._replies.append(act)
 
     # What the network's thread does.
 
@@ -516,10 +516,10 @@ class RosServer:
 
         What is over so much that waits is dropped, and said.
         """
-        if len(self._news) > MAX_REQUESTS * 10:
+        if len(self._replies) > MAX_REQUESTS * 10:
             self.warn("too much comes in at once; some of it is dropped")
         else:
-            self._news.append(act)
+            self._replies.append(act)
 
     @property
     def now_ns(self) -> int:
@@ -562,8 +562,8 @@ class RosServer:
                 await transport.stop()
 
     def _poll(self) -> None:
-        for _ in range(len(self._news)):
-            self._attempt(self._news.popleft())
+        for _ in range(len(self._replies)):
+            self._attempt(self._replies.popleft())
         new: dict[Topic, list[dict[str, Any]]] = {}
         now = time.monotonic()
         limit = math.ceil((now - self._polled) * _MAX_RATE)

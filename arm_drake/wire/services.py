@@ -265,8 +265,8 @@ class _ManagerServices:
         if name not in names:
             raise InputError(f"no hardware component {name!r}; {suggest(name, names)}")
         target = call.request["target_state"]
-        wanted = target["label"] or {v: k for k, v in _STATES.items()}.get(target["id"])
-        if wanted != "active":
+        state = target["label"] or {v: k for k, v in _STATES.items()}.get(target["id"])
+        if state != "active":
             raise InputError("simulated hardware is always active")
         return {"ok": True, "state": {"id": _STATES["active"], "label": "active"}}
 
@@ -287,10 +287,10 @@ class _ManagerServices:
             strictness = ""
         elif request["strictness"] == _BEST_EFFORT:
             strictness = "best_effort"
-        wanted: Any = SwitchController(tuple(activate), tuple(deactivate), strictness)  # type: ignore[arg-type]
+        switch: Any = SwitchController(tuple(activate), tuple(deactivate), strictness)  # type: ignore[arg-type]
         simulation = self._host.simulation
         robot = self._manager.robot.name
-        _, local = simulation.directory.address(wanted, robot)
+        _, local = simulation.directory.address(switch, robot)
         simulation.mailbox.add_message(local, call.sender)
         port = f"{self._manager.prefix}{MANAGER}.{SWITCH_PORT}"
         simulation.publish(port, local, self._manager.period)
@@ -510,8 +510,8 @@ def _is_below(name: str, prefix: str, depth: int) -> bool:
     return below and (not depth or name[len(prefix) :].count(".") <= depth)
 
 
-def _set(parameters: Parameters, node: str, wanted: list[Fields]) -> Fields:
-    changes = {each["name"]: from_parameter_value(each["value"]) for each in wanted}
+def _set(parameters: Parameters, node: str, entries: list[Fields]) -> Fields:
+    changes = {each["name"]: from_parameter_value(each["value"]) for each in entries}
     try:
         parameters.set(node, changes)
     except ArmDrakeError as error:

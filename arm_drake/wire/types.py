@@ -575,7 +575,7 @@ def to_message(kind: type[M], fields: Mapping[str, Any], offset_ns: int = 0) -> 
         InputError: If it can't be one, or has something in a field that isn't known.
     """
     own: Any = kind
-    known, given = _hints(own), {}
+    known, values = _hints(own), {}
     for name, value in fields.items():
         if name not in known:
             if _has_content(value):
@@ -583,11 +583,11 @@ def to_message(kind: type[M], fields: Mapping[str, Any], offset_ns: int = 0) -> 
                 raise InputError(f"{problem}; leave it empty")
             continue
         try:
-            given[name] = _convert(known[name], value, offset_ns)
+            values[name] = _convert(known[name], value, offset_ns)
         except InputError as error:
             raise InputError(f"{name}.{error.problem}") from None
     try:
-        return kind(**given)
+        return kind(**values)
     except (ValueError, OverflowError) as error:
         raise InputError(str(error)) from None
 

@@ -83,6 +83,24 @@ def test_distributions_have_their_moments(folder, words, mean, deviation) -> Non
     assert np.std(drawn) == pytest.approx(deviation, rel=0.15)
 
 
+def test_noise_and_delays_vary_by_name_each_draw_with_noise_of_its_own(folder) -> None:
+    vary = """
+  noise.position: {values: [0.0, 0.01]}
+  noise.elbow/velocity: {uniform: [0.0, 0.1]}
+  options.state_delay: {choice: [0, 1, 2]}
+draws"""
+    (folder / "study.yaml").write_text(STUDY.replace("\ndraws", vary))
+    study = ad.load_study(folder / "study.yaml")
+
+    options = [run.options for run in study.runs()]
+
+    assert len(options) == 12
+    assert [each.seed for each in options] == [0, 1, 2] * 4
+    assert options[-1].state_noise["position"] == 0.01
+    assert 0.0 < options[-1].state_noise["elbow/velocity"] < 0.1
+    assert {each.state_delay for each in options} <= {0, 1, 2}
+
+
 @pytest.mark.slow
 def test_the_command_runs_it_writes_and_goes_on(folder, capsys, monkeypatch) -> None:
     monkeypatch.chdir(folder)
@@ -116,6 +134,16 @@ def test_the_command_runs_it_writes_and_goes_on(folder, capsys, monkeypatch) -> 
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
+        (
+            "scale.damping: {values: [1.0, 3.0]}",
+            "noise.positon: {values: [1.0]}",
+            "vary.noise.positon: state_noise: no state interface 'positon' is measured",
+        ),
+        (
+            "scale.damping: {values: [1.0, 3.0]}",
+            "options.state_delay: {values: [1.5]}",
+            "vary.options.state_delay: state_delay: expected an integer of at least 0",
+        ),
         ("draws: 3", "draw: 3", "unknown key 'draw'; did you mean 'draws'?"),
         ("draws: 3", "draws: 0", "draws: expected a finite number of at least 1, got"),
         ("draws: 3", "draws: 1.5", "draws: expected an integer, got 1.5"),

@@ -494,10 +494,10 @@ class SteadyTrajectory:
             return None
 
         # News that held the state would hold all news before it.
-        bare = last._replace(plan=last.plan._replace(events=()), goal=None)
-        bare_system = self._system._replace(control=bare)
+        stripped = last._replace(plan=last.plan._replace(events=()), goal=None)
+        stripped_system = self._system._replace(control=stripped)
         since_ns = last.clock_ns - self._present_ns
-        steady = SteadyTrajectory(bare_system, since_ns, self._sense)
+        steady = SteadyTrajectory(stripped_system, since_ns, self._sense)
 
         def look() -> JointTrajectoryState:
             return steady.state(last_ns, motions).control
