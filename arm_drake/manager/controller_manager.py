@@ -116,6 +116,10 @@ class QuietTicks:
             )
         return self._steady
 
+    def remember(self, steady: SteadyCycles) -> None:
+        """Remember what comes after a state."""
+        self._base, self._steady = steady.base, steady
+
 
 class SteadyTick(NamedTuple):
     """What a steady cycle writes."""
@@ -713,14 +717,13 @@ class ControllerManager(PythonSystem):
             told = steady.tell(time_ns, last_ns, motions)
             if told is None:
                 return None
-            base, steady = told, self._quiet.steady_cycles(told)
-            if steady is None:
-                return None
+            self._quiet.remember(told)
+            steady = told
         motions = self._keeper.motions.Eval(context)
         found = steady.tick(time_ns, last[1:], motions)
         if found is None:
             return None
-        return SteadyTick(base, number, motions, *found)
+        return SteadyTick(steady.base, number, motions, *found)
 
     def _write_steadily(
         self, numbers: DiscreteValues, kept: Array, tick: SteadyTick

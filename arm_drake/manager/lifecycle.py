@@ -477,7 +477,7 @@ class SteadyCycles:
         drive: DriveCommands,
     ) -> None:
         """Create it for cycles after a state."""
-        self._base, self._drive = base, drive
+        self.base, self._drive = base, drive
         self._controllers = tuple(controllers)
         # The same for the tick, with a slice where the commands stand in a row.
         self._commanding = [(c.ticks.command, _row(c.at), c.at) for c in controllers]
@@ -518,16 +518,18 @@ class SteadyCycles:
             found.append(_SteadyController(name, system, ticks, at))
         return cls(base, found, drive)
 
-    def tell(self, time_ns: int, last_ns: int, motions: Array) -> ManagerState | None:
-        """Return the state to go on from, in which all is told; None if it ends."""
-        ticks = dict(self._base.ticks)
-        for name, _, steady, _ in self._controllers:
+    def tell(self, time_ns: int, last_ns: int, motions: Array) -> Self | None:
+        """Return the cycles that go on, in which all is told; None if they end."""
+        ticks, controllers = dict(self.base.ticks), list(self._controllers)
+        for i, (name, system, steady, at) in enumerate(self._controllers):
             if time_ns >= steady.monitor_ns:
-                state = steady.tell(time_ns, last_ns, motions)
-                if state is None:
+                told = steady.tell(time_ns, last_ns, motions)
+                if told is None:
                     return None
-                ticks[name] = ticks[name]._replace(state=state)
-        return self._base._replace(ticks=ticks)
+                ticks[name] = ticks[name]._replace(state=told[0])
+                controllers[i] = _SteadyController(name, system, told[1], at)
+        base = self.base._replace(ticks=ticks)
+        return type(self)(base, controllers, self._drive)
 
     def tick(
         self, time_ns: int, last: Sequence[float], motions: Array
@@ -550,7 +552,7 @@ class SteadyCycles:
                 if math.isfinite(value):
                     values[i] = value
         n = len(last) // 2
-        return values, *self._drive.go_on(self._base.mode, values, last[:n], last[n:])
+        return values, *self._drive.go_on(self.base.mode, values, last[:n], last[n:])
 
     def state(
         self,
@@ -561,7 +563,7 @@ class SteadyCycles:
         motions: Array,
     ) -> ManagerState:
         """Return the state after one of these cycles, of what `tick` has returned."""
-        base, time_ns = self._base, times[0]
+        base, time_ns = self.base, times[0]
         ticks = dict(base.ticks)
         for name, system, steady, _ in self._controllers:
             last = ticks[name]
