@@ -98,6 +98,7 @@ window.arm_drake = (() => {
         ground.scale.setScalar(grid);
         ground.position.set(
             grid * Math.round(target[0] / grid), grid * Math.round(target[1] / grid), 0);
+        find("Ground").scale.z = grid;
         find("Axes").visible = false;
         viewer.set_3d_pane_size(width, height);
     };

@@ -22,7 +22,7 @@ from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, suggest
 from arm_drake.interfaces import MOTIONS_PORT
-from arm_drake.manager import ControllerManager
+from arm_drake.manager import MANAGER, ControllerManager
 from arm_drake.messages import (
     NANOSECONDS,
     ActionRequest,
@@ -37,7 +37,7 @@ from arm_drake.messages import (
     SetOdometry,
     TFMessage,
 )
-from arm_drake.rollout.bag import make_tf, stamp
+from arm_drake.rollout.bag import contact_topic, make_tf, stamp
 from arm_drake.rollout.link_poses import (
     LinkTransform,
     fixed_pose,
@@ -56,7 +56,17 @@ _TF_RATE, _CLOCK_RATE = 50.0, 100.0
 # Values that wait for the network; older ones are dropped.
 _NUM_WAITING = 128
 
-TF, TF_STATIC, CLOCK = "/tf", "/tf_static", "/clock"
+# How often it is looked whether controllers' states have changed [s].
+_ACTIVITY_PERIOD = 0.05
+
+TF, TF_STATIC, CLOCK, ROSOUT = "/tf", "/tf_static", "/clock", "/rosout"
+
+# rcl_interfaces/msg/Log.
+INFO, WARN, ERROR = 20, 30, 40
+
+# lifecycle_msgs/msg/State.
+STATES = {"unconfigured": 1, "inactive": 2, "active": 3, "finalized": 4}
+
 JOINT_STATES, DESCRIPTION = "/joint_states", "/robot_description"
 
 # The node of what no controller has: Gazebo's.
@@ -109,7 +119,8 @@ class Topic:
     # The class of messages that are taken.
     takes: MessageClass | None = None
 
-    # What is told once, as plain data.
+    # What late listeners are told, as plain data: if it is latched, and at once if it
+    # is told but once.
     constant: dict[str, Any] | None = None
 
     # How often it is told at most [s].
@@ -132,7 +143,9 @@ class Topic:
         if time < self.due or self.read is None:
             return
         if self.period:
-            self.due = time + self.period * (1.0 - 1e-6)
+            # As often on average, whatever the ticks are.
+            ahead = self.due + self.period if math.isfinite(self.due) else time
+            self.due = ahead if ahead > time else time + self.period * (1.0 - 1e-6)
         value = self.read(context)
         if value is not self.last:
             self.last = value
@@ -232,6 +245,20 @@ class Service:
     acts: bool = False
 
 
+class LogLine(NamedTuple):
+    """What happened, in words."""
+
+    time_ns: int
+
+    # INFO, WARN or ERROR, of rcl_interfaces/msg/Log.
+    level: int
+
+    # Who says so.
+    name: str
+
+    text: str
+
+
 class Call(NamedTuple):
     """A call of a service."""
 
@@ -319,9 +346,13 @@ class Graph:
         for topic in self._find_topics():
             self._add(topic)
         self._add(_clock(simulation))
+        self.rosout = _rosout()
+        self._add(self.rosout)
         for manager in managers:
             for topic in _robot_topics(simulation, manager, self.topics):
                 self._add(topic)
+            if types.distro != "humble":  # It has none.
+                self._add(_activity(manager))
             for action in _find_actions(manager):
                 self.actions[action.name] = action
 
@@ -359,16 +390,22 @@ class Graph:
     def _read(self, topic: Topic, source: TopicPort) -> bool:
         """Have a topic read from a port; return whether it is one to be told."""
         port = self.simulation.diagram.GetOutputPort(source.exported_as(source.port))
-        value = port.Eval(self.simulation.simulator.get_context())
-        kind = type_of(value.__class__) if isinstance(value, Message) else None
-        if kind is None:
+        made = getattr(source.system, "output_types", {}).get(source.port)
+        if made is not None:
+            # A camera, which takes a picture only when somebody wants it.
+            topic.period = 1.0 / source.system.params.update_rate
+        else:
+            value = port.Eval(self.simulation.simulator.get_context())
+            made = value.__class__ if isinstance(value, Message) else None
+        kind = None if made is None else type_of(made)
+        if made is None or kind is None:
             self.left_out.append(topic.name)
             return False
         if topic.name == TF:
             return False
         topic.type, topic.publisher = kind, _node_of(source)
         topic.read = port.Eval
-        if not self.types.is_whole(value.__class__, kind):
+        if not self.types.is_whole(made, kind):
             topic.convert = functools.partial(_complete, self.types, kind)
         if isinstance(source.system, ControllerInterface):
             look = source.system.find_look(source.port)
@@ -383,6 +420,10 @@ class Graph:
     def add_service(self, service: Service) -> None:
         """Add a service."""
         self.services[service.name] = service
+
+    def log(self, level: int, name: str, text: str, time_ns: int) -> None:
+        """Tell in words what happened, on /rosout."""
+        self.rosout.waiting.append(LogLine(time_ns, level, name, text))
 
     def topic(self, name: str) -> Topic:
         """Return the topic of a name, or raise InputError."""
@@ -436,6 +477,104 @@ def _clock(simulation: Simulation) -> Topic:
     )
 
 
+def _rosout() -> Topic:
+    """Return the topic of what happens in words; `Graph.log` puts it there."""
+    return Topic(
+        ROSOUT,
+        "rcl_interfaces/msg/Log",
+        publisher=SIMULATOR,
+        qos=Qos(depth=1000, is_latched=True),
+        # Whatever happens is put there.
+        read=lambda context: None,
+        period=math.inf,
+        convert=lambda line, offset_ns: {
+            "stamp": stamp(line.time_ns + offset_ns),
+            "level": line.level,
+            "name": line.name,
+            "msg": line.text,
+            "file": "",
+            "function": "",
+            "line": 0,
+        },
+    )
+
+
+def _activity(manager: ControllerManager) -> Topic:
+    """Return the topic with the states of a robot's controllers, when they change."""
+    flags, states = (manager.GetOutputPort(name) for name in ("active", "controllers"))
+    last: list[Any] = [None, None]
+    hardware = [
+        {"name": block.name, "state": {"id": 3, "label": "active"}}
+        for block in manager.robot.description.hardware
+    ]
+
+    def read(root: Context) -> Any:
+        context = manager.GetMyContextFromRoot(root)
+        active = flags.Eval(context).tolist()
+        if active != last[0]:
+            time_ns = round(root.get_time() * NANOSECONDS)
+            last[:] = active, (time_ns, states.Eval(context))
+        return last[1]
+
+    def convert(value: Any, offset_ns: int) -> dict[str, Any]:
+        time_ns, rows = value
+        named = [
+            {"name": r.name, "state": {"id": STATES[r.state], "label": r.state}}
+            for r in rows
+        ]
+        header = {"stamp": stamp(time_ns + offset_ns), "frame_id": ""}
+        return {
+            "header": header,
+            "controllers": named,
+            "hardware_components": hardware,
+        }
+
+    node = f"/{manager.prefix}{MANAGER}"
+    return Topic(
+        f"{node}/activity",
+        "controller_manager_msgs/msg/ControllerManagerActivity",
+        publisher=node,
+        qos=LATCHED,
+        read=read,
+        convert=convert,
+        period=_ACTIVITY_PERIOD,
+    )
+
+
+def _contacts(simulation: Simulation, manager: ControllerManager) -> Iterator[Topic]:
+    """Yield the forces on links where they are logged, by the names of bags."""
+    name = f"{manager.prefix}sample:contacts"
+    if not simulation.diagram.HasSubsystemNamed(name):
+        return
+    sample = simulation.diagram.GetSubsystemByName(name)
+    port, namespace = sample.get_output_port(), f"/{manager.prefix}".rstrip("/")
+
+    def read(root: Context) -> Any:
+        forces = port.Eval(sample.GetMyContextFromRoot(root))
+        return round(root.get_time() * NANOSECONDS), forces.tolist()
+
+    for index, link in enumerate(manager.robot.description.links):
+        if link != WORLD:
+            at = slice(3 * index, 3 * index + 3)
+            yield Topic(
+                contact_topic(namespace, link),
+                "geometry_msgs/msg/WrenchStamped",
+                publisher=SIMULATOR,
+                read=read,
+                convert=functools.partial(_make_force, at),
+            )
+
+
+def _make_force(at: slice, value: Any, offset_ns: int) -> dict[str, Any]:
+    time_ns, forces = value
+    nothing = dict.fromkeys("xyz", 0.0)
+    force = dict(zip("xyz", forces[at], strict=True))
+    return {
+        "header": {"stamp": stamp(time_ns + offset_ns), "frame_id": WORLD},
+        "wrench": {"force": force, "torque": nothing},
+    }
+
+
 def _robot_topics(
     simulation: Simulation, manager: ControllerManager, known: Mapping[str, Topic]
 ) -> Iterator[Topic]:
@@ -449,6 +588,7 @@ def _robot_topics(
         qos=LATCHED,
         constant={"data": robot.portable_source},
     )
+    yield from _contacts(simulation, manager)
     frames = RobotFrames(simulation, manager)
     yield Topic(
         f"{namespace}{TF}",

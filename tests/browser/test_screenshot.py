@@ -187,6 +187,67 @@ def test_the_ground_shows_metres_and_the_robots_shadow(
     assert 0.02 < (bottom < np.median(bottom) - 10).mean() < 0.3
 
 
+# The arm of `red_arm` in a scene.
+RED = "drake/visual/red"
+
+
+def darkened_by_shadows(photographer: Photographer, meshcat: Meshcat) -> Picture:
+    """Return how much darker a picture is because of shadows."""
+    with_shadows = read(photographer.take_picture(meshcat, paths=[RED])[0])
+    meshcat.SetProperty("/Lights/FillLight/<object>", "castShadow", False)
+    return read(photographer.take_picture(meshcat, paths=[RED])[0]) - with_shadows
+
+
+def test_a_robot_in_the_house_casts_a_shadow_on_the_floor(
+    photographer: Photographer, start_meshcat: StartMeshcat, tmp_path: Path
+) -> None:
+    meshcat = start_meshcat()
+    diagram = ad.build_diagram(
+        load(tmp_path, red_arm(1.0)), world="house", meshcat=meshcat
+    )
+    diagram.ForcedPublish(diagram.CreateDefaultContext())
+
+    darker = darkened_by_shadows(photographer, meshcat).mean(axis=2)
+
+    # What is darker is on one side of the arm, as in the empty world: not the room.
+    shadow = darker > 3
+    assert 0.01 < shadow[:, WIDTH // 2 :].mean() < 0.2
+    assert shadow[: HEIGHT // 2, : WIDTH // 3].mean() < 0.005
+
+
+def test_the_ground_has_the_colours_of_its_file(
+    photographer: Photographer, start_meshcat: StartMeshcat, tmp_path: Path
+) -> None:
+    # In the picture's upper half is what has a greater y.
+    Image.fromarray(
+        np.repeat(np.uint8([[[0, 0, 255]]] * 32 + [[[0, 255, 0]]] * 32), 64, axis=1)
+    ).save(tmp_path / "two.png")
+    plane = (
+        "<geometry><plane><size>4 4</size></plane></geometry><material>{}</material>"
+    )
+    material = "<pbr><metal><albedo_map>two.png</albedo_map></metal></pbr>"
+    world = tmp_path / "two.sdf"
+    world.write_text(
+        '<sdf version="1.7"><world name="w"><scene><grid>false</grid></scene>'
+        '<model name="g"><static>true</static><link name="l"><visual name="v">'
+        f"{plane.format(material)}</visual></link></model></world></sdf>"
+    )
+    meshcat = start_meshcat()
+    diagram = ad.build_diagram(
+        load(tmp_path, red_arm(1.0)), world=world, meshcat=meshcat
+    )
+    diagram.ForcedPublish(diagram.CreateDefaultContext())
+    above = photographer.take_picture(meshcat, paths=[RED], direction=(0.0, -0.3, 1.0))[
+        0
+    ]
+
+    picture = read(above)[:, : WIDTH // 8]
+    _, green, blue = np.moveaxis(picture, 2, 0)
+    # Seen from where y is small: green in front, blue behind.
+    assert (green > blue + 40)[-HEIGHT // 40 :].all()
+    assert (blue > green + 40)[: HEIGHT // 4].all()
+
+
 # Draws as soon as the page hears of shadows, as a page now and then does.
 DRAW_WITH_SHADOWS = """
 let viewer;
