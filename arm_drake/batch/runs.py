@@ -135,8 +135,8 @@ class Run:
 
     # What else of the robot is to be other than its files say, by name: factors such as
     # "scale.friction" (of all joints), "scale.friction.joint2", "scale.damping",
-    # "scale.gains" or "scale.gains.joint2.p"; numbers such as "gains.joint2.p" and
-    # "controller.arm_controller.constraints.goal_time".
+    # "scale.gains" or "scale.gains.joint2.p"; numbers such as "gains.joint2.p",
+    # "initial.joint2" and "controller.arm_controller.constraints.goal_time".
     changes: Mapping[str, float] = dc.field(default_factory=dict)
 
     # Whatever tells it from the others.
@@ -245,7 +245,7 @@ class Runner:
         self._keep = keep
         # Some leave simulations as they are.
         self._reuses = keep is None or getattr(keep, "only_reads", False)
-        # Key and simulation of each thread's last run.
+        # Key, robot and simulation of each thread's last run.
         self._local = threading.local()
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -259,8 +259,8 @@ class Runner:
         self._local.last = None
         key = _key(run) if self._reuses else None
         with _PREPARING:
-            if last is not None and last[0] == key:
-                simulation = last[1]
+            if last is not None and last[0] == key and _is_same(last[1], run.robot):
+                simulation = last[2]
                 simulation.reset()
             else:
                 simulation = self._prepare(run)
@@ -270,7 +270,7 @@ class Runner:
         simulation.run(duration, motion, progress=lambda _: check_stop())
         value = (self._keep or Outcome.of)(simulation)
         if key is not None:
-            self._local.last = (key, simulation)
+            self._local.last = (key, run.robot, simulation)
         return value
 
     def _prepare(self, run: Run) -> Simulation:
@@ -293,15 +293,28 @@ class Runner:
 
 
 def _key(run: Run) -> bytes | None:
-    """Return what is the same for runs that can share a simulation, or None."""
+    """Return what is the same for runs that can share a simulation, or None.
+
+    It is without the robot.
+    """
     if callable(run.world):  # It may add something else each time.
         return None
     building = ("world", "options", "payloads", "changes")
-    what = [getattr(run, name) for name in ("robot", *_LOADING, *building)]
+    what = [getattr(run, name) for name in (*_LOADING, *building)]
     try:
         return pickle.dumps(what)
     except Exception:  # Whatever functions and classes of users raise.
         return None
+
+
+def _is_same(robot: Any, other: Any) -> bool:
+    """Return whether robots of two runs are the same, or say the same."""
+    if robot is other:
+        return True
+    try:
+        return pickle.dumps(robot) == pickle.dumps(other)
+    except Exception:  # Whatever functions and classes of users raise.
+        return False
 
 
 def load_run(run: Run, robots: dict[bytes, Robot]) -> Run:

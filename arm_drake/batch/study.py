@@ -150,16 +150,13 @@ class Study:
 
     def run_of(self, values: Mapping[str, Any], draw: int = 0) -> Run:
         """Return the run in which these are varied; its noise is that of its draw."""
-        robot, changes, parts = self.robot, {}, dict[str, dict[str, Any]]()
+        changes, parts = {}, dict[str, dict[str, Any]]()
         for name, value in values.items():
             kind, _, rest = name.partition(".")
-            if kind in ("scale", "gains", "controller"):
+            if kind in ("initial", "scale", "gains", "controller"):
                 changes[name] = value
             else:
                 parts.setdefault(kind, {})[rest] = value
-        if "initial" in parts:
-            positions = {**robot.initial_positions, **parts["initial"]}
-            robot = dc.replace(robot, initial_positions=positions)
         chosen = parts.get("options", {})
         noise = {**self.options.state_noise, **parts.get("noise", {})}
         if noise and "seed" not in chosen:
@@ -172,7 +169,7 @@ class Study:
                 raise InputError("motion: expected a file, whose parameters vary")
             parameters, motion = {**motion.parameters, **varied}, motion.file
         return Run(
-            robot=robot,
+            robot=self.robot,
             motion=motion,
             parameters=parameters,
             duration=self.duration,

@@ -16,7 +16,13 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple, Protocol, Self
 
-from arm_drake.errors import ArmDrakeError, InputError, OutputError, suggest
+from arm_drake.errors import (
+    ArmDrakeError,
+    InputError,
+    MissingExtraError,
+    OutputError,
+    suggest,
+)
 from arm_drake.messages import (
     CancelResponse,
     GoalStatus,
@@ -216,8 +222,6 @@ class RosServer:
         try:
             importlib.import_module(row.package)
         except ImportError:
-            from arm_drake.errors import MissingExtraError
-
             raise MissingExtraError(f"--ros {name}", row.extra) from None
         kind = getattr(importlib.import_module(row.module), row.name)
         transport: Transport = kind(self, row.port if port is None else port)

@@ -142,6 +142,7 @@ def load_sdf_world(path: Path, package_paths: Sequence[Path] = ()) -> LoadedWorl
         has_things=has_things,
         gravity=world.gravity,
         has_grid=world.has_grid,
+        ground=world.ground,
         background=world.background,
         lights=world.lights,
         report=world.file.report,

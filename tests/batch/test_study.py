@@ -56,6 +56,10 @@ def test_a_grid_has_the_same_draws_at_each_point(folder) -> None:
         assert drawn[:3] == drawn[3:]
         assert len(set(drawn)) == 3
     assert all(0.0 <= row["payload.lower"] <= 0.5 for row in values)
+    # A robot goes to each worker once, wherever it begins.
+    runs = study.runs()
+    assert {run.robot for run in runs} == {study.robot}
+    assert runs[1].changes["initial.elbow"] == values[1]["initial.elbow"]
 
 
 @pytest.mark.parametrize(

@@ -107,12 +107,15 @@ def main(port: int) -> None:
         deactivate_controllers=["joint_trajectory_controller"],
         strictness=2,
     )
+    # Of one instant, whatever is on its way.
+    at = {stamp(each): each for each in states}
+    frame = next(f for f in reversed(frames) if stamp(f["transforms"][0]) in at)
     seen = {
         "counts": counts,
         "spans": spans,
-        "states": [states[0], states[-1]],
+        "states": [states[0], at[stamp(frame["transforms"][0])]],
         "description": description,
-        "frames": frames[-1],
+        "frames": frame,
         "fixed": fixed,
         "state": state[-1],
         "errors": [str(error) for error in errors],
