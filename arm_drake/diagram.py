@@ -594,8 +594,7 @@ def _add_meshcat(
     rate, world = setting.options.frame_rate, setting.world
     add_visualizer(builder, scene_graph, meshcat, frame_rate=rate)
     show_backdrop(meshcat, has_grid=world.has_grid, background=world.background)
-    if world.has_grid:
-        show_ground(meshcat)
+    show_ground(meshcat, has_lines=world.has_grid, look=world.ground)
 
 
 def _report_world(setting: Setting, parts: Sequence[RobotParts]) -> None:

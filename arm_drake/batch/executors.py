@@ -32,7 +32,6 @@ from urllib.parse import unquote
 import cloudpickle
 
 from arm_drake.batch.processes import (
-    Done,
     Limits,
     RunError,
     SendError,
@@ -41,7 +40,7 @@ from arm_drake.batch.processes import (
     pack,
     run_alone,
 )
-from arm_drake.batch.runs import Run, describe, enter_thread, load_run
+from arm_drake.batch.runs import Done, Run, describe, enter_thread, load_run
 from arm_drake.controllers import CONTROLLER_TYPES
 from arm_drake.description.meshes.conversion import cache_directory
 from arm_drake.description.robot import Robot

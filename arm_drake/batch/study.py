@@ -27,7 +27,6 @@ from typing import Any
 import cloudpickle
 import numpy as np
 
-from arm_drake import yaml_files
 from arm_drake.arrays import Array
 from arm_drake.batch.changes import change_robot
 from arm_drake.batch.runs import Run
@@ -37,11 +36,14 @@ from arm_drake.hardware.noise_and_delay import check_noise
 from arm_drake.manager.hardware_interfaces import find_hardware_interfaces
 from arm_drake.options import SimulationOptions
 from arm_drake.rollout.rollout import Rollout
-from arm_drake.scene import _at as at
-from arm_drake.scene import _read_options as read_options
-from arm_drake.scene import _read_robot as read_robot
-from arm_drake.scene import _read_world as read_world
-from arm_drake.scene import _Value as Value
+from arm_drake.scene import (
+    Value,
+    at_place,
+    read_file,
+    read_options,
+    read_robot,
+    read_world,
+)
 from arm_drake.simulation.recording import list_failures
 from arm_drake.simulation.simulation import Simulation
 
@@ -160,12 +162,12 @@ class Study:
         if noise and "seed" not in chosen:
             chosen["seed"] = self.options.seed + draw
         options = dc.replace(self.options, **chosen, state_noise=noise)
-        given, motion = parts.get("motion", {}), self.motion
+        varied, motion = parts.get("motion", {}), self.motion
         parameters: dict[str, Any] = {}
-        if motion is not None and given:
+        if motion is not None and varied:
             if motion.file is None:
                 raise InputError("motion: expected a file, whose parameters vary")
-            parameters, motion = {**motion.parameters, **given}, motion.file
+            parameters, motion = {**motion.parameters, **varied}, motion.file
         return Run(
             robot=self.robot,
             motion=motion,
@@ -212,14 +214,7 @@ def load_study(path: str | Path) -> Study:
     Raises:
         InputError: If it can't be used: with the file, the line and the place in it.
     """
-    path = Path(path).expanduser()
-    try:
-        node = yaml_files.compose(yaml_files.read_text(path))
-        if node is None:
-            raise InputError("it is empty; expected a robot", file=path)
-        return _read_study(Value(path, node, ""))
-    except yaml_files.YamlError as error:
-        raise InputError(error.problem, file=path, line=error.line) from None
+    return read_file(path, _read_study, "a robot")
 
 
 def _read_study(root: Value) -> Study:
@@ -397,11 +392,11 @@ def _check(study: Study, fields: Mapping[str, Value]) -> None:
             offered = find_hardware_interfaces(
                 robot.description, known, sensors=robot.sensors
             )
-            at(place, functools.partial(check_noise, {rest: 0.0}, [offered]))
+            at_place(place, functools.partial(check_noise, {rest: 0.0}, [offered]))
         if kind == "motion" and study.motion is None:
             raise place.error("there is no motion whose parameters could vary")
         if kind in ("scale", "gains", "controller"):
-            at(place, functools.partial(change_robot, robot, {name: value}))
+            at_place(place, functools.partial(change_robot, robot, {name: value}))
         else:
             one = {name: value}
             try:

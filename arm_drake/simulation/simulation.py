@@ -284,23 +284,31 @@ class Simulation:
         Raises:
             InputError: If there is no robot in the diagram.
         """
-        self.diagram = diagram
-        self.directory = Directory(diagram)
-        self._topics = TopicNames(self.directory.managers)
-        managers = self.directory.managers.values()
-        # Of the quickest controller manager [s].
-        self.period = min(manager.period for manager in managers)
-        self.simulator = Simulator(diagram)
-        info = find_build_info(diagram)
-        self._parted = () if info is None else info.parted
+        self._take(diagram, Simulator(diagram))
         self._on_event: list[Callable[[SimulationEvent], None]] = []
         # Called between any two ticks, by who talks to others meanwhile. It returns the
         # time at which it wants to be called next at the latest [s], and may raise
         # ResetRequested.
         self.exchange: Callable[[], float] | None = None
         self.recorders: list[Recorder] = []
+        managers = self.directory.managers.values()
         self.mailbox = Mailbox(diagram, self.simulator, managers)
         self._start()
+
+    def _take(self, diagram: Diagram, simulator: Simulator) -> None:
+        self.diagram, self.simulator = diagram, simulator
+        self.directory = Directory(diagram)
+        self._topics = TopicNames(self.directory.managers)
+        managers = self.directory.managers.values()
+        # Of the quickest controller manager [s].
+        self.period = min(manager.period for manager in managers)
+        info = find_build_info(diagram)
+        self._parted = () if info is None else info.parted
+
+    def replace_diagram(self, diagram: Diagram, simulator: Simulator) -> None:
+        """Go on with another diagram of the same robots, in its simulator's state."""
+        self._take(diagram, simulator)
+        self.mailbox.move_to(diagram, simulator, self.directory.managers.values())
 
     def _start(self) -> None:
         self.simulator.Initialize()
@@ -527,8 +535,8 @@ class Simulation:
             advance(self.simulator, end)
             if self._parted and end == self._next_look(now):
                 rejoin(self.diagram, self.context, self._parted)
-            if self.exchange is None or end >= self._next_news(now):
-                self.collect_news()
+            if self.exchange is None or end >= self._next_events(now):
+                self.collect_events()
             for recorder in self.recorders:
                 recorder.update()
             now = self.time
@@ -537,12 +545,12 @@ class Simulation:
         """Return when the next tick is [s]."""
         return (math.floor(time / self.period + TICK_TOLERANCE) + 1) * self.period
 
-    def _next_news(self, time: float) -> float:
+    def _next_events(self, time: float) -> float:
         """Return when to look for news next [s], where all ticks are exchanged."""
         pause = _TICKS_AT_A_TIME * self.period
         return (math.floor(time / pause + TICK_TOLERANCE) + 1) * pause
 
-    def collect_news(self) -> None:
+    def collect_events(self) -> None:
         """Tell who listens what is new."""
         for event in self.mailbox.collect():
             for callback in self._on_event:
@@ -664,7 +672,7 @@ class Simulation:
         """Take note of a motion that wasn't planned as its robot never rested."""
         reason = "not planned: the robot didn't come to rest in time"
         self.mailbox.reject(message, reason, where)
-        self.collect_news()
+        self.collect_events()
 
     def send_planned(self, plan: "Plan", *, where: str = "") -> GoalHandle:
         """Send a plan to the trajectory controller of its group.

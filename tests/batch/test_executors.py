@@ -16,7 +16,7 @@ from distributed import Client, LocalCluster
 import arm_drake as ad
 from arm_drake.batch import executors
 from arm_drake.batch.processes import NO_LIMITS, close_server
-from arm_drake.batch.store import RunStore
+from arm_drake.batch.runs import RunStore
 from arm_drake.errors import InputError, OutputError
 from tests.batch import functions
 from tests.models import TWO_LINKS, load, trajectory_controllers

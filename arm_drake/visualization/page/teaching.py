@@ -31,9 +31,9 @@ def find_trajectory_controllers(robot: Robot) -> dict[str, tuple[str, ...]]:
     own = {j.name for j in robot.description.movable_joints if j.mimic is None}
     found = {}
     for controller in robot.controllers.controllers:
-        given = controller.parameters.get("joints")
-        if controller.type.endswith(_CONTROLLER) and given is not None:
-            names = given.value if isinstance(given.value, list) else []
+        parameter = controller.parameters.get("joints")
+        if controller.type.endswith(_CONTROLLER) and parameter is not None:
+            names = parameter.value if isinstance(parameter.value, list) else []
             joints = tuple(str(name) for name in names)
             if joints and set(joints) <= own:
                 found[controller.name] = joints
@@ -73,6 +73,12 @@ class WayPoints:
                 time = max(time, _PEAK * way / self._limits[name].velocity)
         self._points.append((round(last + time, 3), dict(positions)))
         return self._points[-1][0]
+
+    def take(self, other: "WayPoints") -> None:
+        """Take those of a robot with the same joints."""
+        own = {j for joints in self._controllers.values() for j in joints}
+        if all(own <= set(positions) for _, positions in other._points):
+            self._points = list(other._points)
 
     def remove(self) -> None:
         """Forget the last one, if any."""
@@ -130,6 +136,15 @@ class Teaching(Part):
         }
         self.time = _TIME
         self._positions, self._note, self._play = positions, note, play
+
+    def take_over(self, other: Part) -> None:
+        """Take the way points of a robot that was loaded again, of joints it has."""
+        if not isinstance(other, Teaching):
+            return
+        self.time = other.time
+        for name, points in self.way_points.items():
+            if name in other.way_points:
+                points.take(other.way_points[name])
 
     def add(self) -> None:
         """Keep where the robots are now."""
