@@ -1,4 +1,4 @@
-"""`python -m arm_drake` is `arm-drake`."""
+"""Entry point of `python -m arm_drake`, which is `arm-drake`."""
 
 import sys
 

@@ -364,10 +364,10 @@ def _check_distro(distro: str, report: LoadReport) -> str:
     return known
 
 
-def _check_srdf(given: Source | Sequence[Source] | None) -> tuple[Path, ...] | None:
-    if given is None:
+def _check_srdf(sources: Source | Sequence[Source] | None) -> tuple[Path, ...] | None:
+    if sources is None:
         return None
-    files = [given] if isinstance(given, str | os.PathLike) else given
+    files = [sources] if isinstance(sources, str | os.PathLike) else sources
     for file in map(Path, files):
         if not file.is_file():
             raise InputError("no such SRDF file", file=file)

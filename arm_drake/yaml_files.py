@@ -1,4 +1,4 @@
-"""Read YAML files safely, with numbers as ROS reads them."""
+"""YAML files, read safely, with numbers as ROS reads them."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""run_many and iterate_many, and where they execute runs.
+"""run_many and iterate_many: many runs, on processes or executors.
 
 That is here, one after the other; in threads; in processes; or by choice, for which
 runs that are executed here take the time. How many at a time is by the cores that this
@@ -18,11 +18,10 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from numbers import Integral
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar, overload
+from typing import Any, Literal, NamedTuple, TypeVar, overload
 
 from arm_drake.batch.processes import (
     NO_LIMITS,
-    Done,
     Limits,
     Pool,
     SendError,
@@ -30,21 +29,20 @@ from arm_drake.batch.processes import (
     is_warm,
 )
 from arm_drake.batch.runs import (
+    Done,
     Outcome,
     Run,
     Runner,
     RunResult,
     RunResults,
     RunsInterrupted,
+    RunStore,
     Stop,
     enter_thread,
     is_nested,
 )
 from arm_drake.errors import ArmDrakeError, InputError, suggest
 from arm_drake.simulation.simulation import Simulation
-
-if TYPE_CHECKING:
-    from arm_drake.batch.store import RunStore
 
 
 def run_serially(
@@ -659,9 +657,9 @@ class _Execution:
         limits = _check_limits(how)
         function = _check_function(self._items, function, keep)
         self._store = self._open(how.to)
-        there = {} if self._store is None else self._store.done
+        done = {} if self._store is None else self._store.done
         # Places of the runs that are left.
-        self._left = [i for i in range(self.num_runs) if i not in there]
+        self._left = [i for i in range(self.num_runs) if i not in done]
         work = Work(
             function,
             [self._items[index] for index in self._left],
@@ -673,16 +671,14 @@ class _Execution:
         except BaseException:
             self._close_store()
             raise
-        if there:
-            self.choice.why += f"; {len(there)} were there already"
+        if done:
+            self.choice.why += f"; {len(done)} were there already"
         self._progress = Progress(self.num_runs, how.progress)
 
-    def _open(self, path: str | Path | None) -> "RunStore | None":
+    def _open(self, path: str | Path | None) -> RunStore | None:
         if path is None:
             return None
         # Not at the top: who keeps no file needs none.
-        from arm_drake.batch.store import RunStore
-
         return RunStore(path, self._items)
 
     def __iter__(self) -> Iterator[RunResult[Any]]:

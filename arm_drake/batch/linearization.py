@@ -81,7 +81,7 @@ def linearize(
             from where it begins; or a simulation, which is taken as it is now.
         at: Where a robot is: positions by joint [rad, m], or the name of a state of its
             planning groups as "home"; by default its initial positions.
-        options: How a robot is simulated.
+        options: How a robot is simulated, with its delays, without its noise.
         region_tolerance: How far responses may be off the simulation's, of their
             height, for `LinearModel.region`; None asks for none.
 
@@ -98,9 +98,9 @@ def linearize(
         at_rest = loop.is_at_rest()
     else:
         if isinstance(what, Robot):
-            what = build_diagram(
-                _placed(what, at), options=options or SimulationOptions()
-            )
+            # Noise only adds to the state: there is none in a model of it.
+            chosen = dc.replace(options or SimulationOptions(), state_noise={})
+            what = build_diagram(_placed(what, at), options=chosen)
         loop = _Loop(Simulation(what))
         at_rest = loop.settle()
     model = loop.linearize(at_rest)
@@ -170,10 +170,14 @@ class _Loop:
         if not self._joints:
             raise InputError("no active controller drives a joint")
         # Their effort is a controller's, the same from tick to tick.
-        self._held = {joint for joint, interface in driven if interface == EFFORT}
+        self._effort_joints = {
+            joint for joint, interface in driven if interface == EFFORT
+        }
         self._inputs = list(self._find_inputs())
-        told = {joint for each in self._inputs for joint in each.joints}
-        self._commanded_joints = tuple(name for name in self._joints if name in told)
+        commanded = {joint for each in self._inputs for joint in each.joints}
+        self._commanded_joints = tuple(
+            name for name in self._joints if name in commanded
+        )
         self._simulator = Simulator(simulation.diagram, simulation.context.Clone())
         self._start: Context = simulation.context.Clone()
 
@@ -203,17 +207,20 @@ class _Loop:
         """Return the model around the start."""
         start = self._start
         coarse = fine = self._differentiate(start, self._period)
-        if len(self._held) < len(self._joints) and self._step < 0.99 * self._period:
+        if (
+            len(self._effort_joints) < len(self._joints)
+            and self._step < 0.99 * self._period
+        ):
             # Within a period only the servo answers.
             within = self._advance(start, self._step).Clone()
             fine = self._differentiate(within, self._step)
         margins, outputs = {}, [np.vstack((each.C, each.F)) for each in (coarse, fine)]
         loops = [_reduce(coarse, outputs[0]), _reduce(fine, outputs[1])]
         for index, joint in enumerate(self._joints):
-            is_held = joint in self._held
-            step = self._period if is_held else self._step
-            loop = loops[0 if is_held else 1]
-            margins[joint] = _find_margins(loop, index, step, is_held=is_held)
+            is_discrete = joint in self._effort_joints
+            step = self._period if is_discrete else self._step
+            loop = loops[0 if is_discrete else 1]
+            margins[joint] = _find_margins(loop, index, step, is_discrete=is_discrete)
         reduced = _reduce(coarse, coarse.C)
         now = dict(zip(self._joints, self._joint_values(start)[0], strict=True))
         return LinearModel(
@@ -259,13 +266,13 @@ class _Loop:
 
     def _find_inputs(self) -> Iterator[_Input]:
         chained = self._state_of(self.simulation.context).chained
-        told: set[str] = set()
+        commanded: set[str] = set()
         for name, type_, system in self._active:
             topics = ControllerTopics(f"{self._manager.prefix}{name}", type_, system)
             made = None if name in chained else _input_of(name, topics)
-            if made is None or told & set(made.joints):
+            if made is None or commanded & set(made.joints):
                 continue
-            told |= set(made.joints)
+            commanded |= set(made.joints)
             yield made
 
     def _state_of(self, context: Context) -> ManagerState:
@@ -283,14 +290,14 @@ class _Loop:
         at = [self._movable.index(joint) for joint in self._joints]
         return self._values(context)[::2][:, at]
 
-    def _tell(self, context: Context, told: _Input, values: Sequence[float]) -> None:
+    def _tell(self, context: Context, input_: _Input, values: Sequence[float]) -> None:
         """Have a controller be told positions at its next tick."""
-        if told.make is not None:
-            port, message = told.make(values)
+        if input_.make is not None:
+            port, message = input_.make(values)
             value = AbstractValue.Make((message,))
             self.simulation.diagram.GetInputPort(port).FixValue(context, value)
             return
-        path = ("ticks", told.controller, "state", "targets")
+        path = ("ticks", input_.controller, "state", "targets")
         state = _with(self._state_of(context), path, np.array(values))
         mine = self._manager.GetMyMutableContextFromRoot(context)
         self._manager.write_state(mine, state)
@@ -299,16 +306,16 @@ class _Loop:
         """Return a copy of a context with the command of a joint so much higher."""
         context = start.Clone()
         measured = dict(zip(self._movable, self._values(start)[0], strict=True))
-        for told in self._inputs:
-            state = self._state_of(start).ticks[told.controller].state
-            now = _references(state, len(told.joints))
+        for input_ in self._inputs:
+            state = self._state_of(start).ticks[input_.controller].state
+            now = _references(state, len(input_.joints))
             self._tell(
                 context,
-                told,
+                input_,
                 [
                     float(measured[name] if math.isnan(value) else value)
                     + (height if name == joint else 0.0)
-                    for name, value in zip(told.joints, now, strict=True)
+                    for name, value in zip(input_.joints, now, strict=True)
                 ],
             )
         return context
@@ -411,8 +418,10 @@ def _input_of(name: str, topics: ControllerTopics) -> _Input | None:
             return topics.exported_as(port), message
 
         return _Input(name, joints, follow)
-    told = system.reference_interfaces or system.command_interfaces
-    if not told or any(each.rpartition("/")[2] != POSITION for each in told):
+    interfaces = system.reference_interfaces or system.command_interfaces
+    if not interfaces or any(
+        each.rpartition("/")[2] != POSITION for each in interfaces
+    ):
         return None
     if not (system.HasInputPort(COMMANDS) or system.HasInputPort(REFERENCE)):
         return None
@@ -421,7 +430,7 @@ def _input_of(name: str, topics: ControllerTopics) -> _Input | None:
         port, message = topics.make_command(values)
         return topics.exported_as(port), message
 
-    return _Input(name, tuple(each.split("/")[-2] for each in told), command)
+    return _Input(name, tuple(each.split("/")[-2] for each in interfaces), command)
 
 
 def _references(state: Any, count: int) -> Array:
@@ -557,8 +566,8 @@ def _reduce(whole: _Differences, outputs: Array) -> _Differences:
     """Return the map without states that are only held, or on which nothing depends."""
     names, A, B, E, C, F = whole
     own = A - np.diag(np.diag(A))
-    is_held = (np.abs(np.diag(A) - 1.0) < 1e-6) & ~own.any(axis=1)
-    kept = np.flatnonzero(~is_held | C.any(axis=0))
+    is_constant = (np.abs(np.diag(A) - 1.0) < 1e-6) & ~own.any(axis=1)
+    kept = np.flatnonzero(~is_constant | C.any(axis=0))
     while True:
         inner = A[np.ix_(kept, kept)]
         others = inner - np.diag(np.diag(inner))
@@ -576,7 +585,7 @@ def _reduce(whole: _Differences, outputs: Array) -> _Differences:
 
 
 def _find_margins(
-    found: _Differences, index: int, step: float, *, is_held: bool
+    found: _Differences, index: int, step: float, *, is_discrete: bool
 ) -> Margins:
     """Return the margins of the loop that is broken at a joint's effort.
 
@@ -586,6 +595,6 @@ def _find_margins(
     at = np.geomspace(top * 1e-5, top, _GRID)
     z = np.exp(1j * at * step)
     T = transfer(found.A, found.E[:, index], found.F[index], z)
-    if is_held:  # It is known of a state a tick later.
+    if is_discrete:  # It is known of a state a tick later.
         T = T * z
     return margins_of(-T / (1.0 + T), at)

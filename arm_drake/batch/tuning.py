@@ -316,13 +316,13 @@ def _choose_pids(
     if joints is None:
         grippers = {joint.name for joint in find_gripper_joints(robot)}
         mimics = {j.name for j in robot.description.movable_joints if j.mimic}
-        wanted = [name for name in names if name not in grippers | mimics] or names
+        joint_names = [name for name in names if name not in grippers | mimics] or names
     else:
-        wanted = list(joints)
-        for name in wanted:
+        joint_names = list(joints)
+        for name in joint_names:
             if name not in names:
                 raise InputError(f"joint {name!r} has no PID; {suggest(name, names)}")
-    chosen = [pid for pid in found if pid.joint in wanted]
+    chosen = [pid for pid in found if pid.joint in joint_names]
     return [pid for pid in chosen if pid.kind == chosen[0].kind]
 
 
@@ -478,8 +478,8 @@ def _command_controller(
     if not names or not set(names) & set(goals):
         return steps
     now = simulation.joint_states()
-    held = dict(zip(now.name, map(float, now.position), strict=True))
-    points = [goals.get(name, held.get(name, 0.0)) for name in names]
+    start = dict(zip(now.name, map(float, now.position), strict=True))
+    points = [goals.get(name, start.get(name, 0.0)) for name in names]
     if config.type.endswith("JointTrajectoryController"):
         point = JointTrajectoryPoint(
             tuple(points), time_from_start=Duration.of(settle / 2)
@@ -513,8 +513,8 @@ def _make_moves(
             if name not in {pid.joint for pid in rig.pids}:
                 pose[name] = float(rig.robot.initial_positions[name])
         part = (0.0, 1.0)[k] if k < 2 else generator.random()
-        carried = {n: low + part * (up - low) for n, (low, up) in payloads.items()}
-        moves.append(Move(pose, tuple(steps), {n: m for n, m in carried.items() if m}))
+        masses = {n: low + part * (up - low) for n, (low, up) in payloads.items()}
+        moves.append(Move(pose, tuple(steps), {n: m for n, m in masses.items() if m}))
     return moves
 
 
@@ -602,9 +602,9 @@ class _Search:
 
     def run(self) -> dict[str, Gains]:
         """Return the best gains of all that were tried."""
-        wanted = _SETTLES / self._rig.settle
+        fastest = _SETTLES / self._rig.settle
         trials = [
-            self._limited(_Trial((scale * wanted,) * len(self._plants), shape), beyond)
+            self._limited(_Trial((scale * fastest,) * len(self._plants), shape), beyond)
             for shape in _SHAPES
             for scale, beyond in _SCALES
         ]

@@ -34,23 +34,23 @@ _OF_SIMULATIONS = (
 def run_launch(options: argparse.Namespace) -> int:
     """Do what a launch file says; return the exit code."""
     names = [options.robot]
-    given: dict[str, str] = {}
+    arguments: dict[str, str] = {}
     for word in options.xacro_args:
         if isinstance(word, str) and ":=" not in word:
             names.append(word)
         else:
             name, value = word.split(":=", 1) if isinstance(word, str) else word
-            given[name] = value
+            arguments[name] = value
     if len(names) > 2:
         text = f"expected PACKAGE FILE or FILE, got {' '.join(names)}"
         raise InputError(f"launch: {text}")
     folders = [Path(folder) for folder in options.package_path]
     if options.show_args:
-        found = load_arguments(*names, arguments=given, package_paths=folders)
+        found = load_arguments(*names, arguments=arguments, package_paths=folders)
         as_json = json.dumps([vars(argument) for argument in found])
         print(as_json if options.json else show_arguments(found))
         return 0
-    plan = load_launch(*names, arguments=given, package_paths=folders)
+    plan = load_launch(*names, arguments=arguments, package_paths=folders)
     if options.print:
         print(json.dumps(to_json(plan)) if options.json else plan)
         _say_report(plan)

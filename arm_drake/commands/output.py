@@ -48,7 +48,7 @@ class Speaker:
         """Create it; if quiet, nothing else than JSON is on standard output."""
         self._is_quiet = is_quiet
         self._is_terminal = sys.stderr.isatty()
-        self._next_report = self._told_at = 0.0
+        self._next_report = self._reported_at = 0.0
         # The largest errors of goals [rad] since they were told, by controller.
         self._errors: dict[str, float] = {}
         self._controllers = ""
@@ -93,7 +93,7 @@ class Speaker:
         elif simulated >= self._next_report and not self._is_quiet:
             print(text, file=sys.stderr, flush=True)
             pause = 1.0 if errors else max(1.0, simulated)
-            self._next_report, self._told_at = simulated + pause - 1e-6, simulated
+            self._next_report, self._reported_at = simulated + pause - 1e-6, simulated
         else:
             return
         self._errors = dict.fromkeys(self._errors, 0.0)
@@ -122,7 +122,7 @@ class Speaker:
         if goal.status is GoalStatus.EXECUTING:
             if goal.feedback:
                 errors = goal.feedback[-1].error.positions
-                self._next_report = min(self._next_report, self._told_at + 1.0)
+                self._next_report = min(self._next_report, self._reported_at + 1.0)
                 largest = max(map(abs, errors), default=0.0)
                 before = self._errors.get(goal.controller, 0.0)
                 self._errors[goal.controller] = max(before, largest)

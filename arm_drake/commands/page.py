@@ -53,10 +53,10 @@ def is_watched() -> bool:
 
 def open_browser(options: argparse.Namespace, page: Page) -> None:
     """Open a page in a browser, if that is asked for, or a person sits before it."""
-    wanted = options.open
-    if wanted is None:
-        wanted = is_watched() and not is_without_screen()
-    if wanted and not webbrowser.open(page.url) and options.open:
+    opens = options.open
+    if opens is None:
+        opens = is_watched() and not is_without_screen()
+    if opens and not webbrowser.open(page.url) and options.open:
         print(f"warning: there is no browser to open {page.url}", file=sys.stderr)
 
 

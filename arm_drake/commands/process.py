@@ -1,4 +1,4 @@
-"""What a command needs of its process: a place, files, an encoding; how it is ended."""
+"""The process of a command: its folder, open files and encoding, and its end."""
 
 import contextlib
 import errno

@@ -1,4 +1,4 @@
-"""What the options `--ros` and `--inputs` do: programs outside talk to a simulation."""
+"""The options `--ros` and `--inputs`: programs outside that talk to a simulation."""
 
 import argparse
 import importlib.util

@@ -170,11 +170,11 @@ def read_scene_of(options: argparse.Namespace) -> Scene:
 def load_scene_of(options: argparse.Namespace) -> Scene:
     """Return the scene whose file a command line names, with its other options."""
     scene = read_scene_of(options)
-    given, defaults = simulation_options(options), SimulationOptions()
+    chosen, defaults = simulation_options(options), SimulationOptions()
     changes = {
         field.name: value
         for field in dc.fields(SimulationOptions)
-        if (value := getattr(given, field.name)) != getattr(defaults, field.name)
+        if (value := getattr(chosen, field.name)) != getattr(defaults, field.name)
     }
     if options.preset is not None:
         changes["preset"] = options.preset

@@ -427,7 +427,7 @@ class PackageFinder:
                 lambda folder: folder not in (folder.parent, home), parents
             )
         )
-        self._package_paths = tuple(path.absolute() for path in package_paths)
+        self.package_paths = tuple(path.absolute() for path in package_paths)
         self._report = LoadReport() if report is None else report
         self._scanned: dict[Path, dict[str, Path]] = {}
         self._found: dict[str, Path] = {}
@@ -536,7 +536,7 @@ class PackageFinder:
             return None
         beside = [folder / name for folder in self._ancestors]
         above = [folder for folder in self._ancestors if folder.name == name]
-        explicit = [root / name for root in self._package_paths]
+        explicit = [root / name for root in self.package_paths]
         candidates = [*explicit, *above, *beside]
         # Unlike that of Path, it takes names that no folder can have.
         return next((path for path in candidates if os.path.isdir(path)), None)
@@ -578,7 +578,7 @@ class PackageFinder:
             if self._own is not None and self._own in self._ancestors
             else {}
         )
-        for root in self._package_paths:
+        for root in self.package_paths:
             if self._own is not None and self._own.is_relative_to(root.resolve()):
                 yield own
             yield self._scan(root)

@@ -17,6 +17,7 @@ before they become its fields.
 
 import dataclasses as dc
 import difflib
+import functools
 import math
 import typing
 from collections.abc import Callable, Iterable, Mapping
@@ -283,6 +284,12 @@ def _closest(name: str, known: set[str]) -> str:
     return f"; did you mean {close[0]!r}?" if close else ""
 
 
+@functools.cache
+def _hints_of(schema: type) -> dict[str, Any]:
+    """Return the types of a schema's fields; to read them costs more than a load."""
+    return typing.get_type_hints(schema, include_extras=True)
+
+
 class _Loader:
     """Loads one node's parameters and remembers which of them were used."""
 
@@ -297,7 +304,7 @@ class _Loader:
         adapt = getattr(schema, "adapt", None)
         if adapt is not None:
             adapt(group)
-        hints = typing.get_type_hints(schema, include_extras=True)
+        hints = _hints_of(schema)  # type: ignore[arg-type]
         values: dict[str, Any] = {}
         for field in dc.fields(schema):  # type: ignore[arg-type]
             expected, rule = hints[field.name], Rule()

@@ -7,12 +7,8 @@ from pathlib import Path
 
 from arm_drake.description.elements import parse_number
 from arm_drake.description.joints import joints_above
-from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
-
-# How packages with an SRDF are called.
-_MOVEIT = "moveit_config"
 
 Pairs = frozenset[tuple[str, str]]
 
@@ -150,7 +146,7 @@ def find_srdf_files(robot: Robot) -> tuple[Path, ...]:
 def _roots(robot: Robot, report: LoadReport) -> Iterator[tuple[Path, ET.Element]]:
     """Yield the files that are for a robot, and their roots."""
     description, named = robot.description, robot.srdf_files
-    files = _files(description.file, robot.package_paths) if named is None else named
+    files = _files(description.moveit_folders) if named is None else named
     found = []
     for path in files:
         try:
@@ -170,10 +166,7 @@ def _roots(robot: Robot, report: LoadReport) -> Iterator[tuple[Path, ET.Element]
     yield from found
 
 
-def _files(file: Path, package_paths: Sequence[Path]) -> Iterator[Path]:
-    packages = PackageFinder(file, package_paths)
-    folders = [f for f in file.parents if (f / "package.xml").is_file()][:1]
-    folders += [folder for name, folder in packages.known() if _MOVEIT in name]
+def _files(folders: Sequence[Path]) -> Iterator[Path]:
     seen = set()
     for folder in folders:
         for path in sorted(folder.rglob("*.srdf")):

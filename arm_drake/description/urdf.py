@@ -63,6 +63,9 @@ _MOST_ELEMENTS = 100_000
 _MOST = {"link": 3000, "link/visual": 3000, "link/collision": 3000}
 _MOST_MOVABLE_JOINTS = 1000
 
+# How packages with an SRDF are called.
+_MOVEIT = "moveit_config"
+
 
 @dc.dataclass(frozen=True)
 class RobotDescription:
@@ -110,6 +113,9 @@ class RobotDescription:
     # it; what needs another makes a copy.
     root: ET.Element = dc.field(repr=False, compare=False)
 
+    # Folders that were searched for packages.
+    package_paths: tuple[Path, ...] = dc.field(default=(), repr=False, compare=False)
+
     def __eq__(self, other: object) -> bool:
         """Return whether all is the same; trees are compared as texts."""
         if not isinstance(other, RobotDescription):
@@ -131,6 +137,13 @@ class RobotDescription:
     @functools.cached_property
     def _links_by_name(self) -> Mapping[str, LinkInfo]:
         return {link.name: link for link in self.link_infos}
+
+    @functools.cached_property
+    def moveit_folders(self) -> tuple[Path, ...]:
+        """Its own package and those of MoveIt around it; all packages are looked at."""
+        own = [f for f in self.file.parents if (f / "package.xml").is_file()][:1]
+        known = PackageFinder(self.file, self.package_paths).known()
+        return (*own, *(folder for name, folder in known if _MOVEIT in name))
 
     @property
     def movable_joints(self) -> tuple[JointInfo, ...]:
@@ -239,6 +252,7 @@ def parse_urdf(
         mesh_names=as_written.mesh_names,
         source=text,
         root=root,
+        package_paths=packages.package_paths,
     )
     _report_loose(robot, report)
     return robot

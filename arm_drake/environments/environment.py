@@ -198,9 +198,9 @@ class ReachTask(Task):
     def evaluate(self, environment: "Environment") -> Evaluation:
         """Return the reward for the distance."""
         distance = float(np.linalg.norm(self.goal - self._tip(environment)))
-        is_there = distance <= self.radius
-        info = {"distance": distance, "is_success": is_there}
-        return Evaluation(10.0 * is_there - distance, is_there, info)
+        is_reached = distance <= self.radius
+        info = {"distance": distance, "is_success": is_reached}
+        return Evaluation(10.0 * is_reached - distance, is_reached, info)
 
     def _tip(self, environment: "Environment") -> Array:
         assert self.frame is not None
@@ -469,18 +469,18 @@ def _find_actuation(robot: Robot, name: str | None) -> _Actuation:
 
 
 def _read_actuation(robot: Robot, config: ControllerConfig) -> _Actuation | None:
-    def given(key: str) -> Any:
+    def parameter(key: str) -> Any:
         parameter = config.parameters.get(key)
         return None if parameter is None else parameter.value
 
     interface = _FORWARD.get(config.type)
     if config.type == _FORWARD_COMMAND:
-        interface = given("interface_name")
+        interface = parameter("interface_name")
     elif config.type == _TRAJECTORY:
-        commanded = given("command_interfaces") or []
+        commanded = parameter("command_interfaces") or []
         interface = "position" if commanded else None
     known = {joint.name for joint in robot.description.movable_joints}
-    joints = tuple(given("joints") or ())
+    joints = tuple(parameter("joints") or ())
     if interface not in ("position", "velocity", "effort") or not joints:
         return None
     if not set(joints) <= known:

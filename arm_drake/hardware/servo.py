@@ -183,7 +183,7 @@ def function(
 
 
 # Share of a change that the filters of an acceleration take over at each step, f.
-_FELT_GAIN = 0.1
+_ACCELERATION_GAIN = 0.1
 
 # How fast a push against a stop is forgotten [s].
 _STOP_TIME = 0.1
@@ -274,7 +274,7 @@ def measured_acceleration(gains: ServoGains, layout: Layout, h: float) -> Linear
 
     The input is the robot's state; the output is a of all joints, then r.
     """
-    n, f = layout.num_joints, _FELT_GAIN
+    n, f = layout.num_joints, _ACCELERATION_GAIN
     V = np.zeros((n, layout.num_states))
     V[np.arange(n), layout.velocities_at] = 1.0
     one, zero, kd = np.eye(n), np.zeros((n, n)), np.diag(gains.kd)

@@ -199,7 +199,7 @@ class GroupAction(Action):
 
     def execute(self, run: "LaunchRun") -> None:
         context = run.context
-        given = {
+        values = {
             perform(context, name): perform(context, value)
             for name, value in self.launch_configurations.items()
         }
@@ -211,7 +211,7 @@ class GroupAction(Action):
         )
         if not self.forwarding:
             context.launch_configurations.clear()
-        context.launch_configurations.update(given)
+        context.launch_configurations.update(values)
         for action in self.actions:
             run.visit(action)
         if self.scoped:
@@ -248,8 +248,8 @@ class SetUseSimTime(Action):
 
 class SetParametersFromFile(Action):
     def execute(self, run: "LaunchRun") -> None:
-        given = self.kwargs.get("filename", *self.args[:1])
-        run.context.parameters.append(perform(run.context, given))
+        file = self.kwargs.get("filename", *self.args[:1])
+        run.context.parameters.append(perform(run.context, file))
 
 
 class SetRemap(Action):
@@ -281,11 +281,11 @@ class OpaqueFunction(Action):
         **rest: Any,
     ) -> None:
         super().__init__(**rest)
-        self.function, self.given = function, list(args or [])
+        self.function, self.positional = function, list(args or [])
         self.named = dict(kwargs or {})
 
     def execute(self, run: "LaunchRun") -> Iterable[Any] | None:
-        found: Any = self.function(run.context, *self.given, **self.named)
+        found: Any = self.function(run.context, *self.positional, **self.named)
         if found is not None and not isinstance(found, list | tuple):
             name = getattr(self.function, "__name__", "function")
             raise LaunchError(
@@ -360,22 +360,22 @@ class IncludeLaunchDescription(Action):
     ) -> None:
         super().__init__(**kwargs)
         self.source = launch_description_source
-        given = launch_arguments or []
+        arguments = launch_arguments or []
         self.launch_arguments = list(
-            given.items() if isinstance(given, Mapping) else given
+            arguments.items() if isinstance(arguments, Mapping) else arguments
         )
 
     def execute(self, run: "LaunchRun") -> None:
-        given = {
+        values = {
             perform(run.context, name): perform(run.context, value)
             for name, value in self.launch_arguments
         }
         if isinstance(self.source, LaunchDescription):
-            run.context.launch_configurations.update(given)
+            run.context.launch_configurations.update(values)
             run.visit(self.source)
             return
         location = getattr(self.source, "location", self.source)
-        run.include(perform(run.context, location), given)
+        run.include(perform(run.context, location), values)
 
 
 class Words(list[Any]):
@@ -474,7 +474,7 @@ class Node(ExecuteProcess):
         self.package = package
         self.executable = executable or kwargs.get("node_executable", "")
         self.name = name or kwargs.get("node_name")
-        self.given_namespace = namespace or kwargs.get("node_namespace")
+        self.namespace = namespace or kwargs.get("node_namespace")
         self.parameters = parameters or []
         self.remappings = list(remappings or [])
         self.arguments = arguments or []
@@ -486,12 +486,12 @@ class Node(ExecuteProcess):
     def execute(self, run: "LaunchRun") -> None:
         context = run.context
         package, executable, name, space = (
-            None if given is None else perform(context, given)
-            for given in (
+            None if value is None else perform(context, value)
+            for value in (
                 self.package,
                 self.executable,
                 self.name,
-                self.given_namespace,
+                self.namespace,
             )
         )
         parameters = self.parameters
@@ -560,7 +560,7 @@ def split_ros_arguments(
 ) -> tuple[list[str], dict[str, Any]]:
     """Return the words of a program, and what those after `--ros-args` mean."""
     own: list[str] = []
-    given: dict[str, Any] = {"namespace": None, "name": None}
+    found: dict[str, Any] = {"namespace": None, "name": None}
     files: list[Any] = []
     remappings: list[tuple[str, str]] = []
     rest, is_ros = list(words), False
@@ -580,10 +580,10 @@ def split_ros_arguments(
         elif word in ("-r", "--remap") and rest and ":=" in rest[0]:
             source, target = rest.pop(0).split(":=", 1)
             if source in ("__ns", "__node", "__name"):
-                given["namespace" if source == "__ns" else "name"] = target
+                found["namespace" if source == "__ns" else "name"] = target
             else:
                 remappings.append((source, target))
-    return own, given | {"parameters": files, "remappings": remappings}
+    return own, found | {"parameters": files, "remappings": remappings}
 
 
 def join_names(space: str, name: str) -> str:
@@ -650,7 +650,7 @@ class LaunchRun:
         context, is_isolated = self.context, self._is_isolated
         files, own = list(context.files), context.launch_configurations
 
-        def act_there() -> None:
+        def resume() -> None:
             context.files[:] = files
             if not is_isolated:
                 act()
@@ -662,7 +662,7 @@ class LaunchRun:
             self._is_isolated = False
             context.launch_configurations = outer
 
-        item = (self._time + delay, next(self._number), act_there)
+        item = (self._time + delay, next(self._number), resume)
         heapq.heappush(self._waiting, item)
 
     def visit(self, entity: Any) -> None:
@@ -711,7 +711,7 @@ class LaunchRun:
     def launch(self, words: Sequence[str]) -> None:
         """Do what `ros2 launch` does, with arguments of its own."""
         names = [word for word in words if ":=" not in word and word[:1] != "-"]
-        given = dict(w.split(":=", 1) for w in words if ":=" in w)
+        arguments = dict(w.split(":=", 1) for w in words if ":=" in w)
         if not names:
             text = "expected a package and a file"
             raise LaunchError(f"ros2 launch {' '.join(words)}: {text}")
@@ -722,7 +722,7 @@ class LaunchRun:
             if not found:
                 raise LaunchError(f"package {names[0]!r} has no {names[1]!r}")
             file = str(found[0])
-        inner = [LambdaAction(lambda run: run.include(file, given))]
+        inner = [LambdaAction(lambda run: run.include(file, arguments))]
         isolated, self._is_isolated = self._is_isolated, True
         self.visit(GroupAction(inner, forwarding=False))
         self._is_isolated = isolated
@@ -731,14 +731,14 @@ class LaunchRun:
         self, action: Any, package: str, executable: str, **values: Any
     ) -> None:
         """Note a node."""
-        arguments, given = split_ros_arguments(values.get("arguments", ()))
-        space, name = given.pop("namespace"), given.pop("name")
+        arguments, from_words = split_ros_arguments(values.get("arguments", ()))
+        space, name = from_words.pop("namespace"), from_words.pop("name")
         if space is not None:
             values["namespace"] = join_names(self.namespace, space)
         values.setdefault("namespace", self.namespace)
         values["name"] = name or values.get("name")
         values["arguments"] = arguments
-        for key, more in given.items():
+        for key, more in from_words.items():
             values[key] = [*values.get(key, ()), *more]
         self.start(action, "node", package=package, executable=executable, **values)
 

@@ -1,4 +1,4 @@
-"""What launch files publish and which goals they send, as steps of motions."""
+"""Messages and goals that launch files send, as steps of motions."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path

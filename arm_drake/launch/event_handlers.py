@@ -1,4 +1,4 @@
-"""Event handlers of `launch`: what follows the start and the end of what."""
+"""Event handlers of `launch`: actions that follow the start or end of others."""
 
 from typing import Any
 
@@ -6,9 +6,9 @@ from typing import Any
 class Event:
     """An event, of which only its kind matters."""
 
-    def __init__(self, **given: Any) -> None:
+    def __init__(self, **fields: Any) -> None:
         """Take what describes it."""
-        vars(self).update(given)
+        vars(self).update(fields)
 
 
 class EventHandler:

@@ -126,19 +126,25 @@ def place_frames(
     while waiting:
         left: list[StaticFrame] = []
         for parent, child, pose in waiting:
-            carrier, carried = owner(parent.lstrip("/")), owner(child.lstrip("/"))
+            parent_owner, child_owner = (
+                owner(parent.lstrip("/")),
+                owner(child.lstrip("/")),
+            )
             frame = StaticFrame(parent, child, pose)
-            if carried is not None:
-                prefix, own = links[carried]
+            if child_owner is not None:
+                prefix, own = links[child_owner]
                 name = child.lstrip("/").removeprefix(prefix)
-                if carrier is None and own.get(name, "") is None:
-                    poses[carried] = pose
+                if parent_owner is None and own.get(name, "") is None:
+                    poses[child_owner] = pose
                 else:
                     leave_out(frame, "it is a link that has its place")
-            elif carrier is not None:
-                prefix = links[carrier][0]
+            elif parent_owner is not None:
+                prefix = links[parent_owner][0]
                 short = parent.lstrip("/").removeprefix(prefix)
-                found[carrier][child.lstrip("/").removeprefix(prefix)] = (short, pose)
+                found[parent_owner][child.lstrip("/").removeprefix(prefix)] = (
+                    short,
+                    pose,
+                )
             else:
                 left.append(frame)
         if len(left) == len(waiting):

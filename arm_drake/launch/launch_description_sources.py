@@ -193,10 +193,12 @@ def _make_namespace(element: _Element) -> Any:
 
 
 def _make_include(element: _Element) -> Any:
-    given = [(arg.need("name"), arg.need("value")) for arg in element.all("arg", "let")]
+    arguments = [
+        (arg.need("name"), arg.need("value")) for arg in element.all("arg", "let")
+    ]
     return actions.IncludeLaunchDescription(
         actions.LaunchDescriptionSource(element.need("file")),
-        launch_arguments=given,
+        launch_arguments=arguments,
         condition=element.condition,
     )
 
@@ -231,8 +233,8 @@ def _make_timer(element: _Element) -> Any:
 
 def _make_pair(kind: Any, first: str = "name", second: str = "value") -> Any:
     def make(element: _Element) -> Any:
-        given = (element.need(first), element.need(second))
-        return kind(*given, condition=element.condition)
+        pair = (element.need(first), element.need(second))
+        return kind(*pair, condition=element.condition)
 
     return make
 

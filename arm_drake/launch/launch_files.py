@@ -103,8 +103,8 @@ def load_launch(
         if not folder.is_dir():
             raise InputError("no such folder; expected one to search", file=folder)
     path = Path(os.path.abspath(find_launch_file(source, name, folders)))
-    given = {key: str(value) for key, value in (arguments or {}).items()}
-    return _read(path, folders, given)
+    texts = {key: str(value) for key, value in (arguments or {}).items()}
+    return _read(path, folders, texts)
 
 
 def show_arguments(plan: Sequence[LaunchArgument]) -> str:
@@ -136,8 +136,8 @@ def load_arguments(
         InputError: As of `load_launch`.
     """
     path = Path(os.path.abspath(find_launch_file(source, name, package_paths)))
-    given, folders = dict(arguments or {}), tuple(package_paths)
-    answer = _ask(path, folders, given, only_shows_arguments=True)[0]
+    values, folders = dict(arguments or {}), tuple(package_paths)
+    answer = _ask(path, folders, values, only_shows_arguments=True)[0]
     return _arguments_of(answer)
 
 
@@ -154,14 +154,14 @@ def _arguments_of(answer: Mapping[str, Any]) -> tuple[LaunchArgument, ...]:
 
 
 def _read(
-    path: Path, folders: tuple[Path, ...], given: Mapping[str, str]
+    path: Path, folders: tuple[Path, ...], values: Mapping[str, str]
 ) -> LaunchPlan:
-    answer, finder, folder = _ask(path, folders, given)
+    answer, finder, folder = _ask(path, folders, values)
     report = LoadReport()
     arguments = _arguments_of(answer)
     known = {argument.name for argument in arguments} | set(answer["values"])
     declared = {argument.name for argument in arguments}
-    for name in given:
+    for name in values:
         if name not in declared:
             hint = suggest(name, declared or known)
             what = f"no launch argument {name!r}; {hint}"
@@ -183,7 +183,7 @@ def _read(
 def _ask(
     path: Path,
     folders: tuple[Path, ...],
-    given: Mapping[str, str],
+    arguments: Mapping[str, str],
     *,
     only_shows_arguments: bool = False,
 ) -> tuple[Any, PackageFinder, PlanFolder]:
@@ -192,7 +192,7 @@ def _ask(
     folder = PlanFolder()
     request = {
         "file": str(path),
-        "arguments": dict(given),
+        "arguments": dict(arguments),
         "folder": str(folder.path),
         "stood_for": str(folder.path / STOOD_FOR),
         "cpu_time": CPU_TIME,

@@ -99,8 +99,8 @@ class _Launch(types.ModuleType):
         return type(name, (actions.UnknownAction,), {})
 
 
-def _normalize(given: Any) -> list[Any]:
-    return list(given) if isinstance(given, list | tuple) else [given]
+def _normalize(value: Any) -> list[Any]:
+    return list(value) if isinstance(value, list | tuple) else [value]
 
 
 _FUNCTIONS: Mapping[str, Callable[..., Any]] = {
@@ -119,8 +119,8 @@ _FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     "perform_typed_substitution": lambda context, value, kind: kind(
         perform(context, value)
     ),
-    "evaluate_parameters": lambda context, given: tuple(
-        parameters.read_parameters(context, each) for each in given
+    "evaluate_parameters": lambda context, values: tuple(
+        parameters.read_parameters(context, each) for each in values
     ),
     "is_a": lambda value, kind: isinstance(value, kind),
     "get_logger": lambda *names: _Quiet(),
@@ -173,8 +173,8 @@ def _process_file(input_file_name: Any, *args: Any, **kwargs: Any) -> _Document:
     return _Document(os.fspath(input_file_name), kwargs.get("mappings"))
 
 
-def _parse_xacro(given: Any, filename: Any = None) -> _Document:
-    return _Document(filename or getattr(given, "name", ""))
+def _parse_xacro(source: Any, filename: Any = None) -> _Document:
+    return _Document(filename or getattr(source, "name", ""))
 
 
 def _process_document(document: _Document, *args: Any, **kwargs: Any) -> None:
@@ -215,8 +215,8 @@ def _spawners(
     """Return what `controller_manager.launch_utils` makes: arguments and a spawner."""
     names, files = list(controllers), kwargs.get("controller_params_files") or []
     if isinstance(controllers, Mapping):
-        given = [each for value in controllers.values() for each in _normalize(value)]
-        files = [file for file in given if file]
+        sources = [each for value in controllers.values() for each in _normalize(value)]
+        files = [file for file in sources if file]
     manager = substitutions.LaunchConfiguration(
         "controller_manager_name", default="controller_manager"
     )
@@ -248,10 +248,10 @@ def _include(
 ) -> actions.IncludeLaunchDescription:
     """Return an action of `ros_gz_sim` or its kin: a launch file of that package."""
     file = Path(substitutions.find_package(package), "launch", f"{name}.launch.py")
-    given = {k: v for k, v in arguments.items() if v is not None}
+    values = {k: v for k, v in arguments.items() if v is not None}
     source = actions.LaunchDescriptionSource(str(file))
     return actions.IncludeLaunchDescription(
-        source, launch_arguments=given, condition=condition
+        source, launch_arguments=values, condition=condition
     )
 
 

@@ -1,4 +1,4 @@
-"""`moveit_configs_utils`, as launch files use it: what a planner and its kin are given.
+"""`moveit_configs_utils`, as launch files use it: parameters of MoveIt's nodes.
 
 It has the names and the arguments of that package; the files that are looked for, and
 what its launch files start, are told by its documentation.
@@ -40,8 +40,8 @@ class Xacro(Substitution):
         self.mappings = dict(mappings or {})
 
     def perform(self, context: LaunchContext) -> str:
-        given = {perform(context, name): v for name, v in self.mappings.items()}
-        return describe(Path(perform(context, self.args[0])), given)
+        mappings = {perform(context, name): v for name, v in self.mappings.items()}
+        return describe(Path(perform(context, self.args[0])), mappings)
 
 
 def _describe(path: Path, mappings: Mapping[Any, Any] | None) -> Any:

@@ -66,8 +66,8 @@ class RewrittenYaml(Substitution):
     def perform(self, context: LaunchContext) -> str:
         values = {
             name: yaml.safe_load(text) if self.convert_types else text
-            for name, given in self.param_rewrites.items()
-            for text in [perform(context, given)]
+            for name, value in self.param_rewrites.items()
+            for text in [perform(context, value)]
         }
         keys = {name: perform(context, k) for name, k in self.key_rewrites.items()}
 
@@ -149,16 +149,16 @@ class Parameter(ParameterValue):
         self.name = name
 
 
-def read_parameters(context: LaunchContext, given: Any) -> Any:
+def read_parameters(context: LaunchContext, source: Any) -> Any:
     """Return the path of a file of parameters, or a mapping of their values."""
-    if isinstance(given, Parameter):
-        return {perform(context, given.name): given.evaluate(context)}
-    if isinstance(given, ParameterFile):
-        return given.evaluate(context)
-    if not isinstance(given, Mapping):
-        return perform(context, given)
+    if isinstance(source, Parameter):
+        return {perform(context, source.name): source.evaluate(context)}
+    if isinstance(source, ParameterFile):
+        return source.evaluate(context)
+    if not isinstance(source, Mapping):
+        return perform(context, source)
     flat: dict[str, Any] = {}
-    for name, value in given.items():
+    for name, value in source.items():
         key = perform(context, name)
         if isinstance(value, Mapping):
             inner = read_parameters(context, value)

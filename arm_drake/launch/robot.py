@@ -140,8 +140,8 @@ class LaunchedRobot:
         Raises:
             InputError: If it can't be loaded.
         """
-        given = dict(self.loading)
-        own = given.pop("controllers", None) or self._files(package_paths)
+        options = dict(self.loading)
+        own = options.pop("controllers", None) or self._files(package_paths)
         files = [*map(Path, own), *bridges]
         said: dict[str, Any] = {"name": name, "srdf": self.srdf}
         robot = load_robot(
@@ -149,11 +149,11 @@ class LaunchedRobot:
             xacro_args=self.xacro_args,
             controllers=files or None,
             package_paths=package_paths,
-            variables=self._variables_in(files) | given.pop("variables", {}),
+            variables=self._variables_in(files) | options.pop("variables", {}),
             pose=placed.pose if self.pose is None else self.pose,
             initial_positions=initial_positions,
-            frames={**placed.frames, **given.pop("frames", {})},
-            **(said | given),
+            frames={**placed.frames, **options.pop("frames", {})},
+            **(said | options),
         )
         namespace = self.namespace.strip("/")
         aliases = [each.to_alias(namespace) for each in self.remappings]
@@ -187,8 +187,8 @@ class LaunchedRobot:
     def _variables_in(self, files: Sequence[Path]) -> dict[str, str]:
         """Return the values of what `$(var NAME)` asks for in some files."""
         texts = [text_of(file) for file in files]
-        asked = {name for text in texts for name in _VARIABLE.findall(text)}
-        return {k: v for k, v in self.variables.items() if k in asked}
+        named = {name for text in texts for name in _VARIABLE.findall(text)}
+        return {k: v for k, v in self.variables.items() if k in named}
 
     def _files(self, package_paths: Sequence[Path]) -> list[Path]:
         """Return the controllers YAML, with those that a simulator's plugin names."""
@@ -472,10 +472,10 @@ class RobotParts:
         if len(descriptions) == 1:
             return True
         if manager.description is not None:
-            is_there = description.namespace == manager.namespace
+            is_same = description.namespace == manager.namespace
             same = _same(manager.description, [description])
             spaces = [d.namespace for d in descriptions]
-            return same and (is_there or manager.namespace not in spaces)
+            return same and (is_same or manager.namespace not in spaces)
         return manager.topic == description.topic
 
     def _add_spawned(self, robots: list[LaunchedRobot]) -> list[LaunchedRobot]:

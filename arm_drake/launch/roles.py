@@ -1,4 +1,4 @@
-"""What the nodes and processes of a launch file are for, without ROS.
+"""Roles of the nodes and processes of a launch file: robots, controllers, worlds.
 
 Each is one of a robot's (its description, its controller manager, its spawners, its
 place), of the world's, of what is drawn, or is not run and told.
@@ -208,8 +208,8 @@ class Roles:
                 self._set_world(values.get("world_sdf_file", ""), record)
             case "ros_gz_sim", "ros_gz_spawn_model" | "gz_spawn_model":
                 turns = {"roll": "R", "pitch": "P", "yaw": "Y"}
-                given = {turns.get(name, name): v for name, v in values.items()}
-                record = {**record, "arguments": (), "parameters": [given]}
+                renamed = {turns.get(name, name): v for name, v in values.items()}
+                record = {**record, "arguments": (), "parameters": [renamed]}
                 self._read_spawn(record, "gz")
             case (("ros_gz_sim" | "ros_ign_gazebo" as which), _):
                 words = values.get(
@@ -502,8 +502,8 @@ class Roles:
     ) -> None:
         """Take what a spawner's controllers call their topics."""
         for text in all_values_of(words, "--controller-ros-args"):
-            _, given = split_ros_arguments(["--ros-args", *split_words(text)])
-            for source, target in given["remappings"]:
+            _, ros_arguments = split_ros_arguments(["--ros-args", *split_words(text)])
+            for source, target in ros_arguments["remappings"]:
                 own = source.removeprefix("~/")
                 sources = [source] if own == source else [f"/{n}/{own}" for n in names]
                 for each in sources:
@@ -520,7 +520,7 @@ class Roles:
         words, values = record.get("arguments", ()), _merge(record)
         self._simulator = simulator
 
-        def given(*names: str) -> str | None:
+        def option(*names: str) -> str | None:
             found = value_of(words, *(f"-{name}" for name in names))
             found = found or value_of(words, *(f"--{name}" for name in names))
             for name in (*names, *(["entity_name"] if "name" in names else [])):
@@ -528,7 +528,7 @@ class Roles:
                     found = str(values[name])
             return found
 
-        topic, file, text = given("topic"), given("file"), given("string")
+        topic, file, text = option("topic"), option("file"), option("string")
         description = None
         if file is not None:
             path = Path(file)
@@ -537,8 +537,8 @@ class Roles:
                     what, done = f"no such model: {path}", "it is left out"
                     self._add("error", "missing", what, done, record)
                     return
-                name = given("entity", "name")
-                pose = self._read_pose(given, record)
+                name = option("entity", "name")
+                pose = self._read_pose(option, record)
                 path = self._finder.real(path)
                 self._models.append(LaunchedModel(path, name, pose))
                 return
@@ -546,29 +546,29 @@ class Roles:
         elif text is not None and "<sdf" in text[:2000]:
             path = self._folder.path / f"model_{len(self._models)}.sdf"
             path.write_text(text, encoding="utf-8")
-            name, pose = given("entity", "name"), self._read_pose(given, record)
+            name, pose = option("entity", "name"), self._read_pose(option, record)
             self._models.append(LaunchedModel(path, name, pose))
             return
         elif text is not None:
             description = self._describe(text, record)
         elif topic is None:
-            name = given("entity", "name") or given("database") or "model"
+            name = option("entity", "name") or option("database") or "model"
             self._leave_out(f"{name} in the simulator", "model")
             return
         self._parts.spawns.append(
             Spawn(
-                name=given("entity", "name"),
+                name=option("entity", "name"),
                 topic=None if topic is None else _join(record["namespace"], topic),
                 description=description,
-                pose=self._read_pose(given, record),
+                pose=self._read_pose(option, record),
                 simulator=simulator,
             )
         )
 
     def _read_pose(
-        self, given: Callable[..., str | None], record: Mapping[str, Any]
+        self, option: Callable[..., str | None], record: Mapping[str, Any]
     ) -> Pose | None:
-        texts = [given(axis) for axis in ("x", "y", "z", "R", "P", "Y")]
+        texts = [option(axis) for axis in ("x", "y", "z", "R", "P", "Y")]
         if all(text is None for text in texts):
             return None
         numbers = []

@@ -1,4 +1,4 @@
-"""What an RViz configuration shows: its fixed frame, its displays, its camera."""
+"""RViz configurations: fixed frame, displays, camera."""
 
 import math
 from collections.abc import Mapping

@@ -1,1 +1,1 @@
-"""What robots see: cameras, and what they look at."""
+"""Cameras of robots: pictures, scenery, and the sensors of descriptions."""

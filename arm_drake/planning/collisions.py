@@ -158,8 +158,8 @@ class CollisionModel:
 
         What a link carries may touch the links that it touches now.
         """
-        held = {each.link for each in things} - {None}
-        if not (held or _differ(things, self._things)):
+        attached_links = {each.link for each in things} - {None}
+        if not (attached_links or _differ(things, self._things)):
             return
         self._things = tuple(things)
         checker, plant = self.checker, self._plant
@@ -182,14 +182,14 @@ class CollisionModel:
                 reach = _reach(each.shape, each.pose) + (radii[each.link] or 0.0)
                 radii[each.link] = reach
         self._weights = self._find_weights(radii)
-        self._allow_touching(held)
+        self._allow_touching(attached_links)
 
-    def _allow_touching(self, held: Collection[str | None]) -> None:
+    def _allow_touching(self, attached_links: Collection[str | None]) -> None:
         """Let links that carry something touch what they do now."""
         matrix = self._filters.copy()
         self.checker.SetCollisionFilterMatrix(matrix)
-        found = self.checker.CalcRobotClearance(self._rest, self._given_padding)
-        carrying = {int(self._bodies[link]) for link in held if link}
+        found = self.checker.CalcRobotClearance(self._rest, self._checker_padding)
+        carrying = {int(self._bodies[link]) for link in attached_links if link}
         ours = set(self._bodies.values())
         pairs = zip(
             found.robot_indices(), found.other_indices(), found.distances(), strict=True
@@ -256,7 +256,7 @@ class CollisionModel:
             distances = np.array(found.distances())
             if distances.size:
                 smallest = min(smallest, float(distances.min()))
-        return smallest + self._given_padding
+        return smallest + self._checker_padding
 
     def describe(self, x: np.ndarray) -> list[str]:
         """Return what collides at values of the planned joints, in words."""
@@ -265,7 +265,7 @@ class CollisionModel:
         inspector = query.inspector()
         matrix = self.checker.GetFilteredCollisionMatrix()
         found: dict[str, float] = {}
-        near = max(self._given_padding, 1e-9)
+        near = max(self._checker_padding, 1e-9)
         for pair in query.ComputeSignedDistancePairwiseClosestPoints(near):
             bodies = [
                 plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
@@ -355,7 +355,7 @@ class CollisionModel:
             if one in index and two in index:
                 _disable(matrix, index[one], index[two])
         self.checker.SetCollisionFilterMatrix(matrix)
-        self._given_padding = float(self.checker.GetLargestPadding())
+        self._checker_padding = float(self.checker.GetLargestPadding())
         ranges = {r.name: r for r in joint_ranges(description)}
         low = np.array([ranges[name].lower for name in self.joints])
         high = np.array([ranges[name].upper for name in self.joints])
@@ -490,7 +490,7 @@ def show_standing(
         plant.RegisterVisualGeometry(body, each.pose, each.shape, name, _COLOR)
 
 
-class Surroundings(NamedTuple):
+class PlanningScene(NamedTuple):
     """What is around a robot of a diagram now."""
 
     # What never moves.
@@ -509,13 +509,13 @@ _worlds: "weakref.WeakKeyDictionary[Diagram, dict[str, LoadedWorld]]" = (
 )
 
 
-def look_around(
+def read_planning_scene(
     diagram: Diagram,
     context: Context,
     robot: Robot,
-    held: Mapping[str, str],
+    attached_bodies: Mapping[str, str],
     ignored: Collection[str],
-) -> Surroundings:
+) -> PlanningScene:
     """Return what is around a robot of a running diagram, but for bodies ignored.
 
     `held` says which links hold which bodies; these are where they are on the links.
@@ -538,7 +538,7 @@ def look_around(
         known[robot.name] = LoadedWorld("surroundings", add_to)
     moving = [index for index in others if index not in set(still)]
     standing = _find_shapes(plant, scene_graph, poses, moving)
-    unseen = {*held.values(), *ignored}
+    unseen = {*attached_bodies.values(), *ignored}
     things = [each for each in standing if each.name not in unseen]
     links = {
         link: poses[int(plant.GetBodyByName(link, model).index())]
@@ -546,12 +546,12 @@ def look_around(
         if plant.HasBodyNamed(link, model)
     }
     names = {each.name for each in standing}
-    for name in (*held.values(), *ignored):
+    for name in (*attached_bodies.values(), *ignored):
         if name not in names:
             raise InputError(
                 f"no body {name!r} that could move; {suggest(name, names)}"
             )
-    for link, name in held.items():
+    for link, name in attached_bodies.items():
         things += [
             each._replace(link=link, pose=links[link].inverse() @ each.pose)
             for each in standing
@@ -559,7 +559,7 @@ def look_around(
         ]
     things += _payloads(plant, scene_graph, model, links)
     X_WB = links[robot.description.base] if robot.has_free_base else None
-    return Surroundings(known[robot.name], tuple(things), X_WB)
+    return PlanningScene(known[robot.name], tuple(things), X_WB)
 
 
 def _payloads(

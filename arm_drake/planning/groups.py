@@ -86,9 +86,9 @@ def _find_groups(robot: Robot) -> dict[str, PlanningGroup]:
         groups[group.name] = group.joints, group.tip
         grippers |= set(group.joints if group.is_end_effector else ())
     for controller in robot.controllers.controllers:
-        given = controller.parameters.get("joints")
-        if controller.type == _TRAJECTORY_CONTROLLER and given is not None:
-            names = given.value if isinstance(given.value, list) else []
+        parameter = controller.parameters.get("joints")
+        if controller.type == _TRAJECTORY_CONTROLLER and parameter is not None:
+            names = parameter.value if isinstance(parameter.value, list) else []
             named = tuple(name for name in names if name in own)
             if named:
                 groups.setdefault(controller.name, (named, None))
@@ -157,9 +157,9 @@ def _read_limits(robot: Robot) -> dict[str, MotionLimits]:
                 content = yaml_files.load(path)
             except yaml_files.YamlError as error:
                 raise InputError(error.problem, file=path, line=error.line) from None
-            given = content.get("joint_limits") if isinstance(content, dict) else None
-            if isinstance(given, dict):
-                rows |= {k: row for k, row in given.items() if isinstance(row, dict)}
+            limits = content.get("joint_limits") if isinstance(content, dict) else None
+            if isinstance(limits, dict):
+                rows |= {k: row for k, row in limits.items() if isinstance(row, dict)}
     limits = {}
     for joint in robot.description.movable_joints:
         row = rows.get(joint.name, {})

@@ -438,12 +438,12 @@ class _Chain:
         for _ in range(len(x)):
             y = x + dx
             leaves = free & ((y < self.lower) | (y > self.upper))
-            held = leaves & (
+            at_limit = leaves & (
                 ((x <= self.lower) & (dx < 0.0)) | ((x >= self.upper) & (dx > 0.0))
             )
-            if not held.any():
+            if not at_limit.any():
                 break
-            free &= ~held
+            free &= ~at_limit
             dx = np.zeros(len(x))
             if not free.any():
                 break

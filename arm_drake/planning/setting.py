@@ -1,4 +1,4 @@
-"""What is planned for: a robot, where its joints are, and what is around it."""
+"""Planning problems: a robot, its joint positions, and the scene around it."""
 
 import dataclasses as dc
 import math
@@ -12,7 +12,7 @@ from pydrake.systems.framework import Context, Diagram
 from arm_drake.description.robot import Robot
 from arm_drake.errors import ArmDrakeError, InputError, suggest
 from arm_drake.messages import JointState
-from arm_drake.planning.collisions import PlacedShape, look_around
+from arm_drake.planning.collisions import PlacedShape, read_planning_scene
 from arm_drake.planning.inverse_kinematics import WHOLE_POSE, complete_positions
 from arm_drake.plant.joint_ranges import joint_ranges
 from arm_drake.plant.payloads import Payload
@@ -155,11 +155,11 @@ def _set_up(robot: Robot, options: PlanOptions) -> Setting:
     """Return what is planned with for a robot that isn't simulated."""
     if options.name not in (None, robot.name):
         raise InputError(f"name: the robot is {robot.name!r}, not {options.name!r}")
-    for link, held in options.attached.items():
-        if not isinstance(held, Payload):
+    for link, payload in options.attached.items():
+        if not isinstance(payload, Payload):
             raise InputError(
-                f"attached: {link!r}: expected a Payload, got {held!r}; a body is held "
-                "in a simulation"
+                f"attached: {link!r}: expected a Payload, got {payload!r}; a body is "
+                "held in a simulation"
             )
     payloads = _check_attached(robot, options.attached)
     return Setting(
@@ -181,9 +181,13 @@ def _set_up_running(running: Running, options: PlanOptions) -> Setting:
         raise InputError(f"name: no robot {name!r}; {suggest(name, robots)}")
     robot = robots[name]
     payloads = _check_attached(robot, attached)
-    held = {link: body for link, body in attached.items() if isinstance(body, str)}
-    around = look_around(running.diagram, running.context, robot, held, options.ignore)
-    X = around.X_WB
+    attached_bodies = {
+        link: body for link, body in attached.items() if isinstance(body, str)
+    }
+    scene = read_planning_scene(
+        running.diagram, running.context, robot, attached_bodies, options.ignore
+    )
+    X = scene.X_WB
     if X is not None:
         x, y, z = map(float, X.translation())
         roll, pitch, yaw = map(float, RollPitchYaw(X.rotation()).vector())
@@ -201,8 +205,8 @@ def _set_up_running(running: Running, options: PlanOptions) -> Setting:
         own = {j.name for j in robot.description.movable_joints if j.mimic is None}
         measured = {joint: q for joint, q in positions.items() if joint in own}
         positions = complete_positions(robot, {**measured, **options.start})
-    things = (*around.things, *_shapes_of(payloads))
-    return Setting(robot, positions, around.world, things, payloads)
+    things = (*scene.things, *_shapes_of(payloads))
+    return Setting(robot, positions, scene.world, things, payloads)
 
 
 def find_moving(state: JointState) -> str:

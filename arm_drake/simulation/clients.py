@@ -456,8 +456,10 @@ def list_topics(names: TopicNames, eval_output: Callable[[str], Any]) -> TopicLi
             rows.append(TopicInfo(topic.name, kind, "input", bridged_to))
         for port in topic.outputs[:1]:
             # What cameras take only to be read has its class told.
-            told = getattr(port.system, "output_types", {}).get(port.port)
-            kind = (told or type(eval_output(port.exported_as(port.port)))).__name__
+            output_type = getattr(port.system, "output_types", {}).get(port.port)
+            kind = (
+                output_type or type(eval_output(port.exported_as(port.port)))
+            ).__name__
             rows.append(TopicInfo(topic.name, kind, "output", bridged_to))
     return rows
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 from arm_drake import yaml_files
-from arm_drake.bundled import bundled_motions, bundled_robots
+from arm_drake.description.bundled import bundled_motions, bundled_robots
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, MotionError, quoted, suggest
 from arm_drake.messages import (
@@ -349,9 +349,9 @@ def _read_payload(fields: Fields, value: Any, where: str) -> CarriedPayloads:
         expected = "expected payloads by link, as {tool0: 2.0}"
         raise fields.error(where, f"{expected}, got {value!r}")
     found = {}
-    for link, given in value.items():
+    for link, payload in value.items():
         place = f"{where}.{link}"
-        data = given if isinstance(given, Mapping) else {"mass": given}
+        data = payload if isinstance(payload, Mapping) else {"mass": payload}
         fields.mapping(data, place, ("mass", "com"))
         mass = fields.number(data.get("mass"), f"{place}.mass")
         com = fields.numbers(data.get("com", [0.0, 0.0, 0.0]), f"{place}.com")
@@ -365,11 +365,11 @@ def _read_payload(fields: Fields, value: Any, where: str) -> CarriedPayloads:
 def _read_plan_to(fields: Fields, value: Any, where: str) -> PlanTo:
     """Return where to plan to: a state, positions or a pose, and how."""
     data = dict(fields.mapping(value, where, (*PLAN_GOALS, *PLAN_OPTIONS)))
-    given = [key for key in PLAN_GOALS if key in data]
-    if len(given) != 1:
+    goals = [key for key in PLAN_GOALS if key in data]
+    if len(goals) != 1:
         expected = f"expected one of {', '.join(PLAN_GOALS)}"
-        raise fields.error(where, f"{expected}; got {quoted(given) or 'none'}")
-    (kind,) = given
+        raise fields.error(where, f"{expected}; got {quoted(goals) or 'none'}")
+    (kind,) = goals
     place, to, mask = f"{where}.{kind}", data.pop(kind), None
     if kind == "pose":
         to = fields.numbers(to, place)
@@ -384,11 +384,11 @@ def _read_plan_to(fields: Fields, value: Any, where: str) -> PlanTo:
     elif not isinstance(to, str):
         raise fields.error(place, f"expected a name, got {to!r}")
     for key, option in data.items():
-        wanted = PLAN_OPTIONS[key]
-        if wanted is float:
+        type_ = PLAN_OPTIONS[key]
+        if type_ is float:
             data[key] = fields.number(option, f"{where}.{key}")
-        elif type(option) is not wanted:
-            noun = {str: "a name", bool: "true or false", int: "an integer"}[wanted]
+        elif type(option) is not type_:
+            noun = {str: "a name", bool: "true or false", int: "an integer"}[type_]
             raise fields.error(f"{where}.{key}", f"expected {noun}, got {option!r}")
     robot = data.pop("robot", None)
     return PlanTo(to, robot, data if mask is None else {**data, "mask": mask})

@@ -535,8 +535,8 @@ class Simulation:
             advance(self.simulator, end)
             if self._parted and end == self._next_look(now):
                 rejoin(self.diagram, self.context, self._parted)
-            if self.exchange is None or end >= self._next_news(now):
-                self.collect_news()
+            if self.exchange is None or end >= self._next_events(now):
+                self.collect_events()
             for recorder in self.recorders:
                 recorder.update()
             now = self.time
@@ -545,12 +545,12 @@ class Simulation:
         """Return when the next tick is [s]."""
         return (math.floor(time / self.period + TICK_TOLERANCE) + 1) * self.period
 
-    def _next_news(self, time: float) -> float:
+    def _next_events(self, time: float) -> float:
         """Return when to look for news next [s], where all ticks are exchanged."""
         pause = _TICKS_AT_A_TIME * self.period
         return (math.floor(time / pause + TICK_TOLERANCE) + 1) * pause
 
-    def collect_news(self) -> None:
+    def collect_events(self) -> None:
         """Tell who listens what is new."""
         for event in self.mailbox.collect():
             for callback in self._on_event:
@@ -672,7 +672,7 @@ class Simulation:
         """Take note of a motion that wasn't planned as its robot never rested."""
         reason = "not planned: the robot didn't come to rest in time"
         self.mailbox.reject(message, reason, where)
-        self.collect_news()
+        self.collect_events()
 
     def send_planned(self, plan: "Plan", *, where: str = "") -> GoalHandle:
         """Send a plan to the trajectory controller of its group.

@@ -21,7 +21,7 @@ from arm_drake.rollout.rollout import Rollout
 # Colours that the colour-blind can tell apart, by Okabe and Ito.
 MEASURED = "#56b4e9"
 LIMIT = "#d55e00"
-WANTED = ("#000000", "#cc79a7", "#009e73", "#e69f00", "#0072b2")
+COMMANDED = ("#000000", "#cc79a7", "#009e73", "#e69f00", "#0072b2")
 DASHES = ("--", ":", "-.", (0, (5, 1)), (0, (1, 1)))
 
 # A line has at most about so many points, more than a large picture has pixels.

@@ -31,7 +31,7 @@ def make_recording(meshcat: Meshcat, title: str, *, loop: bool = False) -> str:
     meshcat.StopRecording()
     meshcat.PublishRecording()
     page = meshcat.StaticHtml()
-    given = json.dumps({"commands": page.count(_COMMAND), "loop": loop})
+    settings = json.dumps({"commands": page.count(_COMMAND), "loop": loop})
     style, widgets, scene, script = (
         (_STATIC / name).read_text(encoding="utf-8")
         for name in ("panel.css", "widgets.js", "scene.js", "recording.js")
@@ -40,7 +40,7 @@ def make_recording(meshcat: Meshcat, title: str, *, loop: bool = False) -> str:
         f"<title>{html.escape(title)}</title>\n"
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<style>\n{style}</style>\n<script>\n{widgets}</script>\n<script>\n{scene}</script>\n"
-        f'<script data-given="{html.escape(given)}">\n{script}</script>'
+        f'<script data-settings="{html.escape(settings)}">\n{script}</script>'
     )
     assert _TITLE in page
     return page.replace(_TITLE, head, 1)

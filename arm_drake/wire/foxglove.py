@@ -28,6 +28,7 @@ from foxglove.websocket import (
 
 from arm_drake.description.robot import Robot, name_portably
 from arm_drake.errors import ArmDrakeError, InputError, OutputError
+from arm_drake.wire.encodings import to_json
 from arm_drake.wire.graph import Request, Topic
 from arm_drake.wire.graph import Service as GraphService
 from arm_drake.wire.services import from_parameter_value, to_parameter_value
@@ -139,7 +140,7 @@ class Foxglove:
                 fields = types.decode(request, data)
             found = types.complete(response, self.ask(service.name, fields))
             if call.encoding == "json":
-                return json.dumps(found).encode()
+                return to_json(found).encode()
             return types.encode(response, found)
 
         schema = ServiceSchema(
@@ -176,16 +177,16 @@ class Foxglove:
         ]
         found = []
         for node in nodes:
-            wanted = [n[len(node) + 1 :] for n in names if n.startswith(f"{node}.")]
-            if names and not wanted:
+            own_names = [n[len(node) + 1 :] for n in names if n.startswith(f"{node}.")]
+            if names and not own_names:
                 continue
-            if not wanted:
+            if not own_names:
                 listed = self.ask(
                     f"{node}/list_parameters", {"prefixes": [], "depth": 0}
                 )
-                wanted = listed["result"]["names"]
-            values = self.ask(f"{node}/get_parameters", {"names": wanted})["values"]
-            for name, value in zip(wanted, values, strict=True):
+                own_names = listed["result"]["names"]
+            values = self.ask(f"{node}/get_parameters", {"names": own_names})["values"]
+            for name, value in zip(own_names, values, strict=True):
                 if value["type"]:
                     found.append(_parameter(f"{node}.{name}", value))
         return found
@@ -199,8 +200,8 @@ class Foxglove:
             try:
                 type_ = "rcl_interfaces/srv/SetParameters_Request"
                 value = to_parameter_value(self._as_known(each.name, each.get_value()))
-                wanted = {"parameters": [{"name": name, "value": value}]}
-                fields = self.server.types.fill(type_, wanted)
+                message = {"parameters": [{"name": name, "value": value}]}
+                fields = self.server.types.fill(type_, message)
                 [result] = self.ask(f"{node}/set_parameters", fields)["results"]
                 if not result["successful"]:
                     raise InputError(result["reason"])
@@ -234,23 +235,20 @@ class Foxglove:
         """Return the topics that a client listens to."""
         return [topic for topic, count in self._listening.items() if count > 0]
 
-    def poll(self, news: Mapping[Topic, Sequence[dict[str, Any]]]) -> None:
+    def poll(self, received: Mapping[Topic, Sequence[dict[str, Any]]]) -> None:
         """Send what is new."""
-        for topic, messages in news.items():
+        for topic, messages in received.items():
             if self._listening.get(topic, 0) > 0:
                 for fields in messages:
                     self._log(topic, fields)
-        time_ns = self._now_ns()
+        time_ns = self.server.now_ns
         if time_ns // 10_000_000 != self._time_ns // 10_000_000:
             self._time_ns = time_ns
             self._server.broadcast_time(time_ns)
 
-    def _now_ns(self) -> int:
-        return round(self.server.simulation.time * 1e9) + self.server.offset_ns
-
     def _log(self, topic: Topic, fields: dict[str, Any]) -> None:
         data = self.server.types.encode(topic.type, fields)
-        self._channels[topic].log(data, log_time=self._now_ns())
+        self._channels[topic].log(data, log_time=self.server.now_ns)
 
     def publish(self, channel: ClientChannel, data: bytes) -> None:
         """Send a client's message to who takes it, or raise InputError."""

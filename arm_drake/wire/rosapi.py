@@ -118,8 +118,8 @@ def _example(kind: str, length: int) -> str:
     return {"string": "", "bool": "false"}.get(kind, "0")
 
 
-def _of_type(known: Mapping[str, str], wanted: Any, what: str) -> list[str]:
-    type_ = full_name(str(wanted), what)
+def _of_type(known: Mapping[str, str], type_name: Any, what: str) -> list[str]:
+    type_ = full_name(str(type_name), what)
     return [name for name, other in known.items() if other == type_]
 
 

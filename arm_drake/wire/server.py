@@ -16,7 +16,13 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple, Protocol, Self
 
-from arm_drake.errors import ArmDrakeError, InputError, OutputError, suggest
+from arm_drake.errors import (
+    ArmDrakeError,
+    InputError,
+    MissingExtraError,
+    OutputError,
+    suggest,
+)
 from arm_drake.messages import (
     CancelResponse,
     GoalStatus,
@@ -28,7 +34,17 @@ from arm_drake.simulation.mailbox import GoalHandle, SimulationEvent
 from arm_drake.simulation.recording import History
 from arm_drake.simulation.simulation import ResetRequested, Simulation
 from arm_drake.timing import cycle_at
-from arm_drake.wire.graph import Action, Call, GoalNews, Graph, Request, Topic
+from arm_drake.wire.graph import (
+    ERROR,
+    INFO,
+    WARN,
+    Action,
+    Call,
+    GoalEvent,
+    Graph,
+    Request,
+    Topic,
+)
 from arm_drake.wire.services import Controls, add_services
 from arm_drake.wire.types import load_wire_types, to_fields, to_message
 
@@ -43,7 +59,7 @@ MAX_REQUESTS = 1000
 _MAX_RATE = 1250.0
 
 # News of goals are looked for so often [s].
-_NEWS_PERIOD = 0.01
+_EVENTS_PERIOD = 0.01
 
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 
@@ -89,7 +105,7 @@ class Transport(Protocol):
     async def start(self) -> list[str]:
         """Listen; return its address, and what to type on the other side."""
 
-    def poll(self, news: Mapping[Topic, Sequence[dict[str, Any]]]) -> None:
+    def poll(self, received: Mapping[Topic, Sequence[dict[str, Any]]]) -> None:
         """Send what is new of topics that it watches."""
 
     def watched(self) -> Iterable[Topic]:
@@ -104,7 +120,7 @@ class _Goal:
 
     def __init__(self, request: Request, action: Action, handle: GoalHandle) -> None:
         self.request, self.action, self.handle = request, action, handle
-        self.told: GoalStatus = GoalStatus.PENDING
+        self.reported: GoalStatus = GoalStatus.PENDING
         self.num_feedback = 0
 
 
@@ -183,12 +199,12 @@ class RosServer:
         self.addresses: list[str] = []
         self.offset_ns = 0
         self._requests: collections.deque[Request] = collections.deque()
-        self._news: collections.deque[Callable[[], None]] = collections.deque()
+        self._replies: collections.deque[Callable[[], None]] = collections.deque()
         self._watched: tuple[Topic, ...] = ()
         self._goals: dict[str, _Goal] = {}
         self._switches: list[_Switch] = []
         self._last_time = self.simulation.time
-        self._news_due = 0.0
+        self._events_due = 0.0
         self._trim_due = 0.0
         self._warn_due = 0.0
         self._polled = time.monotonic()
@@ -203,8 +219,6 @@ class RosServer:
         try:
             importlib.import_module(row.package)
         except ImportError:
-            from arm_drake.errors import MissingExtraError
-
             raise MissingExtraError(f"--ros {name}", row.extra) from None
         kind = getattr(importlib.import_module(row.module), row.name)
         transport: Transport = kind(self, row.port if port is None else port)
@@ -265,8 +279,10 @@ class RosServer:
             ResetRequested: If a client asked for a reset.
         """
         now = self._look_at_time()
-        self._do_again(now)
-        until = self._inputs[0].time if self._inputs else math.inf
+        until = math.inf
+        if self._inputs:
+            self._do_again(now)
+            until = self._inputs[0].time if self._inputs else math.inf
         if cycle_at(now, self.simulation.period) is None:
             return until
         self._update(now)
@@ -297,13 +313,12 @@ class RosServer:
         return now
 
     def _update(self, now: float) -> None:
-        context = self.simulation.simulator.get_context()
-        for topic in self._watched:
-            topic.update(context, now)
-        if now >= self._news_due or now < self._news_due - 1.0:
-            self._news_due = now + _NEWS_PERIOD
+        if self._watched:
+            self.graph.update(self._watched, now)
+        if now >= self._events_due or now < self._events_due - 1.0:
+            self._events_due = now + _EVENTS_PERIOD
             if self._goals or self._switches:
-                self.simulation.collect_news()
+                self.simulation.collect_events()
             if self._history is not None and now >= self._trim_due:
                 self._trim_due = now + 1.0
                 self._history.trim()
@@ -402,7 +417,7 @@ class RosServer:
             self.offset_ns += round(time * 1e9)
         for topic in self.graph.topics.values():
             topic.reset()
-        self._news_due = self._trim_due = 0.0
+        self._events_due = self._trim_due = 0.0
         for goal in list(self._goals.values()):
             self._tell(goal, GoalStatus.ABORTED, {}, "the simulation was reset")
         self._goals.clear()
@@ -427,7 +442,30 @@ class RosServer:
                 text = "the time is up, and no cycle of the manager came"
                 switch.reply({"ok": False, "message": text})
 
+    def _report(self, event: SimulationEvent) -> None:
+        """Tell on /rosout what happened."""
+        level, name = WARN, "controller_manager"
+        if isinstance(event, GoalHandle):
+            if not event.status.is_terminal:
+                return
+            name, text = event.controller, f"goal {event.status.value}"
+            reason = getattr(event.result, "error_string", "") or event.note
+            text = f"{text}: {reason}" if reason else text
+            is_well = event.status in (GoalStatus.SUCCEEDED, GoalStatus.CANCELED)
+            level = INFO if is_well else ERROR
+        elif isinstance(event, SwitchControllerResult):
+            level = INFO if event.ok else ERROR
+            text = event.message or "controllers were switched"
+        elif isinstance(event, CancelResponse):
+            if event.accepted:
+                return
+            text = f"a goal can't be cancelled: {event.reason}"
+        else:
+            text = self.simulation.mailbox.describe(event)
+        self.graph.log(level, name, text, round(self.simulation.time * 1e9))
+
     def _take_event(self, event: SimulationEvent) -> None:
+        self._report(event)
         if isinstance(event, SwitchControllerResult):
             for switch in [s for s in self._switches if s.request is event.request]:
                 self._switches.remove(switch)
@@ -438,25 +476,25 @@ class RosServer:
         elif isinstance(event, CancelResponse) and not event.accepted:
             for goal in self._goals.values():
                 if goal.handle.request is event.request.request:
-                    news = GoalNews(
+                    answer = GoalEvent(
                         goal.request.goal_id, goal.action, "cancel", reason=event.reason
                     )
-                    self._reply(goal, news)
+                    self._reply(goal, answer)
 
     def _take_goal(self, goal: _Goal) -> None:
         """Tell a client what is new of its goal."""
         handle = goal.handle
-        is_new = goal.told is GoalStatus.PENDING
+        is_new = goal.reported is GoalStatus.PENDING
         if is_new and handle.status not in (GoalStatus.PENDING, GoalStatus.REJECTED):
-            goal.told = GoalStatus.EXECUTING
+            goal.reported = GoalStatus.EXECUTING
             self._tell(goal, GoalStatus.EXECUTING, {}, "", kind="accepted")
         feedback = handle.feedback
         for each in feedback[goal.num_feedback :]:
             fields = to_fields(each, self.offset_ns)
             self._tell(goal, GoalStatus.EXECUTING, fields, "", kind="feedback")
         goal.num_feedback = len(feedback)
-        if handle.status.is_terminal and not goal.told.is_terminal:
-            goal.told = handle.status
+        if handle.status.is_terminal and not goal.reported.is_terminal:
+            goal.reported = handle.status
             result = to_fields(handle.result) if handle.result is not None else {}
             reason = getattr(handle.result, "error_string", "") or handle.note
             self._tell(goal, handle.status, result, reason)
@@ -476,7 +514,7 @@ class RosServer:
         stamp_ns = round(self.simulation.time * 1e9) + self.offset_ns
         self._reply(
             goal,
-            GoalNews(
+            GoalEvent(
                 goal.request.goal_id,
                 goal.action,
                 kind,
@@ -487,13 +525,13 @@ class RosServer:
             ),
         )
 
-    def _reply(self, goal: _Goal, news: GoalNews) -> None:
-        self._post(lambda: goal.request.reply(news))
+    def _reply(self, goal: _Goal, event: GoalEvent) -> None:
+        self._post(lambda: goal.request.reply(event))
 
     def _post(self, act: Callable[[], None]) -> None:
         """Have the network's thread do something, when it looks next."""
         if self._thread is not None:
-            self._news.append(act)
+            self._replies.append(act)
 
     # What the network's thread does.
 
@@ -515,10 +553,15 @@ class RosServer:
 
         What is over so much that waits is dropped, and said.
         """
-        if len(self._news) > MAX_REQUESTS * 10:
+        if len(self._replies) > MAX_REQUESTS * 10:
             self.warn("too much comes in at once; some of it is dropped")
         else:
-            self._news.append(act)
+            self._replies.append(act)
+
+    @property
+    def now_ns(self) -> int:
+        """The time of the last tick [ns], by the clock that clients see."""
+        return round(self._last_time * 1e9) + self.offset_ns
 
     def warn(self, text: str) -> None:
         """Say what is wrong, at most ten times a second."""
@@ -526,15 +569,15 @@ class RosServer:
         if now >= self._warn_due:
             self._warn_due = now + 0.1
             print(f"warning: --ros: {text}", file=sys.stderr)
+            self.graph.log(WARN, "arm_drake", text, round(self._last_time * 1e9))
 
     def watch(self) -> None:
         """Look which topics somebody listens to."""
         names = {id(t): t for each in self._transports for t in each.watched()}
-        self._watched = tuple(t for t in names.values() if t.read is not None)
-
-    def fields_of(self, topic: Topic, value: Any) -> dict[str, Any]:
-        """Return what a topic tells as plain data, with all fields of its type."""
-        return topic.convert(value, self.offset_ns)
+        # Late listeners of what is latched want to know what was told before.
+        latched = {id(t): t for t in self.graph.topics.values() if t.qos.is_latched}
+        found = (latched | names).values()
+        self._watched = tuple(t for t in found if t.read is not None)
 
     def _serve(self) -> None:
         try:
@@ -550,6 +593,7 @@ class RosServer:
             for transport in self._transports:
                 self.addresses += await transport.start()
                 started.append(transport)
+            self.watch()
             self._ready.set()
             while not self._is_stopping.is_set():
                 self._poll()
@@ -560,8 +604,8 @@ class RosServer:
                 await transport.stop()
 
     def _poll(self) -> None:
-        for _ in range(len(self._news)):
-            self._attempt(self._news.popleft())
+        for _ in range(len(self._replies)):
+            self._attempt(self._replies.popleft())
         new: dict[Topic, list[dict[str, Any]]] = {}
         now = time.monotonic()
         limit = math.ceil((now - self._polled) * _MAX_RATE)
@@ -570,8 +614,11 @@ class RosServer:
             for _ in range(len(topic.waiting) - limit):
                 topic.waiting.popleft()
             while topic.waiting:
-                value = topic.waiting.popleft()
-                new.setdefault(topic, []).append(self.fields_of(topic, value))
+                fields = topic.convert(topic.waiting.popleft(), self.offset_ns)
+                if fields is not None:
+                    new.setdefault(topic, []).append(fields)
+                    if topic.qos.is_latched:
+                        topic.constant = fields
         for transport in self._transports:
             self._attempt(lambda transport=transport: transport.poll(new))  # type: ignore[misc]
 

@@ -27,7 +27,7 @@ from arm_drake.messages import (
 )
 from arm_drake.simulation.clients import is_changeable, list_parameters
 from arm_drake.simulation.simulation import Simulation
-from arm_drake.wire.graph import SIMULATOR, Call, Graph, Service
+from arm_drake.wire.graph import SIMULATOR, STATES, Call, Graph, Service
 from arm_drake.wire.types import to_fields
 
 _CM = "controller_manager_msgs/srv"
@@ -38,9 +38,6 @@ _LONGEST_SWITCH = 60.0
 
 # controller_manager_msgs/srv/SwitchController.
 _BEST_EFFORT, _STRICT = 1, 2
-
-# lifecycle_msgs/msg/State.
-_STATES = {"unconfigured": 1, "inactive": 2, "active": 3, "finalized": 4}
 
 Fields = dict[str, Any]
 
@@ -204,7 +201,7 @@ class _ManagerServices:
                     "rw_rate": block.rw_rate,
                     "class_type": block.plugin,
                     "plugin_name": block.plugin,
-                    "state": {"id": _STATES["active"], "label": "active"},
+                    "state": {"id": STATES["active"], "label": "active"},
                     **self._interfaces(block),
                 }
                 for block in self._manager.robot.description.hardware
@@ -265,10 +262,10 @@ class _ManagerServices:
         if name not in names:
             raise InputError(f"no hardware component {name!r}; {suggest(name, names)}")
         target = call.request["target_state"]
-        wanted = target["label"] or {v: k for k, v in _STATES.items()}.get(target["id"])
-        if wanted != "active":
+        state = target["label"] or {v: k for k, v in STATES.items()}.get(target["id"])
+        if state != "active":
             raise InputError("simulated hardware is always active")
-        return {"ok": True, "state": {"id": _STATES["active"], "label": "active"}}
+        return {"ok": True, "state": {"id": STATES["active"], "label": "active"}}
 
     def _switch(self, call: Call) -> Fields | None:
         request = call.request
@@ -287,10 +284,10 @@ class _ManagerServices:
             strictness = ""
         elif request["strictness"] == _BEST_EFFORT:
             strictness = "best_effort"
-        wanted: Any = SwitchController(tuple(activate), tuple(deactivate), strictness)  # type: ignore[arg-type]
+        switch: Any = SwitchController(tuple(activate), tuple(deactivate), strictness)  # type: ignore[arg-type]
         simulation = self._host.simulation
         robot = self._manager.robot.name
-        _, local = simulation.directory.address(wanted, robot)
+        _, local = simulation.directory.address(switch, robot)
         simulation.mailbox.add_message(local, call.sender)
         port = f"{self._manager.prefix}{MANAGER}.{SWITCH_PORT}"
         simulation.publish(port, local, self._manager.period)
@@ -510,8 +507,8 @@ def _is_below(name: str, prefix: str, depth: int) -> bool:
     return below and (not depth or name[len(prefix) :].count(".") <= depth)
 
 
-def _set(parameters: Parameters, node: str, wanted: list[Fields]) -> Fields:
-    changes = {each["name"]: from_parameter_value(each["value"]) for each in wanted}
+def _set(parameters: Parameters, node: str, entries: list[Fields]) -> Fields:
+    changes = {each["name"]: from_parameter_value(each["value"]) for each in entries}
     try:
         parameters.set(node, changes)
     except ArmDrakeError as error:

@@ -20,7 +20,7 @@ from arm_drake.wire.graph import (
     DEFAULT_QOS,
     LATCHED,
     Action,
-    GoalNews,
+    GoalEvent,
     Qos,
     Request,
     Service,
@@ -148,8 +148,8 @@ class _ActionServer:
         def refuse(problem: str) -> None:
             reply({"accepted": False})
 
-        def take(news: GoalNews) -> None:
-            self._take(id_, news, reply)
+        def take(event: GoalEvent) -> None:
+            self._take(id_, event, reply)
 
         fields = self._server.types.fill(f"{self._action.type}_Goal", request["goal"])
         sender = f"zenoh {id_.hex()[:8]}"
@@ -158,24 +158,24 @@ class _ActionServer:
         )
 
     def _take(
-        self, id_: bytes, news: GoalNews, reply: Callable[[dict[str, Any]], None]
+        self, id_: bytes, event: GoalEvent, reply: Callable[[dict[str, Any]], None]
     ) -> None:
-        sec, nanosec = divmod(news.stamp_ns, 10**9)
+        sec, nanosec = divmod(event.stamp_ns, 10**9)
         stamp = {"sec": sec, "nanosec": nanosec}
         goal = {"goal_id": {"uuid": list(id_)}, "stamp": stamp}
-        if news.kind == "rejected":
+        if event.kind == "rejected":
             reply({"accepted": False, "stamp": stamp})
-        elif news.kind == "accepted":
+        elif event.kind == "accepted":
             self._goals[id_] = {"goal_info": goal, "status": _EXECUTING}
             reply({"accepted": True, "stamp": stamp})
             self._tell_status()
-        elif news.kind == "feedback":
-            self._feedback.publish({"goal_id": goal["goal_id"], "feedback": news.data})
-        elif news.kind == "result":
+        elif event.kind == "feedback":
+            self._feedback.publish({"goal_id": goal["goal_id"], "feedback": event.data})
+        elif event.kind == "result":
             known = self._goals.setdefault(id_, {"goal_info": goal})
-            known["status"] = news.status
+            known["status"] = event.status
             self._tell_status()
-            result = {"status": news.status, "result": news.data}
+            result = {"status": event.status, "result": event.data}
             self._results[id_] = result
             for answer in self._waiting.pop(id_, ()):
                 answer(result)
@@ -203,13 +203,13 @@ class _ActionServer:
     def _cancel(
         self, request: dict[str, Any], reply: Callable[[dict[str, Any]], None]
     ) -> None:
-        wanted = bytes(request["goal_info"]["goal_id"]["uuid"])
+        goal_id = bytes(request["goal_info"]["goal_id"]["uuid"])
         running = [i for i, g in self._goals.items() if g["status"] == _EXECUTING]
-        chosen = running if not any(wanted) else [i for i in running if i == wanted]
+        chosen = running if not any(goal_id) else [i for i in running if i == goal_id]
         for id_ in chosen:
             name = self._action.name
             self._server.submit(Request("cancel", name, {}, "zenoh", id_.hex()))
-        code = _NO_ERROR if chosen or not any(wanted) else _NOT_KNOWN
+        code = _NO_ERROR if chosen or not any(goal_id) else _NOT_KNOWN
         infos = [self._goals[id_]["goal_info"] for id_ in chosen]
         reply({"return_code": code, "goals_canceling": infos})
 
@@ -371,11 +371,13 @@ class Zenoh:
             def reply(values: dict[str, Any]) -> None:
                 response = types.complete(f"{type_}_Response", values)
                 encoded = types.encode(f"{type_}_Response", response)
-                given = query.attachment
+                attachment = query.attachment
                 query.reply(
                     query.key_expr,
                     encoded,
-                    attachment=_answer_to(b"" if given is None else bytes(given)),
+                    attachment=_answer_to(
+                        b"" if attachment is None else bytes(attachment)
+                    ),
                 )
                 query.drop()  # type: ignore[no-untyped-call]
 
@@ -417,11 +419,12 @@ class Zenoh:
         """Return the topics that somebody listens to."""
         return self._heard
 
-    def poll(self, news: Mapping[Topic, Sequence[dict[str, Any]]]) -> None:
+    def poll(self, received: Mapping[Topic, Sequence[dict[str, Any]]]) -> None:
         """Send what is new, and look now and then who listens."""
-        for topic, messages in news.items():
+        for topic, messages in received.items():
             publisher = self._publishers.get(topic)
-            if publisher is not None and topic in self._heard:
+            is_heard = topic.qos.is_latched or topic in self._heard
+            if publisher is not None and is_heard:
                 for fields in messages:
                     publisher.publish(fields)
         now = time.monotonic()
@@ -430,7 +433,7 @@ class Zenoh:
             heard = [
                 topic
                 for topic, publisher in self._publishers.items()
-                if topic.constant is None and publisher.is_heard
+                if not topic.qos.is_latched and publisher.is_heard
             ]
             if heard != self._heard:
                 self._heard = heard

@@ -21,7 +21,7 @@ from pydrake.multibody.tree import (
     world_index,
 )
 
-from arm_drake.bundled import models_folder
+from arm_drake.description.bundled import models_folder
 from arm_drake.errors import InputError, suggest
 from arm_drake.plant.contact import add_ground
 from arm_drake.plant.drake_log import drake_messages

@@ -36,7 +36,8 @@ pytestmark = [pytest.mark.browser, pytest.mark.slow]
 StartMeshcat = Callable[[], Meshcat]
 Picture = NDArray[np.int16]
 
-WIDTH, HEIGHT = 1280, 960
+# Of most pictures here: drawn on the processor, each pixel costs.
+SIZE = WIDTH, HEIGHT = 640, 480
 
 # Share of the picture that stays free on each side.
 MARGIN = 0.06
@@ -121,7 +122,7 @@ def test_a_robot_of_any_size_fills_the_picture(
     meshcat = start_meshcat()
     show_robot(meshcat, load(tmp_path, red_arm(scale)))
 
-    data, _ = photographer.take_picture(meshcat)
+    data, _ = photographer.take_picture(meshcat, size=SIZE)
 
     picture = read(data)
     assert picture.shape == (HEIGHT, WIDTH, 3)
@@ -139,7 +140,7 @@ def test_size_makes_no_difference_to_the_picture(
     for scale in (0.01, 10.0):
         meshcat = start_meshcat()
         show_robot(meshcat, load(tmp_path, red_arm(scale)))
-        pictures.append(read(photographer.take_picture(meshcat)[0]))
+        pictures.append(read(photographer.take_picture(meshcat, size=SIZE)[0]))
 
     # 1000 times as large: the same light, the same grid.
     assert difference(*pictures).mean() < 0.002
@@ -156,6 +157,7 @@ def test_a_bundled_robot_fills_the_picture(
 
     # Without a ground the background has one colour in each row.
     picture = read(data)
+    assert picture.shape == (960, 1280, 3)
     background = np.median(picture, axis=1, keepdims=True)
     differs = np.abs(picture - background).max(axis=2) > 20
     robot = grow(~grow(~differs, 2), 2)
@@ -173,7 +175,7 @@ def test_the_ground_shows_metres_and_the_robots_shadow(
         if not has_shadow:
             light = "/Lights/FillLight/<object>"
             meshcat.SetProperty(light, "castShadow", False)
-        pictures.append(read(photographer.take_picture(meshcat)[0]))
+        pictures.append(read(photographer.take_picture(meshcat, size=SIZE)[0]))
 
     red = grow(red_of(pictures[0]), 5)
     darker = (pictures[1] - pictures[0]).mean(axis=2)
@@ -309,7 +311,7 @@ def test_a_joint_that_follows_is_drawn_where_it_belongs(
     meshcat = start_meshcat()
     show_robot(meshcat, robot)
 
-    _, camera = photographer.take_picture(meshcat)
+    _, camera = photographer.take_picture(meshcat, size=SIZE)
 
     # -0.5 * 2.0 + 0.1, about y; a camera that sees but the ball looks at its middle.
     angle = -0.9
@@ -324,7 +326,7 @@ def test_only_some_of_the_scene_may_be_framed(
     show_robot(meshcat, load(tmp_path, red_arm(1.0)))
 
     paths = ["drake/visual/red/upper"]
-    _, camera = photographer.take_picture(meshcat, paths=paths)
+    _, camera = photographer.take_picture(meshcat, size=SIZE, paths=paths)
 
     # The upper half, a box from 0.5 m to 1 m.
     np.testing.assert_allclose(camera.target, (0.0, 0.0, 0.75), atol=0.03)
@@ -337,7 +339,7 @@ def test_a_robot_without_anything_to_be_seen_is_said(
     show_robot(meshcat, load(tmp_path, GRIPPER))
 
     with pytest.raises(BrowserError) as caught:
-        photographer.take_picture(meshcat)
+        photographer.take_picture(meshcat, size=SIZE)
 
     assert str(caught.value) == "no picture: nothing of the robot is to be seen"
 
@@ -349,7 +351,7 @@ def test_the_camera_of_the_page_stays_where_it_is(
     show_robot(meshcat, load(tmp_path, red_arm(1.0)))
     before = meshcat._GetPackedProperty("/Cameras/default/rotated/<object>", "position")
 
-    photographer.take_picture(meshcat)
+    photographer.take_picture(meshcat, size=SIZE)
 
     after = meshcat._GetPackedProperty("/Cameras/default/rotated/<object>", "position")
     assert before == after
@@ -400,7 +402,7 @@ def test_a_picture_that_cannot_be_written_names_the_file(
     file = tmp_path / "missing" / "robot.png"
 
     with pytest.raises(OutputError) as caught:
-        save_screenshot(meshcat, file, photographer=photographer)
+        save_screenshot(meshcat, file, size=SIZE, photographer=photographer)
 
     assert str(caught.value) == f"{file}: can't be written: No such file or directory"
 
@@ -427,7 +429,7 @@ def test_a_page_that_does_not_get_the_scene_is_said(
     url = start_meshcat().web_url()
 
     with pytest.raises(BrowserError) as caught:
-        photographer.take_picture(Silent(url))
+        photographer.take_picture(Silent(url), size=SIZE)
 
     assert str(caught.value) == (
         f"{url}/: the page does not get the scene within 0.5 s"
@@ -440,7 +442,7 @@ def test_a_page_that_does_not_exist_is_said(
     url = f"{start_meshcat().web_url()}0/"
 
     with pytest.raises(BrowserError) as caught:
-        photographer.take_picture(Silent(url))
+        photographer.take_picture(Silent(url), size=SIZE)
 
     assert str(caught.value).startswith(f"the browser can't draw {url}: ")
     assert "\n" not in str(caught.value)
@@ -467,7 +469,7 @@ def test_the_browser_is_gone_afterwards(
     before = _programs()
     threads = set(threading.enumerate())
 
-    save_screenshot(meshcat, tmp_path / "robot.png")
+    save_screenshot(meshcat, tmp_path / "robot.png", size=SIZE)
 
     wait_until(lambda: _programs() <= before, "the browser has ended")
     # asyncio tells its own threads to end, and doesn't wait for them.

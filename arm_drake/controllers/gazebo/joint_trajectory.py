@@ -222,8 +222,8 @@ class JointTrajectoryController(TopicController[GazeboTrajectoryState]):
     ) -> GazeboTrajectoryState:
         state = self._advance(now, self._receive(now, state))
         targets = state.targets
-        wanted = np.concatenate([targets.position, targets.velocity])
-        error = self._measured_now(now) - wanted
+        desired = np.concatenate([targets.position, targets.velocity])
+        error = self._measured_now(now) - desired
         pid, parts = self._pid.step(state.pid, error, now.period_ns / NANOSECONDS)
         n = len(self._at)
         command = self._forces.to_efforts(parts[:n] + parts[n:] + targets.effort)

@@ -10,8 +10,11 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pydrake.systems.framework import Diagram
+
 from arm_drake.errors import ArmDrakeError, InputError, SimulationError
 from arm_drake.messages import CancelResponse, GoalStatus, SwitchControllerResult
+from arm_drake.scene import Scene
 from arm_drake.simulation.continuation import continue_with
 from arm_drake.simulation.mailbox import GoalHandle, SimulationEvent
 from arm_drake.simulation.motion import Motion
@@ -44,9 +47,6 @@ from arm_drake.visualization.teleop.remotes import find_remotes
 from arm_drake.worlds.things import Thing
 
 if TYPE_CHECKING:
-    from pydrake.systems.framework import Diagram
-
-    from arm_drake.scene import Scene
     from arm_drake.wire.server import RosServer
 
 # What was missed of real time for longer than this is given up [s].
@@ -166,9 +166,9 @@ class LiveSimulation:
         shown: Iterable[str] = ("visual",),
         frame_rate: float | None = None,
         history: float = math.inf,
-        scene: "Scene | None" = None,
+        scene: Scene | None = None,
         ros: str | None = None,
-        build: "Callable[[Scene], Diagram] | None" = None,
+        build: Callable[[Scene], Diagram] | None = None,
     ) -> None:
         """Show a simulation; `run` lets it go.
 

@@ -361,7 +361,7 @@ def commanded_positions(simulation: Simulation, robot: str) -> dict[str, float]:
     positions = {name: q for name, q in measured if name not in follows}
     context = manager.GetMyContextFromRoot(simulation.simulator.get_context())
     values = manager.GetOutputPort(interfaces.VALUES_PORT).Eval(context)
-    wanted = {
+    targets = {
         name.rpartition("/")[0]: float(value)
         for name, value in zip(manager.commands, values, strict=True)
         if name.endswith(f"/{interfaces.POSITION}")
@@ -376,6 +376,6 @@ def commanded_positions(simulation: Simulation, robot: str) -> dict[str, float]:
             names = getattr(message, "joint_names", ())
             points = getattr(getattr(message, "reference", None), "positions", ())
             if len(names) == len(points):
-                wanted |= dict(zip(names, points, strict=True))
-    commanded = {n: q for n, q in wanted.items() if n in positions and np.isfinite(q)}
+                targets |= dict(zip(names, points, strict=True))
+    commanded = {n: q for n, q in targets.items() if n in positions and np.isfinite(q)}
     return positions | commanded

@@ -346,9 +346,9 @@ class MotionPlanning:
     def tick(self) -> None:
         """Draw what moves by itself; call it for each picture."""
         self.refresh()
-        news = self._host.progress()
-        if news:
-            self._say(news)
+        outcome = self._host.progress()
+        if outcome:
+            self._say(outcome)
             self._scene.meshcat.Delete(TRAIL_PATH)
         if self._playing is None:
             return

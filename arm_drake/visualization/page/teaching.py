@@ -31,9 +31,9 @@ def find_trajectory_controllers(robot: Robot) -> dict[str, tuple[str, ...]]:
     own = {j.name for j in robot.description.movable_joints if j.mimic is None}
     found = {}
     for controller in robot.controllers.controllers:
-        given = controller.parameters.get("joints")
-        if controller.type.endswith(_CONTROLLER) and given is not None:
-            names = given.value if isinstance(given.value, list) else []
+        parameter = controller.parameters.get("joints")
+        if controller.type.endswith(_CONTROLLER) and parameter is not None:
+            names = parameter.value if isinstance(parameter.value, list) else []
             joints = tuple(str(name) for name in names)
             if joints and set(joints) <= own:
                 found[controller.name] = joints

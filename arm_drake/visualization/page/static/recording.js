@@ -4,7 +4,7 @@
 
 const recording = (() => {
     // How many commands make the scene; whether it begins anew at its end.
-    const given = JSON.parse(document.currentScript.dataset.given);
+    const settings = JSON.parse(document.currentScript.dataset.settings);
 
     // What takes longer to be drawn is not waited for [ms], and so much is played at most
     // between two pictures [s], of which the first take long.
@@ -12,8 +12,8 @@ const recording = (() => {
 
     const rates = ["0.1 ×", "0.25 ×", "0.5 ×", "1 ×", "2 ×", "5 ×", "10 ×"];
 
-    let viewer = null, commands = given.commands, has_begun = false, is_playing = false;
-    let time = 0, rate = 1, loop = given.loop, last = 0, news = performance.now();
+    let viewer = null, commands = settings.commands, has_begun = false, is_playing = false;
+    let time = 0, rate = 1, loop = settings.loop, last = 0, news = performance.now();
 
     // Objects that are to be drawn and aren't yet.
     const waiting = new Set();
@@ -21,10 +21,10 @@ const recording = (() => {
     // Calls something beside a method of Meshcat's viewer.
     const beside = (name, before, after) => {
         const method = viewer[name];
-        viewer[name] = function (...given) {
-            before(...given);
-            const result = method.apply(this, given);
-            after(...given);
+        viewer[name] = function (...args) {
+            before(...args);
+            const result = method.apply(this, args);
+            after(...args);
             news = performance.now();
             return result;
         };
