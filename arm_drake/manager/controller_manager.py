@@ -606,18 +606,35 @@ class ControllerManager(PythonSystem):
 
         After steady cycles it is made of what these have kept.
         """
+        return self._find_maker(context)()
+
+    def look(self, context: Context) -> Callable[[], Cycle]:
+        """Return what makes the last cycle as controllers are told it, with its ticks.
+
+        That may be done later and in another thread: what it is made of is read now,
+        from the manager's own context, in a tenth of the time.
+        """
+        make = self._find_maker(context)
+
+        def tell() -> Cycle:
+            state = make()
+            return state.cycle._replace(ticks=state.ticks)
+
+        return tell
+
+    def _find_maker(self, context: Context) -> Callable[[], ManagerState]:
+        """Return what makes the state as after a full cycle, of what is read now."""
         state = self._state(context)
         numbers = np.array(context.get_discrete_state(self._steady_state).value())
-        number = round(numbers[0])
-        if number == state.cycle.number:
-            return state
+        if round(numbers[0]) == state.cycle.number:
+            return lambda: state
         steady = self._quiet.steady_cycles(state)
         assert steady is not None
         values, told = (
             np.array(context.get_discrete_state(index).value())
             for index in (self._values, self._drive_state)
         )
-        return self._make_state(steady, values, told, numbers)
+        return partial(self._make_state, steady, values, told, numbers)
 
     def _make_state(
         self, steady: SteadyCycles, values: Array, told: Array, numbers: Array

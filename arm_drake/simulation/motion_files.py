@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 from arm_drake import yaml_files
-from arm_drake.bundled import bundled_motions, bundled_robots
+from arm_drake.description.bundled import bundled_motions, bundled_robots
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, MotionError, quoted, suggest
 from arm_drake.messages import (

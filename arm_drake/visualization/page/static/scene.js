@@ -37,10 +37,13 @@ const draw_names = () => {
 const above = 0.02;
 
 const keep_above_ground = (viewer) => {
-    const grid = viewer.scene_tree.children.Grid;
-    const ground = grid && grid.children.ground;
-    const nodes = ground ? [grid, ground, ground.children.plane] : [null];
-    const has_ground = nodes.every((node) => node && node.object.visible);
+    const is_seen = (...path) => {
+        let node = viewer.scene_tree;
+        return path.every((name) => (node = node.children[name]) && node.object.visible);
+    };
+    // Drawn with its lines, or as its world's file says.
+    const has_ground = is_seen("Grid", "ground", "plane", "<object>")
+        || is_seen("Ground", "plane", "<object>");
     // Around what it looks at, the camera is as high as the cosine of this angle says.
     const {target} = viewer.controls;
     const lowest = (above - target.y) / viewer.camera.position.distanceTo(target);
