@@ -162,7 +162,7 @@ def is_scene(name: str) -> bool:
 
 
 def _list(options: argparse.Namespace) -> int:
-    from arm_drake.bundled import bundled_motions, bundled_robots
+    from arm_drake.description.bundled import bundled_motions, bundled_robots
     from arm_drake.description.entry import EXAMPLE, example_robots
     from arm_drake.worlds.world import WORLDS
 

@@ -250,6 +250,10 @@ def _load_parts(builder: DiagramBuilder, setting: Setting) -> list[RobotParts]:
         parts.append(
             RobotParts(system, hardware_interfaces, controllers, report, blocks or ())
         )
+    if options.state_noise:
+        from arm_drake.hardware.noise_and_delay import check_noise
+
+        check_noise(options.state_noise, [part.hardware_interfaces for part in parts])
     return parts
 
 
@@ -392,6 +396,7 @@ def _add_dynamic_robots(
         hardware = add_sensors(
             hardware, builder, plant, scene_graph, model, part.robot, system.prefix
         )
+        hardware = _add_noise_and_delay(builder, part, hardware)
         _add_frames(part, plant, model, plant.get_body_poses_output_port())
         log_free_poses(
             builder,
@@ -480,6 +485,26 @@ def _add_drives(
     return hardware, commands
 
 
+def _add_noise_and_delay(
+    builder: DiagramBuilder, part: RobotParts, hardware: Hardware
+) -> Hardware:
+    """Add what is between a robot's hardware and its controllers, if anything is."""
+    system, options = part.system, part.system.options
+    if not (options.state_noise or options.state_delay or options.command_delay):
+        return hardware
+    # Robots that have neither pay for nothing.
+    from arm_drake.hardware.noise_and_delay import add_noise_and_delay
+
+    return add_noise_and_delay(
+        hardware,
+        builder,
+        part.hardware_interfaces,
+        options,
+        system.prefix,
+        system.period,
+    )
+
+
 def _add_frames(
     part: RobotParts,
     plant: MultibodyPlant,
@@ -526,6 +551,7 @@ def _add_kinematic_robots(
         )
         motions = kinematic.GetInputPort(part.robot.name)
         builder.Connect(hardware.joint_motions, motions)
+        hardware = _add_noise_and_delay(builder, part, hardware)
         drive = DriveCommands((), order, velocity_lead=0.0)
         _add_frames(part, plant, model, poses)
         system.add(hardware, hardware_interfaces, controllers, report, drive)
@@ -568,8 +594,7 @@ def _add_meshcat(
     rate, world = setting.options.frame_rate, setting.world
     add_visualizer(builder, scene_graph, meshcat, frame_rate=rate)
     show_backdrop(meshcat, has_grid=world.has_grid, background=world.background)
-    if world.has_grid:
-        show_ground(meshcat)
+    show_ground(meshcat, has_lines=world.has_grid, look=world.ground)
 
 
 def _report_world(setting: Setting, parts: Sequence[RobotParts]) -> None:

@@ -5,7 +5,7 @@ it accepts. The names are the ``HW_IF_*`` constants of ros2_control's
 ``hardware_interface/types/hardware_interface_type_values.hpp``.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Final
 
 POSITION: Final = "position"  # rad (revolute, continuous) or m (prismatic)
@@ -27,10 +27,16 @@ RATES: Final = tuple(f"angular_velocity.{axis}" for axis in "xyz")
 ACCELERATIONS: Final = tuple(f"linear_acceleration.{axis}" for axis in "xyz")
 RANGE: Final = "range"
 
-# Names of state interfaces that the physics knows.
-MEASURED: Final = frozenset(
-    (*FORCES, *POSITIONS, *ORIENTATIONS, *RATES, *ACCELERATIONS, RANGE)
-)
+# What the physics knows, a row for each kind: the state interfaces, and the types of
+# Gazebo's sensors that measure the same.
+SENSORS: Final[Mapping[tuple[str, ...], tuple[str, ...]]] = {
+    FORCES: ("force_torque",),
+    RATES: ("imu",),
+    ACCELERATIONS: ("imu",),
+    POSITIONS + ORIENTATIONS: (),
+    (RANGE,): ("ray", "gpu_ray", "lidar", "gpu_lidar", "sonar"),
+}
+MEASURED: Final = frozenset(name for names in SENSORS for name in names)
 
 _ANGULAR_UNITS = {POSITION: "rad", VELOCITY: "rad/s", EFFORT: "N·m"}
 _LINEAR_UNITS = {POSITION: "m", VELOCITY: "m/s", EFFORT: "N"}

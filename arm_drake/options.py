@@ -12,6 +12,9 @@ from arm_drake.errors import InputError, suggest
 # A smaller step of the physics is a mistake [s].
 SMALLEST_STEP = 1e-6
 
+# A longer delay is a mistake [cycles].
+LONGEST_DELAY = 10_000
+
 
 class _Preset(NamedTuple):
     """What a preset brings with it."""
@@ -91,8 +94,18 @@ class SimulationOptions:
     # Whether the rollout has the contact forces on the robot's links, too.
     log_contacts: bool = False
 
-    # Seed of the noise of cameras and lidars.
+    # Seed of all noise: of state interfaces, cameras and lidars.
     seed: int = 0
+
+    # Standard deviations of white noise on what controllers read, by state interface:
+    # "position" [rad, m], "velocity" and "effort" of all joints, "joint1/position",
+    # "angular_velocity" of all sensors, "imu/angular_velocity", "imu/force.x".
+    state_noise: Mapping[str, float] = dc.field(default_factory=dict)
+
+    # How many cycles of the controller manager old it is what controllers read, and how
+    # many later the hardware follows their commands.
+    state_delay: int = 0
+    command_delay: int = 0
 
     # Pictures per simulated second, in a diagram with a Meshcat [Hz]; 0 leaves it to
     # who runs the diagram.
@@ -147,6 +160,18 @@ class SimulationOptions:
             )
         if isinstance(self.seed, bool) or self.seed < 0:
             raise InputError(f"seed must be at least 0, got {self.seed!r}")
+        for name in ("state_delay", "command_delay"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not 0 <= value <= LONGEST_DELAY:
+                raise InputError(
+                    f"{name} must be 0 to {LONGEST_DELAY} cycles, got {value!r}"
+                )
+        for name, value in self.state_noise.items():
+            if not 0.0 <= value < math.inf:
+                raise InputError(
+                    f"state_noise: {name}: a standard deviation must be at least 0, "
+                    f"got {value!r}"
+                )
         both = [name for name in self.active if name in self.inactive]
         if both:
             raise InputError(
@@ -167,6 +192,7 @@ _KINDS: Mapping[object, tuple[tuple[type, ...], str]] = {
     float: ((Real,), "a number"),
     float | None: ((Real, NoneType), "a number or None"),
     str: ((str,), "a text"),
+    Mapping[str, float]: ((Mapping,), "numbers by name"),
 }
 
 
@@ -176,8 +202,14 @@ def _check_type(name: str, kind: object, value: object) -> None:
     is_wrong = not isinstance(value, types) or (is_number and isinstance(value, bool))
     if types == (tuple, list) and not is_wrong:
         is_wrong = not all(isinstance(item, str) for item in value)  # type: ignore[attr-defined]
+    if isinstance(value, Mapping):
+        is_wrong = not all(map(_is_number, value.values()))
     if is_wrong:
         raise InputError(f"{name}: expected {expected}, got {value!r}")
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool)
 
 
 def _vector(name: str, value: tuple[float, ...]) -> tuple[float, float, float]:

@@ -36,6 +36,10 @@ if _metaclass.__module__.startswith("pybind11"):  # nanobind, of Drake 1.58, nee
             cls, name: str, bases: tuple[type, ...], names: dict[str, Any], **more: Any
         ) -> Any:
             names.setdefault("__slots__", ())
+            # After each unrestricted update Drake asks every system for its witness
+            # functions, and pybind11 looks for a Python function of this name: one in C
+            # it takes for its own, and doesn't look again.
+            names.setdefault("DoGetWitnessFunctions", len)
             return super().__new__(cls, name, bases, names, **more)
 
     _metaclass = _WithoutDictionary

@@ -19,7 +19,7 @@ import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self, TypeVar
 
 import yaml
 from pydrake.math import RigidTransform, RollPitchYaw
@@ -27,7 +27,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context
 
 from arm_drake import yaml_files
-from arm_drake.bundled import bundled_motions, bundled_robots
+from arm_drake.description.bundled import bundled_motions, bundled_robots
 from arm_drake.description.entry import EXAMPLE, is_xml
 from arm_drake.description.robot import Pose, Robot, list_robots
 from arm_drake.errors import InputError, suggest
@@ -37,9 +37,9 @@ from arm_drake.options import SimulationOptions
 from arm_drake.output_files import writing
 from arm_drake.plant.payloads import Payload, Payloads, read_payload
 from arm_drake.simulation.motion import (
-    CarriedPayloads,
     Motion,
     MotionStep,
+    SetPayloads,
     TopicMessage,
 )
 from arm_drake.simulation.motion_files import find_motion
@@ -247,9 +247,9 @@ def _address(motion: Motion, step: MotionStep, prefix: str) -> MotionStep:
     message = step.message
     if isinstance(message, TopicMessage):
         message = message._replace(topic=prefix + message.topic.lstrip("/"))
-    elif isinstance(message, CarriedPayloads):
+    elif isinstance(message, SetPayloads):
         named = {f"{prefix}{link}": each for link, each in message.payloads.items()}
-        message = CarriedPayloads(named)
+        message = SetPayloads(named)
     elif isinstance(message, SwitchController):
         activate, deactivate = (
             tuple(f"{prefix}{name}" for name in names)
@@ -310,6 +310,9 @@ def _thing_to_data(thing: Thing) -> dict[str, Any]:
     }
 
 
+_T = TypeVar("_T")
+
+
 def load_scene(path: str | Path) -> Scene:
     """Load a scene file, with its robots and their motions.
 
@@ -319,34 +322,41 @@ def load_scene(path: str | Path) -> Scene:
     Raises:
         InputError: If it can't be used: with the file, the line and the place in it.
     """
+    return read_file(path, _read_scene, "robots, things or both")
+
+
+def read_file(path: str | Path, read: "Callable[[Value], _T]", expected: str) -> _T:
+    """Return what a function reads from a YAML file; `expected` is for an empty one."""
     path = Path(path).expanduser()
     try:
         node = yaml_files.compose(yaml_files.read_text(path))
         if node is None:
-            text = "it is empty; expected robots, things or both"
-            raise InputError(text, file=path)
-        return _read_scene(_Value(path, node, ""))
+            raise InputError(f"it is empty; expected {expected}", file=path)
+        return read(Value(path, node, ""))
     except yaml_files.YamlError as error:
         raise InputError(error.problem, file=path, line=error.line) from None
 
 
 @dc.dataclass(frozen=True)
-class _Value:
-    """A value of a scene file, at its place."""
+class Value:
+    """A value of a scene file or a study file, at its place."""
 
     file: Path
     node: yaml.Node
     where: str
 
     def error(self, problem: str) -> InputError:
+        """Return an error at this place."""
         mark = self.node.start_mark
         line = None if mark is None else mark.line + 1
         return InputError(problem, file=self.file, line=line, where=self.where or None)
 
     def plain(self) -> Any:
+        """Return it as plain data."""
         return yaml_files.plain(self.node)
 
-    def mapping(self, known: Sequence[str] | None = None) -> "dict[str, _Value]":
+    def mapping(self, known: Sequence[str] | None = None) -> "dict[str, Value]":
+        """Return the values of a mapping by key, which must be among the known ones."""
         if not isinstance(self.node, yaml.MappingNode):
             names = f" with some of {', '.join(known)}" if known else ""
             raise self.error(f"expected a mapping{names}, got {self.plain()!r}")
@@ -354,27 +364,30 @@ class _Value:
         for key, node in yaml_files.items(self.node):
             name = str(key.value)
             where = f"{self.where}.{name}" if self.where else name
-            found[name] = _Value(self.file, node, where)
+            found[name] = Value(self.file, node, where)
             if known is not None and name not in known:
                 place = dc.replace(found[name], node=key, where=self.where)
                 raise place.error(f"unknown key {name!r}; {suggest(name, known)}")
         return found
 
-    def list(self) -> "list[_Value]":
+    def list(self) -> "list[Value]":
+        """Return the values of a list."""
         if not isinstance(self.node, yaml.SequenceNode):
             raise self.error(f"expected a list, got {self.plain()!r}")
         return [
-            _Value(self.file, node, f"{self.where}[{number}]")
+            Value(self.file, node, f"{self.where}[{number}]")
             for number, node in enumerate(self.node.value)
         ]
 
     def text(self) -> str:
+        """Return a text that isn't empty."""
         value = self.plain()
         if not isinstance(value, str) or not value:
             raise self.error(f"expected a text, got {value!r}")
         return value
 
     def number(self, least: float = -math.inf, *, is_open: bool = False) -> float:
+        """Return a number of at least, or above, a bound."""
         value = self.plain()
         is_number = type(value) in (int, float) and abs(value) <= 1e9
         if not is_number or value < least or (is_open and value == least):
@@ -386,6 +399,7 @@ class _Value:
     def numbers(
         self, *counts: int, least: float = -math.inf, is_open: bool = False
     ) -> tuple[float, ...]:
+        """Return a list of so many numbers, as `number`."""
         values = [each.number(least, is_open=is_open) for each in self.list()]
         if len(values) not in counts:
             expected = " or ".join(map(str, counts))
@@ -410,18 +424,21 @@ _THING_KEYS = ("name", *SHAPES, "mass", "color", "friction", "pose", "fixed")
 _OPTIONS = tuple(
     field.name for field in dc.fields(SimulationOptions) if field.name != "frame_rate"
 )
+_WHOLE = [field.name for field in dc.fields(SimulationOptions) if field.type is int]
 
 
-class _LoadedRobot(NamedTuple):
+class SceneRobot(NamedTuple):
+    """A robot of a scene file, loaded, with its payloads by link and its motion."""
+
     robot: Robot
     payloads: Mapping[str, Payload]
     motion: Motion | None
 
 
-def _read_scene(root: _Value) -> Scene:
+def _read_scene(root: Value) -> Scene:
     fields = root.mapping(("robots", "world", "things", "options"))
     robots = (
-        [_read_robot(v) for v in fields["robots"].list()] if "robots" in fields else []
+        [read_robot(v) for v in fields["robots"].list()] if "robots" in fields else []
     )
     things = (
         [_read_thing(v) for v in fields["things"].list()] if "things" in fields else []
@@ -429,14 +446,14 @@ def _read_scene(root: _Value) -> Scene:
     if not robots and not things:
         raise root.error("expected robots, things or both")
     several = len(robots) > 1
-    scene: Scene = _at(
+    scene = at_place(
         root,
         lambda: Scene(
             robots=tuple(each.robot for each in robots),
-            world=_read_world(fields["world"]) if "world" in fields else "empty",
+            world=read_world(fields["world"]) if "world" in fields else "empty",
             things=tuple(things),
             options=(
-                _read_options(fields["options"])
+                read_options(fields["options"])
                 if "options" in fields
                 else SimulationOptions()
             ),
@@ -449,11 +466,11 @@ def _read_scene(root: _Value) -> Scene:
             file=root.file,
         ),
     )
-    _at(fields.get("world", root), scene.load_world)
+    at_place(fields.get("world", root), scene.load_world)
     return scene
 
 
-def _at(value: _Value, make: Callable[[], Any]) -> Any:
+def at_place(value: Value, make: Callable[[], _T]) -> _T:
     """Return what a function makes; its errors without a place get that of a value."""
     try:
         return make()
@@ -463,7 +480,8 @@ def _at(value: _Value, make: Callable[[], Any]) -> Any:
         raise value.error(str(error)) from None
 
 
-def _read_robot(value: _Value) -> _LoadedRobot:
+def read_robot(value: Value) -> SceneRobot:
+    """Return the robot that a mapping describes, loaded; raises InputError."""
     fields = value.mapping(_ROBOT_KEYS)
     if "robot" not in fields:
         raise value.error("expected robot: a name, a file or a folder")
@@ -475,7 +493,7 @@ def _read_robot(value: _Value) -> _LoadedRobot:
             options["initial_positions" if key == "initial" else key] = read(
                 fields[key]
             )
-    robot = _at(value, lambda: load_robot(**options))
+    robot = at_place(value, lambda: load_robot(**options))
     payloads = _read_payloads(fields["payload"], robot) if "payload" in fields else {}
     motion, motion_parameters = None, fields.get("motion_parameters")
     if "motion" in fields:
@@ -485,48 +503,50 @@ def _read_robot(value: _Value) -> _LoadedRobot:
             if motion_parameters and motion_parameters.mapping()
             else {}
         )
-        motion = _at(fields["motion"], lambda: find_motion(name, robot, parameters))
+        motion = at_place(
+            fields["motion"], lambda: find_motion(name, robot, parameters)
+        )
     elif motion_parameters:
         raise motion_parameters.error("there is no motion beside them")
-    return _LoadedRobot(robot, payloads, motion)
+    return SceneRobot(robot, payloads, motion)
 
 
-def _scalar(value: _Value) -> str:
+def _scalar(value: Value) -> str:
     """Return a text as it is written, as xacro takes it."""
     if not isinstance(value.node, yaml.ScalarNode):
         raise value.error(f"expected a text or a number, got {value.plain()!r}")
     return str(value.node.value)
 
 
-def _texts(value: _Value) -> dict[str, str]:
+def _texts(value: Value) -> dict[str, str]:
     return {name: _scalar(each) for name, each in value.mapping().items()}
 
 
-def _numbers(value: _Value) -> dict[str, float]:
+def _numbers(value: Value) -> dict[str, float]:
     return {name: each.number() for name, each in value.mapping().items()}
 
 
-def _paths(value: _Value) -> list[str]:
+def _paths(value: Value) -> list[str]:
     """Return a list of files and folders, or the only one."""
     is_list = isinstance(value.node, yaml.SequenceNode)
     return [each.path() for each in (value.list() if is_list else [value])]
 
 
-def _flag(value: _Value) -> bool:
+def _flag(value: Value) -> bool:
     flag = value.plain()
     if not isinstance(flag, bool):
         raise value.error(f"expected true or false, got {flag!r}")
     return flag
 
 
-def _count(value: _Value) -> int:
+def _count(value: Value) -> int:
     count = value.plain()
     if type(count) is not int or count < 1:
         raise value.error(f"expected an integer of at least 1, got {count!r}")
     return count
 
 
-def _frames(value: _Value) -> dict[str, tuple[str, Pose]]:
+def _frames(value: Value) -> dict[str, tuple[str, Pose]]:
     """Return frames fixed to links by name, each its parent and its pose in it."""
     frames = {}
     for name, each in value.mapping().items():
@@ -539,19 +559,19 @@ def _frames(value: _Value) -> dict[str, tuple[str, Pose]]:
 
 
 # What `load_robot` takes besides the robot, by its key.
-_FILES: Mapping[str, Callable[[_Value], Any]] = {
+_FILES: Mapping[str, Callable[[Value], Any]] = {
     "controllers": _paths,
     "package_paths": _paths,
     "srdf": _paths,
 }
-_LOAD_OPTIONS: Mapping[str, Callable[[_Value], Any]] = {
+_LOAD_OPTIONS: Mapping[str, Callable[[Value], Any]] = {
     **_FILES,
-    "name": _Value.text,
-    "pose": _Value.pose,
+    "name": Value.text,
+    "pose": Value.pose,
     "initial": _numbers,
     "xacro_args": _texts,
     "variables": _texts,
-    "distro": _Value.text,
+    "distro": Value.text,
     "decompose": _flag,
     "max_faces": _count,
     "frames": _frames,
@@ -559,7 +579,7 @@ _LOAD_OPTIONS: Mapping[str, Callable[[_Value], Any]] = {
 _ROBOT_KEYS = ("robot", *_LOAD_OPTIONS, "payload", "motion", "motion_parameters")
 
 
-def _read_payloads(value: _Value, robot: Robot) -> dict[str, Payload]:
+def _read_payloads(value: Value, robot: Robot) -> dict[str, Payload]:
     """Return masses [kg], or mappings of mass and com, by link."""
     payloads = {}
     for link, each in value.mapping(robot.description.links).items():
@@ -573,7 +593,7 @@ def _read_payloads(value: _Value, robot: Robot) -> dict[str, Payload]:
     return payloads
 
 
-def _read_thing(value: _Value) -> Thing:
+def _read_thing(value: Value) -> Thing:
     fields = value.mapping(_THING_KEYS)
     kinds = [kind for kind in SHAPES if kind in fields]
     if len(kinds) != 1 or "name" not in fields:
@@ -596,10 +616,10 @@ def _read_thing(value: _Value) -> Thing:
     if "pose" in fields:
         options["pose"] = fields["pose"].pose()
     name = fields["name"].text()
-    return _at(value, lambda: Thing(name, kind, size, **options))
+    return at_place(value, lambda: Thing(name, kind, size, **options))
 
 
-def _read_color(value: _Value) -> tuple[float, float, float, float]:
+def _read_color(value: Value) -> tuple[float, float, float, float]:
     if isinstance(value.node, yaml.SequenceNode):
         red, green, blue, *alpha = value.numbers(3, 4, least=0.0)
         color = (red, green, blue, *(alpha or (1.0,)))
@@ -612,20 +632,22 @@ def _read_color(value: _Value) -> tuple[float, float, float, float]:
     return (*COLORS[name], 1.0)
 
 
-def _read_world(value: _Value) -> str:
+def read_world(value: Value) -> str:
+    """Return the name of a world, or its file."""
     name = value.text()
     return name if name in WORLDS else value.path()
 
 
-def _read_options(value: _Value) -> SimulationOptions:
+def read_options(value: Value) -> SimulationOptions:
+    """Return options of a simulation; raises InputError at the place of a wrong one."""
     fields = value.mapping(_OPTIONS)
     options = {name: each.plain() for name, each in fields.items()}
-    for name, given in options.items():
-        if isinstance(given, list):
-            options[name] = tuple(given)
-        elif type(given) is int:
-            options[name] = float(given)
-    for name, given in options.items():
+    for name, option in options.items():
+        if isinstance(option, list):
+            options[name] = tuple(option)
+        elif type(option) is int and name not in _WHOLE:
+            options[name] = float(option)
+    for name, option in options.items():
         place = dc.replace(fields[name], where="options")
-        _at(place, functools.partial(SimulationOptions, **{name: given}))
-    return _at(value, lambda: SimulationOptions(**options))
+        at_place(place, functools.partial(SimulationOptions, **{name: option}))
+    return at_place(value, lambda: SimulationOptions(**options))

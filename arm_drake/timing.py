@@ -94,8 +94,8 @@ def cycle_at(time: float, period: float) -> int | None:
     return number if abs(cycles - number) <= _TOLERANCE else None
 
 
-def cycle_times(number: int, period: float, rate: int) -> tuple[int, int]:
-    """Return the time of a cycle, and the time since the last one [ns].
+def cycle_time(number: int, period: float, rate: int) -> int:
+    """Return the time of a cycle [ns].
 
     Args:
         number: Number of the cycle.
@@ -103,11 +103,18 @@ def cycle_times(number: int, period: float, rate: int) -> tuple[int, int]:
         rate: Their nominal rate [Hz].
     """
     if has_rate(period, rate):
-        time_ns = number * _NANOSECONDS // rate
-        return time_ns, time_ns - (number - 1) * _NANOSECONDS // rate
+        return number * _NANOSECONDS // rate
     # Another robot's manager has the say about the steps.
-    time_ns = round(number * period * _NANOSECONDS)
-    return time_ns, time_ns - round((number - 1) * period * _NANOSECONDS)
+    return round(number * period * _NANOSECONDS)
+
+
+def cycle_times(number: int, period: float, rate: int) -> tuple[int, int]:
+    """Return the time of a cycle, and the time since the last one [ns].
+
+    Arguments are those of `cycle_time`.
+    """
+    time_ns = cycle_time(number, period, rate)
+    return time_ns, time_ns - cycle_time(number - 1, period, rate)
 
 
 @functools.cache

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import arm_drake as ad
-from arm_drake.bundled import bundled_motions, configs_folder
 from arm_drake.cli import main
+from arm_drake.description.bundled import bundled_motions, configs_folder
 from arm_drake.messages import Float64MultiArray
 from arm_drake.simulation.recording import list_failures
 from tests.robots import real_robot

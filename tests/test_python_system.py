@@ -16,6 +16,7 @@ from pydrake.multibody.plant import (
     MultibodyPlant,
     MultibodyPlantConfig,
 )
+from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import (
     BasicVector,
     Context,
@@ -349,3 +350,26 @@ def test_what_is_left_of_a_diagram_can_be_used() -> None:
 
     # Where a fault ends it, the case after the last one that is named has it.
     assert (done.returncode, done.stdout.splitlines()) == (0, list(LEFT)), done.stderr
+
+
+@pytest.mark.skipif(not IS_PYBIND11, reason="nanobind remembers what isn't there")
+@pytest.mark.parametrize(("base", "most"), [(PythonSystem, 1), (LeafSystem, 100)])
+def test_nobody_looks_for_witness_functions_after_each_update(
+    base: type[LeafSystem], most: int
+) -> None:
+    asked = []
+
+    class System(base):  # type: ignore[misc, valid-type]
+        def __init__(self) -> None:
+            super().__init__()
+            self.DeclarePeriodicUnrestrictedUpdateEvent(0.1, 0.0, lambda *args: None)
+
+        def __getattribute__(self, name: str) -> Any:
+            if name == "DoGetWitnessFunctions":
+                asked.append(name)
+            return super().__getattribute__(name)
+
+    simulator = Simulator(System())
+    simulator.AdvanceTo(10.05)
+
+    assert most - 1 <= len(asked) <= most + 2

@@ -329,6 +329,7 @@ def test_the_schema_refuses_what_the_loader_does(text: str) -> None:
         thing("cylinder: [1, 2], fixed: true"),
         f"{thing(BALL)}options: {{preset: fast, gravity: false, log_rate: 50}}",
         f"{thing(BALL)}options: {{time_step: null, reflected_inertia: true}}",
+        f"{thing(BALL)}options: {{seed: 3, state_noise: {{effort: 1}}}}",
     ],
 )
 def test_the_loader_accepts_what_the_schema_does(folder: Path, text: str) -> None:

@@ -18,11 +18,10 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from numbers import Integral
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar, overload
+from typing import Any, Literal, NamedTuple, TypeVar, overload
 
 from arm_drake.batch.processes import (
     NO_LIMITS,
-    Done,
     Limits,
     Pool,
     SendError,
@@ -30,21 +29,20 @@ from arm_drake.batch.processes import (
     is_warm,
 )
 from arm_drake.batch.runs import (
+    Done,
     Outcome,
     Run,
     Runner,
     RunResult,
     RunResults,
     RunsInterrupted,
+    RunStore,
     Stop,
     enter_thread,
     is_nested,
 )
 from arm_drake.errors import ArmDrakeError, InputError, suggest
 from arm_drake.simulation.simulation import Simulation
-
-if TYPE_CHECKING:
-    from arm_drake.batch.store import RunStore
 
 
 def run_serially(
@@ -677,12 +675,10 @@ class _Execution:
             self.choice.why += f"; {len(done)} were there already"
         self._progress = Progress(self.num_runs, how.progress)
 
-    def _open(self, path: str | Path | None) -> "RunStore | None":
+    def _open(self, path: str | Path | None) -> RunStore | None:
         if path is None:
             return None
         # Not at the top: who keeps no file needs none.
-        from arm_drake.batch.store import RunStore
-
         return RunStore(path, self._items)
 
     def __iter__(self) -> Iterator[RunResult[Any]]:

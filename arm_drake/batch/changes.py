@@ -1,4 +1,4 @@
-"""Changes of a loaded robot: gains of its PIDs, dry friction, damping, parameters.
+"""Changes of a loaded robot: gains, dry friction, damping, parameters, where it begins.
 
 PIDs are those of Gazebo's plugins of single joints, of controllers with parameters
 `gains.<joint>`, and of Gazebo Classic's joints (`pos_kp`, `vel_kp`).
@@ -208,6 +208,7 @@ CHANGES = (
     "scale.gains",
     "gains",
     "controller",
+    "initial",
 )
 
 
@@ -240,6 +241,11 @@ def _change(robot: Robot, name: str, value: float) -> Robot:
         return _set_gain(robot, joint, gain, value)
     if kind == "controller":
         return _set_parameter(robot, rest, value)
+    if kind == "initial":
+        known = robot.initial_positions
+        if rest not in known:
+            raise InputError(f"no joint {rest!r}; {suggest(rest, known)}")
+        return dc.replace(robot, initial_positions={**known, rest: value})
     raise InputError(f"unknown; {suggest(name, CHANGES)}")
 
 

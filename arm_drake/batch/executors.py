@@ -1,8 +1,9 @@
 """Runs on executors: clusters of dask, and whatever is a concurrent.futures.Executor.
 
-Each run is one call of `execute` there. Functions and loaded robots are many runs' and
-are named by their hash; a worker that lacks one asks for it and keeps it, so that they
-go to each worker once. Robots are loaded here, never there: their meshes go with them.
+A call of `execute` there has one run, or some if they are short: a task costs dask some
+milliseconds. Functions and loaded robots are many runs' and are named by their hash; a
+worker that lacks one asks for it and keeps it, so that they go to each worker once.
+Robots are loaded here, never there: their meshes go with them.
 """
 
 import concurrent.futures as cf
@@ -31,7 +32,6 @@ from urllib.parse import unquote
 import cloudpickle
 
 from arm_drake.batch.processes import (
-    Done,
     Limits,
     RunError,
     SendError,
@@ -40,17 +40,26 @@ from arm_drake.batch.processes import (
     pack,
     run_alone,
 )
-from arm_drake.batch.runs import Run, describe, enter_thread, load_run
+from arm_drake.batch.runs import Done, Run, describe, enter_thread, load_run
 from arm_drake.controllers import CONTROLLER_TYPES
 from arm_drake.description.meshes.conversion import cache_directory
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError
+from arm_drake.worlds.sdf_world import LoadedWorld
+from arm_drake.worlds.world import WORLDS, load_world
 
 # How often to look whether there are more workers [s].
 _LOOK = 5.0
 
 # So many functions and robots a worker keeps in memory.
 _MOST_KEPT = 16
+
+# Short runs go together for so long, as they took before [s], and so many bytes. A call
+# costs program and scheduler some 5 ms: more workers get longer ones.
+_BATCH_TIME, _TIME_PER_WORKER, _BATCH_BYTES = 0.25, 0.01, 1_000_000
+
+# Part of a new wall time in the mean of them.
+_NEWS = 0.2
 
 
 class Missing(NamedTuple):
@@ -91,21 +100,19 @@ def execute(
     theirs: Mapping[str, str],
     needs: Sequence[str],
     sent: Mapping[str, bytes],
-    index: int,
-    item: bytes,
+    items: Sequence[tuple[int, bytes]],
     limits: Limits,
     topic: str,
-) -> bytes | Missing | Refused:
-    """Run one input on a worker; return a Done in bytes, or why it can't be.
+) -> list[bytes] | Missing | Refused:
+    """Run inputs on a worker; return a Done of each in bytes, or why it can't be.
 
     Args:
         theirs: Versions of the program.
-        needs: Hashes of the function and of all that function and input refer to.
+        needs: Hashes of the function and of all that function and inputs refer to.
         sent: Some of it, by hash.
-        index: Place of the input.
-        item: The input.
-        limits: What the run may take.
-        topic: Where dask is told who runs it; empty for others.
+        items: The inputs, with their places.
+        limits: What each run may take.
+        topic: Where dask is told who runs them; empty for others.
     """
     if why := compare_versions(versions(), theirs):
         return Refused(f"{name_worker()}: {why}")
@@ -117,28 +124,38 @@ def execute(
         for key in needs:
             _kept.move_to_end(key)
     if topic:
-        _tell_dask(topic, index)
+        _tell_dask(topic, [index for index, _ in items])
+    answers = []
+    for index, item in items:
+        # What can't be read is that run's error, too.
+        run = functools.partial(_run, needs[0], limits, index)
+        begun = attempt(run, index, item)
+        done = begun if begun.error is not None else begun.value
+        answers.append(pack(dc.replace(done, worker=name_worker())))
+    with _lock:
+        while len(_kept) > max(_MOST_KEPT, len(needs)):
+            _kept.popitem(last=False)
+    return answers
+
+
+def _run(function_key: str, limits: Limits, index: int, item: bytes) -> Done:
+    """Run one input, with the functions and robots that this worker keeps."""
 
     def run() -> Done:
         enter_thread(threading.Event())
         with _lock:
-            function, value = _take(needs[0]), _read(item)
-            while len(_kept) > max(_MOST_KEPT, len(needs)):
-                _kept.popitem(last=False)
+            function, value = _take(function_key), _read(item)
         if limits.are_set:
             return run_alone(function, index, value, limits)
         return attempt(function, index, value)
 
-    # What can't be read is that run's error, too.
-    begun = attempt(lambda _: contextvars.copy_context().run(run), index, None)
-    done = begun if begun.error is not None else begun.value
-    return pack(dc.replace(done, worker=name_worker()))
+    return contextvars.copy_context().run(run)
 
 
-def _tell_dask(topic: str, index: int) -> None:
+def _tell_dask(topic: str, indices: Sequence[int]) -> None:
     with contextlib.suppress(Exception):  # It is of no importance.
         distributed = sys.modules["distributed"]
-        distributed.get_worker().log_event(topic, (index, name_worker()))
+        distributed.get_worker().log_event(topic, (indices, name_worker()))
 
 
 def name_worker() -> str:
@@ -157,7 +174,7 @@ def _take(key: str) -> Any:
         for name, row in kept.types.items():
             CONTROLLER_TYPES.setdefault(name, row)
         kept = _kept[key] = kept.function
-    elif isinstance(kept, _SentRobot):
+    elif isinstance(kept, _SentRobot | _SentWorld):
         kept = _kept[key] = kept.unpack()
     return kept
 
@@ -219,15 +236,36 @@ def _path_of(mesh: ET.Element) -> Path:
     return Path(unquote(mesh.get("filename", "").removeprefix("file://")))
 
 
+class _SentWorld(NamedTuple):
+    """A world that is one file, which refers to no other."""
+
+    path: Path
+    data: bytes
+
+    @classmethod
+    def of(cls, world: str | Path) -> "_SentWorld | None":
+        """Return what is sent for a run's world; None if it goes as it is."""
+        path = Path(world).expanduser()
+        if world in WORLDS or not path.is_file():
+            return None
+        data = path.read_bytes()
+        return None if b"<uri>" in data else cls(path.absolute(), data)
+
+    def unpack(self) -> LoadedWorld:
+        """Return the world, from where this worker keeps it."""
+        return load_world(_keep_file(self.path, self.data))
+
+
 def _keep_file(path: Path, data: bytes) -> Path:
-    """Return a file with this content; write it if it isn't there."""
+    """Return a file with this content and name; write it if it isn't there."""
     with contextlib.suppress(OSError):
         if path.read_bytes() == data:
             return path
     folder = cache_directory().parent / "sent"
-    kept = folder / f"{hashlib.sha256(data).hexdigest()}{path.suffix}"
+    # A world may be called as its file.
+    kept = folder / hashlib.sha256(data).hexdigest() / path.name
     if not kept.exists():
-        folder.mkdir(parents=True, exist_ok=True)
+        kept.parent.mkdir(parents=True, exist_ok=True)
         part = kept.with_suffix(f".{uuid.uuid4().hex}")
         part.write_bytes(data)
         part.replace(kept)
@@ -235,11 +273,13 @@ def _keep_file(path: Path, data: bytes) -> Path:
 
 
 class _Sender:
-    """Makes bytes of functions and inputs, with hashes in place of robots."""
+    """Makes bytes of functions and inputs, with hashes for robots and worlds."""
 
     def __init__(self, function: Callable[[Any], Any]) -> None:
         self.blobs: dict[str, bytes] = {}
-        self._robots: dict[int, tuple[Robot, str]] = {}
+        # What was sent by hash, with its hash, by identity.
+        self._sent: dict[int, tuple[Any, str]] = {}
+        self._worlds: dict[str, _SentWorld | None] = {}
         sent = _SentFunction(function, dict(CONTROLLER_TYPES.added))
         data, refers = self._dump(sent, "the function")
         # The function is the first of what is needed.
@@ -254,7 +294,7 @@ class _Sender:
         refers: list[str] = []
 
         def refer(part: Any) -> str | None:
-            if not isinstance(part, Robot):
+            if not isinstance(part, Robot | _SentWorld):
                 return None
             refers.append(self._key_of(part))
             return refers[-1]
@@ -269,11 +309,21 @@ class _Sender:
             raise SendError(f"{text}; expected what cloudpickle takes") from None
         return file.getvalue(), refers
 
-    def _key_of(self, robot: Robot) -> str:
-        if id(robot) not in self._robots:
-            data = cloudpickle.dumps(_SentRobot.of(robot))
-            self._robots[id(robot)] = robot, self._keep(data)
-        return self._robots[id(robot)][1]
+    def _key_of(self, part: "Robot | _SentWorld") -> str:
+        if id(part) not in self._sent:
+            sent = _SentRobot.of(part) if isinstance(part, Robot) else part
+            self._sent[id(part)] = part, self._keep(cloudpickle.dumps(sent))
+        return self._sent[id(part)][1]
+
+    def with_world(self, run: Run) -> Run:
+        """Return a run whose world is sent, if that is a file which can be."""
+        if not isinstance(run.world, str | Path):
+            return run
+        name = str(run.world)
+        if name not in self._worlds:
+            self._worlds[name] = _SentWorld.of(run.world)
+        world: Any = self._worlds[name]
+        return run if world is None else dc.replace(run, world=world)
 
     def _keep(self, data: bytes) -> str:
         key = hashlib.sha256(data).hexdigest()
@@ -331,12 +381,13 @@ class Pool:
         self.topic = f"arm_drake-{uuid.uuid4().hex}"
         self._on.subscribe_topic(self.topic, self._note)
 
-    def _note(self, event: tuple[float, tuple[int, str]]) -> None:
-        index, worker = event[1]
-        self.began.setdefault(index, {})[worker] = None
+    def _note(self, event: tuple[float, tuple[Sequence[int], str]]) -> None:
+        indices, worker = event[1]
+        for index in indices:
+            self.began.setdefault(index, {})[worker] = None
 
     def width(self) -> int:
-        """Return how many runs should be under way: one works while one waits."""
+        """Return how many calls should be under way: one works while one waits."""
         now = time.monotonic()
         if now - self._looked_at >= _LOOK:
             self._looked_at = now
@@ -376,15 +427,32 @@ def _is_client(on: Any) -> bool:
     return distributed is not None and isinstance(on, distributed.Client)
 
 
-@dc.dataclass
-class _Sent:
-    """A run that is under way."""
+class _Packed(NamedTuple):
+    """An input in bytes."""
 
-    index: int
+    place: int
     data: bytes
+
+    # Hashes of all that it needs, the function's first.
     needs: tuple[str, ...]
+
+
+@dc.dataclass
+class _Batch:
+    """Runs that are under way together."""
+
+    runs: list[_Packed]
     attempts: int = 1
     since: float = dc.field(default_factory=time.perf_counter)
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Hashes of all that they need, the function's first."""
+        return tuple(dict.fromkeys(key for run in self.runs for key in run.needs))
+
+    def split(self, attempts: int) -> "list[_Batch]":
+        """Return a batch for each."""
+        return [_Batch([run], attempts, self.since) for run in self.runs]
 
 
 class Dispatch:
@@ -401,17 +469,23 @@ class Dispatch:
         self._pool, self._items, self._limits = pool, items, limits
         self._sender = _Sender(function)
         self._robots: dict[bytes, Robot] = {}
-        self._waiting: deque[int | _Sent] = deque(range(len(items)))
-        self._under_way: dict[Any, _Sent] = {}
+        self._waiting = deque(range(len(items)))
+        # They were given before.
+        self._again: deque[_Batch] = deque()
+        self._under_way: dict[Any, _Batch] = {}
         self._ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._failed: list[Done] = []
+        # What runs take, about [s]; None before the first one has ended.
+        self._took: float | None = None
 
     def run(self) -> Iterator[Done]:
         """Yield what becomes of the runs; who closes it cancels the rest."""
         try:
-            while self._waiting or self._under_way:
-                while self._waiting and len(self._under_way) < self._pool.width():
-                    self._give(self._waiting.popleft())
+            while self._waiting or self._again or self._under_way:
+                while self._may_give():
+                    batch = self._again.popleft() if self._again else self._pack()
+                    if batch.runs:
+                        self._give(batch)
                 yield from self._take_failed()
                 if self._under_way:
                     future = self._ended.get()
@@ -422,81 +496,124 @@ class Dispatch:
                 future.cancel()
             self._pool.close()
 
+    def _may_give(self) -> bool:
+        """Return whether another batch may be given now."""
+        if len(self._under_way) >= self._pool.width():
+            return False
+        if self._pool.topic or not (self._again or self._under_way):
+            return bool(self._again or self._waiting)
+        # An executor breaks as a whole: who was there when it did is alone there the
+        # second time, so that nobody pays for another one.
+        if self._again:
+            return not self._under_way
+        is_alone = any(batch.attempts > 1 for batch in self._under_way.values())
+        return bool(self._waiting) and not is_alone
+
     def _take_failed(self) -> Iterator[Done]:
         failed, self._failed = self._failed, []
         yield from failed
 
-    def _give(self, what: int | _Sent, sent: Mapping[str, bytes] | None = None) -> None:
-        """Submit a run; what can't be is its error."""
-        if not isinstance(what, _Sent):
+    def _pack(self) -> _Batch:
+        """Return the next runs as bytes, without those that can't be sent."""
+        runs: list[_Packed] = []
+        size = 0
+        for _ in range(self._batch_size()):
+            index = self._waiting.popleft()
             try:
-                item = self._items[what]
+                item = self._items[index]
                 if isinstance(item, Run):
-                    item = load_run(item, self._robots)
-                what = _Sent(what, *self._sender.dump(item))
+                    item = self._sender.with_world(load_run(item, self._robots))
+                runs.append(_Packed(index, *self._sender.dump(item)))
             except Exception as error:
-                failed = attempt(functools.partial(_raise, error), what, None)  # type: ignore[arg-type]
+                failed = attempt(functools.partial(_raise, error), index, None)
                 self._failed.append(failed)
-                return
-        task = (versions(), what.needs, sent or {}, what.index, what.data, self._limits)
+                continue
+            size += len(runs[-1].data)
+            if size > _BATCH_BYTES:
+                break
+        return _Batch(runs)
+
+    def _batch_size(self) -> int:
+        """Return how many runs go together: few enough that all workers have some."""
+        if self._took is None or self._limits.are_set:
+            return 1
+        width = self._pool.width()
+        share = len(self._waiting) // (2 * width)
+        lasts = max(_BATCH_TIME, _TIME_PER_WORKER * width / 2)
+        return max(1, min(int(lasts / max(self._took, 1e-6)), share))
+
+    def _give(self, batch: _Batch, sent: Mapping[str, bytes] | None = None) -> None:
+        """Submit runs; what can't be is their error."""
+        items = [(run.place, run.data) for run in batch.runs]
+        task = (versions(), batch.needs, sent or {}, items, self._limits)
         try:
             future = self._pool.submit(*task)
         except Exception as error:
             if isinstance(error, cf.BrokenExecutor) and self._pool.renew():
                 future = self._pool.submit(*task)
             else:
-                self._fail(what, f"it can't be submitted: {describe(error)}")
+                self._fail(batch, f"it can't be submitted: {describe(error)}")
                 return
-        self._under_way[future] = what
+        self._under_way[future] = batch
         future.add_done_callback(self._ended.put)
 
-    def _fail(self, sent: _Sent, why: str) -> None:
-        wall_time = time.perf_counter() - sent.since
-        error = RunError(why)
-        self._failed.append(
-            Done(sent.index, None, error, wall_time, attempts=sent.attempts)
-        )
+    def _fail(self, batch: _Batch, why: str) -> None:
+        wall_time = time.perf_counter() - batch.since
+        self._failed += [
+            Done(run.place, None, RunError(why), wall_time, attempts=batch.attempts)
+            for run in batch.runs
+        ]
 
     def _take(self, future: Any) -> Iterator[Done]:
-        sent = self._under_way.pop(future)
+        batch = self._under_way.pop(future)
         try:
             answer = future.result()
         except cf.BrokenExecutor as error:
-            self._try_again(sent, f"the executor broke while it was there: {error}")
+            self._try_again(batch, f"the executor broke while it was there: {error}")
             return
         except (Exception, cf.CancelledError) as error:
-            self._note_error(sent, error)
+            self._note_error(batch, error)
             return
         if isinstance(answer, Missing):
             blobs = {key: self._sender.blobs[key] for key in answer.hashes}
-            self._give(sent, blobs)
+            self._give(batch, blobs)
         elif isinstance(answer, Refused):
-            self._try_again(sent, f"a worker refused it: {answer.why}")
+            self._try_again(batch, f"a worker refused it: {answer.why}")
         else:
-            done: Done = loads(answer)
-            before = self._pool.began.pop(sent.index, {})
-            died = tuple(worker for worker in before if worker != done.worker)
-            attempts = max(sent.attempts, 1 + len(died))
-            yield dc.replace(done, attempts=attempts, died=died)
+            for data in answer:
+                yield self._note_done(loads(data), batch)
 
-    def _try_again(self, sent: _Sent, why: str) -> None:
-        """Have a run tried once more, or fail."""
-        if sent.attempts > 1:
-            self._fail(sent, f"{why} (tried twice)")
+    def _note_done(self, done: Done, batch: _Batch) -> Done:
+        """Return what became of a run, with the workers that died with it."""
+        before = 0.0 if self._took is None else (1.0 - _NEWS) * self._took
+        part = 1.0 if self._took is None else _NEWS
+        self._took = before + part * done.wall_time
+        workers = self._pool.began.pop(done.index, {})
+        died = tuple(worker for worker in workers if worker != done.worker)
+        attempts = max(batch.attempts, 1 + len(died))
+        return dc.replace(done, attempts=attempts, died=died)
+
+    def _try_again(self, batch: _Batch, why: str) -> None:
+        """Have runs tried once more, each alone, or fail."""
+        if batch.attempts > 1:
+            self._fail(batch, f"{why} (tried twice)")
             return
-        sent.attempts += 1
-        self._waiting.appendleft(sent)
+        self._again += batch.split(batch.attempts + 1)
 
-    def _note_error(self, sent: _Sent, error: BaseException) -> None:
-        """Note why a run has no answer: not its own errors, those are in answers."""
+    def _note_error(self, batch: _Batch, error: BaseException) -> None:
+        """Note why runs have no answer: not their own errors, those are in answers."""
         kind, text = type(error).__name__, describe(error)
         if isinstance(error, ImportError):
-            self._fail(sent, f"a worker can't run it: {text}; install arm-drake there")
+            self._fail(batch, f"a worker can't run it: {text}; install arm-drake there")
+        elif kind == "KilledWorker" and len(batch.runs) > 1:
+            # Who it was is known once each was alone.
+            self._again += batch.split(batch.attempts)
         elif kind == "KilledWorker":
-            workers = ", ".join(self._pool.began.pop(sent.index, {})) or "its workers"
-            self._fail(sent, f"{workers} died while they had this run")
+            began = self._pool.began.pop(batch.runs[0].place, {})
+            workers = ", ".join(began) or "its workers"
+            self._fail(batch, f"{workers} died while they had this run")
         else:
-            self._try_again(sent, f"its worker is lost: {text}")
+            self._try_again(batch, f"its worker is lost: {text}")
 
 
 def _raise(error: Exception, _: Any) -> None:

@@ -81,7 +81,7 @@ def linearize(
             from where it begins; or a simulation, which is taken as it is now.
         at: Where a robot is: positions by joint [rad, m], or the name of a state of its
             planning groups as "home"; by default its initial positions.
-        options: How a robot is simulated.
+        options: How a robot is simulated, with its delays, without its noise.
         region_tolerance: How far responses may be off the simulation's, of their
             height, for `LinearModel.region`; None asks for none.
 
@@ -98,9 +98,9 @@ def linearize(
         at_rest = loop.is_at_rest()
     else:
         if isinstance(what, Robot):
-            what = build_diagram(
-                _placed(what, at), options=options or SimulationOptions()
-            )
+            # Noise only adds to the state: there is none in a model of it.
+            chosen = dc.replace(options or SimulationOptions(), state_noise={})
+            what = build_diagram(_placed(what, at), options=chosen)
         loop = _Loop(Simulation(what))
         at_rest = loop.settle()
     model = loop.linearize(at_rest)

@@ -36,7 +36,7 @@ from typing import Any, NamedTuple
 import cloudpickle
 import numpy as np
 
-from arm_drake.batch.runs import Stop, describe, enter_process, is_nested
+from arm_drake.batch.runs import Done, Stop, describe, enter_process, is_nested
 from arm_drake.controllers import CONTROLLER_TYPES
 from arm_drake.errors import ArmDrakeError, InputError
 
@@ -68,26 +68,6 @@ def dumps(what: Any, role: str) -> bytes:
             f"{role} can't be sent to other processes: {error}; expected what "
             "cloudpickle takes, or backend='threads' or 'serial'"
         ) from None
-
-
-@dc.dataclass(frozen=True, eq=False)
-class Done:
-    """A run that has ended, well or not."""
-
-    # Its place in the list of runs.
-    index: int
-
-    value: Any
-    error: Exception | None
-
-    # How long it took where it ran [s].
-    wall_time: float
-
-    # Where that was, if it was on a cluster; how often it was begun, and the workers
-    # that died with it.
-    worker: str = ""
-    attempts: int = 1
-    died: tuple[str, ...] = ()
 
 
 class Limits(NamedTuple):

@@ -1,24 +1,33 @@
 """Runs: rollouts in words, what executes them, and their results.
 
 This is the seam between a program and where its runs are executed: a Run goes there and
-a RunResult comes back, both plain data that can be pickled.
+a RunResult comes back, both plain data that can be pickled. A RunStore keeps each in a
+file as it ends, and what is in it is not run again.
 """
 
 import contextvars
 import dataclasses as dc
+import fcntl
+import hashlib
 import math
+import os
 import pickle
+import struct
 import threading
+import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from numbers import Real
 from pathlib import Path
 from typing import Any, Generic, TypeVar, overload
 
+import cloudpickle
+import numpy as np
+
 from arm_drake.batch.changes import change_robot
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot, list_robots
 from arm_drake.diagram import build_diagram
-from arm_drake.errors import InputError
+from arm_drake.errors import InputError, OutputError
 from arm_drake.loading import load_robot
 from arm_drake.messages import GoalStatus, Result
 from arm_drake.options import SimulationOptions
@@ -126,8 +135,8 @@ class Run:
 
     # What else of the robot is to be other than its files say, by name: factors such as
     # "scale.friction" (of all joints), "scale.friction.joint2", "scale.damping",
-    # "scale.gains" or "scale.gains.joint2.p"; numbers such as "gains.joint2.p" and
-    # "controller.arm_controller.constraints.goal_time".
+    # "scale.gains" or "scale.gains.joint2.p"; numbers such as "gains.joint2.p",
+    # "initial.joint2" and "controller.arm_controller.constraints.goal_time".
     changes: Mapping[str, float] = dc.field(default_factory=dict)
 
     # Whatever tells it from the others.
@@ -236,7 +245,7 @@ class Runner:
         self._keep = keep
         # Some leave simulations as they are.
         self._reuses = keep is None or getattr(keep, "only_reads", False)
-        # Key and simulation of each thread's last run.
+        # Key, robot and simulation of each thread's last run.
         self._local = threading.local()
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -250,8 +259,8 @@ class Runner:
         self._local.last = None
         key = _key(run) if self._reuses else None
         with _PREPARING:
-            if last is not None and last[0] == key:
-                simulation = last[1]
+            if last is not None and last[0] == key and _is_same(last[1], run.robot):
+                simulation = last[2]
                 simulation.reset()
             else:
                 simulation = self._prepare(run)
@@ -261,7 +270,7 @@ class Runner:
         simulation.run(duration, motion, progress=lambda _: check_stop())
         value = (self._keep or Outcome.of)(simulation)
         if key is not None:
-            self._local.last = (key, simulation)
+            self._local.last = (key, run.robot, simulation)
         return value
 
     def _prepare(self, run: Run) -> Simulation:
@@ -284,15 +293,28 @@ class Runner:
 
 
 def _key(run: Run) -> bytes | None:
-    """Return what is the same for runs that can share a simulation, or None."""
+    """Return what is the same for runs that can share a simulation, or None.
+
+    It is without the robot.
+    """
     if callable(run.world):  # It may add something else each time.
         return None
     building = ("world", "options", "payloads", "changes")
-    what = [getattr(run, name) for name in ("robot", *_LOADING, *building)]
+    what = [getattr(run, name) for name in (*_LOADING, *building)]
     try:
         return pickle.dumps(what)
     except Exception:  # Whatever functions and classes of users raise.
         return None
+
+
+def _is_same(robot: Any, other: Any) -> bool:
+    """Return whether robots of two runs are the same, or say the same."""
+    if robot is other:
+        return True
+    try:
+        return pickle.dumps(robot) == pickle.dumps(other)
+    except Exception:  # Whatever functions and classes of users raise.
+        return False
 
 
 def load_run(run: Run, robots: dict[bytes, Robot]) -> Run:
@@ -331,6 +353,26 @@ def _find_motion(run: Run, robot: Robot) -> Motion | None:
 
 
 Value = TypeVar("Value")
+
+
+@dc.dataclass(frozen=True, eq=False)
+class Done:
+    """A run that has ended, well or not."""
+
+    # Its place in the list of runs.
+    index: int
+
+    value: Any
+    error: Exception | None
+
+    # How long it took where it ran [s].
+    wall_time: float
+
+    # Where that was, if it was on a cluster; how often it was begun, and the workers
+    # that died with it.
+    worker: str = ""
+    attempts: int = 1
+    died: tuple[str, ...] = ()
 
 
 @dc.dataclass(frozen=True, eq=False)
@@ -458,3 +500,133 @@ def describe(error: BaseException | None) -> str:
     except Exception:  # Classes of others may raise anything.
         text = "it can't say what"
     return f"{type(error).__name__}: {text}"
+
+
+# A file of results begins with a line, and has a record for each run that ended well:
+# length and checksum, then index, fingerprint of the input, wall time and value in a
+# pickle. A record that was cut short, by a kill or a full disk, is dropped when it is
+# opened again.
+_FIRST = b"arm_drake runs 1\n"
+
+# Length and CRC-32 of what follows.
+_HEAD = struct.Struct("<QI")
+
+
+class RunStore:
+    """The file of a study, open for this program alone."""
+
+    def __init__(self, path: str | Path, items: Sequence[Any]) -> None:
+        """Open or make it.
+
+        Raises:
+            InputError: If it is no such file, of other runs, or another program's now.
+            OutputError: If it can't be written.
+        """
+        self.path = Path(path)
+        self._prints = [fingerprint(item) for item in items]
+        # What was there: the runs that ended well, by index.
+        self.done: dict[int, Done] = {}
+        try:
+            self._file = os.open(self.path, os.O_RDWR | os.O_CREAT, 0o644)
+        except OSError as error:
+            raise OutputError(f"it can't be opened: {error}", file=path) from None
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            os.close(self._file)
+            raise InputError("another program writes it", file=path) from None
+        try:
+            self._end = self._read()
+        except BaseException:
+            self.close()
+            raise
+
+    def _read(self) -> int:
+        """Read what is there; return where the last whole record ends."""
+        with os.fdopen(os.dup(self._file), "rb") as file:
+            first = file.read(len(_FIRST))
+            if first and not _FIRST.startswith(first):
+                text = "expected a file of results, or none"
+                raise InputError(text, file=self.path)
+            if first != _FIRST:
+                return self._begin()
+            end = file.tell()
+            while len(head := file.read(_HEAD.size)) == _HEAD.size:
+                size, checksum = _HEAD.unpack(head)
+                data = file.read(min(size, os.fstat(self._file).st_size))
+                if len(data) < size or zlib.crc32(data) != checksum:
+                    break
+                self._take(data)
+                end = file.tell()
+        return end
+
+    def _begin(self) -> int:
+        self._end = 0
+        self._write(_FIRST)
+        return len(_FIRST)
+
+    def _take(self, data: bytes) -> None:
+        index, mark, wall_time, value = pickle.loads(data)  # noqa: S301  A user's own.
+        if not (index < len(self._prints) and self._prints[index] == mark):
+            text = f"it has results of other runs: run {index} is another one now"
+            raise InputError(f"{text}; name another file", file=self.path)
+        self.done[index] = Done(index, value, None, wall_time)
+
+    def add(self, done: Done) -> None:
+        """Write a run that has ended; one that failed is left for the next time.
+
+        Raises:
+            OutputError: If the disk is full; what is written already stays.
+        """
+        if done.error is not None:
+            return
+        mark = self._prints[done.index]
+        data = cloudpickle.dumps((done.index, mark, done.wall_time, done.value))
+        self._write(_HEAD.pack(len(data), zlib.crc32(data)) + data)
+
+    def _write(self, data: bytes) -> None:
+        try:
+            written = 0
+            while written < len(data):
+                at = self._end + written
+                written += os.pwrite(self._file, data[written:], at)
+        except OSError as error:
+            os.ftruncate(self._file, self._end)
+            text = f"it can't be written: {error}; what it has is kept"
+            raise OutputError(text, file=self.path) from None
+        self._end += written
+
+    def close(self) -> None:
+        """Close it."""
+        os.close(self._file)
+
+
+def fingerprint(item: Any) -> str:
+    """Return what is the same for the same input in every process."""
+    return hashlib.sha256(repr(_plain(item)).encode()).hexdigest()[:32]
+
+
+def _plain(value: Any) -> Any:
+    """Return something that tells inputs apart by its repr."""
+    if isinstance(value, Robot):
+        # What it was made of; its files' content is in the description.
+        files = hashlib.sha256(value.description.source.encode()).hexdigest()
+        return ("Robot", value.name, files, _plain(value.load_options))
+    if isinstance(value, np.ndarray):
+        return (str(value.dtype), value.shape, value.tobytes())
+    if isinstance(value, np.generic):
+        return value.item()
+    if dc.is_dataclass(value) and not isinstance(value, type):
+        fields = [(f.name, _plain(getattr(value, f.name))) for f in dc.fields(value)]
+        return (type(value).__qualname__, fields)
+    if isinstance(value, Mapping):
+        return [(_plain(key), _plain(each)) for key, each in value.items()]
+    if isinstance(value, list | tuple):
+        return [_plain(each) for each in value]
+    if isinstance(value, set | frozenset):
+        return sorted(map(repr, map(_plain, value)))
+    if callable(value):
+        return (value.__module__, getattr(value, "__qualname__", type(value).__name__))
+    if isinstance(value, str | bytes | int | float | complex | Path) or value is None:
+        return str(value) if isinstance(value, Path) else value
+    return hashlib.sha256(cloudpickle.dumps(value)).hexdigest()

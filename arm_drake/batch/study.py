@@ -27,19 +27,23 @@ from typing import Any
 import cloudpickle
 import numpy as np
 
-from arm_drake import yaml_files
 from arm_drake.arrays import Array
 from arm_drake.batch.changes import change_robot
 from arm_drake.batch.runs import Run
 from arm_drake.description.robot import Robot
 from arm_drake.errors import ArmDrakeError, InputError, suggest
+from arm_drake.hardware.noise_and_delay import check_noise
+from arm_drake.manager.hardware_interfaces import find_hardware_interfaces
 from arm_drake.options import SimulationOptions
 from arm_drake.rollout.rollout import Rollout
-from arm_drake.scene import _at as at
-from arm_drake.scene import _read_options as read_options
-from arm_drake.scene import _read_robot as read_robot
-from arm_drake.scene import _read_world as read_world
-from arm_drake.scene import _Value as Value
+from arm_drake.scene import (
+    Value,
+    at_place,
+    read_file,
+    read_options,
+    read_robot,
+    read_world,
+)
 from arm_drake.simulation.recording import list_failures
 from arm_drake.simulation.simulation import Simulation
 
@@ -76,6 +80,7 @@ VARIED = (
     "initial",
     "motion",
     "options",
+    "noise",
     "scale",
     "gains",
     "controller",
@@ -138,20 +143,25 @@ class Study:
 
     def runs(self) -> list[Run]:
         """Return all runs, in the order of `values`."""
-        return [self.run_of(values) for values in self.values()]
+        return [
+            self.run_of(values, index % self.draws)
+            for index, values in enumerate(self.values())
+        ]
 
-    def run_of(self, values: Mapping[str, Any]) -> Run:
-        """Return the run in which these are varied."""
-        robot, changes, parts = self.robot, {}, dict[str, dict[str, Any]]()
+    def run_of(self, values: Mapping[str, Any], draw: int = 0) -> Run:
+        """Return the run in which these are varied; its noise is that of its draw."""
+        changes, parts = {}, dict[str, dict[str, Any]]()
         for name, value in values.items():
             kind, _, rest = name.partition(".")
-            if kind in ("scale", "gains", "controller"):
+            if kind in ("initial", "scale", "gains", "controller"):
                 changes[name] = value
             else:
                 parts.setdefault(kind, {})[rest] = value
-        if "initial" in parts:
-            positions = {**robot.initial_positions, **parts["initial"]}
-            robot = dc.replace(robot, initial_positions=positions)
+        chosen = parts.get("options", {})
+        noise = {**self.options.state_noise, **parts.get("noise", {})}
+        if noise and "seed" not in chosen:
+            chosen["seed"] = self.options.seed + draw
+        options = dc.replace(self.options, **chosen, state_noise=noise)
         varied, motion = parts.get("motion", {}), self.motion
         parameters: dict[str, Any] = {}
         if motion is not None and varied:
@@ -159,12 +169,12 @@ class Study:
                 raise InputError("motion: expected a file, whose parameters vary")
             parameters, motion = {**motion.parameters, **varied}, motion.file
         return Run(
-            robot=robot,
+            robot=self.robot,
             motion=motion,
             parameters=parameters,
             duration=self.duration,
             world=self.world,
-            options=dc.replace(self.options, **parts.get("options", {})),
+            options=options,
             payloads={**self.payloads, **parts.get("payload", {})} or None,
             changes=changes,
             name=", ".join(f"{n}={_brief(v)}" for n, v in values.items()),
@@ -204,14 +214,7 @@ def load_study(path: str | Path) -> Study:
     Raises:
         InputError: If it can't be used: with the file, the line and the place in it.
     """
-    path = Path(path).expanduser()
-    try:
-        node = yaml_files.compose(yaml_files.read_text(path))
-        if node is None:
-            raise InputError("it is empty; expected a robot", file=path)
-        return _read_study(Value(path, node, ""))
-    except yaml_files.YamlError as error:
-        raise InputError(error.problem, file=path, line=error.line) from None
+    return read_file(path, _read_study, "a robot")
 
 
 def _read_study(root: Value) -> Study:
@@ -385,10 +388,15 @@ def _check(study: Study, fields: Mapping[str, Value]) -> None:
             raise place.error(f"no link {rest!r}; {hint}")
         if kind == "initial" and rest not in known:
             raise place.error(f"no joint {rest!r}; {suggest(rest, known)}")
+        if kind == "noise":
+            offered = find_hardware_interfaces(
+                robot.description, known, sensors=robot.sensors
+            )
+            at_place(place, functools.partial(check_noise, {rest: 0.0}, [offered]))
         if kind == "motion" and study.motion is None:
             raise place.error("there is no motion whose parameters could vary")
         if kind in ("scale", "gains", "controller"):
-            at(place, functools.partial(change_robot, robot, {name: value}))
+            at_place(place, functools.partial(change_robot, robot, {name: value}))
         else:
             one = {name: value}
             try:

@@ -43,6 +43,8 @@ def run_analyze(options: argparse.Namespace, robot: Robot) -> int:
             preset=options.preset or "accurate",
             time_step=options.time_step,
             friction=not options.no_friction,
+            state_delay=options.state_delay,
+            command_delay=options.command_delay,
         ),
         region_tolerance=_TOLERANCE,
     )

@@ -529,6 +529,9 @@ def add_analyze_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="without dry friction, in which joints at rest stick",
     )
+    for name, what in (("state", "states are read"), ("command", "commands act")):
+        text = f"so many cycles of the controller manager later {what} (0)"
+        add(f"--{name}-delay", metavar="N", type=int, default=0, help=text)
     add("--preset", metavar="NAME", help="as for sim (accurate)")
     add("--time-step", metavar="S", type=positive, help="largest step [s] (0.001)")
     add("--plot", metavar="FILE.png", type=Path, help="draw Bode plots")

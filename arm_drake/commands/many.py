@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from arm_drake.batch.api import run_many
-from arm_drake.batch.runs import RunResults, RunsInterrupted, describe
+from arm_drake.batch.runs import Outcome, RunResults, RunsInterrupted, describe
 from arm_drake.batch.statistics import mean_interval, rate_interval
 from arm_drake.batch.study import Study, load_study
 from arm_drake.errors import InputError, MissingExtraError
@@ -97,20 +97,21 @@ def _show_run(
     for path in (options.plot, options.log):
         if path is not None:
             check_writable(path)
-    (result,) = run_many([study.run_of(values[options.run])], progress=False)
-    (measured,) = run_many(
-        [study.run_of(values[options.run])], keep=study.measures, progress=False
+    run = study.run_of(values[options.run], options.run % study.draws)
+    (result,) = run_many(
+        [run], keep=lambda sim: (Outcome.of(sim), study.measures(sim)), progress=False
     )
-    for name, value in {**values[options.run], **measured.value}.items():
+    outcome, measured = result.value
+    for name, value in {**values[options.run], **measured}.items():
         print(f"{name}: {_text(value)}")
-    rollout = result.value.rollout
+    rollout = outcome.rollout
     if options.plot is not None:
         rollout.plot(options.plot)
     if options.log is not None:
         rollout.save(options.log)
-    for failure in result.value.failures:
+    for failure in outcome.failures:
         print(f"arm-drake: {failure}", file=sys.stderr)
-    return _FAILED if result.value.failures else _WELL
+    return _FAILED if outcome.failures else _WELL
 
 
 def _tabulate(

@@ -53,7 +53,7 @@ def run_replay(options: argparse.Namespace, load: Callable[[], Robot]) -> int:
         shown = ReplayPage(
             page, Replay(page.meshcat, rollout, robot), rate=options.rate
         )
-        say.page(f"page: {page.url}, until Ctrl-C")
+        say.page(f"page: {page.url} until Ctrl-C")
         say.line(from_elsewhere(page))
         open_browser(options, page)
         with interrupting(shown.stop):

@@ -127,7 +127,7 @@ def view_scene(options: argparse.Namespace, scene: Scene) -> int:
         live = LiveSimulation(page, simulation, shown=shown, scene=scene)
         live.views.set_fixed_frame(options.fixed_frame or WORLD)
         place_camera(options, page)
-        text = f"page: {page.url}, until Ctrl-C"
+        text = f"page: {page.url} until Ctrl-C"
         whole = summary | {"page": page.url}
         print(json.dumps(whole) if options.json else text, flush=True)
         open_browser(options, page)
@@ -208,6 +208,6 @@ def _say(options: argparse.Namespace, viewer: RobotViewer, scene: Scene3D) -> No
     elif not isinstance(scene, Page):
         print(f"screenshot: {options.screenshot}")
     else:
-        print(f"page: {scene.url}, until Ctrl-C", flush=True)
+        print(f"page: {scene.url} until Ctrl-C", flush=True)
         if hint := from_elsewhere(scene):
             print(hint, flush=True)

@@ -366,30 +366,46 @@ class Trajectory(Message):
         """
         if time_ns < self.before_ns:
             return None
-        times_ns = self.times_ns
-        segment = bisect_right(times_ns, time_ns)
-        if 0 < segment <= cursor:
-            segment = len(times_ns)
+        segment, tau = self._find(time_ns, cursor)
         piece = self._segments[segment]
         if not isinstance(piece, Polynomial):
             return piece
         if seen > segment and self._revisited:
             piece = self._revisited[segment]
-
-        start = segment - 1 if segment else 0
-        tau = (time_ns - (times_ns[start] if segment else self.before_ns)) / NANOSECONDS
         positions, others = piece
-        size = len(positions)
-        if size == 2:
-            powers = np.array((1.0, tau))
-        elif size == 4:
-            square = tau * tau
-            powers = np.array((1.0, tau, square, square * tau))
-        else:
-            powers = tau ** np.arange(size)
+        powers = _powers(tau, len(positions))
         position = powers.dot(positions)
         position.setflags(write=False)
+        start = segment - 1 if segment else 0
         return Sample(position, start, segment, None, (powers, others))
+
+    def positions(self, time_ns: int, cursor: int = 0) -> list[float]:
+        """Return the positions of `sample` alone, where it is defined."""
+        segment, tau = self._find(time_ns, cursor)
+        piece = self._segments[segment]
+        if isinstance(piece, Polynomial):
+            rows = piece.positions
+            found: list[float] = _powers(tau, len(rows)).dot(rows).tolist()
+            return found
+        assert piece is not None
+        return piece.position.tolist()
+
+    def since_end(self, time_ns: int) -> float:
+        """Return how long the last point is past [s].
+
+        Upstream subtracts seconds, not nanoseconds, and so decides ties by their
+        rounding.
+        """
+        return time_ns / NANOSECONDS - self.times_ns[-1] / NANOSECONDS
+
+    def _find(self, time_ns: int, cursor: int) -> tuple[int, float]:
+        """Return the segment that a time is in, and the time since its start [s]."""
+        times_ns = self.times_ns
+        segment = bisect_right(times_ns, time_ns)
+        if 0 < segment <= cursor:
+            segment = len(times_ns)
+        begin_ns = times_ns[segment - 1] if segment else self.before_ns
+        return segment, (time_ns - begin_ns) / NANOSECONDS
 
     def point(
         self, index: int, *, is_deduced: bool = True, is_left: bool = False
@@ -415,6 +431,16 @@ class Trajectory(Message):
         """Return the last point, due at once."""
         last = self.point(len(self.times_ns) - 1)
         return dc.replace(last, time_from_start=Duration())
+
+
+def _powers(tau: float, size: int) -> Array:
+    """Return the powers of a time below one, shape (size,)."""
+    if size == 2:
+        return np.array((1.0, tau))
+    if size == 4:
+        square = tau * tau
+        return np.array((1.0, tau, square, square * tau))
+    return np.asarray(tau ** np.arange(size), dtype=float)
 
 
 def shortest_angular_distance(start: Array, end: Array) -> Array:

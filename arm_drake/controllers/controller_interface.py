@@ -14,7 +14,7 @@ import inspect
 import textwrap
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from pydrake.common.value import AbstractValue
@@ -29,6 +29,7 @@ from pydrake.systems.framework import (
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
+from arm_drake.control.admittance import ChainKinematics
 from arm_drake.controllers.cycles import (
     Cycle,
     HardwareValues,
@@ -41,15 +42,47 @@ from arm_drake.messages import NANOSECONDS
 from arm_drake.python_system import PythonSystem
 from arm_drake.timing import cycle_at
 
-if TYPE_CHECKING:
-    from arm_drake.control.admittance import ChainKinematics
-
 # Returns what a controller exports.
 _ReadExports = Callable[[Context], Array]
 
+# See ControllerInterface.find_look.
+Look = Callable[[Context], Callable[[Cycle], Any]]
+
+
+@dc.dataclass(frozen=True, kw_only=True)
+class RobotInfo:
+    """What controllers may know of a robot besides its interfaces."""
+
+    # State interfaces that hold anything but a double, such as a bool.
+    other_types: frozenset[str] = frozenset()
+
+    # URDF velocity limit of joints [rad/s] or [m/s]; others have none.
+    velocity_limits: Mapping[str, float] = dc.field(default_factory=dict)
+
+    # URDF effort limit of joints [N·m] or [N]; others have none.
+    effort_limits: Mapping[str, float] = dc.field(default_factory=dict)
+
+    # Of each mimic joint: the joint that it follows in the end, and how far it moves
+    # per unit of it.
+    followed: Mapping[str, tuple[str, float]] = dc.field(default_factory=dict)
+
+    # Where grippers' joints are open and where closed [rad] or [m].
+    gripper_ranges: Mapping[str, tuple[float, float]] = dc.field(default_factory=dict)
+
+    # Namespace of the robot's nodes; empty at the root.
+    namespace: str = ""
+
+    # Names of the links, of the robot and of the world; Gazebo's topics contain them.
+    links: tuple[str, ...] = ()
+    robot_name: str = ""
+    world_name: str = "empty"
+
+    # Returns the kinematics of joints, seen from a link; None if it isn't known.
+    make_kinematics: Callable[[Sequence[str], str], ChainKinematics] | None = None
+
 
 @dc.dataclass(frozen=True)
-class ControllerInterfaceParams:
+class ControllerInterfaceParams(RobotInfo):
     """What a controller is given besides its parameters."""
 
     controller_name: str
@@ -70,37 +103,8 @@ class ControllerInterfaceParams:
     # Order of the vector of all measured quantities.
     measured: tuple[str, ...]
 
-    # State interfaces that hold anything but a double.
-    other_types: frozenset[str] = frozenset()
-
     # Distribution whose behaviour holds.
     distro: str = "jazzy"
-
-    # URDF velocity limit of joints [rad/s] or [m/s]; others have none.
-    velocity_limits: Mapping[str, float] = dc.field(default_factory=dict)
-
-    # URDF effort limit of joints [N·m] or [N]; others have none.
-    effort_limits: Mapping[str, float] = dc.field(default_factory=dict)
-
-    # Of each mimic joint: the joint that it follows in the end, and how far it moves
-    # per unit of it.
-    followed: Mapping[str, tuple[str, float]] = dc.field(default_factory=dict)
-
-    # Where grippers' joints are open and where closed [rad] or [m].
-    gripper_ranges: Mapping[str, tuple[float, float]] = dc.field(default_factory=dict)
-
-    # Namespace of the controller's node; empty at the root.
-    namespace: str = ""
-
-    # Links of the robot.
-    links: tuple[str, ...] = ()
-
-    # Names that Gazebo's topics contain.
-    robot_name: str = ""
-    world_name: str = "empty"
-
-    # Returns the kinematics of joints, seen from a link; None if it isn't known.
-    make_kinematics: Callable[[Sequence[str], str], "ChainKinematics"] | None = None
 
     # Whether a manager keeps its state and says when it ticks; else it does so itself.
     is_managed: bool = False
@@ -172,6 +176,8 @@ class ControllerInterface(PythonSystem):
         self._read_at: slice | list[int] | None = None
         if not self._missing:
             self._read_at = _as_slice(self._source_indices)
+        # By ports, see find_look.
+        self._looks: dict[str, Look] = {}
         # At most one port with the time of the last tick.
         self._tick_times: list[InputPort] = []
 
@@ -229,6 +235,15 @@ class ControllerInterface(PythonSystem):
         for read, target_indices, source_indices in self._exporters:
             values[target_indices] = read(context)[source_indices]
         return values
+
+    def find_look(self, port: str) -> Look | None:
+        """Return what reads a port's message so that it can be made elsewhere.
+
+        It takes the diagram's context, and is quick; what it returns makes the message
+        of the last cycle, in any thread, or None where there is nothing to say. None
+        for a port that can only be evaluated.
+        """
+        return self._looks.get(port)
 
     def _is_active(self, context: Context) -> bool:
         """Return whether the controller is active, as of the last cycle or this one."""
@@ -654,7 +669,13 @@ class TickingController(TickReader[S]):
         self, name: str, calc: Callable[[S], Any], *, default: Any = ()
     ) -> OutputPort:
         """Declare an abstract output port that shows something of the state."""
-        last = self._ticks.last
+        last, own = self._ticks.last, self.params.controller_name
+        if self.params.is_managed:
+
+            def show(cycle: Cycle) -> Any:
+                return calc(cycle.ticks[own].state)
+
+            self._looks[name] = lambda root: show
         return self.DeclareAbstractOutputPort(
             name,
             lambda: AbstractValue.Make(default),

@@ -86,11 +86,13 @@ class SteadyTicks(Protocol[S_co]):
     until_ns: int
     monitor_ns: int
 
-    def tell(self, time_ns: int, last_ns: int, motions: Array) -> S_co | None:
-        """Return the state to go on from, told what is due; None for a tick in full.
+    def tell(
+        self, time_ns: int, last_ns: int, motions: Array
+    ) -> "tuple[S_co, SteadyTicks[S_co]] | None":
+        """Return the state to go on from, told what is due, and its steady ticks.
 
-        It differs from the one before in what has been told alone. `motions` is what
-        was measured in the last tick, at `last_ns`.
+        It differs from the one before in what has been told alone. None for a tick in
+        full. `motions` is what was measured in the last tick, at `last_ns`.
         """
 
     def command(self, time_ns: int, motions: Array) -> Sequence[float] | None:
@@ -118,7 +120,7 @@ class SteadyCommand(Generic[S]):
         """Create it; `sense` returns the state with what is measured, if any."""
         self._command, self._state, self._sense = command.tolist(), state, sense
 
-    def tell(self, time_ns: int, last_ns: int, motions: Array) -> S | None:
+    def tell(self, time_ns: int, last_ns: int, motions: Array) -> None:
         """Return None, for there is nothing to tell."""
         del time_ns, last_ns, motions
         return None
@@ -180,11 +182,43 @@ def last_cycle(context: Context, period: float) -> int:
     return math.ceil(context.get_time() / period - _TICK_TOLERANCE) - 1
 
 
+class MessageBatch:
+    """Messages on a port: the first ones of a list that does nothing but grow.
+
+    So many can be put on a port, one after the other, without copies of all before.
+    """
+
+    __slots__ = ("_growing", "_size")
+
+    def __init__(self, growing: list[Message]) -> None:
+        """Create it for all that are there now."""
+        self._growing, self._size = growing, len(growing)
+
+    @property
+    def messages(self) -> tuple[Message, ...]:
+        """The messages, the newest last."""
+        return tuple(self._growing[: self._size])
+
+    def __len__(self) -> int:
+        return self._size
+
+    def __getitem__(self, index: int) -> Message:
+        return self.messages[index]
+
+    def __deepcopy__(self, memo: dict[int, object]) -> Self:
+        return self
+
+
 def messages_on(port: InputPort, context: Context, expected: type[M]) -> tuple[M, ...]:
-    """Return the messages on an abstract port: one, a tuple of them, or nothing."""
+    """Return the messages on an abstract port: one, several, or nothing.
+
+    Several are a tuple or a MessageBatch.
+    """
     if not port.HasValue(context):
         return ()
     value = port.Eval(context)
+    if isinstance(value, MessageBatch):
+        value = value.messages
     messages = value if isinstance(value, tuple) else (value,)
     for message in messages:
         if not isinstance(message, expected):

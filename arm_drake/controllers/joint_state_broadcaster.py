@@ -8,20 +8,27 @@ import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from operator import itemgetter
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context
 
 from arm_drake import interfaces
+from arm_drake.arrays import Array
 from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
 )
-from arm_drake.controllers.cycles import last_cycle
+from arm_drake.controllers.cycles import Cycle, last_cycle
 from arm_drake.description.parameters import Rule
 from arm_drake.errors import ParameterError
-from arm_drake.messages import DynamicJointState, Header, InterfaceValue, JointState
+from arm_drake.messages import (
+    DynamicJointState,
+    Header,
+    InterfaceValue,
+    JointState,
+    Message,
+)
 from arm_drake.messages.base import make_lazy
 
 Picker = Callable[[Sequence[float]], tuple[float, ...]]
@@ -125,59 +132,69 @@ class JointStateBroadcaster(ControllerInterface):
         self._names, self._rows = layout.names, layout.rows
         self._components, self._values = layout.components, layout.values
         self._frame_id = parameters.frame_id
-        outputs: dict[str, tuple[Any, Callable[[Context, AbstractValue], None]]] = {
-            "joint_states": (JointState(), self._calc_joint_states)
-        }
+        self._declare_message("joint_states", JointState, self._make_joint_state)
         if parameters.publish_dynamic_joint_states:
-            empty = DynamicJointState()
-            outputs["dynamic_joint_states"] = (empty, self._calc_dynamic_joint_states)
-        for name, (default, calc) in outputs.items():
-            self.DeclareAbstractOutputPort(
-                name,
-                lambda default=default: AbstractValue.Make(default),
-                calc,
-                # Time and input ports, for there is no state.
-                prerequisites_of_calc={self.all_sources_ticket()},
-            )
+            name = "dynamic_joint_states"
+            self._declare_message(name, DynamicJointState, self._make_dynamic)
 
-    def _calc_joint_states(self, context: Context, output: AbstractValue) -> None:
-        header = self._header(context)
-        if header is None:
-            output.set_value(JointState())
-            return
-        values = self._read_values(context)
+    def _declare_message(
+        self, name: str, kind: type[Message], make: Callable[[int, Array], Message]
+    ) -> None:
+        """Declare a port of what is made of the time of a tick [ns] and of an array."""
+
+        def calc(context: Context, output: AbstractValue) -> None:
+            time_ns = self._last_tick(context) if self._is_active(context) else None
+            if time_ns is None:
+                output.set_value(kind())
+                return
+            output.set_value(make(time_ns, self._measured.Eval(context)))
+
+        def look(root: Context) -> Callable[[Cycle], Message | None]:
+            context = self.GetMyContextFromRoot(root)
+            time_ns, measured = self._last_tick(context), self._measured.Eval(context)
+
+            def tell(cycle: Cycle) -> Message | None:
+                is_active = self.params.controller_name in cycle.active
+                if time_ns is None or not is_active:
+                    return None
+                return make(time_ns, measured)
+
+            return tell
+
+        self._looks[name] = look
+        self.DeclareAbstractOutputPort(
+            name,
+            lambda: AbstractValue.Make(kind()),
+            calc,
+            # Time and input ports, for there is no state.
+            prerequisites_of_calc={self.all_sources_ticket()},
+        )
+
+    def _make_joint_state(self, time_ns: int, measured: Array) -> JointState:
+        header = Header.from_nanoseconds(time_ns, self._frame_id)
+        values = _extend(measured)
         position, velocity, effort = self._rows
         fields = position(values), velocity(values), effort(values)
-        output.set_value(JointState(header, self._names, *fields))
+        return JointState(header, self._names, *fields)
 
-    def _calc_dynamic_joint_states(
-        self, context: Context, output: AbstractValue
-    ) -> None:
-        header = self._header(context)
-        if header is None:
-            output.set_value(DynamicJointState())
-            return
-        values, rows = self._read_values(context), self._values
-        make = partial(_make_dynamic, header, self._components, rows, values)
-        output.set_value(make_lazy(DynamicJointState, make))
+    def _make_dynamic(self, time_ns: int, measured: Array) -> DynamicJointState:
+        header = Header.from_nanoseconds(time_ns, self._frame_id)
+        components, rows, values = self._components, self._values, _extend(measured)
+        make = partial(_make_dynamic, header, components, rows, values)
+        return make_lazy(DynamicJointState, make)
 
-    def _header(self, context: Context) -> Header | None:
-        """Return the header of the last tick, or None if there is nothing to say."""
-        if not self._is_active(context):
-            return None
+    def _last_tick(self, context: Context) -> int | None:
+        """Return the time of the last tick [ns], or None before the first one."""
         for port in self._tick_times:
             time_ns = float(port.Eval(context)[0])
-            if math.isnan(time_ns):
-                return None
-            return Header.from_nanoseconds(int(time_ns), self._frame_id)
+            return None if math.isnan(time_ns) else int(time_ns)
         cycle = last_cycle(context, self.params.period)
-        if cycle < 0:
-            return None
-        return Header.from_nanoseconds(self._tick_time(cycle), self._frame_id)
+        return None if cycle < 0 else self._tick_time(cycle)
 
-    def _read_values(self, context: Context) -> list[float]:
-        """Return what is measured; after it NaN and 0, for what isn't."""
-        return [*self._measured.Eval(context).tolist(), math.nan, 0.0]
+
+def _extend(measured: Array) -> list[float]:
+    """Return what is measured; after it NaN and 0, for what isn't."""
+    return [*measured.tolist(), math.nan, 0.0]
 
 
 def _make_dynamic(

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from arm_drake.bundled import configs_folder
+from arm_drake.description.bundled import configs_folder
 from arm_drake.description.controller_manager_parameters import MANAGER
 from arm_drake.description.controllers import ControllerConfig, ControllerManagerConfig
 from arm_drake.description.entry import Source, text_of

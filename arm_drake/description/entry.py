@@ -5,7 +5,7 @@ import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from arm_drake.bundled import bundled_robots
+from arm_drake.description.bundled import bundled_robots
 from arm_drake.errors import DescriptionError, MissingExtraError, suggest
 
 # How an example is named: `example:ur5_robot`.

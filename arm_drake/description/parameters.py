@@ -304,7 +304,7 @@ class _Loader:
         adapt = getattr(schema, "adapt", None)
         if adapt is not None:
             adapt(group)
-        hints = _hints_of(schema)
+        hints = _hints_of(schema)  # type: ignore[arg-type]
         values: dict[str, Any] = {}
         for field in dc.fields(schema):  # type: ignore[arg-type]
             expected, rule = hints[field.name], Rule()

@@ -34,14 +34,8 @@ _NAMES = {
 }
 _POSE_NAME, _POSE_LINK, _POSE_FRAME = "pose_name", "tf.child_frame_id", "frame_id"
 
-# Types of Gazebo's sensors that measure the same.
+# Gazebo's type of a sensor of forces.
 _FORCE_TYPE: Final = "force_torque"
-_TYPES: Final = {
-    interfaces.FORCES[0]: (_FORCE_TYPE,),
-    interfaces.RATES[0]: ("imu",),
-    interfaces.ACCELERATIONS[0]: ("imu",),
-    interfaces.RANGE: ("ray", "gpu_ray", "lidar", "gpu_lidar", "sonar"),
-}
 
 # What is put behind the name of a sensor to name its link.
 _ENDINGS = ("", "_link", "_frame")
@@ -210,8 +204,9 @@ class _Places:
 def _measures_like(tag: GazeboSensor, sensor: ComponentInfo) -> bool:
     """Return whether a Gazebo sensor may be the same as one of `<ros2_control>`."""
     names = {interface.name for interface in sensor.state_interfaces}
-    expected = [kinds for name, kinds in _TYPES.items() if name in names]
-    return not expected or not tag.type or any(tag.type in kinds for kinds in expected)
+    rows = interfaces.SENSORS.items()
+    expected = [types for row, types in rows if types and row[0] in names]
+    return not expected or not tag.type or any(tag.type in types for types in expected)
 
 
 def _frames(controller: ControllerConfig, name: str) -> Iterator[_Place]:

@@ -63,6 +63,14 @@ class Hardware:
     values: InputPort | None = None
     claimed: InputPort | None = None
 
+    # As joint_states, without noise and delay; None if those have neither.
+    true_states: OutputPort | None = None
+
+    @property
+    def recorded(self) -> OutputPort:
+        """Joint states as they are, for logs."""
+        return self.joint_states if self.true_states is None else self.true_states
+
 
 def add_hardware(
     builder: DiagramBuilder,

@@ -122,7 +122,7 @@ class RobotSystems:
                 keep=hardware.drive,
             ),
         )
-        self._record(hardware.joint_states)
+        self._record(hardware.recorded)
         if self.options.log_contacts:
             self._record_contacts(hardware.contacts, report)
         self._connect(manager, hardware)
@@ -139,7 +139,7 @@ class RobotSystems:
         if controllers:
             switch = manager.GetInputPort(SWITCH_PORT)
             builder.ExportInput(switch, f"{prefix}{MANAGER}.{SWITCH_PORT}")
-        builder.ExportOutput(hardware.joint_states, f"{prefix}joint_states")
+        builder.ExportOutput(hardware.recorded, f"{prefix}joint_states")
         for name in (interfaces.VALUES_PORT, "active"):
             self._log(manager.GetOutputPort(name), name, self.period)
 
@@ -192,7 +192,7 @@ class RobotSystems:
             if system.params.update_rate < self.robot.controllers.update_rate:
                 measured = self._sample_ticks(system, measured, f"{full_name}:sample")
             else:
-                kind = ":all" if everything is not hardware.joint_states else ""
+                kind = ":all" if everything is not hardware.recorded else ""
                 measured = self._sample(measured, self.period, kind)
         self.builder.Connect(measured, system.GetInputPort(interfaces.STATE_PORT))
         if system.HasInputPort(name := interfaces.FRAMES_PORT):

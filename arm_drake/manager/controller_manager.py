@@ -1,6 +1,7 @@
 """The controller manager's read-update-write loop, as a system of the diagram."""
 
 import math
+import struct
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial
 from types import MappingProxyType
@@ -13,6 +14,7 @@ from pydrake.systems.framework import (
     DependencyTicket,
     DiagramBuilder,
     DiscreteStateIndex,
+    DiscreteValues,
     OutputPort,
     State,
 )
@@ -47,7 +49,7 @@ from arm_drake.manager.state import CommandLimited, ManagerState
 from arm_drake.messages import NANOSECONDS, SwitchController
 from arm_drake.messages.base import append_events
 from arm_drake.python_system import PythonSystem
-from arm_drake.timing import cycle_at, cycle_times
+from arm_drake.timing import cycle_at, cycle_time, cycle_times
 
 
 class Readings(NamedTuple):
@@ -113,6 +115,27 @@ class QuietTicks:
                 SteadyCycles.after(base, found, self._claimants, self._drive),
             )
         return self._steady
+
+    def remember(self, steady: SteadyCycles) -> None:
+        """Remember what comes after a state."""
+        self._base, self._steady = steady.base, steady
+
+
+class SteadyTick(NamedTuple):
+    """What a steady cycle writes."""
+
+    # The state that it goes on from.
+    base: ManagerState
+
+    # Its number, and what was measured in it, shape (2 J,).
+    number: int
+    motions: Array
+
+    # Values of all command interfaces, what the servo is told, and the rest of the
+    # drive vector.
+    values: list[float]
+    servo_input: list[float]
+    rates: list[float]
 
 
 _NO_PERIODS: Mapping[str, int] = MappingProxyType({})
@@ -440,7 +463,12 @@ class ControllerManager(PythonSystem):
         self._state_index = int(self.DeclareAbstractState(AbstractValue.Make(state)))
         self._cycle = self._declare_read("cycle", self._calc_cycle, is_of_now=True)
         self._num_servo = len(drive.servo_input(state.drive))
-        self._num_drive, self._num_motions = len(state.drive), 2 * J
+        self._num_motions = 2 * J
+        n = len(drive.joints)
+        # What steady cycles keep but for the motions, behind the number of the cycle.
+        self._steady_struct = struct.Struct(f"{1 + 2 * n}d")
+        self._values_struct = struct.Struct(f"{len(state.values)}d")
+        self._servo_struct = struct.Struct(f"{self._num_servo}d")
         *numbers, steady = self._declare_numbers(state)
         self._values, self._drive_state, self._flags = map(int, numbers)
         self._steady_state = int(steady)
@@ -578,23 +606,44 @@ class ControllerManager(PythonSystem):
 
         After steady cycles it is made of what these have kept.
         """
-        values, numbers = (
-            np.array(context.get_discrete_state(index).value())
-            for index in (self._values, self._steady_state)
-        )
-        return self._make_state(self._state(context), values, numbers)
+        return self._find_maker(context)()
 
-    def _make_state(
-        self, state: ManagerState, values: Array, numbers: Array
-    ) -> ManagerState:
-        """Return the state after a steady cycle, of the last full one's and numbers."""
-        number = round(numbers[0])
-        if number == state.cycle.number:
-            return state
+    def look(self, context: Context) -> Callable[[], Cycle]:
+        """Return what makes the last cycle as controllers are told it, with its ticks.
+
+        That may be done later and in another thread: what it is made of is read now,
+        from the manager's own context, in a tenth of the time.
+        """
+        make = self._find_maker(context)
+
+        def tell() -> Cycle:
+            state = make()
+            return state.cycle._replace(ticks=state.ticks)
+
+        return tell
+
+    def _find_maker(self, context: Context) -> Callable[[], ManagerState]:
+        """Return what makes the state as after a full cycle, of what is read now."""
+        state = self._state(context)
+        numbers = np.array(context.get_discrete_state(self._steady_state).value())
+        if round(numbers[0]) == state.cycle.number:
+            return lambda: state
         steady = self._quiet.steady_cycles(state)
         assert steady is not None
+        values, servo_input = (
+            np.array(context.get_discrete_state(index).value())
+            for index in (self._values, self._drive_state)
+        )
+        return partial(self._make_state, steady, values, servo_input, numbers)
+
+    def _make_state(
+        self, steady: SteadyCycles, values: Array, servo_input: Array, numbers: Array
+    ) -> ManagerState:
+        """Return the state after a steady cycle, of what it has written."""
+        number, n = round(numbers[0]), len(self._drive.joints)
         times = cycle_times(number, self.period, self._update_rate)
-        drive, motions = np.split(numbers[1:], [self._num_drive])
+        rates, motions = np.split(numbers[1 + n :], [n])
+        drive = np.concatenate((servo_input, rates))
         return steady.state(number, times, values, drive, motions)
 
     def write_state(self, context: Context, state: ManagerState) -> None:
@@ -603,9 +652,15 @@ class ControllerManager(PythonSystem):
         context.SetDiscreteState(self._steady_state, self._steady_numbers(state))
 
     def _steady_numbers(self, state: ManagerState) -> Array:
-        """Return what steady cycles keep: number, drive vector, what was measured."""
+        """Return what steady cycles keep.
+
+        The number of the cycle, the first and the last part of the drive vector, and
+        what was measured.
+        """
+        drive, n = state.drive, len(self._drive.joints)
+        first, last = drive[:n], drive[len(drive) - n :]
         unknown = np.zeros(self._num_motions)
-        return np.concatenate(([state.cycle.number], state.drive, unknown))
+        return np.concatenate(([state.cycle.number], first, last, unknown))
 
     def _declare(
         self,
@@ -637,38 +692,52 @@ class ControllerManager(PythonSystem):
         return self._loop.begin(readings, number, *times)
 
     def _tick_steadily(
-        self, context: Context, base: ManagerState
-    ) -> tuple[list[float], list[float], Array, ManagerState] | None:
-        """Return values, drive vector, numbers to keep, and the state they go on from.
+        self, context: Context, base: ManagerState, numbers: Array
+    ) -> SteadyTick | None:
+        """Return what a steady cycle writes; None where a cycle isn't of this kind.
 
-        None where a cycle isn't of this kind.
+        `numbers` are what the last cycle has left for it.
         """
         steady = self._quiet.steady_cycles(base)
         if steady is None or self._inputs.Eval(context) is not steady.inputs:
             return None
-        number = cycle_at(context.get_time(), self.period)
-        numbers = context.get_discrete_state(self._steady_state).value()
-        last, end = numbers.tolist(), 1 + self._num_drive
-        if number is None or number != round(last[0]) + 1:
+        last = self._steady_struct.unpack_from(numbers.data)
+        number = int(last[0]) + 1
+        if number != cycle_at(context.get_time(), self.period):
             return None
-        time_ns, period_ns = cycle_times(number, self.period, self._update_rate)
+        rate = self._update_rate
+        time_ns = cycle_time(number, self.period, rate)
         if time_ns >= steady.until_ns:
             return None
         if time_ns >= steady.monitor_ns:
             if number == base.cycle.number + 1:
                 return None
-            told = steady.tell(time_ns, time_ns - period_ns, np.array(numbers[end:]))
-            if told is None:
+            last_ns = cycle_time(number - 1, self.period, rate)
+            motions = np.array(numbers[-self._num_motions :])
+            resumed = steady.tell(time_ns, last_ns, motions)
+            if resumed is None:
                 return None
-            base, steady = told, self._quiet.steady_cycles(told)
-            if steady is None:
-                return None
+            self._quiet.remember(resumed)
+            steady = resumed
         motions = self._keeper.motions.Eval(context)
-        found = steady.tick(time_ns, last[1:end], motions)
+        found = steady.tick(time_ns, last[1:], motions)
         if found is None:
             return None
-        values, drive = found
-        return values, drive, np.array([number, *drive, *motions.tolist()]), base
+        return SteadyTick(steady.base, number, motions, *found)
+
+    def _write_steadily(
+        self, numbers: DiscreteValues, kept: Array, tick: SteadyTick
+    ) -> None:
+        """Write a steady cycle to the discrete state, of which `kept` is a part."""
+        # As plain numbers into the state: arrays of few numbers take longer to make.
+        _, number, motions, values, servo_input, rates = tick
+        n = len(rates)
+        self._steady_struct.pack_into(kept.data, 0, number, *servo_input[:n], *rates)
+        kept[1 + 2 * n :] = motions
+        view = numbers.get_mutable_value(self._drive_state)
+        self._servo_struct.pack_into(view.data, 0, *servo_input)
+        view = numbers.get_mutable_value(self._values)
+        self._values_struct.pack_into(view.data, 0, *values)
 
     def _tick_quietly(self, context: Context, old: ManagerState) -> ManagerState | None:
         """Return what a cycle leads to in which nothing comes; None for all others.
@@ -713,30 +782,27 @@ class ControllerManager(PythonSystem):
         return self._loop.finish(ticks, asleep, readings, cycle)
 
     def _update(self, context: Context, state: State) -> None:
-        base = self._state(context)
-        steady = self._tick_steadily(context, base)
+        base, numbers = self._state(context), state.get_mutable_discrete_state()
+        kept = numbers.get_mutable_value(self._steady_state)
+        steady = self._tick_steadily(context, base, kept)
         if steady is not None:
-            values, drive, kept, new = steady
-            if new is not base:
-                state.get_mutable_abstract_state(self._state_index).set_value(new)
-            numbers = state.get_mutable_discrete_state()
-            new_values = np.array(values)
-            numbers.set_value(self._drive_state, np.array(drive[: self._num_servo]))
+            if steady.base is not base:
+                index = self._state_index
+                state.get_mutable_abstract_state(index).set_value(steady.base)
+            self._write_steadily(numbers, kept, steady)
         else:
             old: ManagerState = self._present.Eval(context)
             new = self._tick_quietly(context, old) or self._tick(context, old)
             if new is old:
                 return
             state.get_mutable_abstract_state(self._state_index).set_value(new)
-            numbers = state.get_mutable_discrete_state()
-            new_values, kept = new.values, self._steady_numbers(new)
             numbers.set_value(self._drive_state, new.drive[: self._num_servo])
             if new.cycle.active is not old.cycle.active:
                 flags = [float(c.name in new.cycle.active) for c in self.controllers]
                 numbers.set_value(self._flags, flags)
-        numbers.set_value(self._values, new_values)
-        numbers.set_value(self._steady_state, kept)
+            numbers.set_value(self._values, new.values)
+            kept[:] = self._steady_numbers(new)
         if self._stored is not None:
             stored = context.get_discrete_state(self._stored).value()
-            stored = self._stored_states.update(stored, new_values)
-            numbers.set_value(self._stored, stored)
+            values = numbers.get_value(self._values)
+            numbers.set_value(self._stored, self._stored_states.update(stored, values))

@@ -6,8 +6,8 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from functools import partial
 
 from arm_drake import interfaces
-from arm_drake.control.admittance import ChainKinematics
 from arm_drake.control.generic_system import GenericSystem
+from arm_drake.controllers.controller_interface import RobotInfo
 from arm_drake.description.ros2_control import ComponentInfo
 from arm_drake.description.sensors import SensorInfo, accelerating_joints, sensed_names
 from arm_drake.description.urdf import RobotDescription
@@ -15,7 +15,7 @@ from arm_drake.plant.kinematics import PlantKinematics
 
 
 @dc.dataclass(frozen=True)
-class HardwareInterfaces:
+class HardwareInterfaces(RobotInfo):
     """What a robot offers its controllers."""
 
     # URDF type of every movable joint.
@@ -41,9 +41,6 @@ class HardwareInterfaces:
     # What `<ros2_control>` blocks name: "joint", "sensor" or "gpio", by name.
     components: Mapping[str, str] = dc.field(default_factory=dict)
 
-    # State interfaces that hold anything but a double, such as a bool.
-    other_types: frozenset[str] = frozenset()
-
     # State interfaces that sensors measure, in the order of their readings.
     sensed: tuple[str, ...] = ()
 
@@ -53,30 +50,6 @@ class HardwareInterfaces:
     # Why the hardware can't start and stop these command interfaces, "" if it can; None
     # if it always can.
     refuse: Callable[[Collection[str], Collection[str]], str] | None = None
-
-    # URDF velocity limit of joints [rad/s] or [m/s]; others have none.
-    velocity_limits: Mapping[str, float] = dc.field(default_factory=dict)
-
-    # URDF effort limit of joints [N·m] or [N]; others have none.
-    effort_limits: Mapping[str, float] = dc.field(default_factory=dict)
-
-    # Of each mimic joint: the joint that it follows in the end, and how far it moves
-    # per unit of it.
-    followed: Mapping[str, tuple[str, float]] = dc.field(default_factory=dict)
-
-    # Where grippers' joints are open and where closed [rad] or [m].
-    gripper_ranges: Mapping[str, tuple[float, float]] = dc.field(default_factory=dict)
-
-    # Namespace of the robot's nodes; empty at the root.
-    namespace: str = ""
-
-    # Names of the links, of the robot and of the world.
-    links: tuple[str, ...] = ()
-    robot_name: str = ""
-    world_name: str = "empty"
-
-    # Returns the kinematics of joints, seen from a link; None if it isn't known.
-    make_kinematics: Callable[[Sequence[str], str], ChainKinematics] | None = None
 
     @property
     def measured(self) -> tuple[str, ...]:

@@ -461,7 +461,7 @@ class _SteadyController(NamedTuple):
     name: str
     system: TickingController[Any]
     ticks: SteadyTicks[Any]
-    at: tuple[int, ...]
+    at: Sequence[int]
 
 
 class SteadyCycles:
@@ -473,19 +473,19 @@ class SteadyCycles:
     def __init__(
         self,
         base: ManagerState,
-        controllers: Iterable[_SteadyController],
+        controllers: Sequence[_SteadyController],
         drive: DriveCommands,
     ) -> None:
         """Create it for cycles after a state."""
-        self._base, self._drive = base, drive
+        self.base, self._drive = base, drive
         self._controllers = tuple(controllers)
+        # The same for the tick, with a slice where the commands stand in a row.
+        self._commanding = [(c.ticks.command, _row(c.at), c.at) for c in controllers]
         self._values: list[float] = base.values.tolist()
         # From then on cycles take the full way [ns].
-        self.until_ns = min((c.ticks.until_ns for c in self._controllers), default=0)
+        self.until_ns = min([c.ticks.until_ns for c in controllers] or [0])
         # Somebody has to tell something then [ns].
-        self.monitor_ns = min(
-            (c.ticks.monitor_ns for c in self._controllers), default=0
-        )
+        self.monitor_ns = min([c.ticks.monitor_ns for c in controllers] or [0])
         # What is on the ports meanwhile.
         self.inputs = base.cycle.inputs
 
@@ -501,6 +501,8 @@ class SteadyCycles:
         cycle = base.cycle
         if controllers is None or base.failing or cycle.active is not base.active:
             return None
+        if drive.has_limits:
+            return None
         found = []
         for name, system in controllers:
             last = base.ticks[name]
@@ -514,41 +516,41 @@ class SteadyCycles:
             found.append(_SteadyController(name, system, ticks, at))
         return cls(base, found, drive)
 
-    def tell(self, time_ns: int, last_ns: int, motions: Array) -> ManagerState | None:
-        """Return the state to go on from, in which all is told; None if it ends."""
-        ticks = dict(self._base.ticks)
-        for name, _, steady, _ in self._controllers:
+    def tell(self, time_ns: int, last_ns: int, motions: Array) -> Self | None:
+        """Return the cycles that go on, in which all is told; None if they end."""
+        ticks, controllers = dict(self.base.ticks), list(self._controllers)
+        for i, (name, system, steady, at) in enumerate(self._controllers):
             if time_ns >= steady.monitor_ns:
-                state = steady.tell(time_ns, last_ns, motions)
-                if state is None:
+                told = steady.tell(time_ns, last_ns, motions)
+                if told is None:
                     return None
-                ticks[name] = ticks[name]._replace(state=state)
-        return self._base._replace(ticks=ticks)
+                ticks[name] = ticks[name]._replace(state=told[0])
+                controllers[i] = _SteadyController(name, system, told[1], at)
+        base = self.base._replace(ticks=ticks)
+        return type(self)(base, controllers, self._drive)
 
     def tick(
         self, time_ns: int, last: Sequence[float], motions: Array
-    ) -> tuple[list[float], list[float]] | None:
+    ) -> tuple[list[float], list[float], list[float]] | None:
         """Return the values of all commands and the drive vector; None if it ends.
 
-        `last` is the drive vector of the last cycle, `motions` what is measured.
+        `last` are positions and rates of the last cycle's drive vector, one after the
+        other; `motions` is what is measured. Of the vector what the servo is told
+        comes first, then the rates.
         """
         values = self._values.copy()
-        for _, _, ticks, at in self._controllers:
-            command = ticks.command(time_ns, motions)
+        for find, row, at in self._commanding:
+            command = find(time_ns, motions)
             if command is None:
                 return None
-            if math.isfinite(sum(command)):
-                for i, value in zip(at, command, strict=True):
-                    values[i] = value
+            if row is not None and math.isfinite(sum(command)):
+                values[row] = command
                 continue
             for i, value in zip(at, command, strict=True):
                 if math.isfinite(value):
                     values[i] = value
-        if self._drive.has_limits:
-            mode, lasts = self._base.mode, np.array(last)
-            drive = self._drive.write(mode, np.array(values), lasts).tolist()
-            return values, drive
-        return values, self._drive.go_on(self._base.mode, values, last)
+        n = len(last) // 2
+        return values, *self._drive.go_on(self.base.mode, values, last[:n], last[n:])
 
     def state(
         self,
@@ -559,7 +561,7 @@ class SteadyCycles:
         motions: Array,
     ) -> ManagerState:
         """Return the state after one of these cycles, of what `tick` has returned."""
-        base, time_ns = self._base, times[0]
+        base, time_ns = self.base, times[0]
         ticks = dict(base.ticks)
         for name, system, steady, _ in self._controllers:
             last = ticks[name]
@@ -573,6 +575,13 @@ class SteadyCycles:
             ticks={},
         )
         return base._replace(cycle=cycle, values=values, drive=drive, ticks=ticks)
+
+
+def _row(at: Sequence[int]) -> slice | None:
+    """Return the slice that indices are; None if they don't stand in a row."""
+    start = at[0] if at else 0
+    is_row = list(at) == list(range(start, start + len(at)))
+    return slice(start, start + len(at)) if is_row else None
 
 
 class _Claimant(NamedTuple):

@@ -21,6 +21,7 @@ from arm_drake.controllers import (
 from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
+    RobotInfo,
 )
 from arm_drake.controllers.gazebo import make_plugin
 from arm_drake.controllers.gazebo.plugin import find_unsupported
@@ -347,17 +348,8 @@ class ControllerLoader:
             command_interfaces=frozenset(hardware.command_interfaces),
             state_interfaces=frozenset(hardware.state_interfaces),
             measured=hardware.measured,
-            other_types=hardware.other_types,
             distro=self._distro,
-            velocity_limits=hardware.velocity_limits,
-            effort_limits=hardware.effort_limits,
-            followed=hardware.followed,
-            gripper_ranges=hardware.gripper_ranges,
-            namespace=hardware.namespace,
-            links=hardware.links,
-            robot_name=hardware.robot_name,
-            world_name=hardware.world_name,
-            make_kinematics=hardware.make_kinematics,
+            **{f.name: getattr(hardware, f.name) for f in dc.fields(RobotInfo)},
             is_managed=True,
         )
 

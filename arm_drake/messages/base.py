@@ -12,6 +12,17 @@ import numbers
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ClassVar, Self, TypeVar
 
+# What `arm_drake.messages` has of it.
+__all__ = [
+    "NANOSECONDS",
+    "Duration",
+    "Header",
+    "JointState",
+    "Message",
+    "Time",
+    "TimeLike",
+]
+
 T = TypeVar("T")
 
 _FLOAT = {float}

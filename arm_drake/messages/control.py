@@ -21,6 +21,36 @@ from arm_drake.messages.geometry import (
     WrenchStamped,
 )
 
+# What `arm_drake.messages` has of it.
+__all__ = [
+    "AckermannDrive",
+    "AdmittanceControllerState",
+    "Bool",
+    "DynamicInterfaceGroupValues",
+    "DynamicJointState",
+    "Float32",
+    "Float64",
+    "Float64MultiArray",
+    "GripperCommand",
+    "GripperCommandGoal",
+    "GripperCommandResult",
+    "Int8MultiArray",
+    "InterfaceValue",
+    "MecanumDriveControllerState",
+    "MultiDOFCommand",
+    "MultiDOFState",
+    "MultiDOFStateStamped",
+    "ParallelGripperCommandGoal",
+    "ParallelGripperCommandResult",
+    "ParametersRejected",
+    "ResetOdometry",
+    "SteeringControllerStatus",
+    "Strictness",
+    "String",
+    "SwitchController",
+    "SwitchControllerResult",
+]
+
 Strictness = Literal["strict", "best_effort"]
 _STRICTNESS = ("strict", "best_effort", "")
 

@@ -9,6 +9,26 @@ from typing import ClassVar
 
 from arm_drake.messages.base import Header, Message, to_float, to_message
 
+# What `arm_drake.messages` has of it.
+__all__ = [
+    "Odometry",
+    "Point",
+    "Pose",
+    "PoseStamped",
+    "PoseWithCovariance",
+    "Quaternion",
+    "SetOdometry",
+    "TFMessage",
+    "Transform",
+    "TransformStamped",
+    "Twist",
+    "TwistStamped",
+    "TwistWithCovariance",
+    "Vector3",
+    "Wrench",
+    "WrenchStamped",
+]
+
 
 def _take_numbers(message: Message, fields: tuple[str, ...]) -> None:
     values = message.__dict__

@@ -10,6 +10,25 @@ from typing import Final
 from arm_drake.messages.base import Header, Message
 from arm_drake.messages.geometry import Quaternion, Vector3, Wrench
 
+# What `arm_drake.messages` has of it.
+__all__ = [
+    "BatteryState",
+    "BatteryStateArray",
+    "CameraInfo",
+    "Float64Values",
+    "Image",
+    "Imu",
+    "Keys",
+    "LaserScan",
+    "MagneticField",
+    "NavSatFix",
+    "NavSatStatus",
+    "PointCloud2",
+    "PointField",
+    "Range",
+    "RegionOfInterest",
+]
+
 _NO_COVARIANCE: Final = (0.0,) * 9
 _ZERO: Final = Vector3()
 _UPRIGHT: Final = Quaternion()

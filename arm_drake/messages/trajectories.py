@@ -25,6 +25,29 @@ from arm_drake.messages.control import (
     ParallelGripperCommandResult,
 )
 
+# What `arm_drake.messages` has of it.
+__all__ = [
+    "ActionRequest",
+    "CancelGoal",
+    "CancelResponse",
+    "FollowJointTrajectoryErrorCode",
+    "FollowJointTrajectoryFeedback",
+    "FollowJointTrajectoryGoal",
+    "FollowJointTrajectoryResult",
+    "Goal",
+    "GoalEvent",
+    "GoalStatus",
+    "JointTolerance",
+    "JointTrajectory",
+    "JointTrajectoryControllerState",
+    "JointTrajectoryPoint",
+    "QueryTrajectoryState",
+    "Result",
+    "SendGoal",
+    "SpeedScalingFactor",
+    "TopicRejected",
+]
+
 # There is only one empty tuple.
 _EMPTY: tuple[float, ...] = ()
 

@@ -37,6 +37,7 @@ from arm_drake.interfaces import (
     POSITIONS,
     RANGE,
     RATES,
+    SENSORS,
 )
 from arm_drake.messages import Header, Vector3, Wrench
 from arm_drake.messages.sensors import ContactsState, ContactState
@@ -230,20 +231,10 @@ class SensorReadings(PythonSystem):
         names = sensor.interfaces
         body = self._body(sensor.link, model)
         mount = _Mount(int(body.index()), transform_of(sensor.pose))
-        parts: dict[tuple[str, ...], Callable[[Context], Array]] = {}
-        if any(name in FORCES for name in names):
-            parts[FORCES] = self._measure_load(sensor, model, mount)
-        if any(name in RATES for name in names):
-            parts[RATES] = self._measure_rate(mount)
-        if any(name in ACCELERATIONS for name in names):
-            parts[ACCELERATIONS] = self._measure_acceleration(mount)
-        if any(name in (*POSITIONS, *ORIENTATIONS) for name in names):
-            reference = self._body(sensor.reference or WORLD, model)
-            pose = self._measure_pose(mount, int(reference.index()))
-            parts[POSITIONS + ORIENTATIONS] = pose
-        if RANGE in names:
-            parts[(RANGE,)] = self._measure_range(mount, body)
-        for known, measure in parts.items():
+        for known in SENSORS:
+            if not any(name in known for name in names):
+                continue
+            measure = _MEASURES[known](self, sensor, model, mount)
             source_indices = [known.index(name) for name in names if name in known]
             target_indices = [
                 start + i for i, name in enumerate(names) if name in known
@@ -272,7 +263,9 @@ class SensorReadings(PythonSystem):
 
         return measure
 
-    def _measure_rate(self, mount: _Mount) -> Callable[[Context], Array]:
+    def _measure_rate(
+        self, sensor: SensorInfo, model: ModelInstanceIndex, mount: _Mount
+    ) -> Callable[[Context], Array]:
         poses = self._ports.take("body_poses")
         velocities = self._ports.take("spatial_velocities")
 
@@ -283,7 +276,9 @@ class SensorReadings(PythonSystem):
 
         return measure
 
-    def _measure_acceleration(self, mount: _Mount) -> Callable[[Context], Array]:
+    def _measure_acceleration(
+        self, sensor: SensorInfo, model: ModelInstanceIndex, mount: _Mount
+    ) -> Callable[[Context], Array]:
         poses = self._ports.take("body_poses")
         velocities = self._ports.take("spatial_velocities")
         accelerations = self._ports.take("spatial_accelerations")
@@ -304,8 +299,9 @@ class SensorReadings(PythonSystem):
         return measure
 
     def _measure_pose(
-        self, mount: _Mount, reference: int
+        self, sensor: SensorInfo, model: ModelInstanceIndex, mount: _Mount
     ) -> Callable[[Context], Array]:
+        reference = int(self._body(sensor.reference or WORLD, model).index())
         poses = self._ports.take("body_poses")
 
         def measure(context: Context) -> Array:
@@ -317,8 +313,9 @@ class SensorReadings(PythonSystem):
         return measure
 
     def _measure_range(
-        self, mount: _Mount, body: RigidBody
+        self, sensor: SensorInfo, model: ModelInstanceIndex, mount: _Mount
     ) -> Callable[[Context], Array]:
+        body = self._body(sensor.link, model)
         poses = self._ports.take("body_poses")
         query = self._ports.take("geometry_query")
         # Numbers: identifiers would keep the plant in memory.
@@ -350,6 +347,18 @@ class SensorReadings(PythonSystem):
         for here, measure in self._parts:
             values[here] = measure(context)
         output.SetFromVector(values)
+
+
+# What measures each row of SENSORS: called with a sensor, its robot's model and where
+# it sits, it takes the ports that it reads and returns the function of a reading.
+_Make = Callable[..., Callable[[Context], Array]]
+_MEASURES: Final[Mapping[tuple[str, ...], _Make]] = {
+    FORCES: SensorReadings._measure_load,
+    RATES: SensorReadings._measure_rate,
+    ACCELERATIONS: SensorReadings._measure_acceleration,
+    POSITIONS + ORIENTATIONS: SensorReadings._measure_pose,
+    (RANGE,): SensorReadings._measure_range,
+}
 
 
 def _pick(

@@ -345,6 +345,8 @@ class RosTypes:
         if int(element[0]) == _BASE and element[1][0] != "string":
             if value is None:
                 items = [0] * len(items)
+            if isinstance(items, bytes):
+                return np.frombuffer(items, dtype=element[1][0])
             return np.ascontiguousarray(items, dtype=element[1][0])
         if int(element[0]) == _BASE and value is not None:
             return list(map(str, items))

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # What draws rollouts knows them, and needs Matplotlib: it is imported when it is used.
-_PLOT = "arm_drake.visualization.plot"
+_PLOT = "arm_drake.visualization.plots"
 
 # Name of the column of times.
 TIME = "time [s]"

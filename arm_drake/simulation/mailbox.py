@@ -1,12 +1,13 @@
 """Messages into a running diagram, its events, and the handles of goals."""
 
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, NamedTuple, Self, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
-from pydrake.common.value import AbstractValue
+from pydrake.common.value import Value
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Diagram, OutputPort
+from pydrake.systems.framework import Diagram, InputPort, OutputPort
 
+from arm_drake.controllers.cycles import MessageBatch
 from arm_drake.manager import MANAGER, ControllerManager
 from arm_drake.manager.state import CommandLimited, ControllerFailure
 from arm_drake.messages import (
@@ -104,6 +105,9 @@ SimulationEvent: TypeAlias = (
 )
 
 
+# What `AbstractValue.Make` makes of an object, found once.
+_Value = Value[object]
+
 # So many messages are remembered before any is forgotten.
 _MIN_PLACES = 2000
 
@@ -115,13 +119,6 @@ class _Source(NamedTuple):
 
     # Name of the controller with its robot's prefix, or this prefix alone.
     name: str
-
-
-class _Messages(tuple[Message, ...]):
-    """Messages on a port, which copy as themselves, as each of them does."""
-
-    def __deepcopy__(self, memo: dict[int, object]) -> Self:
-        return self
 
 
 class Sent(NamedTuple):
@@ -146,9 +143,20 @@ class Mailbox:
         managers: Iterable[ControllerManager],
     ) -> None:
         """Create it, with nothing sent."""
+        self.move_to(diagram, simulator, managers)
+        self.reset()
+
+    def move_to(
+        self,
+        diagram: Diagram,
+        simulator: Simulator,
+        managers: Iterable[ControllerManager],
+    ) -> None:
+        """Serve another diagram with the same ports from now on."""
         self.diagram = diagram
         self.simulator = simulator
         self._sources = []
+        self._ports: dict[str, InputPort] = {}
         for manager in managers:
             self._sources += [
                 _Source(
@@ -162,7 +170,6 @@ class Mailbox:
             self._sources.append(
                 _Source(manager.GetOutputPort("events"), manager.prefix)
             )
-        self.reset()
 
     @property
     def time(self) -> float:
@@ -176,8 +183,11 @@ class Mailbox:
         # What lies on the ports, and since when [s].
         self._lying: dict[str, list[tuple[float, Message]]] = {}
 
-        # When [s] and for what period [s] a port got its last value, and the value.
-        self._published: dict[str, tuple[float, float, _Messages]] = {}
+        # When [s] and for what period [s] a port got its last value, the value, and the
+        # messages in it, to which more are added.
+        self._published: dict[
+            str, tuple[float, float, MessageBatch, list[Message]]
+        ] = {}
 
         # Goals, and other messages with the place that they come from, by their id.
         self._handles: dict[int, GoalHandle] = {}
@@ -238,12 +248,16 @@ class Mailbox:
         `period` [s] is that of who reads it.
         """
         context = self.simulator.get_mutable_context()
-        time, input_port = context.get_time(), self.diagram.GetInputPort(port)
+        time, input_port = context.get_time(), self._ports.get(port)
+        if input_port is None:
+            input_port = self._ports[port] = self.diagram.GetInputPort(port)
         self.sent.append(Sent(time, port, message))
         # What the context doesn't know was sent after it: it is one of before.
         lying = input_port.Eval(context) if input_port.HasValue(context) else ()
         last = self._published.get(port)
         if last is None or last[:2] != (time, period) or last[2] is not lying:
+            if isinstance(lying, MessageBatch):
+                lying = lying.messages
             known = set(map(id, lying)) if isinstance(lying, tuple) else {id(lying)}
             sent = [
                 (at, other)
@@ -251,13 +265,14 @@ class Mailbox:
                 if at > time - 2.0 * period and id(other) in known
             ]
             self._lying[port] = sent
-            lying = tuple(other for _, other in sent)
-        # Else all that was kept then is kept now.
+            messages = [other for _, other in sent]
+        else:  # All that was kept then is kept now.
+            messages = last[3]
         self._lying[port].append((time, message))
-        lying += (message,)  # Quicker than to unpack it: it may be long.
-        messages = _Messages(lying)
-        self._published[port] = (time, period, messages)
-        input_port.FixValue(context, AbstractValue.Make(messages))
+        messages.append(message)
+        batch = MessageBatch(messages)
+        self._published[port] = (time, period, batch, messages)
+        input_port.FixValue(context, _Value(batch))
 
     def eval_output(self, port: str) -> Any:
         """Return the present value of an output port of the diagram."""

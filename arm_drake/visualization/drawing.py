@@ -8,7 +8,7 @@ from pydrake.geometry import Meshcat, MeshcatVisualizer
 from arm_drake.simulation.motion import Motion
 from arm_drake.simulation.playback import Player
 from arm_drake.simulation.simulation import TICK_TOLERANCE, Simulation
-from arm_drake.visualization.meshcat import frame_shapes
+from arm_drake.visualization.meshcat import THREE_QUARTER, frame_shapes
 
 # Room for a robot that is going to move, in parts of its diameter.
 ROOM_TO_MOVE = 0.3
@@ -23,14 +23,19 @@ def draw(simulation: Simulation) -> None:
 
 
 def frame_robots(
-    simulation: Simulation, meshcat: Meshcat, *, room: float = 0.0
+    simulation: Simulation,
+    meshcat: Meshcat,
+    *,
+    room: float = 0.0,
+    direction: tuple[float, float, float] = THREE_QUARTER,
 ) -> None:
     """Point the camera so that all of the robots is to be seen, where they are now."""
     scene_graph = simulation.diagram.GetSubsystemByName("scene_graph")
     root = simulation.simulator.get_context()
     context = scene_graph.GetMyContextFromRoot(root)
     query = scene_graph.get_query_output_port().Eval(context)
-    frame_shapes(meshcat, query, models=list(simulation.robots), room=room)
+    models = list(simulation.robots)
+    frame_shapes(meshcat, query, models=models, room=room, direction=direction)
 
 
 def run_drawing(

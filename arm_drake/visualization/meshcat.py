@@ -1,17 +1,35 @@
 """The robot in the browser, in Drake's Meshcat."""
 
+import base64
 import dataclasses as dc
 import ipaddress
 import itertools
+import json
+import mimetypes
 import socket
 from collections.abc import Collection, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from pydrake.geometry import Box, Meshcat, MeshcatParams, QueryObject, Rgba, Role
+from pydrake.common import MemoryFile
+from pydrake.geometry import (
+    Box,
+    InMemoryMesh,
+    Mesh,
+    Meshcat,
+    MeshcatParams,
+    QueryObject,
+    Rgba,
+    Role,
+)
 from pydrake.math import RigidTransform
 
 from arm_drake.arrays import Array
 from arm_drake.errors import InputError
+
+if TYPE_CHECKING:
+    from arm_drake.worlds.sdf_models import GroundLook
 
 # Where a robot is looked at from: in front of it, to its right, above it.
 THREE_QUARTER = (0.8, -1.0, 0.45)
@@ -148,8 +166,12 @@ _WIDE, _NARROW = 0.006, 0.003
 _BELOW = 0.002
 _SURFACE = Rgba(0.68, 0.69, 0.71)
 _METRES, _DECIMETRES = Rgba(0.42, 0.44, 0.47), Rgba(0.57, 0.58, 0.60)
-GROUND = f"{_GRID}/ground"
-_PLANE = f"{GROUND}/plane"
+_GROUND_PATH = f"{_GRID}/ground"
+_PLANE = f"{_GROUND_PATH}/plane"
+
+# The ground of a world that says how its own looks: as large as that says.
+_OWN_GROUND = "/Ground"
+_OWN_PLANE = f"{_OWN_GROUND}/plane"
 
 # Where robots reach so far below the ground, parts of their size, only lines are drawn.
 _SUNK = 0.02
@@ -197,13 +219,25 @@ def start_meshcat(*, host: str = "localhost", port: int | None = None) -> Meshca
         ) from None
 
 
-def frame_points(meshcat: Meshcat, points: Sequence[np.ndarray]) -> None:
+def move_camera(meshcat: Meshcat, way: Array) -> None:
+    """Move the camera of pages by a way in the world since the start [m].
+
+    Somebody may have turned it meanwhile. Pages know what this path is for.
+    """
+    meshcat.SetTransform("/Followed", RigidTransform(np.asarray(way, float)))
+
+
+def frame_points(
+    meshcat: Meshcat,
+    points: Sequence[np.ndarray],
+    direction: tuple[float, float, float] = THREE_QUARTER,
+) -> None:
     """Point the camera so that it sees all of some points."""
     lower, upper = np.min(points, axis=0), np.max(points, axis=0)
     centre = (lower + upper) / 2.0
     diameter = max(float(np.linalg.norm(upper - lower)), _SMALLEST_DIAMETER)
-    direction = np.array(THREE_QUARTER) / np.linalg.norm(THREE_QUARTER)
-    eye = centre + _VIEW_DISTANCE * diameter * direction
+    along = np.array(direction) / np.linalg.norm(direction)
+    eye = centre + _VIEW_DISTANCE * diameter * along
     _look(meshcat, eye, centre, diameter)
 
 
@@ -213,6 +247,7 @@ def frame_shapes(
     *,
     models: Collection[str] | None = None,
     room: float = 0.0,
+    direction: tuple[float, float, float] = THREE_QUARTER,
 ) -> None:
     """Point the camera so that it sees all that is drawn of a scene, or of robots.
 
@@ -239,12 +274,14 @@ def frame_shapes(
         points = np.concatenate(corners)
         diameter = float(np.linalg.norm(np.ptp(points, axis=0)))
         sideways = room * diameter * np.array(_SIDES)
-        camera = _VIEW.camera_for((points + sideways[:, None, :]).reshape(-1, 3))
+        view = dc.replace(_VIEW, direction=direction)
+        camera = view.camera_for((points + sideways[:, None, :]).reshape(-1, 3))
         _look(meshcat, np.array(camera.eye), np.array(camera.target), diameter)
         is_sunk = float(points[:, 2].min()) < -max(_SUNK * diameter, 2.0 * _BELOW)
-        meshcat.SetProperty(_PLANE, "visible", not is_sunk)
+        for path in (_PLANE, _OWN_PLANE):
+            meshcat.SetProperty(path, "visible", not is_sunk)
     elif origins:
-        frame_points(meshcat, origins)
+        frame_points(meshcat, origins, direction)
 
 
 def _model(frame: str) -> str:
@@ -264,6 +301,7 @@ def _look(
     scale = min(grid_scale(diameter), 1.0)
     for path in (_GRID, _AXES):
         meshcat.SetTransform(path, np.diag([scale, scale, scale, 1.0]))
+    meshcat.SetTransform(_OWN_GROUND, np.diag([1.0, 1.0, scale, 1.0]))
 
 
 def grid_scale(diameter: float) -> float:
@@ -272,21 +310,107 @@ def grid_scale(diameter: float) -> float:
     return float(10.0 ** np.ceil(np.log10(10.0 * cell) - 1e-9))
 
 
-def show_ground(meshcat: Meshcat) -> None:
+def show_ground(
+    meshcat: Meshcat, *, has_lines: bool = True, look: "GroundLook | None" = None
+) -> None:
     """Draw the plane z = 0 with lines 1 m and 0.1 m apart, and a sun with shadows.
 
-    It is below `/Grid`, in the place of Meshcat's own grid, and as visible.
+    Lines and plane are below `/Grid`, in the place of Meshcat's own grid, and as
+    visible. A world's own `look` takes the plane's place; without lines there is no
+    other.
     """
-    meshcat.SetProperty(f"{_GRID}/<object>", "visible", False)
-    plane = Box(2.0 * _GROUND, 2.0 * _GROUND, _BELOW)
-    meshcat.SetObject(_PLANE, plane, _SURFACE)
-    meshcat.SetTransform(_PLANE, RigidTransform([0.0, 0.0, -1.5 * _BELOW]))
+    if has_lines:
+        meshcat.SetProperty(f"{_GRID}/<object>", "visible", False)
+        _show_lines(meshcat)
+        if look is None:
+            plane = Box(2.0 * _GROUND, 2.0 * _GROUND, _BELOW)
+            meshcat.SetObject(_PLANE, plane, _SURFACE)
+            meshcat.SetTransform(_PLANE, RigidTransform([0.0, 0.0, -1.5 * _BELOW]))
+    if look is not None:
+        color = _SURFACE if look.color is None else Rgba(*look.color)
+        top = look.X_WG @ RigidTransform([0.0, 0.0, -_BELOW])
+        if look.texture is None:
+            meshcat.SetObject(_OWN_PLANE, Box(*look.size, _BELOW), color)
+            top = top @ RigidTransform([0.0, 0.0, -_BELOW / 2.0])
+        else:
+            meshcat.SetObject(_OWN_PLANE, _textured(look.size, look.texture), color)
+        meshcat.SetTransform(_OWN_PLANE, top)
+    _show_sun(meshcat)
+
+
+def set_ground_visible(meshcat: Meshcat, *, is_visible: bool) -> None:
+    """Show the ground's surface and lines, or don't."""
+    for path in (_GROUND_PATH, _OWN_GROUND):
+        meshcat.SetProperty(path, "visible", is_visible)
+
+
+def _textured(size: tuple[float, float], texture: Path) -> Mesh:
+    """Return a rectangle on the plane z = 0 that a picture covers once."""
+    x, y = size[0] / 2.0, size[1] / 2.0
+    corners = np.array([(-x, -y, 0), (x, -y, 0), (x, y, 0), (-x, y, 0)], "<f4")
+    upwards = np.tile(np.array([0, 0, 1], "<f4"), (4, 1))
+    places = np.array([(0, 1), (1, 1), (1, 0), (0, 0)], "<f4")
+    faces = np.array([0, 1, 2, 0, 2, 3], "<u2")
+    data = b"".join(part.tobytes() for part in (corners, upwards, places, faces))
+    kind = mimetypes.guess_type(texture.name)[0] or "image/png"
+    try:
+        picture = texture.read_bytes()
+    except OSError as error:
+        raise InputError(f"can't be read: {error.strerror}", file=texture) from None
+
+    def uri(kind: str, content: bytes) -> str:
+        return f"data:{kind};base64,{base64.b64encode(content).decode()}"
+
+    views = [(0, 48), (48, 48), (96, 32), (128, 12)]
+    kinds = [
+        (5126, 4, "VEC3"),
+        (5126, 4, "VEC3"),
+        (5126, 4, "VEC2"),
+        (5123, 6, "SCALAR"),
+    ]
+    accessors: list[dict[str, object]] = [
+        {"bufferView": i, "componentType": component, "count": count, "type": type_}
+        for i, (component, count, type_) in enumerate(kinds)
+    ]
+    accessors[0] |= {"min": corners.min(0).tolist(), "max": corners.max(0).tolist()}
+    attributes = {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2}
+    material = {"baseColorTexture": {"index": 0}, "metallicFactor": 0.0}
+    content = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        # A glTF's own y is up.
+        "nodes": [{"mesh": 0, "rotation": [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]}],
+        "meshes": [
+            {"primitives": [{"attributes": attributes, "indices": 3, "material": 0}]}
+        ],
+        "materials": [{"pbrMetallicRoughness": material}],
+        "textures": [{"source": 0}],
+        "images": [{"uri": uri(kind, picture)}],
+        "buffers": [
+            {"byteLength": len(data), "uri": uri("application/octet-stream", data)}
+        ],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": start, "byteLength": length}
+            for start, length in views
+        ],
+        "accessors": accessors,
+    }
+    file = MemoryFile(json.dumps(content), ".gltf", texture.name)
+    return Mesh(mesh_data=InMemoryMesh(mesh_file=file), scale=1.0)
+
+
+def _show_lines(meshcat: Meshcat) -> None:
     for name, color, step, length, width, height in (
         ("decimetres", _DECIMETRES, 0.1, _NEAR_GROUND, _NARROW, -0.3 * _BELOW),
         ("metres", _METRES, 1.0, _GROUND, _WIDE, -0.1 * _BELOW),
     ):
         vertices, faces = _stripes(step, length, width, height)
         meshcat.SetTriangleMesh(f"{_GRID}/{name}", vertices, faces, color)
+
+
+def _show_sun(meshcat: Meshcat) -> None:
+    """Let a light from above cast shadows."""
     # Once a page has drawn shadows, their map can't change its size: all the ground
     # would be dark. So a page must hear of it before `castShadow`. When it connects it
     # is told of a path before what is below, and of one path's properties by name.

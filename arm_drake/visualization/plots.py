@@ -1,27 +1,31 @@
-"""Plots of a rollout, one function for each kind; `plot` is the door.
+"""Plots of a rollout and of a plan, one function for each kind.
 
-They import matplotlib, so that who draws nothing must not import them. None uses
-pyplot: a picture belongs to who asked for it, and needs no window.
+They import matplotlib, so that who draws nothing must not import them; `plot` has what
+is known without it. None uses pyplot: a picture needs no window.
 """
 
 import dataclasses as dc
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
-from arm_drake.errors import InputError
+from arm_drake.errors import InputError, suggest
+from arm_drake.output_files import writing
 from arm_drake.planning.groups import motion_limits
 from arm_drake.planning.inverse_kinematics import forward_kinematics
 from arm_drake.planning.motion_planning import Plan
 from arm_drake.rollout.rollout import Rollout
+from arm_drake.visualization.plot import PLOT_KINDS, check_plot_path
 from arm_drake.visualization.plot_panels import (
     COMMANDED,
     DASHES,
@@ -42,6 +46,7 @@ from arm_drake.visualization.plot_panels import (
     peak_of,
     read_limits,
     say_below,
+    say_if_empty,
     see_least,
     shorten,
     track,
@@ -639,4 +644,85 @@ def plot_plan(plan: Plan) -> Picture:
     panels[0].legend(fontsize="x-small", ncols=2)
     title = f"{plan.duration:.2f} s, {1e3 * plan.clearance:.0f} mm from everything"
     picture.suptitle(title, fontsize="medium")
+    return picture
+
+
+def draw_rollout(
+    rollout: Rollout,
+    path: Path | None = None,
+    *,
+    kind: str = "overview",
+    joints: Sequence[str] | None = None,
+    link: str | None = None,
+) -> Figure:
+    """Return a picture of a rollout.
+
+    Args:
+        rollout: The rollout.
+        path: `.png`, `.svg` or `.pdf` file to write; None writes none.
+        kind: One of PLOT_KINDS.
+        joints: Which joints, in this order; None is all of them.
+        link: Whose way is drawn; None is the end effector.
+
+    Raises:
+        InputError: If there is no such kind, joint or link, or the rollout lacks what
+            it takes.
+        OutputError: If the picture can't be written.
+    """
+    if kind not in PLOT_KINDS:
+        raise InputError(
+            f"unknown kind {kind!r} of a plot; {suggest(kind, PLOT_KINDS)}"
+        )
+    if link is not None and kind not in ("path", "overview"):
+        raise InputError(f"a {kind} plot has no link; it is for path and overview")
+    chosen = rollout.joint_names if joints is None else tuple(joints)
+    for name in chosen:
+        if name not in rollout.joint_names:
+            hint = suggest(name, rollout.joint_names)
+            raise InputError(f"no joint {name!r} in the rollout; {hint}")
+    if path is not None:
+        check_plot_path(path)
+    picture = _draw(rollout, kind, chosen, link)
+    if path is not None:
+        with writing(path):
+            picture.savefig(path)
+    return picture
+
+
+def draw_plan(plan: Plan, path: Path | None = None) -> Figure:
+    """Return a picture of a plan: its joints over time, and the way of its link.
+
+    Args:
+        plan: The plan.
+        path: `.png`, `.svg` or `.pdf` file to write; None writes none.
+
+    Raises:
+        OutputError: If the picture can't be written.
+    """
+    if path is not None:
+        check_plot_path(path)
+    picture = plot_plan(plan)
+    if path is not None:
+        with writing(path):
+            picture.savefig(path)
+    return picture
+
+
+def _draw(
+    rollout: Rollout, kind: str, joints: Sequence[str], link: str | None
+) -> Figure:
+    """Return a picture of a kind, which says so if there is nothing in it."""
+    by_joint = {
+        "tracking": plot_tracking,
+        "error": plot_error,
+        "effort": plot_effort,
+        "phase": plot_phase,
+    }
+    if kind == "path":
+        picture = plot_path(rollout, link)
+    elif kind == "overview":
+        picture = plot_overview(rollout, joints, link)
+    else:
+        picture = by_joint[kind](rollout, joints)
+    say_if_empty(picture, len(rollout.time))
     return picture

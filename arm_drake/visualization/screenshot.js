@@ -6,6 +6,9 @@ window.arm_drake = (() => {
     const last_news = "arm_drake_last_news";
     let has_last_news = false;
 
+    // Nobody sees the page: frames for each piece of news cost far more than the picture.
+    window.requestAnimationFrame = () => 0;
+
     let viewer;
     Object.defineProperty(window, "viewer", {
         get: () => viewer,
@@ -95,6 +98,7 @@ window.arm_drake = (() => {
         ground.scale.setScalar(grid);
         ground.position.set(
             grid * Math.round(target[0] / grid), grid * Math.round(target[1] / grid), 0);
+        find("Ground").scale.z = grid;
         find("Axes").visible = false;
         viewer.set_3d_pane_size(width, height);
     };

@@ -1,4 +1,4 @@
-"""CBOR, pictures and fragments: what clients of rosbridge may ask for."""
+"""Messages as rosbridge sends them: JSON, CBOR, pictures, fragments, frames."""
 
 import base64
 import io
@@ -8,13 +8,109 @@ import struct
 import time
 import uuid
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, NamedTuple, Protocol
 
-import cbor2
 import numpy as np
 from PIL import Image
 
 from arm_drake.errors import InputError
+from arm_drake.wire.types import WireTypes
+
+
+class Served(Protocol):
+    """Whose messages are sent: a RosServer."""
+
+    types: WireTypes
+
+    @property
+    def now_ns(self) -> int:
+        """The time [ns]."""
+
+
+class Encoded(NamedTuple):
+    """A message, and how a websocket sends it: the same bytes to all clients."""
+
+    data: str | bytes
+    frame: bytes
+
+
+def make_frame(data: str | bytes) -> bytes:
+    """Return a message of a server's as websockets send it (RFC 6455, 5.2)."""
+    payload = data.encode() if isinstance(data, str) else data
+    kind, size = 0x82 if isinstance(data, bytes) else 0x81, len(payload)
+    if size < 126:
+        return struct.pack("!BB", kind, size) + payload
+    if size < 2**16:
+        return struct.pack("!BBH", kind, 126, size) + payload
+    return struct.pack("!BBQ", kind, 127, size) + payload
+
+
+class Encoder:
+    """Makes what is sent of a topic, once for all clients."""
+
+    def __init__(self, server: Served) -> None:
+        """Create it."""
+        self._server = server
+        self._made: dict[tuple[int, str], Encoded] = {}
+
+    def publish(
+        self, topic: str, type_: str, fields: dict[str, Any], compression: str
+    ) -> Encoded:
+        """Return the message of a topic."""
+        key = (id(fields), compression if compression.startswith("cbor") else "none")
+        if key not in self._made:
+            data = self._encode(topic, type_, fields, key[1])
+            self._made[key] = Encoded(data, make_frame(data))
+        return self._made[key]
+
+    def _encode(
+        self, topic: str, type_: str, fields: dict[str, Any], compression: str
+    ) -> str | bytes:
+        content: dict[str, Any] = {"op": "publish", "topic": topic, "msg": fields}
+        if compression == "cbor-raw":
+            seconds, nanoseconds = divmod(self._server.now_ns, 10**9)
+            content["msg"] = {
+                "secs": seconds,
+                "nsecs": nanoseconds,
+                "bytes": self._server.types.encode(type_, fields),
+            }
+        return encode(content, compression)
+
+
+def encode(content: dict[str, Any], compression: str = "none") -> str | bytes:
+    """Return a message as text, or as CBOR."""
+    if compression.startswith("cbor"):
+        return encode_cbor(content)
+    return to_json(content)
+
+
+def to_json(value: Any) -> str:
+    """Return plain data as JSON: bytes in base64, and null for what is no number."""
+    try:
+        return _STRICT.encode(value)
+    except ValueError:
+        return _STRICT.encode(without_nan(value))
+
+
+def _to_base64(value: Any) -> str:
+    if isinstance(value, bytes | bytearray):
+        return base64.b64encode(value).decode()
+    raise TypeError(f"a {type(value).__name__} has no form in JSON")
+
+
+_STRICT = json.JSONEncoder(allow_nan=False, default=_to_base64)
+
+
+def without_nan(value: Any) -> Any:
+    """Return plain data with None for what JSON has no number for, as rosbridge."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {name: without_nan(item) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [without_nan(item) for item in value]
+    return value
+
 
 # Tags of CBOR (RFC 8746) for arrays of little-endian numbers.
 _FLOAT64_ARRAY = 86
@@ -22,18 +118,20 @@ _FLOAT64_ARRAY = 86
 
 def encode_cbor(content: Mapping[str, Any]) -> bytes:
     """Return a message as CBOR."""
-    return cbor2.dumps(_for_cbor(content))
+    import cbor2  # Foxglove's extra lacks it.
+
+    return cbor2.dumps(_for_cbor(content, cbor2.CBORTag))
 
 
-def _for_cbor(value: Any) -> Any:
+def _for_cbor(value: Any, tag: Any) -> Any:
     """Return plain data with arrays of numbers as they go in CBOR."""
     if isinstance(value, Mapping):
-        return {name: _for_cbor(item) for name, item in value.items()}
+        return {name: _for_cbor(item, tag) for name, item in value.items()}
     if isinstance(value, list | tuple):
         if value and type(value[0]) is float:
             data = np.asarray(value, dtype="<f8").tobytes()
-            return cbor2.CBORTag(_FLOAT64_ARRAY, data)
-        return [_for_cbor(item) for item in value]
+            return tag(_FLOAT64_ARRAY, data)
+        return [_for_cbor(item, tag) for item in value]
     return value
 
 
@@ -55,6 +153,7 @@ _TYPED_ARRAYS = {
 
 def decode_cbor(data: bytes) -> Any:
     """Return what bytes of CBOR say, or raise InputError."""
+    import cbor2
 
     def tag(decoder: Any, tag: Any = None) -> Any:
         found = tag if tag is not None else decoder
@@ -64,10 +163,36 @@ def decode_cbor(data: bytes) -> Any:
         return np.frombuffer(found.value, dtype=kind).tolist()
 
     try:
-        return cbor2.loads(data, tag_hook=tag)
+        found = cbor2.loads(data, tag_hook=tag)
     # Whatever a codec says of bytes that mean nothing to it.
     except Exception as error:
         raise InputError(f"no CBOR: {error}") from None
+    _check_plain(found, 0)
+    return found
+
+
+# As deep as messages may be nested; CBOR can refer to what is around it.
+_MAX_DEPTH = 100
+
+
+def _check_plain(value: Any, depth: int) -> None:
+    """Raise InputError for what CBOR has and messages don't, such as dates."""
+    if depth > _MAX_DEPTH:
+        raise InputError(f"no CBOR: it is nested more than {_MAX_DEPTH} deep")
+    if isinstance(value, dict):
+        for name, item in value.items():
+            if not isinstance(name, str):
+                kind = type(name).__name__
+                raise InputError(f"no CBOR of a message: a {kind} names a field")
+            _check_plain(item, depth + 1)
+    elif isinstance(value, list | tuple):
+        if value and type(value[0]) is float and set(map(type, value)) == {float}:
+            return
+        for item in value:
+            _check_plain(item, depth + 1)
+    elif value is not None and not isinstance(value, str | bytes | int | float):
+        kind = type(value).__name__
+        raise InputError(f"no CBOR of a message: it has a {kind}")
 
 
 def to_png(text: str) -> str:

@@ -28,6 +28,7 @@ from foxglove.websocket import (
 
 from arm_drake.description.robot import Robot, name_portably
 from arm_drake.errors import ArmDrakeError, InputError, OutputError
+from arm_drake.wire.encodings import to_json
 from arm_drake.wire.graph import Request, Topic
 from arm_drake.wire.graph import Service as GraphService
 from arm_drake.wire.services import from_parameter_value, to_parameter_value
@@ -139,7 +140,7 @@ class Foxglove:
                 fields = types.decode(request, data)
             found = types.complete(response, self.ask(service.name, fields))
             if call.encoding == "json":
-                return json.dumps(found).encode()
+                return to_json(found).encode()
             return types.encode(response, found)
 
         schema = ServiceSchema(
@@ -240,17 +241,14 @@ class Foxglove:
             if self._listening.get(topic, 0) > 0:
                 for fields in messages:
                     self._log(topic, fields)
-        time_ns = self._now_ns()
+        time_ns = self.server.now_ns
         if time_ns // 10_000_000 != self._time_ns // 10_000_000:
             self._time_ns = time_ns
             self._server.broadcast_time(time_ns)
 
-    def _now_ns(self) -> int:
-        return round(self.server.simulation.time * 1e9) + self.server.offset_ns
-
     def _log(self, topic: Topic, fields: dict[str, Any]) -> None:
         data = self.server.types.encode(topic.type, fields)
-        self._channels[topic].log(data, log_time=self._now_ns())
+        self._channels[topic].log(data, log_time=self.server.now_ns)
 
     def publish(self, channel: ClientChannel, data: bytes) -> None:
         """Send a client's message to who takes it, or raise InputError."""

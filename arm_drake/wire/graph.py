@@ -8,7 +8,7 @@ import collections
 import dataclasses as dc
 import functools
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -17,10 +17,12 @@ from pydrake.systems.framework import Context
 
 from arm_drake.arrays import Array
 from arm_drake.controllers.controller_interface import ControllerInterface
+from arm_drake.controllers.cycles import Cycle
 from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, suggest
-from arm_drake.manager import ControllerManager
+from arm_drake.interfaces import MOTIONS_PORT
+from arm_drake.manager import MANAGER, ControllerManager
 from arm_drake.messages import (
     NANOSECONDS,
     ActionRequest,
@@ -35,7 +37,7 @@ from arm_drake.messages import (
     SetOdometry,
     TFMessage,
 )
-from arm_drake.rollout.bag import make_tf, stamp
+from arm_drake.rollout.bag import contact_topic, make_tf, stamp
 from arm_drake.rollout.link_poses import (
     LinkTransform,
     fixed_pose,
@@ -54,7 +56,17 @@ _TF_RATE, _CLOCK_RATE = 50.0, 100.0
 # Values that wait for the network; older ones are dropped.
 _NUM_WAITING = 128
 
-TF, TF_STATIC, CLOCK = "/tf", "/tf_static", "/clock"
+# How often it is looked whether controllers' states have changed [s].
+_ACTIVITY_PERIOD = 0.05
+
+TF, TF_STATIC, CLOCK, ROSOUT = "/tf", "/tf_static", "/clock", "/rosout"
+
+# rcl_interfaces/msg/Log.
+INFO, WARN, ERROR = 20, 30, 40
+
+# lifecycle_msgs/msg/State.
+STATES = {"unconfigured": 1, "inactive": 2, "active": 3, "finalized": 4}
+
 JOINT_STATES, DESCRIPTION = "/joint_states", "/robot_description"
 
 # The node of what no controller has: Gazebo's.
@@ -100,13 +112,15 @@ class Topic:
     # simulates.
     read: Callable[[Context], Any] | None = None
 
-    # Returns it as plain data, with stamps so much later [ns]; in any thread.
-    convert: Callable[[Any, int], dict[str, Any]] = to_fields
+    # Returns it as plain data, with stamps so much later [ns], or None if there is
+    # nothing to tell; in the network's thread.
+    convert: Callable[[Any, int], dict[str, Any] | None] = to_fields
 
     # The class of messages that are taken.
     takes: MessageClass | None = None
 
-    # What is told once, as plain data.
+    # What late listeners are told, as plain data: if it is latched, and at once if it
+    # is told but once.
     constant: dict[str, Any] | None = None
 
     # How often it is told at most [s].
@@ -129,7 +143,9 @@ class Topic:
         if time < self.due or self.read is None:
             return
         if self.period:
-            self.due = time + self.period * (1.0 - 1e-6)
+            # As often on average, whatever the ticks are.
+            ahead = self.due + self.period if math.isfinite(self.due) else time
+            self.due = ahead if ahead > time else time + self.period * (1.0 - 1e-6)
         value = self.read(context)
         if value is not self.last:
             self.last = value
@@ -138,6 +154,61 @@ class Topic:
     def reset(self) -> None:
         """Begin anew, as the simulation does."""
         self.due, self.last = -math.inf, None
+
+
+class _LastCycle:
+    """The last cycle of a robot's manager: read once a tick, and made once."""
+
+    def __init__(self, manager: ControllerManager) -> None:
+        """Create it."""
+        self._manager = manager
+        self._read: _Once | None = None
+
+    def read(self, root: Context) -> "_Once":
+        """Return what makes it, in the thread that simulates."""
+        if self._read is None:
+            context = self._manager.GetMyContextFromRoot(root)
+            self._read = _Once(self._manager.look(context))
+        return self._read
+
+    def forget(self) -> None:
+        """Take note of a new tick."""
+        self._read = None
+
+
+class _Once:
+    """What a function returns, which is called when somebody asks."""
+
+    def __init__(self, make: Callable[[], Cycle]) -> None:
+        """Create it."""
+        self._make = make
+        self._made: Cycle | None = None
+
+    def __call__(self) -> Cycle:
+        """Return it."""
+        if self._made is None:
+            self._made = self._make()
+        return self._made
+
+
+class _Told:
+    """Makes the messages of a topic of what was read of them, each time once."""
+
+    def __init__(self, convert: Callable[[Any, int], dict[str, Any] | None]) -> None:
+        """Create it, given what makes plain data of them."""
+        self._convert = convert
+        self._stamp: Any = None
+
+    def __call__(self, value: Any, offset_ns: int) -> dict[str, Any] | None:
+        """Return a message as plain data, None if it was told already."""
+        make, cycle = value
+        message = make(cycle())
+        header = getattr(message, "header", None)
+        if header is not None:
+            if header.stamp == self._stamp:
+                return None
+            self._stamp = header.stamp
+        return None if message is None else self._convert(message, offset_ns)
 
 
 class Action(NamedTuple):
@@ -172,6 +243,20 @@ class Service:
 
     # Whether it changes anything in the simulation.
     acts: bool = False
+
+
+class LogLine(NamedTuple):
+    """What happened, in words."""
+
+    time_ns: int
+
+    # INFO, WARN or ERROR, of rcl_interfaces/msg/Log.
+    level: int
+
+    # Who says so.
+    name: str
+
+    text: str
 
 
 class Call(NamedTuple):
@@ -226,7 +311,7 @@ class Request(NamedTuple):
     # Of a goal.
     goal_id: str = ""
 
-    # Takes the response to a call, or GoalNews; it is called in the network's thread.
+    # Takes the response to a call, or GoalEvent; it is called in the network's thread.
     reply: Callable[[Any], None] = lambda answer: None
 
     # Takes what is wrong, in words.
@@ -256,12 +341,18 @@ class Graph:
 
         # Topics that no message of ROS can tell.
         self.left_out: list[str] = []
-        for topic in _find_topics(simulation, types, self.left_out):
+        managers = simulation.directory.managers.values()
+        self._cycles = {id(manager): _LastCycle(manager) for manager in managers}
+        for topic in self._find_topics():
             self._add(topic)
         self._add(_clock(simulation))
-        for manager in simulation.directory.managers.values():
+        self.rosout = _rosout()
+        self._add(self.rosout)
+        for manager in managers:
             for topic in _robot_topics(simulation, manager, self.topics):
                 self._add(topic)
+            if types.distro != "humble":  # It has none.
+                self._add(_activity(manager))
             for action in _find_actions(manager):
                 self.actions[action.name] = action
 
@@ -272,9 +363,67 @@ class Graph:
             return
         self.topics[topic.name] = topic
 
+    def update(self, topics: Iterable[Topic], time: float) -> None:
+        """Take note of what is new on topics at a time [s]."""
+        for cycle in self._cycles.values():
+            cycle.forget()
+        context = self.simulation.simulator.get_context()
+        for topic in topics:
+            topic.update(context, time)
+
+    def _find_topics(self) -> Iterator[Topic]:
+        """Yield the topics of controllers and plugins."""
+        for found in TopicNames(self.simulation.directory.managers).all():
+            topic = Topic(found.name, "")
+            if found.outputs and not self._read(topic, found.outputs[0]):
+                continue
+            taken = input_type(found.inputs[0]) if found.inputs else None
+            kind = None if taken is None else type_of(taken)
+            if kind is not None and topic.type in ("", kind):
+                topic.type, topic.takes = kind, taken
+                topic.subscriber = _node_of(found.inputs[0])
+            if topic.type:
+                yield topic
+            elif taken not in (SetOdometry, ResetOdometry):  # They are services.
+                self.left_out.append(found.name)
+
+    def _read(self, topic: Topic, source: TopicPort) -> bool:
+        """Have a topic read from a port; return whether it is one to be told."""
+        port = self.simulation.diagram.GetOutputPort(source.exported_as(source.port))
+        made = getattr(source.system, "output_types", {}).get(source.port)
+        if made is not None:
+            # A camera, which takes a picture only when somebody wants it.
+            topic.period = 1.0 / source.system.params.update_rate
+        else:
+            value = port.Eval(self.simulation.simulator.get_context())
+            made = value.__class__ if isinstance(value, Message) else None
+        kind = None if made is None else type_of(made)
+        if made is None or kind is None:
+            self.left_out.append(topic.name)
+            return False
+        if topic.name == TF:
+            return False
+        topic.type, topic.publisher = kind, _node_of(source)
+        topic.read = port.Eval
+        if not self.types.is_whole(made, kind):
+            topic.convert = functools.partial(_complete, self.types, kind)
+        if isinstance(source.system, ControllerInterface):
+            look = source.system.find_look(source.port)
+            if look is not None:
+                cycle, topic.convert = self._cycle_of(source), _Told(topic.convert)
+                topic.read = lambda context: (look(context), cycle.read(context))
+        return True
+
+    def _cycle_of(self, source: TopicPort) -> _LastCycle:
+        return self._cycles[id(source.manager)]
+
     def add_service(self, service: Service) -> None:
         """Add a service."""
         self.services[service.name] = service
+
+    def log(self, level: int, name: str, text: str, time_ns: int) -> None:
+        """Tell in words what happened, on /rosout."""
+        self.rosout.waiting.append(LogLine(time_ns, level, name, text))
 
     def topic(self, name: str) -> Topic:
         """Return the topic of a name, or raise InputError."""
@@ -304,40 +453,6 @@ def _find(known: Mapping[str, Any], name: Any, what: str) -> Any:
     return known[key]
 
 
-def _find_topics(
-    simulation: Simulation, types: WireTypes, left_out: list[str]
-) -> Iterator[Topic]:
-    """Yield the topics of controllers and plugins."""
-    context, diagram = simulation.simulator.get_context(), simulation.diagram
-    for found in TopicNames(simulation.directory.managers).all():
-        topic = Topic(found.name, "")
-        taken: Any = None
-        ports = [
-            diagram.GetOutputPort(each.exported_as(each.port)) for each in found.outputs
-        ]
-        if ports:
-            value = ports[0].Eval(context)
-            kind = type_of(value.__class__) if isinstance(value, Message) else None
-            if kind is None or found.name == TF:
-                if kind is None:
-                    left_out.append(found.name)
-                continue
-            topic.type, topic.publisher = kind, _node_of(found.outputs[0])
-            topic.read = ports[0].Eval
-            if not types.is_whole(value.__class__, kind):
-                topic.convert = functools.partial(_complete, types, kind)
-        if found.inputs:
-            taken = input_type(found.inputs[0])
-            kind = type_of(taken)
-            if kind is not None and topic.type in ("", kind):
-                topic.type, topic.takes = kind, taken
-                topic.subscriber = _node_of(found.inputs[0])
-        if topic.type:
-            yield topic
-        elif taken not in (SetOdometry, ResetOdometry):  # They are services.
-            left_out.append(found.name)
-
-
 def _complete(
     types: WireTypes, kind: str, message: Message, offset_ns: int
 ) -> dict[str, Any]:
@@ -362,6 +477,104 @@ def _clock(simulation: Simulation) -> Topic:
     )
 
 
+def _rosout() -> Topic:
+    """Return the topic of what happens in words; `Graph.log` puts it there."""
+    return Topic(
+        ROSOUT,
+        "rcl_interfaces/msg/Log",
+        publisher=SIMULATOR,
+        qos=Qos(depth=1000, is_latched=True),
+        # Whatever happens is put there.
+        read=lambda context: None,
+        period=math.inf,
+        convert=lambda line, offset_ns: {
+            "stamp": stamp(line.time_ns + offset_ns),
+            "level": line.level,
+            "name": line.name,
+            "msg": line.text,
+            "file": "",
+            "function": "",
+            "line": 0,
+        },
+    )
+
+
+def _activity(manager: ControllerManager) -> Topic:
+    """Return the topic with the states of a robot's controllers, when they change."""
+    flags, states = (manager.GetOutputPort(name) for name in ("active", "controllers"))
+    last: list[Any] = [None, None]
+    hardware = [
+        {"name": block.name, "state": {"id": 3, "label": "active"}}
+        for block in manager.robot.description.hardware
+    ]
+
+    def read(root: Context) -> Any:
+        context = manager.GetMyContextFromRoot(root)
+        active = flags.Eval(context).tolist()
+        if active != last[0]:
+            time_ns = round(root.get_time() * NANOSECONDS)
+            last[:] = active, (time_ns, states.Eval(context))
+        return last[1]
+
+    def convert(value: Any, offset_ns: int) -> dict[str, Any]:
+        time_ns, rows = value
+        named = [
+            {"name": r.name, "state": {"id": STATES[r.state], "label": r.state}}
+            for r in rows
+        ]
+        header = {"stamp": stamp(time_ns + offset_ns), "frame_id": ""}
+        return {
+            "header": header,
+            "controllers": named,
+            "hardware_components": hardware,
+        }
+
+    node = f"/{manager.prefix}{MANAGER}"
+    return Topic(
+        f"{node}/activity",
+        "controller_manager_msgs/msg/ControllerManagerActivity",
+        publisher=node,
+        qos=LATCHED,
+        read=read,
+        convert=convert,
+        period=_ACTIVITY_PERIOD,
+    )
+
+
+def _contacts(simulation: Simulation, manager: ControllerManager) -> Iterator[Topic]:
+    """Yield the forces on links where they are logged, by the names of bags."""
+    name = f"{manager.prefix}sample:contacts"
+    if not simulation.diagram.HasSubsystemNamed(name):
+        return
+    sample = simulation.diagram.GetSubsystemByName(name)
+    port, namespace = sample.get_output_port(), f"/{manager.prefix}".rstrip("/")
+
+    def read(root: Context) -> Any:
+        forces = port.Eval(sample.GetMyContextFromRoot(root))
+        return round(root.get_time() * NANOSECONDS), forces.tolist()
+
+    for index, link in enumerate(manager.robot.description.links):
+        if link != WORLD:
+            at = slice(3 * index, 3 * index + 3)
+            yield Topic(
+                contact_topic(namespace, link),
+                "geometry_msgs/msg/WrenchStamped",
+                publisher=SIMULATOR,
+                read=read,
+                convert=functools.partial(_make_force, at),
+            )
+
+
+def _make_force(at: slice, value: Any, offset_ns: int) -> dict[str, Any]:
+    time_ns, forces = value
+    nothing = dict.fromkeys("xyz", 0.0)
+    force = dict(zip("xyz", forces[at], strict=True))
+    return {
+        "header": {"stamp": stamp(time_ns + offset_ns), "frame_id": WORLD},
+        "wrench": {"force": force, "torque": nothing},
+    }
+
+
 def _robot_topics(
     simulation: Simulation, manager: ControllerManager, known: Mapping[str, Topic]
 ) -> Iterator[Topic]:
@@ -375,6 +588,7 @@ def _robot_topics(
         qos=LATCHED,
         constant={"data": robot.portable_source},
     )
+    yield from _contacts(simulation, manager)
     frames = RobotFrames(simulation, manager)
     yield Topic(
         f"{namespace}{TF}",
@@ -413,7 +627,7 @@ class RobotFrames:
 
     def __init__(self, simulation: Simulation, manager: ControllerManager) -> None:
         """Create it."""
-        robot, diagram = manager.robot, simulation.diagram
+        robot = manager.robot
         self._namespace = manager.prefix.rstrip("/")
         pose = [0.0] * 6 if robot.pose is None else list(robot.pose)
         self._transforms = read_transforms(robot.portable_source, pose)
@@ -423,7 +637,8 @@ class RobotFrames:
             for transform in self._transforms
             if transform.joint in joints
         ]
-        self._port = diagram.GetOutputPort(f"{manager.prefix}joint_states")
+        # Not the port with efforts too, which would be computed for nothing.
+        self._manager, self._port = manager, manager.GetInputPort(MOTIONS_PORT)
         self._bodies = _free_bodies(simulation, robot)
         roots = root_links(robot.portable_source, self._transforms)
         free = {name for name, _ in self._bodies}
@@ -457,7 +672,7 @@ class RobotFrames:
         """Return what is known of the frames now."""
         return (
             round(context.get_time() * NANOSECONDS),
-            self._port.Eval(context),
+            self._port.Eval(self._manager.GetMyContextFromRoot(context)),
             [(name, read(context)) for name, read in self._bodies],
             [read(context) for read in self._topics],
         )

@@ -6,7 +6,6 @@ Source: RobotWebTools/rosbridge_suite, ROSBRIDGE_PROTOCOL.md (3.1 to 3.4).
 import asyncio
 import collections
 import json
-import math
 import socket
 import time
 import uuid
@@ -15,16 +14,27 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 from urllib.parse import urlsplit
 
 import tornado.httpserver
+import tornado.iostream
 import tornado.web
 import tornado.websocket
 
 from arm_drake.errors import ArmDrakeError, InputError
 from arm_drake.rollout.bag import stamp
+from arm_drake.wire.encodings import (
+    Encoded,
+    Encoder,
+    Fragments,
+    decode_cbor,
+    encode,
+    from_png,
+    make_frame,
+    split,
+    to_png,
+)
 from arm_drake.wire.graph import GoalEvent, Graph, Request, Topic
-from arm_drake.wire.types import WireTypes, full_name, without_nan
+from arm_drake.wire.types import WireTypes, full_name
 
 if TYPE_CHECKING:
-    from arm_drake.wire.encodings import Fragments
     from arm_drake.wire.server import RosServer
 
 # Largest message that is taken [bytes], and how many a client may send a second.
@@ -66,55 +76,12 @@ class _Subscription:
         return min(pause for pause, _ in self.wishes.values())
 
 
-class _Encoder:
-    """Makes what is sent of a topic, once for all clients."""
-
-    def __init__(self, server: "RosServer") -> None:
-        self._server = server
-        self._made: dict[tuple[int, str], str | bytes] = {}
-
-    def publish(
-        self, topic: str, type_: str, fields: dict[str, Any], compression: str
-    ) -> str | bytes:
-        """Return the message of a topic."""
-        key = (id(fields), compression if compression.startswith("cbor") else "none")
-        if key not in self._made:
-            self._made[key] = self._encode(topic, type_, fields, key[1])
-        return self._made[key]
-
-    def _encode(
-        self, topic: str, type_: str, fields: dict[str, Any], compression: str
-    ) -> str | bytes:
-        content: dict[str, Any] = {"op": "publish", "topic": topic, "msg": fields}
-        if compression == "cbor-raw":
-            now = self._server.simulation.time
-            seconds = math.floor(now)
-            content["msg"] = {
-                "secs": seconds,
-                "nsecs": round((now - seconds) * 1e9),
-                "bytes": self._server.types.encode(type_, fields),
-            }
-        return encode(content, compression)
-
-
-def encode(content: dict[str, Any], compression: str = "none") -> str | bytes:
-    """Return a message as text, or as CBOR."""
-    if compression.startswith("cbor"):
-        # Not at the top: few clients ask for it.
-        from arm_drake.wire.encodings import encode_cbor
-
-        return encode_cbor(content)
-    try:
-        return json.dumps(content, allow_nan=False)
-    except ValueError:
-        return json.dumps(without_nan(content), allow_nan=False)
-
-
 class _Waiting(NamedTuple):
     """A call that a client is to answer."""
 
     client: "Client"
     request: dict[str, Any]
+    provider: "Client"
 
 
 class _Served(NamedTuple):
@@ -139,6 +106,7 @@ class Client(tornado.websocket.WebSocketHandler):
         self.on_its_way = 0
         self.sender = "rosbridge"
         self._window, self._count = 0.0, 0
+        self._frames: list[bytes] = []
         self.fragments: Fragments | None = None
 
     def check_origin(self, origin: str) -> bool:
@@ -229,42 +197,60 @@ class Client(tornado.websocket.WebSocketHandler):
         if isinstance(data, dict):
             data = encode(data, compression)
         if compression == "png" and isinstance(data, str):
-            from arm_drake.wire.encodings import to_png
-
             data = json.dumps({"op": "png", "data": to_png(data)})
         if fragment_size and isinstance(data, str) and len(data) > fragment_size:
-            from arm_drake.wire.encodings import split
-
             for part in split(data, fragment_size):
                 self._write(part)
             return
         self._write(data)
 
+    def send_encoded(
+        self, encoded: Encoded, compression: str, fragment_size: int
+    ) -> None:
+        """Send what was made for all clients."""
+        if compression == "png" or fragment_size:
+            self.send(encoded.data, compression, fragment_size)
+        else:
+            self._put(encoded.frame)
+
     def _write(self, data: str | bytes) -> None:
+        self._put(make_frame(data))
+
+    def _put(self, frame: bytes) -> None:
+        """Have a frame sent, together with what else comes in this round."""
         if self.on_its_way > _OVERFLOW:
             self.close(1008, "the client doesn't read")
             return
-        size = len(data)
-        self.on_its_way += size
+        if not self._frames:
+            asyncio.get_running_loop().call_soon(self.send_waiting)
+        self._frames.append(frame)
+        self.on_its_way += len(frame)
+
+    def send_waiting(self) -> None:
+        """Send what waits."""
+        data, connection = b"".join(self._frames), self.ws_connection
+        stream = None if connection is None else connection.stream
+        self._frames.clear()
 
         def done(future: Any) -> None:
-            self.on_its_way -= size
+            self.on_its_way -= len(data)
             # A client that has gone is told by on_close.
             future.exception()
 
-        try:
-            future = self.write_message(data, binary=isinstance(data, bytes))
-        except tornado.websocket.WebSocketClosedError:
-            self.on_its_way -= size
+        if not data or stream is None or stream.closed():
+            self.on_its_way -= len(data)
             return
-        asyncio.ensure_future(future).add_done_callback(done)
+        try:
+            future = stream.write(data)
+        except tornado.iostream.StreamClosedError:
+            self.on_its_way -= len(data)
+            return
+        future.add_done_callback(done)
 
 
 def _read(message: str | bytes) -> dict[str, Any]:
     """Return what a message says, or raise InputError."""
     if isinstance(message, bytes):
-        from arm_drake.wire.encodings import decode_cbor
-
         content = decode_cbor(message)
     else:
         try:
@@ -340,6 +326,7 @@ class Rosbridge:
     async def stop(self) -> None:
         """End."""
         for client in list(self.clients):
+            client.send_waiting()
             client.close(1001, "the simulation has ended")
         if self._http is not None:
             self._http.stop()
@@ -355,7 +342,7 @@ class Rosbridge:
         """Send what is new to who wants it."""
         if not received and not self._pending:
             return
-        encoder, now = _Encoder(self.server), time.monotonic()
+        encoder, now = Encoder(self.server), time.monotonic()
         for topic, messages in received.items():
             for client in self.clients:
                 subscription = client.subscriptions.get(topic.name)
@@ -369,7 +356,7 @@ class Rosbridge:
                     self._send(client, topic.name, topic.type, fields, encoder)
         self._send_pending(encoder, now)
 
-    def _send_pending(self, encoder: _Encoder, now: float) -> None:
+    def _send_pending(self, encoder: Encoder, now: float) -> None:
         """Send what was held back, and may be sent now."""
         for client in list(self._pending):
             is_waiting = False
@@ -395,12 +382,12 @@ class Rosbridge:
         name: str,
         type_: str,
         fields: dict[str, Any],
-        encoder: _Encoder,
+        encoder: Encoder,
     ) -> None:
         subscription = client.subscriptions[name]
         compression = subscription.compression
-        data = encoder.publish(name, type_, fields, compression)
-        client.send(data, compression, subscription.fragment_size)
+        encoded = encoder.publish(name, type_, fields, compression)
+        client.send_encoded(encoded, compression, subscription.fragment_size)
 
     def forget(self, client: Client) -> None:
         """Forget a client that has gone."""
@@ -409,8 +396,12 @@ class Rosbridge:
         for served in (self.services, self.actions):
             for name in [n for n, each in served.items() if each.client is client]:
                 del served[name]
-        for key in [k for k, each in self._calls.items() if each.client is client]:
-            del self._calls[key]
+        for key, waiting in list(self._calls.items()):
+            if waiting.client is client:
+                del self._calls[key]
+            elif waiting.provider is client:
+                del self._calls[key]
+                waiting.client.refuse(waiting.request, "the client that has it is gone")
         self.server.watch()
 
     # Operations of clients.
@@ -446,7 +437,7 @@ class Rosbridge:
         topic = self.server.graph.topics.get(name)
         last = self._latched.get(name) if topic is None else topic.constant
         if last is not None:
-            encoder = _Encoder(self.server)
+            encoder = Encoder(self.server)
             self._send(client, name, self._type_of(name), last, encoder)
 
     def _check_type(self, name: str, type_name: Any) -> None:
@@ -505,7 +496,7 @@ class Rosbridge:
             self._submit(client, content, "publish", name, fields)
         elif name in self._latched:
             self._latched[name] = fields
-        encoder = _Encoder(self.server)
+        encoder = Encoder(self.server)
         for other in self.clients:
             if name in other.subscriptions and topic is None:
                 other.subscriptions[name].queue.append(fields)
@@ -591,15 +582,14 @@ class Rosbridge:
 
     def now(self) -> dict[str, int]:
         """Return the clock of the simulation, as a time of ROS."""
-        time_ns = round(self.server.simulation.time * 1e9)
-        return stamp(time_ns + self.server.offset_ns)
+        return stamp(self.server.now_ns)
 
     def _call_client(
         self, provider: Client, caller: Client, name: str, content: dict[str, Any]
     ) -> None:
         """Have another client answer a call."""
         key = f"call_service:{name}:{uuid.uuid4().hex}"
-        self._calls[key] = _Waiting(caller, content)
+        self._calls[key] = _Waiting(caller, content, provider)
         request = {"op": "call_service", "id": key, "service": name}
         provider.send({**request, "args": content.get("args") or {}})
 
@@ -636,7 +626,7 @@ class Rosbridge:
         if name in self.actions:
             provider = self.actions[name].client
             key = f"{id_}:{uuid.uuid4().hex}"
-            self._calls[key] = _Waiting(client, content)
+            self._calls[key] = _Waiting(client, content, provider)
             provider.send({**content, "id": key})
             return
         action = self.server.graph.action(name)
@@ -675,7 +665,7 @@ class Rosbridge:
         name, id_ = _name(content, "action"), content.get("id")
         for key, waiting in self._calls.items():
             if waiting.client is client and waiting.request.get("id") == id_:
-                self.actions[name].client.send({**content, "id": key})
+                waiting.provider.send({**content, "id": key})
                 return
         if not isinstance(id_, str) or id_ not in client.goals:
             raise InputError(f"no goal {str(id_)[:100]!r} of this client")
@@ -718,9 +708,7 @@ class Rosbridge:
 
     def _do_fragment(self, client: Client, content: dict[str, Any]) -> None:
         if client.fragments is None:
-            from arm_drake.wire import encodings
-
-            client.fragments = encodings.Fragments(_MAX_SIZE)
+            client.fragments = Fragments(_MAX_SIZE)
         whole = client.fragments.add(content)
         if whole is not None:
             inner = _read(whole)
@@ -729,8 +717,6 @@ class Rosbridge:
             self.do(client, inner)
 
     def _do_png(self, client: Client, content: dict[str, Any]) -> None:
-        from arm_drake.wire.encodings import from_png
-
         inner = _read(from_png(content.get("data"), _MAX_SIZE))
         if inner.get("op") == "png":
             raise InputError("a png of a png")

@@ -16,7 +16,13 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple, Protocol, Self
 
-from arm_drake.errors import ArmDrakeError, InputError, OutputError, suggest
+from arm_drake.errors import (
+    ArmDrakeError,
+    InputError,
+    MissingExtraError,
+    OutputError,
+    suggest,
+)
 from arm_drake.messages import (
     CancelResponse,
     GoalStatus,
@@ -28,7 +34,17 @@ from arm_drake.simulation.mailbox import GoalHandle, SimulationEvent
 from arm_drake.simulation.recording import History
 from arm_drake.simulation.simulation import ResetRequested, Simulation
 from arm_drake.timing import cycle_at
-from arm_drake.wire.graph import Action, Call, GoalEvent, Graph, Request, Topic
+from arm_drake.wire.graph import (
+    ERROR,
+    INFO,
+    WARN,
+    Action,
+    Call,
+    GoalEvent,
+    Graph,
+    Request,
+    Topic,
+)
 from arm_drake.wire.services import Controls, add_services
 from arm_drake.wire.types import load_wire_types, to_fields, to_message
 
@@ -97,6 +113,9 @@ class Transport(Protocol):
 
     async def stop(self) -> None:
         """End."""
+
+
+_REFUSALS = (RuntimeError, ValueError, TypeError, LookupError)
 
 
 class _Goal:
@@ -203,8 +222,6 @@ class RosServer:
         try:
             importlib.import_module(row.package)
         except ImportError:
-            from arm_drake.errors import MissingExtraError
-
             raise MissingExtraError(f"--ros {name}", row.extra) from None
         kind = getattr(importlib.import_module(row.module), row.name)
         transport: Transport = kind(self, row.port if port is None else port)
@@ -265,8 +282,10 @@ class RosServer:
             ResetRequested: If a client asked for a reset.
         """
         now = self._look_at_time()
-        self._do_again(now)
-        until = self._inputs[0].time if self._inputs else math.inf
+        until = math.inf
+        if self._inputs:
+            self._do_again(now)
+            until = self._inputs[0].time if self._inputs else math.inf
         if cycle_at(now, self.simulation.period) is None:
             return until
         self._update(now)
@@ -297,9 +316,8 @@ class RosServer:
         return now
 
     def _update(self, now: float) -> None:
-        context = self.simulation.simulator.get_context()
-        for topic in self._watched:
-            topic.update(context, now)
+        if self._watched:
+            self.graph.update(self._watched, now)
         if now >= self._events_due or now < self._events_due - 1.0:
             self._events_due = now + _EVENTS_PERIOD
             if self._goals or self._switches:
@@ -334,7 +352,7 @@ class RosServer:
             text = str(error)
             self._post(lambda: request.refuse(text))
         # A slip of ours must not end the simulation; nor may what Drake refuses.
-        except (RuntimeError, ValueError, TypeError, LookupError, AttributeError) as e:
+        except (*_REFUSALS, ArithmeticError, AssertionError, AttributeError) as e:
             problem = f"it can't be done ({type(e).__name__}: {e})"
             self.warn(f"{request.kind} {request.name}: {problem}")
             self._post(lambda: request.refuse(problem))
@@ -427,7 +445,30 @@ class RosServer:
                 text = "the time is up, and no cycle of the manager came"
                 switch.reply({"ok": False, "message": text})
 
+    def _report(self, event: SimulationEvent) -> None:
+        """Tell on /rosout what happened."""
+        level, name = WARN, "controller_manager"
+        if isinstance(event, GoalHandle):
+            if not event.status.is_terminal:
+                return
+            name, text = event.controller, f"goal {event.status.value}"
+            reason = getattr(event.result, "error_string", "") or event.note
+            text = f"{text}: {reason}" if reason else text
+            is_well = event.status in (GoalStatus.SUCCEEDED, GoalStatus.CANCELED)
+            level = INFO if is_well else ERROR
+        elif isinstance(event, SwitchControllerResult):
+            level = INFO if event.ok else ERROR
+            text = event.message or "controllers were switched"
+        elif isinstance(event, CancelResponse):
+            if event.accepted:
+                return
+            text = f"a goal can't be cancelled: {event.reason}"
+        else:
+            text = self.simulation.mailbox.describe(event)
+        self.graph.log(level, name, text, round(self.simulation.time * 1e9))
+
     def _take_event(self, event: SimulationEvent) -> None:
+        self._report(event)
         if isinstance(event, SwitchControllerResult):
             for switch in [s for s in self._switches if s.request is event.request]:
                 self._switches.remove(switch)
@@ -520,21 +561,26 @@ class RosServer:
         else:
             self._replies.append(act)
 
+    @property
+    def now_ns(self) -> int:
+        """The time of the last tick [ns], by the clock that clients see."""
+        return round(self._last_time * 1e9) + self.offset_ns
+
     def warn(self, text: str) -> None:
         """Say what is wrong, at most ten times a second."""
         now = time.monotonic()
         if now >= self._warn_due:
             self._warn_due = now + 0.1
             print(f"warning: --ros: {text}", file=sys.stderr)
+            self.graph.log(WARN, "arm_drake", text, round(self._last_time * 1e9))
 
     def watch(self) -> None:
         """Look which topics somebody listens to."""
         names = {id(t): t for each in self._transports for t in each.watched()}
-        self._watched = tuple(t for t in names.values() if t.read is not None)
-
-    def fields_of(self, topic: Topic, value: Any) -> dict[str, Any]:
-        """Return what a topic tells as plain data, with all fields of its type."""
-        return topic.convert(value, self.offset_ns)
+        # Late listeners of what is latched want to know what was told before.
+        latched = {id(t): t for t in self.graph.topics.values() if t.qos.is_latched}
+        found = (latched | names).values()
+        self._watched = tuple(t for t in found if t.read is not None)
 
     def _serve(self) -> None:
         try:
@@ -550,6 +596,7 @@ class RosServer:
             for transport in self._transports:
                 self.addresses += await transport.start()
                 started.append(transport)
+            self.watch()
             self._ready.set()
             while not self._is_stopping.is_set():
                 self._poll()
@@ -570,8 +617,11 @@ class RosServer:
             for _ in range(len(topic.waiting) - limit):
                 topic.waiting.popleft()
             while topic.waiting:
-                value = topic.waiting.popleft()
-                new.setdefault(topic, []).append(self.fields_of(topic, value))
+                fields = topic.convert(topic.waiting.popleft(), self.offset_ns)
+                if fields is not None:
+                    new.setdefault(topic, []).append(fields)
+                    if topic.qos.is_latched:
+                        topic.constant = fields
         for transport in self._transports:
             self._attempt(lambda transport=transport: transport.poll(new))  # type: ignore[misc]
 

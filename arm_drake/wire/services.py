@@ -27,7 +27,7 @@ from arm_drake.messages import (
 )
 from arm_drake.simulation.clients import is_changeable, list_parameters
 from arm_drake.simulation.simulation import Simulation
-from arm_drake.wire.graph import SIMULATOR, Call, Graph, Service
+from arm_drake.wire.graph import SIMULATOR, STATES, Call, Graph, Service
 from arm_drake.wire.types import to_fields
 
 _CM = "controller_manager_msgs/srv"
@@ -38,9 +38,6 @@ _LONGEST_SWITCH = 60.0
 
 # controller_manager_msgs/srv/SwitchController.
 _BEST_EFFORT, _STRICT = 1, 2
-
-# lifecycle_msgs/msg/State.
-_STATES = {"unconfigured": 1, "inactive": 2, "active": 3, "finalized": 4}
 
 Fields = dict[str, Any]
 
@@ -204,7 +201,7 @@ class _ManagerServices:
                     "rw_rate": block.rw_rate,
                     "class_type": block.plugin,
                     "plugin_name": block.plugin,
-                    "state": {"id": _STATES["active"], "label": "active"},
+                    "state": {"id": STATES["active"], "label": "active"},
                     **self._interfaces(block),
                 }
                 for block in self._manager.robot.description.hardware
@@ -265,10 +262,10 @@ class _ManagerServices:
         if name not in names:
             raise InputError(f"no hardware component {name!r}; {suggest(name, names)}")
         target = call.request["target_state"]
-        state = target["label"] or {v: k for k, v in _STATES.items()}.get(target["id"])
+        state = target["label"] or {v: k for k, v in STATES.items()}.get(target["id"])
         if state != "active":
             raise InputError("simulated hardware is always active")
-        return {"ok": True, "state": {"id": _STATES["active"], "label": "active"}}
+        return {"ok": True, "state": {"id": STATES["active"], "label": "active"}}
 
     def _switch(self, call: Call) -> Fields | None:
         request = call.request

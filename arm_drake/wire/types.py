@@ -7,8 +7,7 @@ stores of rosbags, and those of `definitions.txt`.
 import base64
 import dataclasses as dc
 import functools
-import math
-import types
+import struct
 import typing
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -203,7 +202,8 @@ class WireTypes:
 
     def encode(self, type_: str, fields: Mapping[str, Any]) -> bytes:
         """Return plain data as a message in CDR; fields left out are 0 or empty."""
-        return self._ros.encode(type_, fields)
+        quick = _ENCODERS.get(type_)
+        return quick(fields) if quick else self._ros.encode(type_, fields)
 
     def decode(self, type_: str, data: bytes) -> dict[str, Any]:
         """Return a message in CDR as plain data.
@@ -311,24 +311,29 @@ class WireTypes:
             return lambda value, where: self.fill(inner, value, where)
         element, length = inner
         size = length if node == _ARRAY else None
-        is_bytes = int(element[0]) == _BASE and element[1][0] in ("uint8", "byte")
+        kept = element[1][0] if int(element[0]) == _BASE else ""
+        # Pictures and the like stay bytes: as lists they would be very long.
+        are_bytes = kept in _BYTES
         one = self._value_filler(element)
 
-        def fill(value: Any, where: str) -> list[Any]:
+        def fill(value: Any, where: str) -> list[Any] | bytes:
             if value is None:
                 value = [None] * (size or 0)
-            if is_bytes and isinstance(value, str):
+            if (are_bytes or kept == "byte") and isinstance(value, str):
                 value = _from_base64(value, where)
-            if isinstance(value, bytes | bytearray):
+            if isinstance(value, bytes | bytearray) and not are_bytes:
                 value = list(value)
-            if not isinstance(value, list | tuple):
+            if not isinstance(value, list | tuple | bytes):
                 raise _wrong(where, "a list", value)
             if size is not None and len(value) != size:
                 text = f"{where}: expected {size} values, got {len(value)}"
                 raise InputError(text)
+            if isinstance(value, bytes):
+                return value
             if one is _fill_float and set(map(type, value)) <= {float}:
                 return list(value)
-            return [one(item, f"{where}[{i}]") for i, item in enumerate(value)]
+            found = [one(item, f"{where}[{i}]") for i, item in enumerate(value)]
+            return bytes(found) if are_bytes else found
 
         return fill
 
@@ -345,7 +350,7 @@ class WireTypes:
         if node == _BASE:
             return value
         if isinstance(value, np.ndarray):
-            return value.tolist()
+            return value.tobytes() if inner[0][1][0] in _BYTES else value.tolist()
         return [self._read_value(inner[0], item) for item in value]
 
 
@@ -361,6 +366,10 @@ _FILLER = "structure_needs_at_least_one_member"
 
 # Kinds of fields: rosbags.interfaces.Nodetype.
 _BASE, _NAME, _ARRAY, _SEQUENCE = 1, 2, 3, 4
+
+
+# Kinds of numbers of which arrays are bytes, which rosbridge tells in base64.
+_BYTES = ("uint8", "char")
 
 
 def _wrong(where: str, expected: str, value: Any) -> InputError:
@@ -431,6 +440,66 @@ def _from_base64(text: str, where: str) -> bytes:
         return base64.b64decode(text, validate=True)
     except ValueError:
         raise _wrong(where, "bytes in base64", text) from None
+
+
+_CDR_HEAD = b"\0\1\0\0"
+
+
+@functools.cache
+def _cdr_names(texts: tuple[str, ...], *, is_list: bool) -> bytes:
+    """Return texts in CDR, from a multiple of 4 bytes on."""
+    data = bytearray(struct.pack("<I", len(texts)) if is_list else b"")
+    for text in texts:
+        data += bytes(-len(data) % 4)
+        content = text.encode() + b"\0"
+        data += struct.pack("<I", len(content)) + content
+    return bytes(data)
+
+
+def _encode_joint_state(fields: Mapping[str, Any]) -> bytes:
+    """Return a JointState in CDR: names are made once, numbers are packed.
+
+    Of 6 joints in a tenth of the time that it takes field by field.
+    """
+    header = fields["header"]
+    stamp = header["stamp"]
+    data = bytearray(struct.pack("<iI", stamp["sec"], stamp["nanosec"]))
+    data += _cdr_names((header["frame_id"],), is_list=False)
+    data += bytes(-len(data) % 4)
+    data += _cdr_names(tuple(fields["name"]), is_list=True)
+    for part in ("position", "velocity", "effort"):
+        values = fields[part]
+        data += bytes(-len(data) % 4)
+        data += struct.pack("<I", len(values))
+        if values:
+            data += bytes(-len(data) % 8)
+            data += struct.pack(f"<{len(values)}d", *values)
+    return _CDR_HEAD + bytes(data)
+
+
+def _encode_transforms(fields: Mapping[str, Any]) -> bytes:
+    """Return a TFMessage in CDR, likewise."""
+    transforms = fields["transforms"]
+    data = bytearray(struct.pack("<I", len(transforms)))
+    for each in transforms:
+        header, transform = each["header"], each["transform"]
+        stamp, p, q = header["stamp"], transform["translation"], transform["rotation"]
+        data += bytes(-len(data) % 4)
+        data += struct.pack("<iI", stamp["sec"], stamp["nanosec"])
+        names = (header["frame_id"], each["child_frame_id"])
+        data += _cdr_names(names, is_list=False)
+        data += bytes(-len(data) % 8)
+        data += struct.pack(
+            "<7d", p["x"], p["y"], p["z"], q["x"], q["y"], q["z"], q["w"]
+        )
+    return _CDR_HEAD + bytes(data)
+
+
+# Those that are told most often.
+_ENCODERS: Mapping[str, Callable[[Mapping[str, Any]], bytes]] = {
+    "sensor_msgs/msg/JointState": _encode_joint_state,
+    "tf2_msgs/msg/TFMessage": _encode_transforms,
+}
 
 
 def _hash(store: Any, type_: str) -> str:
@@ -559,14 +628,3 @@ def _has_content(value: Any) -> bool:
     if isinstance(value, list | tuple):
         return any(map(_has_content, value))
     return bool(value) and value != 1.0
-
-
-def without_nan(value: Any) -> Any:
-    """Return plain data with None for what JSON has no number for, as rosbridge."""
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {name: without_nan(item) for name, item in value.items()}
-    if isinstance(value, list | tuple | types.GeneratorType):
-        return [without_nan(item) for item in value]
-    return value

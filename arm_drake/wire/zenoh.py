@@ -423,7 +423,8 @@ class Zenoh:
         """Send what is new, and look now and then who listens."""
         for topic, messages in received.items():
             publisher = self._publishers.get(topic)
-            if publisher is not None and topic in self._heard:
+            is_heard = topic.qos.is_latched or topic in self._heard
+            if publisher is not None and is_heard:
                 for fields in messages:
                     publisher.publish(fields)
         now = time.monotonic()
@@ -432,7 +433,7 @@ class Zenoh:
             heard = [
                 topic
                 for topic, publisher in self._publishers.items()
-                if topic.constant is None and publisher.is_heard
+                if not topic.qos.is_latched and publisher.is_heard
             ]
             if heard != self._heard:
                 self._heard = heard

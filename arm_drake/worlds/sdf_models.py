@@ -93,12 +93,33 @@ _THICKNESS = {"collision": 1.0, "visual": 1e-3}
 # Size of a plane that doesn't say it [m].
 _PLANE_SIZE = (100.0, 100.0)
 
+# Pictures that may cover the ground.
+TEXTURES = (".png", ".jpg", ".jpeg")
+
+# What the page draws itself, and only cameras see of the file.
+_HIDDEN = "drake:illustration_properties"
+
 # Sizes of other shapes [m].
 _SMALLEST, _LARGEST = 1e-9, 1e6
 
 # What is rougher than the built-in ground is as rough as that: Gazebo takes the smaller
 # coefficient of two surfaces, Drake 2ab/(a + b), which a very rough ground doubles.
 _LARGEST_FRICTION = GROUND_FRICTION
+
+
+@dc.dataclass(frozen=True, eq=False)
+class GroundLook:
+    """How the ground of a file is to look, where it is drawn."""
+
+    # Length along its x and y [m]; its frame in the world, in whose plane z = 0 it is.
+    size: tuple[float, float]
+    X_WG: RigidTransform
+
+    # Red, green, blue and alpha from 0 to 1; None is the page's own colour.
+    color: tuple[float, ...] | None = None
+
+    # A picture that covers it once.
+    texture: Path | None = None
 
 
 @dc.dataclass(frozen=True)
@@ -125,6 +146,9 @@ class Cleaner:
 
         # Texts of the files that inclusions name, by their names in `FOLDER`.
         self.included: dict[str, str] = {}
+
+        # The look of the ground, of the first plane that is it.
+        self.ground: GroundLook | None = None
 
     def clean(self, element: ET.Element) -> Cleaned | None:
         """Return a model or an inclusion, changed in place for Drake, or None."""
@@ -164,11 +188,12 @@ class Cleaner:
         is_level = (
             bool(is_static) and depth == 0 and not where and _is_flat(element, file)
         )
+        X_WM = _pose_of(element, file) if is_level else None
         has_content = False
         for child in list(element):
             if child.tag == "link":
                 has_content = True
-                self._clean_link(child, file, place, is_level=is_level)
+                self._clean_link(child, file, place, X_WM)
             elif child.tag == "joint":
                 _clean_joint(element, child, is_static=bool(is_static))
             elif child.tag in ("model", "include"):
@@ -185,21 +210,33 @@ class Cleaner:
         return Cleaned(element, element.get("name", ""), bool(is_static))
 
     def _clean_link(
-        self, link: ET.Element, file: SdfFile, where: str, *, is_level: bool
+        self,
+        link: ET.Element,
+        file: SdfFile,
+        where: str,
+        X_WM: RigidTransform | None,
     ) -> None:
-        """Make every `<visual>` and `<collision>` fit for Drake, or remove it."""
+        """Make every `<visual>` and `<collision>` fit for Drake, or remove it.
+
+        The plane z = 0 of a model with a pose `X_WM` is the ground.
+        """
         place = place_of(link, where)
         file.remove(link, _OF_LINKS, place)
-        ground = GROUND if is_level and _is_flat(link, file) else None
+        ground = GROUND if X_WM is not None and _is_flat(link, file) else None
         for index, element in enumerate(list(link)):
             if element.tag in ("visual", "collision"):
                 element.attrib.setdefault("name", f"{element.tag}_{index}")
                 inside = f"{place}, {element.tag} {element.get('name')!r}"
                 shape = _Shape(element, file, self._models, inside, ground)
+                texture = shape.find_texture()
                 at = list(link).index(element)
                 link.remove(element)
                 for part in reversed(shape.clean()):
                     link.insert(at, part)
+                    is_ground = part.find(_HIDDEN) is not None
+                    if is_ground and X_WM is not None and self.ground is None:
+                        X_WL = X_WM @ _pose_of(link, file)
+                        self.ground = _ground_look(part, file, X_WL, texture)
 
     def _include(
         self,
@@ -292,6 +329,24 @@ def _is_flat(element: ET.Element, file: SdfFile) -> bool:
     return not is_relative and _keeps_plane(_pose_of(element, file))
 
 
+def _ground_look(
+    plane: ET.Element, file: SdfFile, X_WL: RigidTransform, texture: Path | None
+) -> GroundLook:
+    """Return how a cleaned plane of a link looks."""
+    if texture is not None and texture.suffix.lower() == ".png":
+        material = plane.find("material")
+        if material is None:
+            material = ET.SubElement(plane, "material")
+        ET.SubElement(material, "drake:diffuse_map").text = texture.as_uri()
+    size = parse_floats(plane.findtext("geometry/box/size") or "") or _PLANE_SIZE
+    color = parse_floats(plane.findtext("material/diffuse") or "")
+    X_WG = X_WL @ _pose_of(plane, file)
+    x, y, _ = X_WG.translation()
+    return GroundLook(
+        (size[0], size[1]), RigidTransform(X_WG.rotation(), [x, y, 0.0]), color, texture
+    )
+
+
 def _clean_joint(model: ET.Element, joint: ET.Element, *, is_static: bool) -> None:
     """Remove a joint where nothing moves; else let nothing drive it."""
     if joint.get("type") == "fixed":
@@ -316,8 +371,25 @@ class _Shape:
     models: ModelFinder
     where: str
 
-    # Name under which a plane collides that is the ground; then it isn't drawn.
+    # Name under which a plane collides that is the ground; the page draws it itself.
     ground: str | None
+
+    def find_texture(self) -> Path | None:
+        """Return the picture of a plane that is the ground, and forget it there."""
+        path, parent = "material/pbr/metal", self.element.find("material/pbr/metal")
+        found = self.element.find(f"{path}/albedo_map")
+        is_plane = self.element.find("geometry/plane") is not None
+        if self.ground is None or not is_plane or found is None or parent is None:
+            return None
+        uri = (found.text or "").strip()
+        texture = self.models.find_file(uri, self.file.path.parent)
+        if texture is None or texture.suffix.lower() not in TEXTURES:
+            is_there = texture is not None
+            expected = f"no {' or '.join(TEXTURES)}" if is_there else "no such file"
+            self._say(f"texture {uri!r}: {expected}", "drawn without it", "warning")
+            texture = None
+        parent.remove(found)
+        return texture
 
     def clean(self) -> list[ET.Element]:
         """Return what takes its place: elements that Drake takes, or none."""
@@ -402,9 +474,9 @@ class _Shape:
             X_LP = X_LP @ RigidTransform(turn, np.zeros(3))
         if self.ground is not None and _keeps_plane(X_LP):
             if self.element.tag == "visual":
-                self._say("the plane of the ground", "it isn't drawn")
-                return []
-            self.element.set("name", self.ground)
+                ET.SubElement(self.element, _HIDDEN).set("enabled", "false")
+            else:
+                self.element.set("name", self.ground)
         X_LG = X_LP @ RigidTransform([0.0, 0.0, -thickness / 2.0])
         geometry.remove(plane)
         box = ET.SubElement(ET.SubElement(geometry, "box"), "size")

@@ -18,7 +18,7 @@ from arm_drake.worlds.sdf_files import (
     replace_child,
     text_of,
 )
-from arm_drake.worlds.sdf_models import Cleaner
+from arm_drake.worlds.sdf_models import Cleaner, GroundLook
 
 if TYPE_CHECKING:
     from arm_drake.worlds.lights import Light
@@ -48,6 +48,9 @@ class LoadedWorld:
 
     # Whether the page shows its grid.
     has_grid: bool = True
+
+    # How its ground looks, None where it draws none.
+    ground: GroundLook | None = None
 
     # Colour of the page behind everything, red, green and blue from 0 to 1.
     background: Vector | None = None
@@ -105,6 +108,7 @@ class SdfWorld:
     name: str
     gravity: Vector | None
     has_grid: bool
+    ground: GroundLook | None
     background: Vector | None
     lights: "tuple[Light, ...] | None"
 
@@ -162,6 +166,7 @@ def read_world(path: Path, package_paths: Sequence[Path] = ()) -> SdfWorld:
         world.get("name") or "default",
         _read_gravity(world, file),
         scene is None or text_of(scene, "grid") not in ("false", "0"),
+        cleaner.ground,
         _read_background(scene),
         _read_lights(world, file),
         kept[True],

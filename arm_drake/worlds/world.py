@@ -21,7 +21,7 @@ from pydrake.multibody.tree import (
     world_index,
 )
 
-from arm_drake.bundled import models_folder
+from arm_drake.description.bundled import models_folder
 from arm_drake.errors import InputError, suggest
 from arm_drake.plant.contact import add_ground
 from arm_drake.plant.drake_log import drake_messages
@@ -142,6 +142,7 @@ def load_sdf_world(path: Path, package_paths: Sequence[Path] = ()) -> LoadedWorl
         has_things=has_things,
         gravity=world.gravity,
         has_grid=world.has_grid,
+        ground=world.ground,
         background=world.background,
         lights=world.lights,
         report=world.file.report,

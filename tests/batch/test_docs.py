@@ -34,13 +34,15 @@ def test_the_programs_of_the_docs_run(tmp_path) -> None:
         )
         said.append((done.stdout.splitlines(), done.stderr))
 
-    (study, _), (settled, _), (nothing, progress) = said
+    (study, _), (settled, _), (nothing, progress), (noisy, _) = said
     assert [line.split(" rad")[0] for line in study[:3]] == ["0.5", "1.0", "1.5"]
     assert re.match(r"3 runs in [\d.]+ s, 0 failed; ", study[3])
     assert [line.split()[0] for line in settled] == ["0", "1", "2", "3"]
     # They are there, within the controller's own tolerance of a goal.
     assert all(float(line.split()[1]) < 0.01 for line in settled)
     assert nothing == []
+    assert noisy[0].startswith("1 runs in ")
+    assert len(noisy) == 1  # None failed.
     assert re.search(r"^4/4 runs, \d:\d\d$", progress, re.MULTILINE)
 
 

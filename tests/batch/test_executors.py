@@ -11,12 +11,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from distributed import Client, LocalCluster
 
 import arm_drake as ad
 from arm_drake.batch import executors
 from arm_drake.batch.processes import NO_LIMITS, close_server
-from arm_drake.batch.store import RunStore
+from arm_drake.batch.runs import RunStore
 from arm_drake.errors import InputError, OutputError
 from tests.batch import functions
 from tests.models import TWO_LINKS, load, trajectory_controllers
@@ -32,6 +31,9 @@ def no_server_stays() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def client() -> Iterator[Any]:
+    # Half a second, where it is not used too.
+    from distributed import Client, LocalCluster
+
     with (
         LocalCluster(
             n_workers=2, threads_per_worker=1, dashboard_address=None
@@ -155,7 +157,7 @@ def test_what_can_not_be_used_is_told(options, message) -> None:
 def test_a_worker_with_other_versions_refuses() -> None:
     other = {**executors.versions(), "drake": "0.1"}
 
-    answer = executors.execute(other, ["x"], {}, 0, b"", NO_LIMITS, "")
+    answer = executors.execute(other, ["x"], {}, [(0, b"")], NO_LIMITS, "")
 
     assert isinstance(answer, executors.Refused)
     assert f"it has drake {executors.versions()['drake']}" in answer.why
@@ -180,18 +182,83 @@ def test_who_refuses_is_named_in_the_error() -> None:
 def test_what_is_asked_for_is_sent_once() -> None:
     asked: list[int] = []
 
-    class Counting(cf.ThreadPoolExecutor):
+    class Asked(cf.ThreadPoolExecutor):
         def submit(self, *task: Any) -> Any:
             asked.append(len(task[3]))
             return super().submit(*task)
 
     data = np.ones(1000)
-    with Counting(1) as pool:
+    with Asked(1) as pool:
         results = ad.run_many(range(6), lambda x: float(data[x]), on=pool)
 
     assert results.values == [1.0] * 6
     # Without it, with it, and those that were under way when it came.
     assert sum(asked) <= 2
+
+
+class Counting(cf.ThreadPoolExecutor):
+    """Counts the runs of each call."""
+
+    def __init__(self, workers: int) -> None:
+        super().__init__(workers)
+        self.calls: list[int] = []
+
+    def submit(self, *task: Any) -> Any:
+        self.calls.append(len(task[4]))
+        return super().submit(*task)
+
+
+def test_short_runs_go_together_and_long_ones_alone() -> None:
+    with Counting(2) as pool:
+        results = ad.run_many(range(400), abs, on=pool)
+    with Counting(1) as alone:
+        ad.run_many([0.2] * 4, sleep, on=alone)
+
+    assert results.values == list(range(400))
+    assert max(pool.calls) > 10
+    # All have something to do until the end.
+    assert pool.calls[-1] == 1
+    assert set(alone.calls) == {1}
+
+
+class KilledWorker(Exception):
+    """As dask's, of a task whose workers have died again and again."""
+
+
+class Deadly(Counting):
+    """Workers that die of one input."""
+
+    def submit(self, *task: Any) -> Any:
+        if 77 not in [index for index, _ in task[4]]:
+            return super().submit(*task)
+        self.calls.append(len(task[4]))
+        future: cf.Future[Any] = cf.Future()
+        future.set_exception(KilledWorker())
+        return future
+
+
+def test_who_was_with_a_run_that_kills_its_workers_is_run_without_it() -> None:
+    with Deadly(1) as pool:
+        results = ad.run_many(range(200), abs, on=pool)
+
+    assert max(pool.calls) > 1
+    assert [result.index for result in results.failed] == [77]
+    assert str(results[77].error) == "its workers died while they had this run"
+
+
+def kill_itself(number: int) -> int:
+    """Kill the process with the number 7."""
+    if number == 7:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number
+
+
+@pytest.mark.slow
+def test_nobody_pays_for_a_run_that_breaks_its_executor() -> None:
+    results = ad.run_many(range(20), kill_itself, on=lambda: cf.ProcessPoolExecutor(2))
+
+    assert [result.index for result in results.failed] == [7]
+    assert "tried twice" in str(results[7].error)
 
 
 @pytest.mark.slow
@@ -307,6 +374,32 @@ def test_a_full_disk_loses_nothing(tmp_path, monkeypatch) -> None:
 
     assert results.values == list(range(9))
     assert "were there already" in results.why
+
+
+def test_a_world_that_is_a_file_goes_along(tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("ARM_DRAKE_CACHE", str(tmp_path / "cache"))
+    robot, file = load(tmp_path, TWO_LINKS, ARM), tmp_path / "moon.sdf"
+    file.write_text(
+        "<sdf version='1.7'><world name='moon'><gravity>0 0 -1.62</gravity>"
+        "<model name='rock'><link name='rock'/></model></world></sdf>"
+    )
+
+    class Elsewhere(cf.ThreadPoolExecutor):
+        """Workers that don't see the file."""
+
+        def submit(self, *task: Any) -> Any:
+            file.unlink(missing_ok=True)
+            executors._kept.clear()
+            return super().submit(*task)
+
+    def gravity(simulation: ad.Simulation) -> float:
+        return float(simulation.plant.gravity_field().gravity_vector()[2])
+
+    with Elsewhere(1) as pool:
+        run = ad.Run(robot=robot, world=file, duration=0.0)
+        results = ad.run_many([run, run], keep=gravity, on=pool)
+
+    assert results.values == [-1.62] * 2
 
 
 def test_a_mesh_that_a_worker_lacks_is_kept_by_its_content(

@@ -6,7 +6,6 @@ import math
 import re
 from pathlib import Path
 
-import control
 import numpy as np
 import pytest
 
@@ -81,6 +80,8 @@ def test_responses_of_a_pid_are_those_of_its_closed_form(model) -> None:
 
 
 def test_margins_of_a_pid_are_those_of_python_control(model) -> None:
+    import control  # Takes 1.5 s, which not all workers need.
+
     loop = control.ss(PLANT, PUSH, GAINS, 0.0, PERIOD)
     _, phase, modulus, _, crossover, _ = control.stability_margins(loop)
 
@@ -102,27 +103,59 @@ def test_what_is_linear_is_predicted_up_to_its_effort_limit(model) -> None:
     assert model.is_stable
 
 
-def test_a_sine_through_the_simulation_has_the_gain_of_the_response(lift) -> None:
-    frequency, size, ticks = 9.0, 0.05, 800
-    sim = ad.Simulation(ad.build_diagram(lift, options=WEIGHTLESS))
-    arm = sim.controller("arm")
-    time = PERIOD * np.arange(ticks)
-    for tick in range(ticks):
-        point = ad.JointTrajectoryPoint((size * math.sin(frequency * time[tick]),))
-        arm.send_trajectory(ad.JointTrajectory(joint_names=("slide",), points=(point,)))
-        sim.advance_to((tick + 1) * PERIOD)
+def make_chirp(ticks: int, size: float) -> np.ndarray:
+    """Return a sweep from one to ticks / 5 cycles that repeats; each value twice."""
+    k, top = np.arange(0, ticks, 2), ticks / 5
+    phase = 2.0 * np.pi * (k / ticks + (top - 1.0) * (k / ticks) ** 2 / 2.0)
+    return np.repeat(size * np.sin(phase), 2)
 
-    measured = sim.rollout().position[:ticks, 0]
 
-    late = slice(ticks // 2, None)
-    waves = np.exp(1j * frequency * time[late])
-    basis = np.column_stack((waves.real, waves.imag))
-    cosine, sine = np.linalg.lstsq(basis, measured[late], rcond=None)[0]
-    expected = size * ad.linearize(lift, options=WEIGHTLESS).response(
-        [frequency], "slide"
+def measure_response(
+    robot: ad.Robot, joint: str, options: ad.SimulationOptions, ticks: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return frequencies [rad/s] and responses to a chirp's third round, (k,) each."""
+    sim = ad.Simulation(ad.build_diagram(robot, options=options))
+    (name,) = (c.name for c in robot.controllers.controllers if "Traj" in c.type)
+    arm, now = sim.controller(name), sim.joint_states()
+    names, period = now.name, 1.0 / robot.controllers.update_rate
+    chirp = make_chirp(ticks, 1e-3)
+    for tick in range(3 * ticks):
+        row = np.array(now.position)
+        row[names.index(joint)] += chirp[tick % ticks]
+        point = ad.JointTrajectoryPoint(tuple(row))
+        arm.send_trajectory(ad.JointTrajectory(joint_names=names, points=(point,)))
+        sim.advance_to((tick + 1) * period)
+    column = sim.rollout().joint_names.index(joint)
+    moved = sim.rollout().position[2 * ticks : 3 * ticks, column]
+    bins = np.arange(1, ticks // 5)
+    moved = moved - now.position[names.index(joint)]
+    response = np.fft.fft(moved)[bins] / np.fft.fft(chirp)[bins]
+    return 2.0 * np.pi * bins / (ticks * period), response
+
+
+def test_a_chirp_through_the_simulation_has_the_responses_of_a_pid(lift, model) -> None:
+    at, measured = measure_response(lift, "slide", WEIGHTLESS, 200)
+
+    closed = [
+        np.linalg.inv(np.exp(1j * each * PERIOD) * np.eye(2) - PLANT + PUSH @ GAINS)
+        for each in at
+    ]
+    assert measured == pytest.approx(
+        np.array([P * (each @ PUSH)[0, 0] for each in closed]), rel=1e-8
     )
-    # size·sin(wt) is the imaginary part of size·exp(iwt).
-    assert sine + 1j * cosine == pytest.approx(expected[0], rel=1e-4)
+    assert measured == pytest.approx(model.response(at, "slide"), rel=1e-5)
+
+
+@pytest.mark.slow
+def test_a_chirp_through_a_robot_has_the_responses_of_its_model() -> None:
+    robot = ad.load_robot("doosan_a0912")
+    options = ad.SimulationOptions(friction=False, time_step=0.005)
+
+    at, measured = measure_response(robot, "joint2", options, 200)
+
+    model = ad.linearize(robot, options=options)
+    assert np.abs(measured).max() > 10.0 * np.abs(measured).min()
+    assert measured == pytest.approx(model.response(at, "joint2"), rel=1e-5)
 
 
 @pytest.mark.slow

@@ -56,6 +56,10 @@ def test_a_grid_has_the_same_draws_at_each_point(folder) -> None:
         assert drawn[:3] == drawn[3:]
         assert len(set(drawn)) == 3
     assert all(0.0 <= row["payload.lower"] <= 0.5 for row in values)
+    # A robot goes to each worker once, wherever it begins.
+    runs = study.runs()
+    assert {run.robot for run in runs} == {study.robot}
+    assert runs[1].changes["initial.elbow"] == values[1]["initial.elbow"]
 
 
 @pytest.mark.parametrize(
@@ -81,6 +85,24 @@ def test_distributions_have_their_moments(folder, words, mean, deviation) -> Non
     # Four standard errors of the mean.
     assert np.mean(drawn) == pytest.approx(mean, abs=4.0 * deviation / 30.0)
     assert np.std(drawn) == pytest.approx(deviation, rel=0.15)
+
+
+def test_noise_and_delays_vary_by_name_each_draw_with_noise_of_its_own(folder) -> None:
+    vary = """
+  noise.position: {values: [0.0, 0.01]}
+  noise.elbow/velocity: {uniform: [0.0, 0.1]}
+  options.state_delay: {choice: [0, 1, 2]}
+draws"""
+    (folder / "study.yaml").write_text(STUDY.replace("\ndraws", vary))
+    study = ad.load_study(folder / "study.yaml")
+
+    options = [run.options for run in study.runs()]
+
+    assert len(options) == 12
+    assert [each.seed for each in options] == [0, 1, 2] * 4
+    assert options[-1].state_noise["position"] == 0.01
+    assert 0.0 < options[-1].state_noise["elbow/velocity"] < 0.1
+    assert {each.state_delay for each in options} <= {0, 1, 2}
 
 
 @pytest.mark.slow
@@ -116,6 +138,16 @@ def test_the_command_runs_it_writes_and_goes_on(folder, capsys, monkeypatch) -> 
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
+        (
+            "scale.damping: {values: [1.0, 3.0]}",
+            "noise.positon: {values: [1.0]}",
+            "vary.noise.positon: state_noise: no state interface 'positon' is measured",
+        ),
+        (
+            "scale.damping: {values: [1.0, 3.0]}",
+            "options.state_delay: {values: [1.5]}",
+            "vary.options.state_delay: state_delay: expected an integer of at least 0",
+        ),
         ("draws: 3", "draw: 3", "unknown key 'draw'; did you mean 'draws'?"),
         ("draws: 3", "draws: 0", "draws: expected a finite number of at least 1, got"),
         ("draws: 3", "draws: 1.5", "draws: expected an integer, got 1.5"),

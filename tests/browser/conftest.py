@@ -11,7 +11,7 @@ from pydrake.geometry import Meshcat
 
 import arm_drake as ad
 from arm_drake.visualization.screenshot import BrowserError, open_browser
-from tests.browser.pictures import VIEWPORT
+from tests.browser.pictures import new_context
 from tests.robots import real_robot, skip_or_fail
 from tests.waiting import PATIENCE
 
@@ -49,8 +49,7 @@ def browser(start_meshcat: Callable[[], Meshcat]) -> Iterator[Browser]:
 
 @pytest.fixture
 def page(browser: Browser) -> Iterator[Page]:
-    context = browser.new_context(viewport=VIEWPORT)
-    context.set_default_timeout(1000.0 * PATIENCE)
+    context = new_context(browser)
     yield context.new_page()
     context.close()
 

@@ -22,7 +22,7 @@ from playwright.sync_api import Page as BrowserPage
 from pydrake.math import RigidTransform
 
 from arm_drake.visualization.page import Page
-from tests.browser.pictures import VIEWPORT, Camera, Mask, Picture
+from tests.browser.pictures import VIEWPORT, Camera, Mask, Picture, new_context
 from tests.waiting import PATIENCE as TIMEOUT
 
 # How often something is looked at that is waited for [ms].
@@ -289,8 +289,7 @@ class Screen:
 @contextlib.contextmanager
 def look_at(browser: Browser, url: str) -> Iterator[Screen]:
     """Open a page in a browser, and close it in the end."""
-    context = browser.new_context(viewport=_SIZE)
-    context.set_default_timeout(1000.0 * TIMEOUT)
+    context = new_context(browser, viewport=_SIZE)
     try:
         page = context.new_page()
         page.add_init_script(_NOTE_MARK)

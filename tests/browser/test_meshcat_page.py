@@ -28,12 +28,12 @@ from tests.browser.pictures import (
     difference,
     grow,
     hide_robot,
+    new_context,
     paint_robot,
     picture_at,
     take_picture,
     wait_until_drawn,
 )
-from tests.waiting import PATIENCE
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
@@ -138,8 +138,7 @@ def scene(start_meshcat: StartMeshcat, doosan: Path) -> Scene:
 
 @pytest.fixture(scope="module")
 def pictures(browser: Browser, scene: Scene) -> Pictures:
-    context = browser.new_context(viewport=VIEWPORT)
-    context.set_default_timeout(1000.0 * PATIENCE)
+    context = new_context(browser)
     page = context.new_page()
     # Without a ground that its shadow falls on.
     scene.meshcat.SetProperty("/Grid", "visible", False)
@@ -241,8 +240,7 @@ def test_a_saved_recording_plays_without_a_network(
 
     save_recording(scene.meshcat, file, "doosan")
 
-    context = browser.new_context(viewport=VIEWPORT, offline=True)
-    context.set_default_timeout(1000.0 * PATIENCE)
+    context = new_context(browser, offline=True)
     page = context.new_page()
     requests: list[str] = []
     page.on("request", lambda request: requests.append(request.url))

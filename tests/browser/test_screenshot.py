@@ -36,7 +36,8 @@ pytestmark = [pytest.mark.browser, pytest.mark.slow]
 StartMeshcat = Callable[[], Meshcat]
 Picture = NDArray[np.int16]
 
-WIDTH, HEIGHT = 1280, 960
+# Of most pictures here: drawn on the processor, each pixel costs.
+SIZE = WIDTH, HEIGHT = 640, 480
 
 # Share of the picture that stays free on each side.
 MARGIN = 0.06
@@ -121,7 +122,7 @@ def test_a_robot_of_any_size_fills_the_picture(
     meshcat = start_meshcat()
     show_robot(meshcat, load(tmp_path, red_arm(scale)))
 
-    data, _ = photographer.take_picture(meshcat)
+    data, _ = photographer.take_picture(meshcat, size=SIZE)
 
     picture = read(data)
     assert picture.shape == (HEIGHT, WIDTH, 3)
@@ -139,7 +140,7 @@ def test_size_makes_no_difference_to_the_picture(
     for scale in (0.01, 10.0):
         meshcat = start_meshcat()
         show_robot(meshcat, load(tmp_path, red_arm(scale)))
-        pictures.append(read(photographer.take_picture(meshcat)[0]))
+        pictures.append(read(photographer.take_picture(meshcat, size=SIZE)[0]))
 
     # 1000 times as large: the same light, the same grid.
     assert difference(*pictures).mean() < 0.002
@@ -156,6 +157,7 @@ def test_a_bundled_robot_fills_the_picture(
 
     # Without a ground the background has one colour in each row.
     picture = read(data)
+    assert picture.shape == (960, 1280, 3)
     background = np.median(picture, axis=1, keepdims=True)
     differs = np.abs(picture - background).max(axis=2) > 20
     robot = grow(~grow(~differs, 2), 2)
@@ -173,7 +175,7 @@ def test_the_ground_shows_metres_and_the_robots_shadow(
         if not has_shadow:
             light = "/Lights/FillLight/<object>"
             meshcat.SetProperty(light, "castShadow", False)
-        pictures.append(read(photographer.take_picture(meshcat)[0]))
+        pictures.append(read(photographer.take_picture(meshcat, size=SIZE)[0]))
 
     red = grow(red_of(pictures[0]), 5)
     darker = (pictures[1] - pictures[0]).mean(axis=2)
@@ -183,6 +185,67 @@ def test_the_ground_shows_metres_and_the_robots_shadow(
     # The ground is brighter than its lines.
     bottom = pictures[1][-HEIGHT // 5 :].mean(axis=2)
     assert 0.02 < (bottom < np.median(bottom) - 10).mean() < 0.3
+
+
+# The arm of `red_arm` in a scene.
+RED = "drake/visual/red"
+
+
+def darkened_by_shadows(photographer: Photographer, meshcat: Meshcat) -> Picture:
+    """Return how much darker a picture is because of shadows."""
+    with_shadows = read(photographer.take_picture(meshcat, paths=[RED])[0])
+    meshcat.SetProperty("/Lights/FillLight/<object>", "castShadow", False)
+    return read(photographer.take_picture(meshcat, paths=[RED])[0]) - with_shadows
+
+
+def test_a_robot_in_the_house_casts_a_shadow_on_the_floor(
+    photographer: Photographer, start_meshcat: StartMeshcat, tmp_path: Path
+) -> None:
+    meshcat = start_meshcat()
+    diagram = ad.build_diagram(
+        load(tmp_path, red_arm(1.0)), world="house", meshcat=meshcat
+    )
+    diagram.ForcedPublish(diagram.CreateDefaultContext())
+
+    darker = darkened_by_shadows(photographer, meshcat).mean(axis=2)
+
+    # What is darker is on one side of the arm, as in the empty world: not the room.
+    shadow = darker > 3
+    assert 0.01 < shadow[:, WIDTH // 2 :].mean() < 0.2
+    assert shadow[: HEIGHT // 2, : WIDTH // 3].mean() < 0.005
+
+
+def test_the_ground_has_the_colours_of_its_file(
+    photographer: Photographer, start_meshcat: StartMeshcat, tmp_path: Path
+) -> None:
+    # In the picture's upper half is what has a greater y.
+    Image.fromarray(
+        np.repeat(np.uint8([[[0, 0, 255]]] * 32 + [[[0, 255, 0]]] * 32), 64, axis=1)
+    ).save(tmp_path / "two.png")
+    plane = (
+        "<geometry><plane><size>4 4</size></plane></geometry><material>{}</material>"
+    )
+    material = "<pbr><metal><albedo_map>two.png</albedo_map></metal></pbr>"
+    world = tmp_path / "two.sdf"
+    world.write_text(
+        '<sdf version="1.7"><world name="w"><scene><grid>false</grid></scene>'
+        '<model name="g"><static>true</static><link name="l"><visual name="v">'
+        f"{plane.format(material)}</visual></link></model></world></sdf>"
+    )
+    meshcat = start_meshcat()
+    diagram = ad.build_diagram(
+        load(tmp_path, red_arm(1.0)), world=world, meshcat=meshcat
+    )
+    diagram.ForcedPublish(diagram.CreateDefaultContext())
+    above = photographer.take_picture(meshcat, paths=[RED], direction=(0.0, -0.3, 1.0))[
+        0
+    ]
+
+    picture = read(above)[:, : WIDTH // 8]
+    _, green, blue = np.moveaxis(picture, 2, 0)
+    # Seen from where y is small: green in front, blue behind.
+    assert (green > blue + 40)[-HEIGHT // 40 :].all()
+    assert (blue > green + 40)[: HEIGHT // 4].all()
 
 
 # Draws as soon as the page hears of shadows, as a page now and then does.
@@ -248,7 +311,7 @@ def test_a_joint_that_follows_is_drawn_where_it_belongs(
     meshcat = start_meshcat()
     show_robot(meshcat, robot)
 
-    _, camera = photographer.take_picture(meshcat)
+    _, camera = photographer.take_picture(meshcat, size=SIZE)
 
     # -0.5 * 2.0 + 0.1, about y; a camera that sees but the ball looks at its middle.
     angle = -0.9
@@ -263,7 +326,7 @@ def test_only_some_of_the_scene_may_be_framed(
     show_robot(meshcat, load(tmp_path, red_arm(1.0)))
 
     paths = ["drake/visual/red/upper"]
-    _, camera = photographer.take_picture(meshcat, paths=paths)
+    _, camera = photographer.take_picture(meshcat, size=SIZE, paths=paths)
 
     # The upper half, a box from 0.5 m to 1 m.
     np.testing.assert_allclose(camera.target, (0.0, 0.0, 0.75), atol=0.03)
@@ -276,7 +339,7 @@ def test_a_robot_without_anything_to_be_seen_is_said(
     show_robot(meshcat, load(tmp_path, GRIPPER))
 
     with pytest.raises(BrowserError) as caught:
-        photographer.take_picture(meshcat)
+        photographer.take_picture(meshcat, size=SIZE)
 
     assert str(caught.value) == "no picture: nothing of the robot is to be seen"
 
@@ -288,7 +351,7 @@ def test_the_camera_of_the_page_stays_where_it_is(
     show_robot(meshcat, load(tmp_path, red_arm(1.0)))
     before = meshcat._GetPackedProperty("/Cameras/default/rotated/<object>", "position")
 
-    photographer.take_picture(meshcat)
+    photographer.take_picture(meshcat, size=SIZE)
 
     after = meshcat._GetPackedProperty("/Cameras/default/rotated/<object>", "position")
     assert before == after
@@ -339,7 +402,7 @@ def test_a_picture_that_cannot_be_written_names_the_file(
     file = tmp_path / "missing" / "robot.png"
 
     with pytest.raises(OutputError) as caught:
-        save_screenshot(meshcat, file, photographer=photographer)
+        save_screenshot(meshcat, file, size=SIZE, photographer=photographer)
 
     assert str(caught.value) == f"{file}: can't be written: No such file or directory"
 
@@ -366,7 +429,7 @@ def test_a_page_that_does_not_get_the_scene_is_said(
     url = start_meshcat().web_url()
 
     with pytest.raises(BrowserError) as caught:
-        photographer.take_picture(Silent(url))
+        photographer.take_picture(Silent(url), size=SIZE)
 
     assert str(caught.value) == (
         f"{url}/: the page does not get the scene within 0.5 s"
@@ -379,7 +442,7 @@ def test_a_page_that_does_not_exist_is_said(
     url = f"{start_meshcat().web_url()}0/"
 
     with pytest.raises(BrowserError) as caught:
-        photographer.take_picture(Silent(url))
+        photographer.take_picture(Silent(url), size=SIZE)
 
     assert str(caught.value).startswith(f"the browser can't draw {url}: ")
     assert "\n" not in str(caught.value)
@@ -406,7 +469,7 @@ def test_the_browser_is_gone_afterwards(
     before = _programs()
     threads = set(threading.enumerate())
 
-    save_screenshot(meshcat, tmp_path / "robot.png")
+    save_screenshot(meshcat, tmp_path / "robot.png", size=SIZE)
 
     wait_until(lambda: _programs() <= before, "the browser has ended")
     # asyncio tells its own threads to end, and doesn't wait for them.

@@ -171,17 +171,21 @@ def test_what_a_file_catches_is_in_the_report(package: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("code", "expected"),
+    ("code", "limit", "value", "expected"),
     [
-        ("while True: pass", "takes more than 1 s of processor time"),
-        ("import time; time.sleep(1000)", "takes more than 3 s; launch files only say"),
+        ("while True: pass", "CPU_TIME", 1, "takes more than 1 s of processor time"),
+        ("import time; time.sleep(1000)", "TIME", 3.0, "takes more than 3 s; launch "),
     ],
 )
 def test_a_file_that_never_ends_is_ended(
-    package: Path, monkeypatch: pytest.MonkeyPatch, code: str, expected: str
+    package: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    code: str,
+    limit: str,
+    value: float,
+    expected: str,
 ) -> None:
-    monkeypatch.setattr(launch_files, "CPU_TIME", 1)
-    monkeypatch.setattr(launch_files, "TIME", 3.0)
+    monkeypatch.setattr(launch_files, limit, value)
     start = time.monotonic()
 
     told = message(describe(package, "", before=code))

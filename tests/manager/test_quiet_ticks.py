@@ -125,17 +125,22 @@ def compare(count: Count, monkeypatch: pytest.MonkeyPatch) -> None:
         assert not find_difference(new, manager._tick(context, old))
         return new
 
-    def tick_in_numbers(manager: ControllerManager, context: Any, base: Any) -> Any:
-        found = tick_steadily(manager, context, base)
+    def tick_in_numbers(
+        manager: ControllerManager, context: Any, base: Any, numbers: Any
+    ) -> Any:
+        found = tick_steadily(manager, context, base, numbers)
         if found is None:
             return None
         count.num_steady += 1
-        values, drive, numbers, base = found
         full = manager._tick(context, manager.read_state(context))
         full = full._replace(cycle=full.cycle._replace(ticks={}))
-        new = manager._make_state(base, np.array(values), numbers)
+        new_base, number, motions, values, told, rates = found
+        kept = np.array([number, *told[: len(rates)], *rates, *motions])
+        steady = manager._quiet.steady_cycles(new_base)
+        assert steady is not None
+        new = manager._make_state(steady, np.array(values), np.array(told), kept)
         assert not find_difference(new, full)
-        np.testing.assert_array_equal(drive, full.drive)
+        np.testing.assert_array_equal([*told, *rates], full.drive)
         return found
 
     monkeypatch.setattr(ControllerManager, "_tick_quietly", tick)

@@ -177,12 +177,13 @@ def test_a_base_stands_still_from_the_start(name: str) -> None:
     assert max(map(abs, base.joints(1).values())) < 1e-3
 
 
+@pytest.mark.parametrize("sides", [2, pytest.param(4, marks=pytest.mark.long)])
 @pytest.mark.parametrize("name", ["create3", "pmb2", "gzc_diff_drive_namespaced"])
-def test_a_base_drives_a_square(name: str) -> None:
+def test_a_base_drives_a_square(name: str, sides: int) -> None:
     base, (speed, turn), side = Base(name), BASES[name][-2:], 0.5
     start, path, worst = base.middle(), 0.0, 0.0
 
-    for _ in range(4):
+    for _ in range(sides):
         base.drive(speed, 0.0, side / speed)
         base.stop()
         base.drive(0.0, turn, np.pi / 2.0 / turn)
@@ -196,7 +197,9 @@ def test_a_base_drives_a_square(name: str) -> None:
     # What the wheels say is within 5 % of the way that was driven.
     assert worst < 0.05
     # And it did drive, about all that was commanded; a start takes its time.
-    assert np.linalg.norm((start.inverse() @ base.middle()).translation()[:2]) < 0.15
+    end = (start.inverse() @ base.middle()).translation()[:2]
+    corner = [side, side] if sides == 2 else [0.0, 0.0]
+    assert np.linalg.norm(end - corner) < 0.15
     assert base.odom.value().child_frame_id.endswith(base.row.frame)
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from arm_drake.bundled import bundled_robots
+from arm_drake.description.bundled import bundled_robots
 from arm_drake.wire.foxglove import find_asset
 from tests.wire.served import JTC, port_of, run_node, served, simulation
 
@@ -23,9 +23,12 @@ def roslib() -> dict[str, Any]:
 
 
 def test_roslib_gets_cbor_as_often_as_it_is_published(roslib: dict[str, Any]) -> None:
-    assert 50 <= roslib["counts"]["states"] <= 130
-    # One every 0.1 s, as was asked for.
-    assert 5 <= roslib["counts"]["frames"] <= 15
+    counts = roslib["counts"]
+    # By the simulated time of what came: 100 Hz; a busy machine may lose some.
+    assert counts["simulated"] >= 0.9
+    assert 0.8 <= counts["states"] / (100.0 * counts["simulated"] + 1.0) <= 1.01
+    # At most one every 0.1 s of the wall clock, as was asked for.
+    assert 3 <= counts["frames"] <= 10.0 * counts["waited"] + 2.0
     assert len(roslib["description"]) == 1
 
 

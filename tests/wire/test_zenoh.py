@@ -146,7 +146,7 @@ def test_an_action_is_three_services_and_two_topics(
     ]
 
     def send(target: float, seconds: int) -> dict[str, Any]:
-        goal_id = {"uuid": list(uuid.uuid4().bytes)}
+        goal_id = {"uuid": uuid.uuid4().bytes}
         point = {"positions": [target] * 6, "time_from_start": {"sec": seconds}}
         trajectory = {"joint_names": DOOSAN_JOINTS, "points": [point]}
         request = {"goal_id": goal_id, "goal": {"trajectory": trajectory}}

@@ -272,6 +272,50 @@ def test_sun_and_ground_plane_are_built_in(tmp_path: Path) -> None:
     np.testing.assert_allclose(found["roof::link::collision"], [0.0, 0.0, 4.5])
 
 
+PLANE = """
+    <model name="lawn"><static>true</static><pose>1 0 0 0 0 0</pose><link name="link">
+      <visual name="v"><pose>0 2 0 0 0 0</pose>
+        <geometry><plane><size>6 4</size></plane></geometry>
+        <material>{}</material></visual></link></model>"""
+GREEN = "<diffuse>0.2 0.7 0.3 1</diffuse>"
+TEXTURE = "<pbr><metal><albedo_map>{}</albedo_map></metal></pbr>"
+
+
+def test_the_ground_looks_as_its_file_says(tmp_path: Path) -> None:
+    (tmp_path / "tiles.png").write_bytes(b"")
+
+    green = load_world(write(tmp_path, PLANE.format(GREEN))).ground
+    tiled = load_world(write(tmp_path, PLANE.format(TEXTURE.format("tiles.png"))))
+
+    assert green is not None
+    assert (green.size, green.color, green.texture) == (
+        (6, 4),
+        (0.2, 0.7, 0.3, 1),
+        None,
+    )
+    np.testing.assert_allclose(green.X_WG.translation(), [1.0, 2.0, 0.0])
+    assert tiled.ground is not None
+    assert tiled.ground.texture == tmp_path / "tiles.png"
+    assert not list(tiled.report)
+    # Higher up it is a thing like any other.
+    above = PLANE.format(GREEN).replace("1 0 0 0 0 0", "1 0 1 0 0 0")
+    assert load_world(write(tmp_path, above)).ground is None
+
+
+def test_a_texture_that_cannot_be_drawn_is_reported(tmp_path: Path) -> None:
+    (tmp_path / "tiles.tif").write_bytes(b"")
+    found = [
+        lines(write(tmp_path, PLANE.format(TEXTURE.format(name))))
+        for name in ("tiles.tif", "none.png")
+    ]
+
+    place = "warning 5 model 'lawn', link 'link', visual 'v': texture "
+    assert found == [
+        [f"{place}'tiles.tif': no .png or .jpg or .jpeg; drawn without it"],
+        [f"{place}'none.png': no such file; drawn without it"],
+    ]
+
+
 def test_a_base_stands_on_the_ground_plane_of_a_file(tmp_path: Path) -> None:
     path = write(tmp_path, "<include><uri>model://ground_plane</uri></include>")
     raised = (0.0, 0.0, 0.5, 0.0, 0.0, 0.0)

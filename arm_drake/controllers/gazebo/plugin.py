@@ -20,7 +20,7 @@ import dataclasses as dc
 import math
 import re
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,10 +37,7 @@ from arm_drake.description.gazebo_plugins import (
     JointStatePublisher,
     JointTrajectoryController,
 )
-from arm_drake.messages import Message
-
-if TYPE_CHECKING:
-    from arm_drake.messages import Twist
+from arm_drake.messages import Message, Twist
 
 Mask = NDArray[np.bool_]
 
@@ -317,7 +314,7 @@ def ros_topic(name: str, namespace: str, remappings: Sequence[str]) -> str:
     return topic
 
 
-def find_twist_fault(message: "Twist") -> str:
+def find_twist_fault(message: Twist) -> str:
     """Return why a base doesn't take a velocity; empty if it does."""
     numbers = (message.linear.x, message.angular.z)
     if all(map(math.isfinite, numbers)):

@@ -21,7 +21,7 @@ from arm_drake.visualization.contact_arrows import ContactArrows
 from arm_drake.visualization.drawing import ROOM_TO_MOVE, draw, frame_robots
 from arm_drake.visualization.ghost import BLUE, Ghost
 from arm_drake.visualization.link_drawings import VISUAL_PATH
-from arm_drake.visualization.meshcat import GROUND
+from arm_drake.visualization.meshcat import THREE_QUARTER, set_ground_visible
 from arm_drake.visualization.page import Choice, Scene, Toggle, Widget
 from arm_drake.visualization.page.link_readout import LinkReadout
 from arm_drake.visualization.page.panel import LinkViews, frame_names, make_fixed_frame
@@ -87,34 +87,43 @@ class LiveViews:
         self.scene = self._scene = scene
         self._simulation = simulation
         self._is_recorded = is_recorded
-        diagram = simulation.diagram
-        plant = diagram.GetSubsystemByName("plant")
-        self._has_physics = not isinstance(plant, KinematicPlant)
-        self._plant: MultibodyPlant = plant if self._has_physics else plant.plant
-        self._scene_graph: SceneGraph = diagram.GetSubsystemByName("scene_graph")
         self._robots = simulation.robots
-        self._models = {
-            name: self._plant.GetModelInstanceByName(name) for name in self._robots
-        }
         self._frames = frame_names(list(self._robots.values()))
         self._views = LinkViews(scene, shown)
-        self._views.put(
-            self._plant, self._scene_graph, self._models, list(self._robots.values())
-        )
         self._fixed_frame = WORLD
         self.readout = LinkReadout(scene, list(self._robots.values()))
         # Pose of the fixed frame as it was last drawn.
         self._X_WF = RigidTransform()
-        self._ghosts = {
-            name: self.make_ghost(name, name, BLUE) for name in self._robots
-        }
         self._has_ghosts = False
         self._trail: Trail | None = None
         self._trail_link = _NOTHING
         self._arrows: dict[str, ContactArrows] = {}
         # Where past positions are set, made when they are first asked for.
         self._past: Context | None = None
+        self.look_anew()
         frame_robots(simulation, scene.meshcat, room=ROOM_TO_MOVE)
+
+    def look_anew(self) -> None:
+        """Draw the simulation's diagram from now on, another one than before."""
+        simulation, diagram = self._simulation, self._simulation.diagram
+        plant = diagram.GetSubsystemByName("plant")
+        self.has_physics = not isinstance(plant, KinematicPlant)
+        self._plant: MultibodyPlant = plant if self.has_physics else plant.plant
+        self._scene_graph: SceneGraph = diagram.GetSubsystemByName("scene_graph")
+        self._robots = simulation.robots
+        has_contacts, self._past = bool(self._arrows), None
+        self._models = {
+            name: self._plant.GetModelInstanceByName(name) for name in self._robots
+        }
+        self._views.put(
+            self._plant, self._scene_graph, self._models, list(self._robots.values())
+        )
+        self._ghosts = {
+            name: self.make_ghost(name, name, BLUE) for name in self._robots
+        }
+        if has_contacts:
+            self._show_contacts(False)
+            self._show_contacts(True)
 
     def make_ghost(
         self, robot: str, name: str, color: tuple[float, float, float]
@@ -151,7 +160,7 @@ class LiveViews:
         InputError.
         """
         self._fixed_frame = self._find(frame, "fixed frame", self._frames)
-        self._scene.meshcat.SetProperty(GROUND, "visible", frame == WORLD)
+        set_ground_visible(self._scene.meshcat, is_visible=frame == WORLD)
         self._scene.patch({"fixed_frame": {"value": frame}})
         self.draw()
         if frame == WORLD:  # All goes back, and stays there without being drawn.
@@ -171,9 +180,16 @@ class LiveViews:
         self._scene.patch({"trail": {"value": frame or _NOTHING}})
         self.draw()
 
-    def frame(self) -> None:
+    def frame(self, direction: tuple[float, float, float] = THREE_QUARTER) -> None:
         """Point the camera at the robots, so that all of them is to be seen."""
-        frame_robots(self._simulation, self._scene.meshcat)
+        frame_robots(self._simulation, self._scene.meshcat, direction=direction)
+
+    def drawn_poses(self) -> dict[str, RigidTransform]:
+        """Return where links are drawn, by their names as frames."""
+        poses = {name: self._simulation.link_poses(name) for name in self._robots}
+        where = self._named(poses)
+        X_FW = where.get(self._fixed_frame, RigidTransform()).inverse()
+        return {name: X_FW @ X_WL for name, X_WL in where.items()}
 
     def draw(self) -> None:
         """Draw all as it is now."""
@@ -189,7 +205,7 @@ class LiveViews:
         """Tell where the link of the readout is now, and what touches it."""
         poses = {name: self._simulation.link_poses(name) for name in self._robots}
         contacts: list[ContactState] = []
-        if self._has_physics:
+        if self.has_physics:
             for name in self._robots:
                 prefix = f"{name}/" if len(self._robots) > 1 else ""
                 contacts += self._simulation.eval_output(f"{prefix}contacts").states
@@ -199,7 +215,7 @@ class LiveViews:
         """Return the present positions of all that moves, for `draw_past`."""
         plant = self._simulation.diagram.GetSubsystemByName("plant")
         context = plant.GetMyContextFromRoot(self._simulation.simulator.get_context())
-        if self._has_physics:
+        if self.has_physics:
             return np.array(self._plant.GetPositions(context))
         return np.array(plant.GetOutputPort("positions").Eval(context))
 
@@ -240,7 +256,7 @@ class LiveViews:
         """Return the toggles and choices of the panel."""
         label = "commanded pose, where it differs, as a ghost"
         extra = [Toggle("show:ghost", label, self._has_ghosts)]
-        if self._has_physics:
+        if self.has_physics:
             has_contacts = bool(self._arrows)
             extra.append(Toggle("show:contacts", "contact forces", has_contacts))
         value = self._trail_link if self._trail is not None else _NOTHING
@@ -275,7 +291,7 @@ class LiveViews:
         self._arrows = {}
         if not is_shown:
             return
-        if not self._has_physics:
+        if not self.has_physics:
             raise InputError("contact forces need physics, which this preset has not")
         context = self._plant.GetMyContextFromRoot(
             self._simulation.simulator.get_context()

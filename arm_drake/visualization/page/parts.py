@@ -7,13 +7,19 @@ import importlib
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
+
+from pydrake.math import RigidTransform
 
 from arm_drake.description.robot import Robot
 from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.page.live_views import LiveViews
 from arm_drake.visualization.page.scene import Scene
 from arm_drake.visualization.page.widgets import Section
+from arm_drake.worlds.things import Thing
+
+if TYPE_CHECKING:
+    from arm_drake.scene import Scene as SimulatedScene
 
 
 class Live(Protocol):
@@ -30,6 +36,17 @@ class Live(Protocol):
     @property
     def views(self) -> LiveViews:
         """What is shown of it, with the readout of a link."""
+
+    @property
+    def scene(self) -> "SimulatedScene | None":
+        """What is simulated, if it is known."""
+
+    @property
+    def can_insert(self) -> bool:
+        """Whether `insert` does something."""
+
+    def insert(self, thing: Thing) -> None:
+        """Put a thing into what is simulated, which goes on with it."""
 
     def note(self, text: str) -> None:
         """Add a line to the page's news."""
@@ -52,6 +69,12 @@ class Viewer(Protocol):
 
     def note(self, text: str) -> None:
         """Say something on the page and the terminal."""
+
+    def frame(self, direction: tuple[float, float, float]) -> None:
+        """Look at all of the robot from a direction."""
+
+    def drawn_poses(self) -> Mapping[str, RigidTransform]:
+        """Return where links are drawn, by name."""
 
 
 class Part(ABC):
@@ -79,6 +102,12 @@ class Part(ABC):
         """Do what is due before simulated time goes on; return for how long [s]."""
         return math.inf
 
+    def draw(self) -> None:  # noqa: B027  most draw nothing.
+        """Draw what belongs to it, after the robots as they are now."""
+
+    def take_over(self, other: "Part") -> None:  # noqa: B027
+        """Take what a part of the same kind has kept, whose place it takes."""
+
     def reset(self) -> None:  # noqa: B027  most have nothing to forget.
         """Begin anew, as the simulation does."""
 
@@ -87,10 +116,15 @@ class Part(ABC):
 # nothing for it, as `<module>:<function>`, in the order of the panel. They are strings,
 # as those modules import this one.
 PARTS = [
+    "arm_drake.visualization.page.camera:live_camera",
     "arm_drake.visualization.page.hands:make_hands",
+    "arm_drake.visualization.page.insertion:make_insertion",
     "arm_drake.visualization.page.teaching:teach_live",
 ]
-VIEW_PARTS = ["arm_drake.visualization.page.teaching:teach_view"]
+VIEW_PARTS = [
+    "arm_drake.visualization.page.camera:view_camera",
+    "arm_drake.visualization.page.teaching:teach_view",
+]
 
 
 def make_parts(page: Any, rows: Iterable[str]) -> list[Part]:

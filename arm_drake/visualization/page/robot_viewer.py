@@ -22,7 +22,11 @@ from arm_drake.plant.joint_ranges import (
     randomize,
 )
 from arm_drake.visualization.ghost import Ghost
-from arm_drake.visualization.meshcat import GROUND, frame_shapes
+from arm_drake.visualization.meshcat import (
+    THREE_QUARTER,
+    frame_shapes,
+    set_ground_visible,
+)
 from arm_drake.visualization.page import Event, Scene
 from arm_drake.visualization.page.link_readout import LinkReadout
 from arm_drake.visualization.page.motion_planning import MotionPlanning, ViewedRobot
@@ -82,6 +86,7 @@ class RobotViewer:
         self._ghost_positions: dict[str, float] | None = None
         self._is_stopped, self._trouble = False, ""
         self._notes: list[str] = []
+        self.parts: list[Part] = []
         robot = load()
         self.readout = LinkReadout(page, [robot])
         self._put(robot)
@@ -170,9 +175,15 @@ class RobotViewer:
         """
         self._views.show(what, is_shown)
 
-    def frame(self) -> None:
+    def frame(self, direction: tuple[float, float, float] = THREE_QUARTER) -> None:
         """Point the camera at the robot, so that all of it is to be seen."""
-        frame_shapes(self.page.meshcat, self._scene.query)
+        frame_shapes(self.page.meshcat, self._scene.query, direction=direction)
+
+    def drawn_poses(self) -> dict[str, RigidTransform]:
+        """Return where links are drawn, by name: in the fixed frame."""
+        poses = self._scene.link_poses()
+        X_FW = poses.get(self._fixed_frame, RigidTransform()).inverse()
+        return {name: X_FW @ X_WL for name, X_WL in poses.items()}
 
     def set_fixed_frame(self, link: str) -> None:
         """Let a link stay where it is, and all else move around it, as in RViz.
@@ -187,7 +198,7 @@ class RobotViewer:
         if link not in names:
             raise InputError(f"fixed frame: no link {link!r}; {suggest(link, names)}")
         self._fixed_frame = link
-        self.page.meshcat.SetProperty(GROUND, "visible", link == WORLD)
+        set_ground_visible(self.page.meshcat, is_visible=link == WORLD)
         self.page.patch({"fixed_frame": {"value": link}})
         self._draw()
 
@@ -308,7 +319,10 @@ class RobotViewer:
         self.readout.put([robot])
         self._planned = ViewedRobot(self)
         self.planning = MotionPlanning(self.page, self._planned)
-        self.parts: list[Part] = make_parts(self, VIEW_PARTS)
+        before, self.parts = self.parts, make_parts(self, VIEW_PARTS)
+        for part in self.parts:
+            for other in before:
+                part.take_over(other)
         sections = make_viewer_sections(
             robot,
             ranges,
@@ -334,6 +348,8 @@ class RobotViewer:
         self._views.update({self.robot.name: poses})
         self.page.patch(make_pose_changes(self._positions, self._ranges))
         self.readout.update(poses, self._fixed_frame)
+        for part in self.parts:
+            part.draw()
 
     def _independent(self, positions: Mapping[str, float]) -> dict[str, float]:
         return {r.name: positions[r.name] for r in self._ranges if r.follows is None}

@@ -74,6 +74,12 @@ class WayPoints:
         self._points.append((round(last + time, 3), dict(positions)))
         return self._points[-1][0]
 
+    def take(self, other: "WayPoints") -> None:
+        """Take those of a robot with the same joints."""
+        own = {j for joints in self._controllers.values() for j in joints}
+        if all(own <= set(positions) for _, positions in other._points):
+            self._points = list(other._points)
+
     def remove(self) -> None:
         """Forget the last one, if any."""
         del self._points[-1:]
@@ -130,6 +136,15 @@ class Teaching(Part):
         }
         self.time = _TIME
         self._positions, self._note, self._play = positions, note, play
+
+    def take_over(self, other: Part) -> None:
+        """Take the way points of a robot that was loaded again, of joints it has."""
+        if not isinstance(other, Teaching):
+            return
+        self.time = other.time
+        for name, points in self.way_points.items():
+            if name in other.way_points:
+                points.take(other.way_points[name])
 
     def add(self) -> None:
         """Keep where the robots are now."""

@@ -270,7 +270,7 @@ def test_the_panel_shows_the_pose_and_takes_events(page: Page, tmp_path: Path) -
     assert viewer.positions["shoulder"] == 0.25
     assert message["title"] == "two_links"
     titles = [section["title"] for section in message["sections"]]
-    assert titles[:4] == ["Joints", "Pose", "Pose of a link", "Show"]
+    assert titles[:5] == ["Joints", "Pose", "Camera", "Pose of a link", "Show"]
 
 
 # The elbow is gone; a wrist is new, and starts where no initial position says else.

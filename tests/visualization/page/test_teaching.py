@@ -91,10 +91,28 @@ def test_no_joint_is_asked_to_be_faster_than_it_can(robot: ad.Robot) -> None:
 def test_a_motion_without_way_points_is_said(page: Page, robot: ad.Robot) -> None:
     viewer = RobotViewer(page, lambda: robot, is_watching=False)
     with pytest.raises(InputError, match="no way points; add one first"):
-        viewer.parts[0].handle("teach:save", None)
+        viewer.parts[-1].handle("teach:save", None)
     viewer.handle([Event("teach:add"), Event("teach:remove"), Event("teach:save")])
 
     assert not list(Path().glob("motion*"))
+
+
+def test_way_points_stay_when_the_robot_is_loaded_again(
+    page: Page, robot: ad.Robot
+) -> None:
+    other = ad.load_robot("mycobot_280")
+    loaded = [robot, robot, other]
+    viewer = RobotViewer(page, lambda: loaded.pop(0), is_watching=False)
+    viewer.handle([Event("teach:time", 0.5), Event("teach:add"), Event("teach:add")])
+    text = viewer.parts[-1].changes()["teach:motion"]["value"]
+
+    assert viewer.reload()
+    assert text
+    assert viewer.parts[-1].changes()["teach:motion"]["value"] == text
+    assert viewer.parts[-1].changes()["teach:time"]["value"] == 0.5
+    # Of another robot they would be no motion.
+    assert viewer.reload()
+    assert not viewer.parts[-1].changes().get("teach:motion", {}).get("value")
 
 
 def _names(robot: ad.Robot) -> list[str]:

@@ -32,6 +32,7 @@ client.on("message", ({ subscriptionId, data }) => {
   const [topic, reader] = readers.get(subscriptionId);
   (seen.messages[topic] ??= []).push(reader.readMessage(data));
 });
+const last = (topic) => seen.messages[topic].at(-1);
 const responses = new Map();
 client.on("serviceCallResponse", (event) => responses.set(event.callId, event));
 client.on("serviceCallFailure", (event) => responses.set(event.callId, event));
@@ -84,8 +85,11 @@ const point = { positions: Array(6).fill(0.1), time_from_start: { sec: 0, nanose
 const trajectory = { joint_names: [1, 2, 3, 4, 5, 6].map((i) => `joint${i}`), points: [point] };
 client.sendMessage(channel, new TextEncoder().encode(JSON.stringify(trajectory)));
 client.sendMessage(channel, new TextEncoder().encode("{"));
-await wait(1.2);
-const last = (topic) => seen.messages[topic].at(-1);
+const stamp = () => last("/joint_states").header.stamp;
+const seconds = () => stamp().sec + 1e-9 * (stamp().nanosec ?? stamp().nsec);
+const end = seconds() + 1.2;
+while (seconds() < end) await wait(0.01);
+await until(() => seen.status.length > 0);
 const asset = (id) => {
   const event = assets.get(id);
   if (event.status !== 0) return null;

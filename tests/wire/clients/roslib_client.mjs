@@ -46,8 +46,21 @@ function follow(seconds, cancelAfter) {
 const states = collect("/joint_states", "sensor_msgs/JointState", { compression: "cbor" });
 const description = collect("/robot_description", "std_msgs/String");
 const frames = collect("/tf", "tf2_msgs/TFMessage", { throttle_rate: 100 });
-await wait(1.0);
-const counts = { states: states.length, frames: frames.length };
+const stamp = ({ header }) => header.stamp.sec + 1e-9 * header.stamp.nanosec;
+// So much simulated time, whatever else the machine does.
+async function pass(seconds) {
+  while (!states.length) await wait(0.01);
+  const end = stamp(states.at(-1)) + seconds;
+  while (stamp(states.at(-1)) < end) await wait(0.01);
+}
+const began = Date.now();
+await pass(1.0);
+const counts = {
+  states: states.length,
+  frames: frames.length,
+  simulated: stamp(states.at(-1)) - stamp(states[0]),
+  waited: (Date.now() - began) / 1000,
+};
 const reached = await follow(1, 0);
 const cancelled = await follow(8, 0.3);
 const topic = new ROSLIB.Topic({
@@ -57,7 +70,7 @@ const topic = new ROSLIB.Topic({
 });
 const point = { positions: Array(6).fill(-0.1), time_from_start: { sec: 0, nanosec: 500000000 } };
 topic.publish({ joint_names: JOINTS, points: [point] });
-await wait(1.0);
+await pass(1.0);
 const listed = await call(
   "/controller_manager/list_controllers",
   "controller_manager_msgs/ListControllers",

@@ -26,6 +26,22 @@ def collect(ros: roslibpy.Ros, name: str, type_: str, **options: object) -> list
     return messages
 
 
+def stamp(message: dict) -> float:
+    return (
+        message["header"]["stamp"]["sec"] + 1e-9 * message["header"]["stamp"]["nanosec"]
+    )
+
+
+def wait(states: list, seconds: float) -> None:
+    """Wait for so much simulated time, whatever else the machine does."""
+    give_up = time.monotonic() + 60.0
+    while not states and time.monotonic() < give_up:
+        time.sleep(0.01)
+    end = stamp(states[-1]) + seconds
+    while stamp(states[-1]) < end and time.monotonic() < give_up:
+        time.sleep(0.01)
+
+
 def follow(ros: roslibpy.Ros, seconds: int, *, cancel: bool) -> dict:
     name, type_ = f"{JTC}/follow_joint_trajectory", "control_msgs/FollowJointTrajectory"
     client = roslibpy.ActionClient(ros, name, type_)
@@ -57,8 +73,15 @@ def main(port: int) -> None:
     state = collect(
         ros, f"{JTC}/controller_state", "control_msgs/JointTrajectoryControllerState"
     )
-    time.sleep(1.0)
+    began = time.monotonic()
+    wait(states, 1.0)
     counts = {"joint_states": len(states), "clock": len(slow), "tf": len(frames)}
+    spans = {
+        "joint_states": stamp(states[counts["joint_states"] - 1]) - stamp(states[0]),
+        "tf": stamp(frames[counts["tf"] - 1]["transforms"][0])
+        - stamp(frames[0]["transforms"][0]),
+        "clock": time.monotonic() - began,
+    }
     errors: list = []
     roslibpy.Service(ros, "/no/such", "std_srvs/Empty").call(
         roslibpy.ServiceRequest({}), callback=errors.append, errback=errors.append
@@ -69,7 +92,7 @@ def main(port: int) -> None:
         ros, f"{JTC}/joint_trajectory", "trajectory_msgs/JointTrajectory"
     )
     topic.publish(roslibpy.Message(goal(-0.1, 1)["trajectory"]))
-    time.sleep(1.5)
+    wait(states, 1.5)
     listed = call(
         ros,
         "/controller_manager/list_controllers",
@@ -84,11 +107,15 @@ def main(port: int) -> None:
         deactivate_controllers=["joint_trajectory_controller"],
         strictness=2,
     )
+    # Of one instant, whatever is on its way.
+    at = {stamp(each): each for each in states}
+    frame = next(f for f in reversed(frames) if stamp(f["transforms"][0]) in at)
     seen = {
         "counts": counts,
-        "states": [states[0], states[-1]],
+        "spans": spans,
+        "states": [states[0], at[stamp(frame["transforms"][0])]],
         "description": description,
-        "frames": frames[-1],
+        "frames": frame,
         "fixed": fixed,
         "state": state[-1],
         "errors": [str(error) for error in errors],

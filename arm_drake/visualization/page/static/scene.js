@@ -37,14 +37,37 @@ const draw_names = () => {
 const above = 0.02;
 
 const keep_above_ground = (viewer) => {
-    const grid = viewer.scene_tree.children.Grid;
-    const ground = grid && grid.children.ground;
-    const nodes = ground ? [grid, ground, ground.children.plane] : [null];
-    const has_ground = nodes.every((node) => node && node.object.visible);
+    const is_seen = (...path) => {
+        let node = viewer.scene_tree;
+        return path.every((name) => (node = node.children[name]) && node.object.visible);
+    };
+    // Drawn with its lines, or as its world's file says.
+    const has_ground = is_seen("Grid", "ground", "plane", "<object>")
+        || is_seen("Ground", "plane", "<object>");
     // Around what it looks at, the camera is as high as the cosine of this angle says.
     const {target} = viewer.controls;
     const lowest = (above - target.y) / viewer.camera.position.distanceTo(target);
     viewer.controls.maxPolarAngle = has_ground ? Math.acos(Math.max(-1, Math.min(1, lowest))) : Math.PI;
+};
+
+// ---- The camera goes where a link goes ----
+
+// Meshcat's own camera would turn if what it hangs on moved.
+const follow_links = (viewer) => {
+    if (viewer.arm_drake_follows) return;
+    viewer.arm_drake_follows = true;
+    let [x, y, z] = viewer.scene_tree.find(["Followed"]).object.position.toArray();
+    const {set_transform} = viewer;
+    viewer.set_transform = function (path, matrix) {
+        set_transform.call(this, path, matrix);
+        if (path.join("/") !== "Followed") return;
+        const way = [matrix[12] - x, matrix[13] - y, matrix[14] - z];
+        [x, y, z] = [matrix[12], matrix[13], matrix[14]];
+        // The page's own y is up.
+        for (const place of [this.camera.position, this.controls.target]) {
+            place.set(place.x + way[0], place.y + way[2], place.z - way[1]);
+        }
+    };
 };
 
 // ---- Clicks ----

@@ -5,7 +5,7 @@ from pathlib import Path
 
 def _folder(name: str) -> Path:
     """Return a data folder: inside an installed package, beside it in a checkout."""
-    package = Path(__file__).resolve().parent
+    package = Path(__file__).resolve().parents[1]
     installed = package / name
     return installed if installed.is_dir() else package.parent / name
 
