@@ -492,6 +492,12 @@ def add_plan_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add("--start", metavar="JOINT=VALUE", **several, help="position at the start")
     add("--straight", action="store_true", help="on a straight line of the link")
+    add(
+        "--upright",
+        metavar="LINK=ANGLE",
+        type=pair("="),
+        help="how far a link may tilt from where it is at the start [rad]",
+    )
     add("--world", metavar="NAME|FILE", default="empty", help="as for sim (empty)")
     add("--velocity-scaling", metavar="S", type=positive, default=1.0, help="up to 1")
     add("--acceleration-scaling", metavar="S", type=positive, default=1.0, help="too")

@@ -13,14 +13,14 @@ from arm_drake.description.elements import parse_float
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError
 from arm_drake.output_files import check_suffix, check_writable, writing
-from arm_drake.planning.groups import find_group
+from arm_drake.planning.groups import find_group, require_controller
 from arm_drake.planning.inverse_kinematics import WHOLE_POSE, solve_ik
 from arm_drake.planning.motion_planning import (
     Plan,
     Target,
     plan,
-    require_controller,
 )
+from arm_drake.planning.orientation_constraint import OrientationConstraint
 from arm_drake.visualization.plot import check_plot_path
 
 
@@ -84,6 +84,7 @@ def run_plan(options: argparse.Namespace, load: Callable[[], Robot]) -> int:
         start=start,
         straight=options.straight,
         mask=next(iter(counting), WHOLE_POSE),
+        path_constraint=read_upright(options.upright),
         velocity_scaling=options.velocity_scaling,
         acceleration_scaling=options.acceleration_scaling,
         padding=options.padding,
@@ -180,6 +181,20 @@ def read_pose(
     if len(values) == 3:
         return [*values, 0.0, 0.0, 0.0], (*WHOLE_POSE[:3], False, False, False)
     return values, WHOLE_POSE
+
+
+def read_upright(words: tuple[str, str] | None) -> OrientationConstraint | None:
+    """Return the constraint of LINK=ANGLE, or raise InputError."""
+    if words is None:
+        return None
+    link, text = words
+    angle = parse_float(text)
+    if angle is None:
+        raise InputError(f"--upright {link}={text}: expected an angle [rad]")
+    try:
+        return OrientationConstraint(link, angle)
+    except InputError as error:
+        raise InputError(f"--upright {link}={text}: {error}") from None
 
 
 def read_positions(option: str, words: Sequence[tuple[str, str]]) -> dict[str, float]:

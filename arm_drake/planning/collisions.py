@@ -71,6 +71,10 @@ _NO_WEIGHT = 1e-3
 # Models of a robot that are kept, of different groups and worlds.
 _KEPT = 8
 
+# Drake keeps what is filtered for each pair of shapes: time and memory grow with the
+# square of their number.
+_MOST_SHAPES = 2000
+
 # How shapes look that aren't seen otherwise.
 _COLOR = np.array([0.75, 0.65, 0.5, 1.0])
 
@@ -451,6 +455,12 @@ def add_standing_world(
         for index in range(source.num_bodies())
     ]
     standing = _find_shapes(source, scene_graph, poses, range(source.num_bodies()))
+    if len(standing) > _MOST_SHAPES:
+        raise InputError(
+            f"world: expected at most {_MOST_SHAPES} collision shapes, got "
+            f"{len(standing)}: what they take grows with the square of their number; "
+            "several in one mesh are one shape"
+        )
     _register(plant, standing)
 
 

@@ -16,7 +16,7 @@ from arm_drake import yaml_files
 from arm_drake.description.joints import joints_above, last_master
 from arm_drake.description.robot import Robot
 from arm_drake.description.srdf import find_group_states, find_groups, find_srdf_files
-from arm_drake.errors import InputError, suggest
+from arm_drake.errors import InputError, quoted, suggest
 from arm_drake.plant.joint_ranges import center, find_gripper_joints, joint_ranges
 
 # The groups where there is neither an SRDF nor a trajectory controller.
@@ -135,6 +135,33 @@ def find_state(group: PlanningGroup, name: str) -> Mapping[str, float]:
         hint = suggest(name, group.states)
         raise InputError(f"group {group.name!r} has no state {name!r}; {hint}")
     return group.states[name]
+
+
+def find_controller(robot: Robot, group: PlanningGroup) -> str | None:
+    """Return the name of the trajectory controller of exactly a group's joints."""
+    for controller in robot.controllers.controllers:
+        parameter = controller.parameters.get("joints")
+        has_joints = parameter is not None and isinstance(parameter.value, list)
+        if (
+            has_joints
+            and controller.type.endswith("JointTrajectoryController")
+            and set(map(str, parameter.value)) == set(group.joints)  # type: ignore[union-attr]
+        ):
+            return controller.name
+    return None
+
+
+def require_controller(robot: Robot, group: PlanningGroup) -> str:
+    """Return the controller that takes plans for a group, or raise InputError."""
+    controller = find_controller(robot, group)
+    if controller is None:
+        names = [each.name for each in robot.controllers.controllers]
+        raise InputError(
+            f"no trajectory controller has exactly the joints of group "
+            f"{group.name!r}, {quoted(group.joints)}; there are "
+            f"{quoted(names) or 'none'}"
+        )
+    return controller
 
 
 def motion_limits(robot: Robot) -> dict[str, MotionLimits]:

@@ -29,7 +29,6 @@ from arm_drake.errors import (
     InputError,
     MissingExtraError,
     counted,
-    quoted,
     suggest,
 )
 from arm_drake.messages import JointTrajectory, JointTrajectoryPoint
@@ -40,6 +39,7 @@ from arm_drake.planning.collisions import (
 )
 from arm_drake.planning.groups import (
     PlanningGroup,
+    find_controller,
     find_group,
     find_state,
     motion_limits,
@@ -301,33 +301,6 @@ def _warnings(problem: "_Problem", legs: Sequence["_Leg"]) -> Iterator[str]:
         yield "nothing that moves has a collision shape: whatever is there is passed"
     if not all(leg.keeps_effort_limits for leg in legs):
         yield "the joints' limits of effort can't be kept at the speed of the plan"
-
-
-def find_controller(robot: Robot, group: PlanningGroup) -> str | None:
-    """Return the name of the trajectory controller of exactly a group's joints."""
-    for controller in robot.controllers.controllers:
-        parameter = controller.parameters.get("joints")
-        has_joints = parameter is not None and isinstance(parameter.value, list)
-        if (
-            has_joints
-            and controller.type.endswith("JointTrajectoryController")
-            and set(map(str, parameter.value)) == set(group.joints)  # type: ignore[union-attr]
-        ):
-            return controller.name
-    return None
-
-
-def require_controller(robot: Robot, group: PlanningGroup) -> str:
-    """Return the controller that takes plans for a group, or raise InputError."""
-    controller = find_controller(robot, group)
-    if controller is None:
-        names = [each.name for each in robot.controllers.controllers]
-        raise InputError(
-            f"no trajectory controller has exactly the joints of group "
-            f"{group.name!r}, {quoted(group.joints)}; there are "
-            f"{quoted(names) or 'none'}"
-        )
-    return controller
 
 
 class Samples(NamedTuple):

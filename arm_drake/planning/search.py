@@ -84,20 +84,8 @@ def find_way(
         box.setLow(index, float(low))
         box.setHigh(index, float(high))
     space.setBounds(box)
-    if tilt is None:
-        information = base.SpaceInformation(space)
-        information.setStateValidityChecker(
-            lambda state: model.is_free(_values(state, size))
-        )
-        checker = _EdgeChecker(information, model, step)
-        information.setMotionValidator(checker)
-    else:
-        space = base.ProjectedStateSpace(space, _Cone(tilt, size))
-        information = base.ConstrainedSpaceInformation(space)
-        space.setDelta(min(_LONGEST_STEP, step / model.largest_weight))
-        information.setStateValidityChecker(
-            lambda state: _is_allowed(model, tilt, bounds, _values(state, size))
-        )
+    information = _find_information(model, space, bounds, step, tilt)
+    space = information.getStateSpace()
     information.setup()
     problem = base.ProblemDefinition(information)
     problem.addStartState(_state(space, start))
@@ -119,6 +107,31 @@ def find_way(
     if tilt is not None:
         way.interpolate()
     return np.array([_values(state, size) for state in way.getStates()])
+
+
+def _find_information(
+    model: CollisionModel,
+    space: base.StateSpace,
+    bounds: tuple[np.ndarray, np.ndarray],
+    step: float,
+    tilt: Tilt | None,
+) -> base.SpaceInformation:
+    """Return what says whether states and edges are allowed."""
+    size = len(model.joints)
+    if tilt is None:
+        information = base.SpaceInformation(space)
+        information.setStateValidityChecker(
+            lambda state: model.is_free(_values(state, size))
+        )
+        information.setMotionValidator(_EdgeChecker(information, model, step))
+        return information
+    cone = base.ProjectedStateSpace(space, _Cone(tilt, size))
+    information = base.ConstrainedSpaceInformation(cone)
+    cone.setDelta(min(_LONGEST_STEP, step / model.largest_weight))
+    information.setStateValidityChecker(
+        lambda state: _is_allowed(model, tilt, bounds, _values(state, size))
+    )
+    return information
 
 
 def _is_allowed(

@@ -640,8 +640,7 @@ class Simulation:
 
     def check_plan(self, message: PlanTo) -> None:
         """Raise InputError if no plan can be made, or no controller takes it."""
-        from arm_drake.planning.groups import find_group, find_state
-        from arm_drake.planning.motion_planning import require_controller
+        from arm_drake.planning.groups import find_group, find_state, require_controller
 
         manager = self.directory.manager(message.robot)
         group = find_group(manager.robot, message.options.get("group"))
@@ -684,7 +683,7 @@ class Simulation:
         Raises:
             InputError: If no controller has exactly the group's joints.
         """
-        from arm_drake.planning.motion_planning import require_controller
+        from arm_drake.planning.groups import require_controller
 
         manager = self.directory.manager(plan.robot.name)
         name = f"{manager.prefix}{require_controller(manager.robot, plan.group)}"

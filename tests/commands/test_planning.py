@@ -87,6 +87,8 @@ def test_a_plan_is_a_motion_that_sim_plays(
     [
         (["--to", "hom"], "group 'joint_trajectory_controller' has no state 'hom'; "),
         (["--to", "1,2"], "--to 1,2: expected X,Y,Z [m] or X,Y,Z,R,P,Y [m, rad] with"),
+        (["--to", "home", "--upright", "link6=x"], "--upright link6=x: expected an an"),
+        (["--to", "home", "--upright", "lnk=1"], "path_constraint: no link 'lnk'; "),
         (["--to", "joint1=x"], "--to joint1=x: expected a number [rad or m]"),
         (
             ["--to", "home", "-o", "motion.txt"],

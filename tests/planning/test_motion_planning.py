@@ -3,8 +3,12 @@
 import base64
 import itertools
 import math
+import os
 import re
+import signal
 import sys
+import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -422,3 +426,41 @@ def test_a_constraint_that_can_not_be(arguments: tuple, message: str) -> None:
         ad.OrientationConstraint(*arguments)
 
     assert str(caught.value) == message
+
+
+def test_ctrl_c_ends_a_search(
+    doosan: ad.Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("ompl")
+    told: list[float] = []
+
+    def interrupt() -> None:
+        told.append(time.process_time())
+        os.kill(os.getpid(), signal.SIGINT)
+
+    def is_edge_free(model: CollisionModel, *line: object) -> bool:
+        return False  # A search without an end.
+
+    monkeypatch.setattr(CollisionModel, "is_edge_free", is_edge_free)
+    timer = threading.Timer(0.5, interrupt)
+    timer.start()
+
+    with pytest.raises(KeyboardInterrupt):
+        ad.plan(doosan, END, start=START, world=with_a_post, time_limit=60.0)
+
+    timer.join()
+    assert time.process_time() - told[0] < 0.5
+
+
+def test_a_world_of_too_many_shapes_is_one_message(
+    doosan: ad.Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("arm_drake.planning.collisions._MOST_SHAPES", 1)
+
+    with pytest.raises(InputError) as caught:
+        ad.plan(doosan, END, world=lambda plant: with_a_post(plant))
+
+    assert str(caught.value) == (
+        "world: expected at most 1 collision shapes, got 2: what they take grows with "
+        "the square of their number; several in one mesh are one shape"
+    )
