@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from pydrake.geometry import Meshcat
+from pydrake.systems.framework import Diagram
 
 from arm_drake import yaml_files
 from arm_drake.commands.output import (
@@ -346,6 +347,7 @@ def _simulate_live(options: argparse.Namespace, scene: Scene, say: Speaker) -> i
             frame_rate=FRAME_RATE if needs_recording(options) else None,
             history=history_of(options),
             scene=scene,
+            build=lambda scene: _build(scene, page.meshcat),
         )
         _show(options, live.views)
         _let_in(options, say, live, stack)
@@ -393,14 +395,17 @@ def _let_in(
         live.ros = stack.enter_context(serve(options, live.simulation, say, live))
 
 
+def _build(scene: Scene, meshcat: Meshcat | None) -> Diagram:
+    """Return the diagram of a scene; it is drawn when it is told to."""
+    drawn = dc.replace(scene.options, frame_rate=0.0)
+    return build_diagram(scene, options=drawn, meshcat=meshcat)
+
+
 def _prepare(
     options: argparse.Namespace, scene: Scene, meshcat: Meshcat | None, say: Speaker
 ) -> Simulation:
     """Return the simulation, and say what was not taken as written."""
-    # It is drawn when it is told to.
-    drawn = dc.replace(scene.options, frame_rate=0.0)
-    diagram = build_diagram(scene, options=drawn, meshcat=meshcat)
-    simulation, motion = Simulation(diagram), scene.motion
+    simulation, motion = Simulation(_build(scene, meshcat)), scene.motion
     report = report_of(simulation)
     if options.strict and len(report):
         raise InputError(f"not everything was taken as written:\n{report}")

@@ -390,6 +390,14 @@ class Trajectory(Message):
         assert piece is not None
         return piece.position.tolist()
 
+    def since_end(self, time_ns: int) -> float:
+        """Return how long the last point is past [s].
+
+        Upstream subtracts seconds, not nanoseconds, and so decides ties by their
+        rounding.
+        """
+        return time_ns / NANOSECONDS - self.times_ns[-1] / NANOSECONDS
+
     def _find(self, time_ns: int, cursor: int) -> tuple[int, float]:
         """Return the segment that a time is in, and the time since its start [s]."""
         times_ns = self.times_ns

@@ -86,11 +86,13 @@ class SteadyTicks(Protocol[S_co]):
     until_ns: int
     monitor_ns: int
 
-    def tell(self, time_ns: int, last_ns: int, motions: Array) -> S_co | None:
-        """Return the state to go on from, told what is due; None for a tick in full.
+    def tell(
+        self, time_ns: int, last_ns: int, motions: Array
+    ) -> "tuple[S_co, SteadyTicks[S_co]] | None":
+        """Return the state to go on from, told what is due, and its steady ticks.
 
-        It differs from the one before in what has been told alone. `motions` is what
-        was measured in the last tick, at `last_ns`.
+        It differs from the one before in what has been told alone. None for a tick in
+        full. `motions` is what was measured in the last tick, at `last_ns`.
         """
 
     def command(self, time_ns: int, motions: Array) -> Sequence[float] | None:
@@ -118,7 +120,7 @@ class SteadyCommand(Generic[S]):
         """Create it; `sense` returns the state with what is measured, if any."""
         self._command, self._state, self._sense = command.tolist(), state, sense
 
-    def tell(self, time_ns: int, last_ns: int, motions: Array) -> S | None:
+    def tell(self, time_ns: int, last_ns: int, motions: Array) -> None:
         """Return None, for there is nothing to tell."""
         del time_ns, last_ns, motions
         return None

@@ -35,6 +35,7 @@ from arm_drake.manager.lifecycle import (
     Claimants,
     Lifecycle,
     ManagerInputs,
+    QuietTicks,
     SteadyCycles,
     TickKeeper,
     UpdateResults,
@@ -77,44 +78,6 @@ class Readings(NamedTuple):
         return state.active is not state.cycle.active or (
             self.inputs.requests is not state.requests and bool(self.new_requests)
         )
-
-
-class QuietTicks:
-    """Who ticks in cycles in which nothing comes and nothing switches.
-
-    That follows from the state alone; for the latest state it is remembered.
-    """
-
-    def __init__(
-        self, keeper: TickKeeper | None, claimants: Claimants, drive: DriveCommands
-    ) -> None:
-        """Create it; without a keeper such a cycle is as any other."""
-        self._keeper, self._claimants, self._drive = keeper, claimants, drive
-        self._base: ManagerState | None = None
-        self._steady: SteadyCycles | None = None
-        self._active: object = None
-        self._asleep: object = None
-        self._controllers: Collection[tuple[str, TickingController[Any]]] | None = None
-
-    def controllers(
-        self, state: ManagerState
-    ) -> Collection[tuple[str, TickingController[Any]]] | None:
-        """Return them by name; None where such a cycle is as any other."""
-        if self._active is not state.active or self._asleep is not state.asleep:
-            self._active, self._asleep = state.active, state.asleep
-            if self._keeper is not None:
-                self._controllers = self._keeper.quiet_controllers(state)
-        return self._controllers
-
-    def steady_cycles(self, base: ManagerState) -> SteadyCycles | None:
-        """Return what comes after a state in plain numbers, if anything does."""
-        if self._base is not base:
-            found = self.controllers(base)
-            self._base, self._steady = (
-                base,
-                SteadyCycles.after(base, found, self._claimants, self._drive),
-            )
-        return self._steady
 
 
 class SteadyTick(NamedTuple):
@@ -713,14 +676,13 @@ class ControllerManager(PythonSystem):
             resumed = steady.tell(time_ns, last_ns, motions)
             if resumed is None:
                 return None
-            base, steady = resumed, self._quiet.steady_cycles(resumed)
-            if steady is None:
-                return None
+            self._quiet.remember(resumed)
+            steady = resumed
         motions = self._keeper.motions.Eval(context)
         found = steady.tick(time_ns, last[1:], motions)
         if found is None:
             return None
-        return SteadyTick(base, number, motions, *found)
+        return SteadyTick(steady.base, number, motions, *found)
 
     def _write_steadily(
         self, numbers: DiscreteValues, kept: Array, tick: SteadyTick

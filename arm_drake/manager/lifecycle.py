@@ -477,7 +477,7 @@ class SteadyCycles:
         drive: DriveCommands,
     ) -> None:
         """Create it for cycles after a state."""
-        self._base, self._drive = base, drive
+        self.base, self._drive = base, drive
         self._controllers = tuple(controllers)
         # The same for the tick, with a slice where the commands stand in a row.
         self._commanding = [(c.ticks.command, _row(c.at), c.at) for c in controllers]
@@ -518,16 +518,18 @@ class SteadyCycles:
             found.append(_SteadyController(name, system, ticks, at))
         return cls(base, found, drive)
 
-    def tell(self, time_ns: int, last_ns: int, motions: Array) -> ManagerState | None:
-        """Return the state to go on from, in which all is told; None if it ends."""
-        ticks = dict(self._base.ticks)
-        for name, _, steady, _ in self._controllers:
+    def tell(self, time_ns: int, last_ns: int, motions: Array) -> Self | None:
+        """Return the cycles that go on, in which all is told; None if they end."""
+        ticks, controllers = dict(self.base.ticks), list(self._controllers)
+        for i, (name, system, steady, at) in enumerate(self._controllers):
             if time_ns >= steady.monitor_ns:
-                state = steady.tell(time_ns, last_ns, motions)
-                if state is None:
+                told = steady.tell(time_ns, last_ns, motions)
+                if told is None:
                     return None
-                ticks[name] = ticks[name]._replace(state=state)
-        return self._base._replace(ticks=ticks)
+                ticks[name] = ticks[name]._replace(state=told[0])
+                controllers[i] = _SteadyController(name, system, told[1], at)
+        base = self.base._replace(ticks=ticks)
+        return type(self)(base, controllers, self._drive)
 
     def tick(
         self, time_ns: int, last: Sequence[float], motions: Array
@@ -550,7 +552,7 @@ class SteadyCycles:
                 if math.isfinite(value):
                     values[i] = value
         n = len(last) // 2
-        return values, *self._drive.go_on(self._base.mode, values, last[:n], last[n:])
+        return values, *self._drive.go_on(self.base.mode, values, last[:n], last[n:])
 
     def state(
         self,
@@ -561,7 +563,7 @@ class SteadyCycles:
         motions: Array,
     ) -> ManagerState:
         """Return the state after one of these cycles, of what `tick` has returned."""
-        base, time_ns = self._base, times[0]
+        base, time_ns = self.base, times[0]
         ticks = dict(base.ticks)
         for name, system, steady, _ in self._controllers:
             last = ticks[name]
@@ -702,3 +704,45 @@ class Claimants:
 
     def _mask(self, joints: Collection[str]) -> Mask:
         return np.array([joint in joints for joint in self._joints], dtype=bool)
+
+
+class QuietTicks:
+    """Who ticks in cycles in which nothing comes and nothing switches.
+
+    That follows from the state alone; for the latest state it is remembered.
+    """
+
+    def __init__(
+        self, keeper: TickKeeper | None, claimants: Claimants, drive: DriveCommands
+    ) -> None:
+        """Create it; without a keeper such a cycle is as any other."""
+        self._keeper, self._claimants, self._drive = keeper, claimants, drive
+        self._base: ManagerState | None = None
+        self._steady: SteadyCycles | None = None
+        self._active: object = None
+        self._asleep: object = None
+        self._controllers: Collection[tuple[str, TickingController[Any]]] | None = None
+
+    def controllers(
+        self, state: ManagerState
+    ) -> Collection[tuple[str, TickingController[Any]]] | None:
+        """Return them by name; None where such a cycle is as any other."""
+        if self._active is not state.active or self._asleep is not state.asleep:
+            self._active, self._asleep = state.active, state.asleep
+            if self._keeper is not None:
+                self._controllers = self._keeper.quiet_controllers(state)
+        return self._controllers
+
+    def steady_cycles(self, base: ManagerState) -> SteadyCycles | None:
+        """Return what comes after a state in plain numbers, if anything does."""
+        if self._base is not base:
+            found = self.controllers(base)
+            self._base, self._steady = (
+                base,
+                SteadyCycles.after(base, found, self._claimants, self._drive),
+            )
+        return self._steady
+
+    def remember(self, steady: SteadyCycles) -> None:
+        """Remember what comes after a state."""
+        self._base, self._steady = steady.base, steady

@@ -143,6 +143,16 @@ class Mailbox:
         managers: Iterable[ControllerManager],
     ) -> None:
         """Create it, with nothing sent."""
+        self.move_to(diagram, simulator, managers)
+        self.reset()
+
+    def move_to(
+        self,
+        diagram: Diagram,
+        simulator: Simulator,
+        managers: Iterable[ControllerManager],
+    ) -> None:
+        """Serve another diagram with the same ports from now on."""
         self.diagram = diagram
         self.simulator = simulator
         self._sources = []
@@ -160,7 +170,6 @@ class Mailbox:
             self._sources.append(
                 _Source(manager.GetOutputPort("events"), manager.prefix)
             )
-        self.reset()
 
     @property
     def time(self) -> float:

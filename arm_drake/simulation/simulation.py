@@ -284,23 +284,31 @@ class Simulation:
         Raises:
             InputError: If there is no robot in the diagram.
         """
-        self.diagram = diagram
-        self.directory = Directory(diagram)
-        self._topics = TopicNames(self.directory.managers)
-        managers = self.directory.managers.values()
-        # Of the quickest controller manager [s].
-        self.period = min(manager.period for manager in managers)
-        self.simulator = Simulator(diagram)
-        info = find_build_info(diagram)
-        self._parted = () if info is None else info.parted
+        self._take(diagram, Simulator(diagram))
         self._on_event: list[Callable[[SimulationEvent], None]] = []
         # Called between any two ticks, by who talks to others meanwhile. It returns the
         # time at which it wants to be called next at the latest [s], and may raise
         # ResetRequested.
         self.exchange: Callable[[], float] | None = None
         self.recorders: list[Recorder] = []
+        managers = self.directory.managers.values()
         self.mailbox = Mailbox(diagram, self.simulator, managers)
         self._start()
+
+    def _take(self, diagram: Diagram, simulator: Simulator) -> None:
+        self.diagram, self.simulator = diagram, simulator
+        self.directory = Directory(diagram)
+        self._topics = TopicNames(self.directory.managers)
+        managers = self.directory.managers.values()
+        # Of the quickest controller manager [s].
+        self.period = min(manager.period for manager in managers)
+        info = find_build_info(diagram)
+        self._parted = () if info is None else info.parted
+
+    def replace_diagram(self, diagram: Diagram, simulator: Simulator) -> None:
+        """Go on with another diagram of the same robots, in its simulator's state."""
+        self._take(diagram, simulator)
+        self.mailbox.move_to(diagram, simulator, self.directory.managers.values())
 
     def _start(self) -> None:
         self.simulator.Initialize()

@@ -75,7 +75,6 @@ from arm_drake.controllers.joint_trajectory.state import (
 )
 from arm_drake.controllers.topics import new_messages, new_parameters
 from arm_drake.messages import (
-    NANOSECONDS,
     ActionRequest,
     FollowJointTrajectoryErrorCode,
     FollowJointTrajectoryGoal,
@@ -146,7 +145,7 @@ def follow(
         error = np.where(rules.wraparound, shortest, error)
     verdict = _FINE
     if not plan.is_holding:
-        late = _since_last_point(trajectory, clock_ns) if is_finished else None
+        late = trajectory.since_end(clock_ns) if is_finished else None
         checks_path = is_first or not is_finished
         verdict = _judge(rules, plan, inputs, desired, error, checks_path, late)
     if verdict.is_off_path or verdict.is_late:
@@ -229,14 +228,6 @@ def _command(
     # A sum is finite only if all of its terms are.
     output = command if math.isfinite(command.sum()) else state.output
     return _Commands(ahead, inputs.time_ns, command, output, pid)
-
-
-def _since_last_point(trajectory: Trajectory, time_ns: int) -> float:
-    """Return how long the last point of a trajectory is past [s].
-
-    Upstream subtracts seconds, not nanoseconds, and so decides ties by their rounding.
-    """
-    return time_ns / NANOSECONDS - trajectory.times_ns[-1] / NANOSECONDS
 
 
 def _judge(
@@ -443,6 +434,7 @@ class SteadyTrajectory:
     ) -> None:
         """Take the state that a tick has left, and what gives the inputs of others."""
         self._system, self._sense = system, sense
+        self._untold: SteadyTrajectory | None = None
         self._rules, state = system.inbox.rules, system.control
         self._last, trajectory = state, state.plan.trajectory
         assert trajectory is not None
@@ -477,8 +469,8 @@ class SteadyTrajectory:
         if trajectory is None or trajectory.changes or state.time_ns != time_ns:
             return False
         if not _is_last(desired, trajectory):
-            is_position_only = tolerances is None or tolerances.path.is_position_only
-            return state.cursor == desired.segment_start and is_position_only
+            is_alone = tolerances is None or tolerances.path.is_position_only
+            return state.cursor == desired.segment_start and is_alone
         is_judged = plan.cmd_timeout > 0.0 or (
             tolerances is not None and tolerances.goal_time != 0.0
         )
@@ -487,22 +479,28 @@ class SteadyTrajectory:
 
     def tell(
         self, time_ns: int, last_ns: int, motions: Array
-    ) -> JointTrajectoryControllerSystemState | None:
+    ) -> "tuple[JointTrajectoryControllerSystemState, SteadyTrajectory] | None":
         """Return the state with the feedback that is due; None if a result is."""
         last, goal = self._last, self._last.goal
         if goal is None or goal.outcome is not None:
             return None
-        # News that held the state would hold all news before it.
-        stripped = last._replace(plan=last.plan._replace(events=()), goal=None)
-        stripped_system = self._system._replace(control=stripped)
-        since_ns = last.clock_ns - self._present_ns
-        steady = SteadyTrajectory(stripped_system, since_ns, self._sense)
+        if self._untold is None:  # News that held the state would hold all before it.
+            plan = last.plan._replace(events=())
+            self._untold = self._after(last._replace(plan=plan, goal=None))
+        look = functools.partial(self._untold._control_at, last_ns, motions)
+        new = self._after(tell_feedback(self._rules, last, time_ns, last_ns, look))
+        return new._system, new
 
-        def look() -> JointTrajectoryState:
-            return steady.state(last_ns, motions).control
+    def _after(self, state: JointTrajectoryState) -> "SteadyTrajectory":
+        """Return the ticks after a state that differs in what has been told alone."""
+        new = object.__new__(SteadyTrajectory)
+        new.__dict__.update(self.__dict__)
+        new._system, new._last = self._system._replace(control=state), state
+        new.monitor_ns = NEVER_NS if state.goal is None else state.goal.monitor_ns
+        return new
 
-        new = tell_feedback(self._rules, last, time_ns, last_ns, look)
-        return JointTrajectoryControllerSystemState(self._system.inbox, new)
+    def _control_at(self, time_ns: int, motions: Array) -> JointTrajectoryState:
+        return self.state(time_ns, motions).control
 
     def command(self, time_ns: int, motions: Array) -> list[float] | None:
         """Return the values that a tick commands; None where it has to judge them."""

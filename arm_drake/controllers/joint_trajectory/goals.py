@@ -62,6 +62,7 @@ from arm_drake.messages import (
     SpeedScalingFactor,
     TopicRejected,
 )
+from arm_drake.messages.base import append_events
 
 
 def upsample(message: JointTrajectory, frequency: float) -> JointTrajectory:
@@ -334,13 +335,13 @@ def tell_feedback(
     due_ns = goal.next_monitor(now_ns, rules.monitor_period_ns)
     request, accepted_ns = goal.request, goal.accepted_ns
     goal = ActiveGoal(request, accepted_ns, due_ns, None, goal.is_canceling)
-    state = state._replace(goal=goal)
     if last_ns < accepted_ns:
-        return state
+        return state._replace(goal=goal)
 
-    make = _LateFeedback(rules, look)
+    make, plan = _LateFeedback(rules, look), state.plan
     event = GoalEvent(request, GoalStatus.EXECUTING, feedback_source=make)
-    return add_events(state, event)
+    plan = plan._replace(events=append_events(plan.events, (event,)))
+    return state._replace(plan=plan, goal=goal)
 
 
 def conclude(

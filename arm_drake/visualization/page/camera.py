@@ -70,6 +70,11 @@ class CameraPart(Part):
             self._start = np.array(poses[link].translation())
         move_camera(self._page.meshcat, np.zeros(3))
 
+    def take_over(self, other: Part) -> None:
+        """Follow what the other one did."""
+        if isinstance(other, CameraPart):
+            self.followed, self._start = other.followed, other._start
+
     def draw(self) -> None:
         """Move the camera to where the link has gone."""
         if self.followed:

@@ -1,6 +1,7 @@
 """LiveSimulation: a simulation on a page, with all that Gazebo's window has."""
 
 import collections
+import dataclasses as dc
 import itertools
 import math
 import re
@@ -9,9 +10,12 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pydrake.systems.framework import Diagram
+
 from arm_drake.errors import ArmDrakeError, InputError, SimulationError
 from arm_drake.messages import CancelResponse, GoalStatus, SwitchControllerResult
 from arm_drake.scene import Scene
+from arm_drake.simulation.continuation import continue_with
 from arm_drake.simulation.mailbox import GoalHandle, SimulationEvent
 from arm_drake.simulation.motion import Motion
 from arm_drake.simulation.motion_files import MotionSource, find_motion
@@ -40,6 +44,7 @@ from arm_drake.visualization.page.parts import PARTS, Part, make_parts
 from arm_drake.visualization.recording import start_recording
 from arm_drake.visualization.teleop.base import Remote
 from arm_drake.visualization.teleop.remotes import find_remotes
+from arm_drake.worlds.things import Thing
 
 if TYPE_CHECKING:
     from arm_drake.wire.server import RosServer
@@ -163,6 +168,7 @@ class LiveSimulation:
         history: float = math.inf,
         scene: Scene | None = None,
         ros: str | None = None,
+        build: Callable[[Scene], Diagram] | None = None,
     ) -> None:
         """Show a simulation; `run` lets it go.
 
@@ -180,20 +186,20 @@ class LiveSimulation:
                 much on, the rest is forgotten.
             scene: What is simulated, for a button that saves it as it is now.
             ros: How programs that speak ROS 2 get in; see `RosServer`.
+            build: Makes the diagram of a scene on the same page, to insert things.
 
         Raises:
             InputError: If there is nothing called as in ``shown``.
             MotionError: As `Simulation.run`.
         """
-        self.simulation, self.scene = simulation, scene
+        self.simulation, self.scene, self._build = simulation, scene, build
         recorded = frame_rate is not None
         self.views = LiveViews(page, simulation, tuple(shown), is_recorded=recorded)
         self.remotes: list[Remote] = find_remotes(simulation)
-        self.page = page
-        self._motion = self._find(motion)
+        self.page, self._motion = page, self._find(motion)
         self._pacer = RealtimePacer(realtime_rate)
         self._is_playing, self._duration = not is_paused, math.inf
-        self._is_stopped, self.is_ended, self._frame_rate = False, False, frame_rate
+        self._frame_rate, self._is_stopped, self.is_ended = frame_rate, False, False
         self._history = History(simulation.mailbox, history)
         if frame_rate is not None:
             start_recording(page.meshcat, frame_rate)
@@ -424,6 +430,42 @@ class LiveSimulation:
         self.scene.at(self.simulation).save(path)
         self.note(f"scene saved: {path}")
         return path
+
+    @property
+    def can_insert(self) -> bool:
+        """Whether things can be inserted while it runs."""
+        has_scene = self._build is not None and self.scene is not None
+        return has_scene and self.views.has_physics
+
+    def insert(self, thing: Thing) -> None:
+        """Put a thing into the scene; all else goes on as it is.
+
+        After a reset it is there from the start. The time bar begins anew.
+
+        Raises:
+            InputError: If its name is taken, or the simulation takes no things.
+        """
+        if self._build is None or self.scene is None:
+            raise InputError("no scene was given that a thing could be put into")
+        if self.ros is not None or self._frame_rate is not None:
+            text = "nothing is inserted while a program outside is served, or recorded"
+            raise InputError(text)
+        scene = dc.replace(self.scene, things=(*self.scene.things, thing))
+        continue_with(self.simulation, self._build(scene))
+        self.scene = scene
+        self.views.look_anew()
+        self.remotes = find_remotes(self.simulation)
+        self.planning.clear()
+        self.planning = MotionPlanning(self.page, SimulatedRobots(self))
+        before, self.parts = self.parts, make_parts(self, PARTS)
+        for part in self.parts:
+            for other in before:
+                part.take_over(other)
+        self._pictures.clear()
+        self._shown_time = self._replayed_at = None
+        self._drawn = math.nan
+        self.page.set_panel(self._title(), make_sections(self))
+        self.note(f"{thing.name} inserted")
 
     def note(self, text: str) -> None:
         """Add a line to the news."""

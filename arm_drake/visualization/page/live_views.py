@@ -87,34 +87,43 @@ class LiveViews:
         self.scene = self._scene = scene
         self._simulation = simulation
         self._is_recorded = is_recorded
-        diagram = simulation.diagram
-        plant = diagram.GetSubsystemByName("plant")
-        self._has_physics = not isinstance(plant, KinematicPlant)
-        self._plant: MultibodyPlant = plant if self._has_physics else plant.plant
-        self._scene_graph: SceneGraph = diagram.GetSubsystemByName("scene_graph")
         self._robots = simulation.robots
-        self._models = {
-            name: self._plant.GetModelInstanceByName(name) for name in self._robots
-        }
         self._frames = frame_names(list(self._robots.values()))
         self._views = LinkViews(scene, shown)
-        self._views.put(
-            self._plant, self._scene_graph, self._models, list(self._robots.values())
-        )
         self._fixed_frame = WORLD
         self.readout = LinkReadout(scene, list(self._robots.values()))
         # Pose of the fixed frame as it was last drawn.
         self._X_WF = RigidTransform()
-        self._ghosts = {
-            name: self.make_ghost(name, name, BLUE) for name in self._robots
-        }
         self._has_ghosts = False
         self._trail: Trail | None = None
         self._trail_link = _NOTHING
         self._arrows: dict[str, ContactArrows] = {}
         # Where past positions are set, made when they are first asked for.
         self._past: Context | None = None
+        self.look_anew()
         frame_robots(simulation, scene.meshcat, room=ROOM_TO_MOVE)
+
+    def look_anew(self) -> None:
+        """Draw the simulation's diagram from now on, another one than before."""
+        simulation, diagram = self._simulation, self._simulation.diagram
+        plant = diagram.GetSubsystemByName("plant")
+        self.has_physics = not isinstance(plant, KinematicPlant)
+        self._plant: MultibodyPlant = plant if self.has_physics else plant.plant
+        self._scene_graph: SceneGraph = diagram.GetSubsystemByName("scene_graph")
+        self._robots = simulation.robots
+        has_contacts, self._past = bool(self._arrows), None
+        self._models = {
+            name: self._plant.GetModelInstanceByName(name) for name in self._robots
+        }
+        self._views.put(
+            self._plant, self._scene_graph, self._models, list(self._robots.values())
+        )
+        self._ghosts = {
+            name: self.make_ghost(name, name, BLUE) for name in self._robots
+        }
+        if has_contacts:
+            self._show_contacts(False)
+            self._show_contacts(True)
 
     def make_ghost(
         self, robot: str, name: str, color: tuple[float, float, float]
@@ -196,7 +205,7 @@ class LiveViews:
         """Tell where the link of the readout is now, and what touches it."""
         poses = {name: self._simulation.link_poses(name) for name in self._robots}
         contacts: list[ContactState] = []
-        if self._has_physics:
+        if self.has_physics:
             for name in self._robots:
                 prefix = f"{name}/" if len(self._robots) > 1 else ""
                 contacts += self._simulation.eval_output(f"{prefix}contacts").states
@@ -206,7 +215,7 @@ class LiveViews:
         """Return the present positions of all that moves, for `draw_past`."""
         plant = self._simulation.diagram.GetSubsystemByName("plant")
         context = plant.GetMyContextFromRoot(self._simulation.simulator.get_context())
-        if self._has_physics:
+        if self.has_physics:
             return np.array(self._plant.GetPositions(context))
         return np.array(plant.GetOutputPort("positions").Eval(context))
 
@@ -247,7 +256,7 @@ class LiveViews:
         """Return the toggles and choices of the panel."""
         label = "commanded pose, where it differs, as a ghost"
         extra = [Toggle("show:ghost", label, self._has_ghosts)]
-        if self._has_physics:
+        if self.has_physics:
             has_contacts = bool(self._arrows)
             extra.append(Toggle("show:contacts", "contact forces", has_contacts))
         value = self._trail_link if self._trail is not None else _NOTHING
@@ -282,7 +291,7 @@ class LiveViews:
         self._arrows = {}
         if not is_shown:
             return
-        if not self._has_physics:
+        if not self.has_physics:
             raise InputError("contact forces need physics, which this preset has not")
         context = self._plant.GetMyContextFromRoot(
             self._simulation.simulator.get_context()

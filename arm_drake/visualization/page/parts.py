@@ -7,7 +7,7 @@ import importlib
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from pydrake.math import RigidTransform
 
@@ -16,6 +16,10 @@ from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.page.live_views import LiveViews
 from arm_drake.visualization.page.scene import Scene
 from arm_drake.visualization.page.widgets import Section
+from arm_drake.worlds.things import Thing
+
+if TYPE_CHECKING:
+    from arm_drake.scene import Scene as SimulatedScene
 
 
 class Live(Protocol):
@@ -32,6 +36,17 @@ class Live(Protocol):
     @property
     def views(self) -> LiveViews:
         """What is shown of it, with the readout of a link."""
+
+    @property
+    def scene(self) -> "SimulatedScene | None":
+        """What is simulated, if it is known."""
+
+    @property
+    def can_insert(self) -> bool:
+        """Whether `insert` does something."""
+
+    def insert(self, thing: Thing) -> None:
+        """Put a thing into what is simulated, which goes on with it."""
 
     def note(self, text: str) -> None:
         """Add a line to the page's news."""
@@ -103,6 +118,7 @@ class Part(ABC):
 PARTS = [
     "arm_drake.visualization.page.camera:live_camera",
     "arm_drake.visualization.page.hands:make_hands",
+    "arm_drake.visualization.page.insertion:make_insertion",
     "arm_drake.visualization.page.teaching:teach_live",
 ]
 VIEW_PARTS = [

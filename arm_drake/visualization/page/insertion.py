@@ -1,0 +1,117 @@
+"""Things that are put into a running simulation on its page."""
+
+import itertools
+import math
+from typing import Any
+
+from arm_drake.errors import InputError
+from arm_drake.visualization.page.parts import Live, Part
+from arm_drake.visualization.page.widgets import (
+    Button,
+    Buttons,
+    Choice,
+    Section,
+    Slider,
+)
+from arm_drake.worlds.things import COLORS, SHAPES, Thing
+
+# Sliders: what they are called, their range, at first, and unit.
+_SLIDERS = {
+    "size": ("size", 0.01, 1.0, 0.05, "m"),
+    "mass": ("mass", 0.01, 10.0, 0.1, "kg"),
+    "x": ("x", -2.0, 2.0, 0.4, "m"),
+    "y": ("y", -2.0, 2.0, 0.0, "m"),
+    "z": ("z", 0.0, 2.0, 0.5, "m"),
+}
+
+# Lengths of a thing of size 1 [m], as its kind takes them.
+_SIZES = {"box": (1.0, 1.0, 1.0), "cylinder": (0.5, 1.0), "sphere": (0.5,)}
+
+
+class Insertion(Part):
+    """The section that puts boxes, cylinders and balls into the simulation."""
+
+    def __init__(self, live: Live) -> None:
+        """Create it."""
+        self._live = live
+        self.kind, self.color = "box", "orange"
+        self.values = {name: start for name, (_, _, _, start, _) in _SLIDERS.items()}
+
+    def insert(self) -> Thing:
+        """Put a thing where the sliders say; return it.
+
+        Raises:
+            InputError: If the simulation takes none.
+        """
+        scene = self._live.scene
+        taken = {thing.name for thing in scene.things} if scene is not None else set()
+        taken |= set(self._live.simulation.robots)
+        names = (f"{self.kind}_{k}" for k in itertools.count(1))
+        name = next(name for name in names if name not in taken)
+        size, x, y, z = (self.values[what] for what in ("size", "x", "y", "z"))
+        thing = Thing(
+            name,
+            self.kind,
+            tuple(size * part for part in _SIZES[self.kind]),
+            mass=self.values["mass"],
+            color=(*COLORS[self.color], 1.0),
+            pose=(x, y, z, 0.0, 0.0, 0.0),
+        )
+        self._live.insert(thing)
+        return thing
+
+    def take_over(self, other: Part) -> None:
+        """Keep what was chosen."""
+        if isinstance(other, Insertion):
+            self.kind, self.color = other.kind, other.color
+            self.values = dict(other.values)
+
+    def handle(self, event_id: str, value: object) -> bool:
+        """Do what was clicked, and return whether it was one of these widgets."""
+        kind, _, what = event_id.partition(":")
+        if kind != "insert":
+            return False
+        if what == "now":
+            self.insert()
+        elif what in ("kind", "color"):
+            known = SHAPES if what == "kind" else COLORS
+            if value not in known:
+                text = f"{what}: expected {', '.join(known)}, got {value!r}"
+                raise InputError(text)
+            setattr(self, what, value)
+        elif what in _SLIDERS and isinstance(value, int | float):
+            _, lower, upper, _, _ = _SLIDERS[what]
+            if math.isfinite(value):
+                self.values[what] = min(max(float(value), lower), upper)
+        return True
+
+    def changes(self) -> dict[str, dict[str, Any]]:
+        """Return present fields of its widgets, by id."""
+        return {
+            "insert:kind": {"value": self.kind},
+            "insert:color": {"value": self.color},
+            **{f"insert:{name}": {"value": v} for name, v in self.values.items()},
+        }
+
+    def section(self) -> Section:
+        """Return its part of the panel."""
+        sliders = (
+            Slider(f"insert:{name}", label, lower, upper, self.values[name], unit)
+            for name, (label, lower, upper, _, unit) in _SLIDERS.items()
+        )
+        hint = "time, robots and things go on as they are"
+        return Section(
+            "Insert a thing",
+            (
+                Choice("insert:kind", "shape", tuple(SHAPES), self.kind),
+                Choice("insert:color", "colour", tuple(COLORS), self.color),
+                *sliders,
+                Buttons((Button("insert:now", "insert", hint),)),
+            ),
+            is_open=False,
+        )
+
+
+def make_insertion(live: Live) -> Insertion | None:
+    """Return the section, where a simulation can be built with one thing more."""
+    return Insertion(live) if live.can_insert else None
