@@ -423,11 +423,6 @@ class ControllerManager(PythonSystem):
         self._cycle = self._declare_read("cycle", self._calc_cycle, is_of_now=True)
         self._num_servo = len(drive.servo_input(state.drive))
         self._num_motions = 2 * J
-        n = len(drive.joints)
-        # What steady cycles keep but for the motions, behind the number of the cycle.
-        self._steady_struct = struct.Struct(f"{1 + 2 * n}d")
-        self._values_struct = struct.Struct(f"{len(state.values)}d")
-        self._servo_struct = struct.Struct(f"{self._num_servo}d")
         *numbers, steady = self._declare_numbers(state)
         self._values, self._drive_state, self._flags = map(int, numbers)
         self._steady_state = int(steady)
@@ -443,6 +438,11 @@ class ControllerManager(PythonSystem):
 
     def _declare_numbers(self, state: ManagerState) -> list[DiscreteStateIndex]:
         """Declare values, servo's input, active flags, and what steady cycles write."""
+        n = len(self._drive.joints)
+        # What steady cycles keep but for the motions, behind the number of the cycle.
+        self._steady_struct = struct.Struct(f"{1 + 2 * n}d")
+        self._values_struct = struct.Struct(f"{len(state.values)}d")
+        self._servo_struct = struct.Struct(f"{self._num_servo}d")
         servo_input = self._drive.servo_input(state.drive)
         flags = [float(c.name in state.active) for c in self.controllers]
         start = (state.values, servo_input, flags, self._steady_numbers(state))
