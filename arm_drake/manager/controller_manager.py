@@ -36,6 +36,7 @@ from arm_drake.manager.lifecycle import (
     Lifecycle,
     ManagerInputs,
     SteadyCycles,
+    SteadyTick,
     TickKeeper,
     UpdateResults,
 )
@@ -119,23 +120,6 @@ class QuietTicks:
     def remember(self, steady: SteadyCycles) -> None:
         """Remember what comes after a state."""
         self._base, self._steady = steady.base, steady
-
-
-class SteadyTick(NamedTuple):
-    """What a steady cycle writes."""
-
-    # The state that it goes on from.
-    base: ManagerState
-
-    # Its number, and what was measured in it, shape (2 J,).
-    number: int
-    motions: Array
-
-    # Values of all command interfaces, what the servo is told, and the rest of the
-    # drive vector.
-    values: list[float]
-    told: list[float]
-    rates: list[float]
 
 
 _NO_PERIODS: Mapping[str, int] = MappingProxyType({})

@@ -455,6 +455,23 @@ class TickKeeper:
         )
 
 
+class SteadyTick(NamedTuple):
+    """What a steady cycle writes."""
+
+    # The state that it goes on from.
+    base: ManagerState
+
+    # Its number, and what was measured in it, shape (2 J,).
+    number: int
+    motions: Array
+
+    # Values of all command interfaces, what the servo is told, and the rest of the
+    # drive vector.
+    values: list[float]
+    told: list[float]
+    rates: list[float]
+
+
 class _SteadyController(NamedTuple):
     """A controller that ticks steadily, and where its commands stand."""
 
