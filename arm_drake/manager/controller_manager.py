@@ -93,6 +93,7 @@ class QuietTicks:
         self._keeper, self._claimants, self._drive = keeper, claimants, drive
         self._base: ManagerState | None = None
         self._steady: SteadyCycles | None = None
+        self._offers_steady = True
         self._active: object = None
         self._asleep: object = None
         self._controllers: Collection[tuple[str, TickingController[Any]]] | None = None
@@ -105,16 +106,21 @@ class QuietTicks:
             self._active, self._asleep = state.active, state.asleep
             if self._keeper is not None:
                 self._controllers = self._keeper.quiet_controllers(state)
+                self._offers_steady = all(
+                    type(system).steady is not TickingController.steady
+                    for _, system in self._controllers or ()
+                )
         return self._controllers
 
     def steady_cycles(self, base: ManagerState) -> SteadyCycles | None:
         """Return what comes after a state in plain numbers, if anything does."""
         if self._base is not base:
             found = self.controllers(base)
-            self._base, self._steady = (
-                base,
-                SteadyCycles.after(base, found, self._claimants, self._drive),
-            )
+            self._base, self._steady = base, None
+            if self._offers_steady:
+                self._steady = SteadyCycles.after(
+                    base, found, self._claimants, self._drive
+                )
         return self._steady
 
     def remember(self, steady: SteadyCycles) -> None:
@@ -775,7 +781,9 @@ class ControllerManager(PythonSystem):
                 state.get_mutable_abstract_state(index).set_value(steady.base)
             self._write_steadily(numbers, kept, steady)
         else:
-            old: ManagerState = self._present.Eval(context)
+            old = base  # Without steady cycles since then, it is the present one.
+            if kept[0] != base.cycle.number:
+                old = self._present.Eval(context)
             new = self._tick_quietly(context, old) or self._tick(context, old)
             if new is old:
                 return
