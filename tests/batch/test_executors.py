@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from distributed import Client, LocalCluster
 
 import arm_drake as ad
 from arm_drake.batch import executors
@@ -33,6 +32,9 @@ def no_server_stays() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def client() -> Iterator[Any]:
+    # Half a second, where it is not used too.
+    from distributed import Client, LocalCluster
+
     with (
         LocalCluster(
             n_workers=2, threads_per_worker=1, dashboard_address=None
