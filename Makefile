@@ -64,6 +64,7 @@ bench: setup
 		$(BIN)/pip install --quiet -c requirements.lock -e '.[bench]'; \
 	fi
 	$(BIN)/python -m tests.benchmarks.overhead $(ARGS)
+	$(BIN)/python -m tests.benchmarks.instructions
 	$(BIN)/python -m tests.benchmarks.loading
 	$(BIN)/python -m tests.benchmarks.page
 	$(BIN)/python -m tests.benchmarks.many --rounds 3 --output out

@@ -9,6 +9,7 @@ is left to swing. Some command interfaces move nothing, but limit effort and vel
 
 import dataclasses as dc
 import math
+import operator
 from collections.abc import Collection, Mapping, Sequence
 from typing import Final
 
@@ -61,7 +62,8 @@ class DriveMode(Message):
 
     # Of each joint: where its position stands among the values, -1 if it follows none,
     # and its rate [Hz]. What is few is quicker in plain numbers than in numpy.
-    positions: tuple[tuple[int, float], ...] = dc.field(init=False)
+    positions_at: tuple[int, ...] = dc.field(init=False)
+    rates: tuple[float, ...] = dc.field(init=False)
 
     # Which elements of the drive vector are values, where these stand, and whether a
     # joint follows its velocity, its acceleration, its effort alone, (3 n,).
@@ -71,13 +73,12 @@ class DriveMode(Message):
     def __post_init__(self) -> None:
         """Prepare what every cycle reads."""
         at = np.where(self.is_position, self.position_at, -1)
-        positions = tuple(zip(at.tolist(), self.rate.tolist(), strict=True))
         parts = (
             (self.is_guided | self.is_velocity, self.velocity_at),
             (self.is_acceleration | self.is_accelerated, self.acceleration_at),
             (self.is_effort | self.is_pushed, self.effort_at),
         )
-        n = len(positions)
+        n = len(at)
         others = tuple(
             (k * n + int(i), int(where[i]))
             for k, (follows, where) in enumerate(parts, start=1)
@@ -85,7 +86,8 @@ class DriveMode(Message):
         )
         alone = (self.is_velocity, self.is_acceleration, self.is_effort | self.is_idle)
         flags = tuple(np.concatenate(alone).astype(float).tolist())
-        object.__setattr__(self, "positions", positions)
+        object.__setattr__(self, "positions_at", tuple(at.tolist()))
+        object.__setattr__(self, "rates", tuple(self.rate.tolist()))
         object.__setattr__(self, "others", others)
         object.__setattr__(self, "flags", flags)
 
@@ -158,10 +160,10 @@ class DriveCommands:
         self._no_limits = np.zeros(NUM_LIMITS * len(joints) if has_limits else 0)
         # Accelerations and efforts that nobody commands.
         self._still = (0.0,) * (2 * len(joints))
-        self._ranges = ((-math.inf, math.inf),) * len(joints)
-        if stops is not None:
-            lower, upper = (np.broadcast_to(x, len(joints)).tolist() for x in stops)
-            self._ranges = tuple(zip(lower, upper, strict=True))
+        self._lows, self._highs = (
+            np.broadcast_to(x, len(joints)).tolist()
+            for x in stops or (-math.inf, math.inf)
+        )
 
     def initial(self, positions: Sequence[float]) -> Array:
         """Return the drive vector that holds positions."""
@@ -289,8 +291,8 @@ class DriveCommands:
             return self._write_anew(mode, values, last, fresh, skipped)
         # To the bit what the other way gives, in an eighth of the time.
         lasts, n = last.tolist(), len(self.joints)
-        told, rates = self.go_on(mode, values.tolist(), lasts[:n], lasts[-n:])
-        return np.array(told + rates)
+        servo_input, rates = self.go_on(mode, values.tolist(), lasts[:n], lasts[-n:])
+        return np.array(servo_input + rates)
 
     def go_on(
         self,
@@ -304,38 +306,21 @@ class DriveCommands:
         That is the drive vector where nothing is limited. `numbers` are the values,
         `lasts` the positions and `befores` the rates of the last cycle's vector.
         """
-        positions = [
-            (low if q <= low else high if q >= high else q)
-            for q, (low, high) in zip(
-                [
-                    past if at < 0 else numbers[at]
-                    for (at, _), past in zip(mode.positions, lasts, strict=True)
-                ],
-                self._ranges,
-                strict=True,
-            )
+        # Of few joints a loop in C over plain numbers takes the least time.
+        wanted = [
+            lasts[i] if at < 0 else numbers[at]
+            for i, at in enumerate(mode.positions_at)
         ]
-        rates = [
-            (q - past) * hertz
-            for q, past, (_, hertz) in zip(
-                positions, lasts, mode.positions, strict=True
-            )
-        ]
-        # Where both have the same sign it is no step.
-        speeds = [
-            0.0
-            if not rate * before > 0.0
-            else rate
-            if abs(rate) <= abs(_GROWTH * before)
-            else _GROWTH * before
-            for rate, before in zip(rates, befores, strict=True)
-        ]
+        positions = list(map(min, map(max, wanted, self._lows), self._highs))
+        changes = map(operator.sub, positions, lasts)
+        rates = list(map(operator.mul, changes, mode.rates))
+        speeds = list(map(_speed, rates, befores))
         if not self.has_modes:
             return positions + speeds, rates
-        told = [*positions, *speeds, *self._still, *mode.flags]
+        servo_input = [*positions, *speeds, *self._still, *mode.flags]
         for i, at in mode.others:
-            told[i] = numbers[at]
-        return told, rates
+            servo_input[i] = numbers[at]
+        return servo_input, rates
 
     def _write_anew(
         self,
@@ -380,6 +365,14 @@ class DriveCommands:
                 rate,
             )
         )
+
+
+def _speed(rate: float, before: float) -> float:
+    """Return a rate, after the one before; 0 where it is a step."""
+    if not rate * before > 0.0:
+        return 0.0
+    most = _GROWTH * before  # Both have the same sign.
+    return rate if abs(rate) <= abs(most) else most
 
 
 def _moves_freely(mode: DriveMode) -> Mask:

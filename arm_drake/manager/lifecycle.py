@@ -483,11 +483,9 @@ class SteadyCycles:
         self._commanding = [(c.ticks.command, _row(c.at), c.at) for c in controllers]
         self._values: list[float] = base.values.tolist()
         # From then on cycles take the full way [ns].
-        self.until_ns = min((c.ticks.until_ns for c in self._controllers), default=0)
+        self.until_ns = min([c.ticks.until_ns for c in controllers] or [0])
         # Somebody has to tell something then [ns].
-        self.monitor_ns = min(
-            (c.ticks.monitor_ns for c in self._controllers), default=0
-        )
+        self.monitor_ns = min([c.ticks.monitor_ns for c in controllers] or [0])
         # What is on the ports meanwhile.
         self.inputs = base.cycle.inputs
 

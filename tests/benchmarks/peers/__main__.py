@@ -25,7 +25,7 @@ from tests.benchmarks.peers import plots, report, run, startup
 ROOT = Path(__file__).resolve().parents[3]
 
 # The page of the docs, and the line below which it is made anew.
-PAGE = ROOT / "docs/performance.md"
+PAGE = ROOT / "docs/measurements.md"
 MARK = "<!-- What is below is written by `python -m tests.benchmarks.peers --page`. -->"
 PICTURES = {
     "work_precision.png": "Errors against costs, a line for each engine and servo",

@@ -3,6 +3,7 @@
 from functools import partial
 
 import mujoco
+import mujoco.rollout
 import numpy as np
 
 from tests.benchmarks.peers.commands import commands_of
@@ -22,6 +23,9 @@ ENGINE = "MuJoCo"
 # Position actuators under the integrator that MuJoCo recommends for them.
 USUAL = "position actuators, implicitfast"
 
+# The same in MuJoCo's own loop, which needs all commands beforehand.
+ROLLOUT = "position actuators, mujoco.rollout"
+
 _INTEGRATORS = {
     "implicitfast": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
     "Euler": mujoco.mjtIntegrator.mjINT_EULER,
@@ -34,6 +38,8 @@ def make_contestants(task: Task, *, num_arms: int = 1) -> list[Contestant]:
     for step in STEPS:
         make = partial(make_positioned, task, step, num_arms)
         found.append(Contestant(ENGINE, USUAL, "pd", step, make))
+        make = partial(make_rolled_out, task, step, num_arms)
+        found.append(Contestant(ENGINE, ROLLOUT, "pd", step, make))
         if num_arms > 1 or task.mimics:
             continue
         for setting, law in (("our servo, Python", sampled), ("exact ZOH", exact)):
@@ -111,6 +117,25 @@ def make_positioned(task: Task, step: float, num_arms: int) -> Runner:
             q[tick], v[tick] = data.qpos, data.qvel
             data.ctrl[:] = row
             mujoco.mj_step(model, data, number)
+        return Recording(q[:, at], v[:, at])
+
+    return Runner(partial(mujoco.mj_resetData, model, data), run)
+
+
+def make_rolled_out(task: Task, step: float, num_arms: int) -> Runner:
+    """Return the same arms in a loop in C; every step is recorded, as it does."""
+    model = make_model(task, step, num_arms, is_positioned=True)
+    data = mujoco.MjData(model)
+    at = [model.joint(f"arm{num_arms - 1}/{name}").qposadr[0] for name in task.joints]
+    rows = commands_of(task).folded(task.kd / task.kp)
+    number = substeps(step)
+    commands = np.repeat(np.tile(rows, num_arms), number, axis=0)[None]
+    start = np.concatenate([[0.0], data.qpos, data.qvel, data.act])
+
+    def run() -> Recording:
+        states, _ = mujoco.rollout.rollout(model, data, start, commands)
+        found = np.vstack([start, states[0, number - 1 :: number][:-1]])
+        q, v = found[:, 1 : 1 + model.nq], found[:, 1 + model.nq :][:, : model.nv]
         return Recording(q[:, at], v[:, at])
 
     return Runner(partial(mujoco.mj_resetData, model, data), run)
