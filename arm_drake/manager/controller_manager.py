@@ -37,6 +37,7 @@ from arm_drake.manager.lifecycle import (
     ManagerInputs,
     QuietTicks,
     SteadyCycles,
+    SteadyTick,
     TickKeeper,
     UpdateResults,
 )
@@ -78,23 +79,6 @@ class Readings(NamedTuple):
         return state.active is not state.cycle.active or (
             self.inputs.requests is not state.requests and bool(self.new_requests)
         )
-
-
-class SteadyTick(NamedTuple):
-    """What a steady cycle writes."""
-
-    # The state that it goes on from.
-    base: ManagerState
-
-    # Its number, and what was measured in it, shape (2 J,).
-    number: int
-    motions: Array
-
-    # Values of all command interfaces, what the servo is told, and the rest of the
-    # drive vector.
-    values: list[float]
-    servo_input: list[float]
-    rates: list[float]
 
 
 _NO_PERIODS: Mapping[str, int] = MappingProxyType({})
@@ -750,7 +734,9 @@ class ControllerManager(PythonSystem):
                 state.get_mutable_abstract_state(index).set_value(steady.base)
             self._write_steadily(numbers, kept, steady)
         else:
-            old: ManagerState = self._present.Eval(context)
+            old = base  # Without steady cycles since then, it is the present one.
+            if kept[0] != base.cycle.number:
+                old = self._present.Eval(context)
             new = self._tick_quietly(context, old) or self._tick(context, old)
             if new is old:
                 return

@@ -455,6 +455,23 @@ class TickKeeper:
         )
 
 
+class SteadyTick(NamedTuple):
+    """What a steady cycle writes."""
+
+    # The state that it goes on from.
+    base: ManagerState
+
+    # Its number, and what was measured in it, shape (2 J,).
+    number: int
+    motions: Array
+
+    # Values of all command interfaces, what the servo is told, and the rest of the
+    # drive vector.
+    values: list[float]
+    servo_input: list[float]
+    rates: list[float]
+
+
 class _SteadyController(NamedTuple):
     """A controller that ticks steadily, and where its commands stand."""
 
@@ -717,6 +734,7 @@ class QuietTicks:
         self._keeper, self._claimants, self._drive = keeper, claimants, drive
         self._base: ManagerState | None = None
         self._steady: SteadyCycles | None = None
+        self._offers_steady = True
         self._active: object = None
         self._asleep: object = None
         self._controllers: Collection[tuple[str, TickingController[Any]]] | None = None
@@ -729,16 +747,21 @@ class QuietTicks:
             self._active, self._asleep = state.active, state.asleep
             if self._keeper is not None:
                 self._controllers = self._keeper.quiet_controllers(state)
+                self._offers_steady = all(
+                    type(system).steady is not TickingController.steady
+                    for _, system in self._controllers or ()
+                )
         return self._controllers
 
     def steady_cycles(self, base: ManagerState) -> SteadyCycles | None:
         """Return what comes after a state in plain numbers, if anything does."""
         if self._base is not base:
             found = self.controllers(base)
-            self._base, self._steady = (
-                base,
-                SteadyCycles.after(base, found, self._claimants, self._drive),
-            )
+            self._base, self._steady = base, None
+            if self._offers_steady:
+                self._steady = SteadyCycles.after(
+                    base, found, self._claimants, self._drive
+                )
         return self._steady
 
     def remember(self, steady: SteadyCycles) -> None:
