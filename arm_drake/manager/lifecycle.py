@@ -702,3 +702,45 @@ class Claimants:
 
     def _mask(self, joints: Collection[str]) -> Mask:
         return np.array([joint in joints for joint in self._joints], dtype=bool)
+
+
+class QuietTicks:
+    """Who ticks in cycles in which nothing comes and nothing switches.
+
+    That follows from the state alone; for the latest state it is remembered.
+    """
+
+    def __init__(
+        self, keeper: TickKeeper | None, claimants: Claimants, drive: DriveCommands
+    ) -> None:
+        """Create it; without a keeper such a cycle is as any other."""
+        self._keeper, self._claimants, self._drive = keeper, claimants, drive
+        self._base: ManagerState | None = None
+        self._steady: SteadyCycles | None = None
+        self._active: object = None
+        self._asleep: object = None
+        self._controllers: Collection[tuple[str, TickingController[Any]]] | None = None
+
+    def controllers(
+        self, state: ManagerState
+    ) -> Collection[tuple[str, TickingController[Any]]] | None:
+        """Return them by name; None where such a cycle is as any other."""
+        if self._active is not state.active or self._asleep is not state.asleep:
+            self._active, self._asleep = state.active, state.asleep
+            if self._keeper is not None:
+                self._controllers = self._keeper.quiet_controllers(state)
+        return self._controllers
+
+    def steady_cycles(self, base: ManagerState) -> SteadyCycles | None:
+        """Return what comes after a state in plain numbers, if anything does."""
+        if self._base is not base:
+            found = self.controllers(base)
+            self._base, self._steady = (
+                base,
+                SteadyCycles.after(base, found, self._claimants, self._drive),
+            )
+        return self._steady
+
+    def remember(self, steady: SteadyCycles) -> None:
+        """Remember what comes after a state."""
+        self._base, self._steady = steady.base, steady
