@@ -100,6 +100,9 @@ from arm_drake.planning.inverse_kinematics import (
 )
 from arm_drake.planning.motion_planning import Plan as Plan
 from arm_drake.planning.motion_planning import plan as plan
+from arm_drake.planning.orientation_constraint import (
+    OrientationConstraint as OrientationConstraint,
+)
 from arm_drake.planning.setting import PlanningError as PlanningError
 from arm_drake.planning.setting import PlanOptions as PlanOptions
 from arm_drake.plant.payloads import Payload as Payload

@@ -32,6 +32,7 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import (
     BodyIndex,
+    JacobianWrtVariable,
     ModelInstanceIndex,
     RigidBody,
     default_model_instance,
@@ -148,6 +149,7 @@ class CollisionModel:
             )
         # The builder's is no more.
         self._plant = self.checker.plant()
+        self._own_context = self._plant.CreateDefaultContext()
         self._names: dict[int, str] = {}
         self._filter(robot, model)
         # How far links may move between two checks [m]; nothing is missed then.
@@ -246,6 +248,36 @@ class CollisionModel:
             if not self.checker.CheckConfigCollisionFree(q):
                 return int(index)
         return None
+
+    @property
+    def largest_weight(self) -> float:
+        """How far a shape moves at most where the planned joints move by 1 [m]."""
+        return float(np.linalg.norm(self._weights[self._own]))
+
+    @property
+    def links(self) -> tuple[str, ...]:
+        """The robot's links."""
+        return tuple(self._bodies)
+
+    def rotation_of(self, link: str, x: np.ndarray) -> np.ndarray:
+        """Return how a link is turned in the world, shape (3, 3)."""
+        body = self._plant.get_body(BodyIndex(self._bodies[link]))
+        self._plant.SetPositions(self._own_context, self.configuration(x))
+        X_WB = self._plant.EvalBodyPoseInWorld(self._own_context, body)
+        return np.array(X_WB.rotation().matrix())
+
+    def turning_of(self, link: str, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return how a link is turned, and how that changes by the joints, (3, n)."""
+        plant, R = self._plant, self.rotation_of(link, x)
+        world = plant.world_frame()
+        J = plant.CalcJacobianAngularVelocity(
+            self._own_context,
+            JacobianWrtVariable.kQDot,
+            plant.get_body(BodyIndex(self._bodies[link])).body_frame(),
+            world,
+            world,
+        )
+        return R, J @ self._E[:, self._own]
 
     def clearance(self, path: np.ndarray, influence: float = 0.5) -> float:
         """Return the smallest distance on points of a path [m], `influence` at most."""

@@ -203,6 +203,23 @@ def find_reach(
     return place, chain.reach
 
 
+def pose_error(
+    robot: Robot, frame: str, pose: RigidTransform, mask: Sequence[bool]
+) -> Callable[[Mapping[str, float]], np.ndarray]:
+    """Return what says by how much joint positions miss a pose [m], [rad].
+
+    The numbers are those of what counts: places in the world, turns in the frame.
+    """
+    kinematics = _kinematics_of(robot)
+    target = _Target.of(pose, mask, TOLERANCE)
+
+    def miss(positions: Mapping[str, float]) -> np.ndarray:
+        X = kinematics.pose_of(kinematics.complete(positions), frame)
+        return target.miss(X)[target.rows]
+
+    return miss
+
+
 def follow_line(
     robot: Robot,
     frame: str,
@@ -285,11 +302,7 @@ class _Target(NamedTuple):
                 "mask: expected six flags, for x, y, z and turns about x, y, z, with "
                 f"one that is set; got {shown!r}"
             )
-        if len(tolerance) != 2 or not all(0.0 < t < math.inf for t in tolerance):
-            raise InputError(
-                "tolerance: expected two positive numbers [m] and [rad], "
-                f"got {list(tolerance)}"
-            )
+        _check_tolerance(tolerance)
         free = [axis for axis in range(3) if not rows[3 + axis]]
         return _Target(
             np.array(pose.rotation().matrix()),
@@ -316,6 +329,15 @@ class _Target(NamedTuple):
         else:
             twist[3:] = _swing(R.T @ self.R[:, self.pointing], self.pointing)
         return twist
+
+
+def _check_tolerance(tolerance: object) -> None:
+    """Raise InputError unless it is two positive numbers."""
+    values = list(tolerance) if isinstance(tolerance, Iterable) else []
+    are_valid = [isinstance(t, int | float) and 0.0 < t < math.inf for t in values]
+    if len(values) != 2 or not all(are_valid):
+        expected = "tolerance: expected two positive numbers [m] and [rad]"
+        raise InputError(f"{expected}, got {values or tolerance!r}")
 
 
 def _rotation_vector(R: np.ndarray) -> np.ndarray:
@@ -549,6 +571,8 @@ class _Kinematics:
     def check_frame(self, frame: str) -> None:
         """Raise InputError if there is no such link."""
         links = self._description.links
+        if not isinstance(frame, str):
+            raise InputError(f"frame: expected a link's name, got {frame!r}")
         if frame not in links:
             raise InputError(f"no link {frame!r}; {suggest(frame, links)}")
 

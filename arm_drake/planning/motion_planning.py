@@ -48,9 +48,11 @@ from arm_drake.planning.inverse_kinematics import (
     complete_positions,
     follow_line,
     forward_kinematics,
+    pose_error,
     read_pose,
     solve_ik,
 )
+from arm_drake.planning.orientation_constraint import Tilt, find_tilt
 from arm_drake.planning.setting import (
     PlanningError,
     PlanOptions,
@@ -249,7 +251,7 @@ def _pose_problem(setting: Setting, chosen: PlanOptions) -> "_Problem":
         positions=setting.positions,
         things=setting.things,
     )
-    return _Problem(
+    problem = _Problem(
         setting.robot,
         group,
         chosen.frame or group.tip,
@@ -260,6 +262,10 @@ def _pose_problem(setting: Setting, chosen: PlanOptions) -> "_Problem":
         setting.things,
         chosen,
     )
+    if chosen.path_constraint is None:
+        return problem
+    tilt = find_tilt(chosen.path_constraint, model, problem.start)
+    return problem._replace(tilt=tilt)
 
 
 def _solve(problem: "_Problem", targets: Sequence[Target]) -> Plan:
@@ -353,6 +359,7 @@ class _Problem(NamedTuple):
     world: World
     things: tuple[PlacedShape, ...]
     options: PlanOptions
+    tilt: Tilt | None = None
 
     @property
     def start(self) -> np.ndarray:
@@ -391,6 +398,27 @@ class _Problem(NamedTuple):
             raise PlanningError(
                 f"the start is in collision: {_listed(self.model, self.start)}"
             )
+        if self.tilt is not None and not self.tilt.is_met(self.start):
+            raise PlanningError(f"the start: {self.tilt.describe(self.start)}")
+
+    def first_fault(self, path: np.ndarray) -> int | None:
+        """Return the first segment that collides or leaves the cone of a constraint."""
+        found = [self.model.first_collision(path)]
+        found += [] if self.tilt is None else [self.tilt.first_exit(path)]
+        return min((at for at in found if at is not None), default=None)
+
+    def describe(self, x: np.ndarray) -> list[str]:
+        """Return what is wrong at values of the joints, in words."""
+        words = self.model.describe(x)
+        if self.tilt is not None and not self.tilt.is_met(x):
+            words.append(self.tilt.describe(x))
+        return words
+
+    def is_edge_allowed(self, x: np.ndarray, y: np.ndarray, step: float) -> bool:
+        """Whether a line is free, checked at steps, and stays in the cone."""
+        if not self.model.is_edge_free(x, y, step):
+            return False
+        return self.tilt is None or self.tilt.first_exit(np.array([x, y])) is None
 
     def check_limits(self, x: np.ndarray, what: str) -> None:
         """Raise PlanningError if joints are beyond their limits."""
@@ -411,13 +439,13 @@ def _plan_leg(problem: _Problem, start: np.ndarray, target: Target) -> _Leg:
         path = _straight_path(problem, start, target)
         for rounding in _ROUNDINGS:
             samples, keeps = problem.time(path, rounding)
-            at = problem.model.first_collision(samples.q)
+            at = problem.first_fault(samples.q)
             if at is None:
                 return _Leg(path, samples, keeps)
         assert at is not None
         part = float(samples.t[at] / samples.t[-1])
         after = samples.q[at : at + 2]
-        where = [words for x in after for words in problem.model.describe(x)]
+        where = [words for x in after for words in problem.describe(x)]
         raise PlanningError(
             f"the straight line is free for {100 * part:.0f} % of its time; then "
             f"{', '.join(where[:3]) or 'links come too close'}",
@@ -430,11 +458,12 @@ def _plan_leg(problem: _Problem, start: np.ndarray, target: Target) -> _Leg:
         path = _find_path(problem, start, goals, step, deadline, number)
         for rounding in _ROUNDINGS:
             samples, keeps = problem.time(path, rounding)
-            if problem.model.first_collision(samples.q) is None:
+            if problem.first_fault(samples.q) is None:
                 return _Leg(path, samples, keeps)
+    tilts = "" if problem.tilt is None else " or tilts more than it may"
     raise PlanningError(
         f"no plan: each of {len(_COARSER)} ways that were found comes closer than the "
-        "padding between the search's checks; a larger padding may help"
+        f"padding{tilts} between the search's checks; a larger padding may help"
     )
 
 
@@ -442,42 +471,73 @@ def _find_goals(
     problem: _Problem, start: np.ndarray, target: Target
 ) -> list[np.ndarray]:
     """Return joint positions of a goal that are free, the nearest first."""
-    model, joints = problem.model, problem.group.joints
     if isinstance(target, str | Mapping):
-        positions = (
-            find_state(problem.group, target) if isinstance(target, str) else target
-        )
-        x = start.copy()
-        for name, value in positions.items():
-            if name not in joints:
-                raise InputError(
-                    f"to: joint {name!r} is not of group {problem.group.name!r}, which "
-                    f"has {', '.join(joints)}"
-                )
-            if not (isinstance(value, int | float) and math.isfinite(value)):
-                raise InputError(
-                    f"to: joint {name!r}: expected a finite number, got {value!r}"
-                )
-            x[joints.index(name)] = value
-        problem.check_limits(x, "goal")
-        candidates = [x]
+        candidates = [_find_positions(problem, start, target)]
     else:
-        solution = solve_ik(
-            problem.robot,
-            problem.frame,
-            read_pose(target),
-            seed=problem.named(start),
-            group=joints,
-            mask=problem.options.mask,
-            all_solutions=True,
-        )
-        found = [solution.positions, *solution.others]
-        candidates = [np.array([f[name] for name in joints]) for f in found]
-    free = [x for x in candidates if model.is_free(x)]
+        candidates = _find_solutions(problem, start, read_pose(target))
+    allowed = [x for x in candidates if problem.tilt is None or problem.tilt.is_met(x)]
+    if not allowed:
+        assert problem.tilt is not None
+        raise PlanningError(f"the goal: {problem.tilt.describe(candidates[0])}")
+    free = [x for x in allowed if problem.model.is_free(x)]
     if not free:
-        what = "the goal is" if len(candidates) == 1 else "all solutions found are"
-        raise PlanningError(f"{what} in collision: {_listed(model, candidates[0])}")
+        what = "the goal is" if len(allowed) == 1 else "all solutions found are"
+        words = _listed(problem.model, allowed[0])
+        raise PlanningError(f"{what} in collision: {words}")
     return free[:_GOALS]
+
+
+def _find_positions(
+    problem: _Problem, start: np.ndarray, target: str | Mapping[str, float]
+) -> np.ndarray:
+    """Return the joint positions of a state, or those given in place of the start's."""
+    joints = problem.group.joints
+    positions = find_state(problem.group, target) if isinstance(target, str) else target
+    x = start.copy()
+    for name, value in positions.items():
+        if name not in joints:
+            raise InputError(
+                f"to: joint {name!r} is not of group {problem.group.name!r}, which "
+                f"has {', '.join(joints)}"
+            )
+        if not (isinstance(value, int | float) and math.isfinite(value)):
+            raise InputError(
+                f"to: joint {name!r}: expected a finite number, got {value!r}"
+            )
+        x[joints.index(name)] = value
+    problem.check_limits(x, "goal")
+    return x
+
+
+def _find_solutions(
+    problem: _Problem, start: np.ndarray, X_WG: RigidTransform
+) -> list[np.ndarray]:
+    """Return joint positions that put the frame at a pose, the nearest first."""
+    joints, mask, tilt = problem.group.joints, problem.options.mask, problem.tilt
+    solution = solve_ik(
+        problem.robot,
+        problem.frame,
+        X_WG,
+        seed=problem.named(start),
+        group=joints,
+        mask=mask,
+        all_solutions=True,
+    )
+    found = [
+        np.array([each[name] for name in joints])
+        for each in (solution.positions, *solution.others)
+    ]
+    if tilt is None or all(mask) or any(map(tilt.is_met, found)):
+        return found
+    # What of the pose is free has to serve the constraint.
+    miss = pose_error(problem.robot, problem.frame, X_WG, mask)
+
+    def error(x: np.ndarray) -> np.ndarray:
+        return miss(problem.named(x))
+
+    settled = (tilt.settle(x, error, problem.limits()) for x in found)
+    close = itertools.islice((x for x in settled if x is not None), _GOALS)
+    return [*close] or found
 
 
 def _straight_path(problem: _Problem, start: np.ndarray, target: Target) -> np.ndarray:
@@ -515,7 +575,7 @@ def _find_path(
 ) -> np.ndarray:
     """Return the corners of a way to one of the goals, checked at steps."""
     for goal in goals:
-        if problem.model.is_edge_free(start, goal, step):
+        if problem.is_edge_allowed(start, goal, step):
             return np.array([start, goal])
     try:
         from arm_drake.planning.search import find_way
@@ -539,6 +599,7 @@ def _find_path(
         step=step,
         is_over=is_over,
         seed=1 + problem.options.seed + 7919 * number,
+        tilt=None if problem.tilt is None else problem.tilt.widened([start, *goals]),
     )
     if way is None and should_stop is not None and should_stop():
         raise PlanningError("no plan: the search was stopped")

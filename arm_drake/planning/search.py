@@ -6,11 +6,18 @@ import numpy as np
 from ompl import base, geometric, util
 
 from arm_drake.planning.collisions import CollisionModel
+from arm_drake.planning.orientation_constraint import Tilt
 
 # Tries of each means of shortening a way. Twice as many, and a second round, made plans
 # three times as slow and no shorter. A count, not a time: a plan is the same on every
 # machine.
 _TRIES = 30
+
+# How near to the cone of a constraint a step is brought [rad].
+_IN_CONE = 1e-4
+
+# Steps along the cone are no longer than this [rad] or [m].
+_LONGEST_STEP = 0.1
 
 
 class _EdgeChecker(base.MotionValidator):
@@ -29,6 +36,22 @@ class _EdgeChecker(base.MotionValidator):
         return self._model.is_edge_free(x, y, self._step)
 
 
+class _Cone(base.Constraint):
+    """Keeps a link's axis in a cone: what it is out of it is to be none."""
+
+    def __init__(self, tilt: Tilt, size: int) -> None:
+        super().__init__(size, 1, _IN_CONE)
+        self._tilt = tilt
+
+    def function(self, x: np.ndarray, out: np.ndarray) -> None:
+        """Set how far the axis is out of the cone [rad]."""
+        out[0] = max(0.0, self._tilt.angle(x) - self._tilt.inner)
+
+    def jacobian(self, x: np.ndarray, out: np.ndarray) -> None:
+        """Set how that changes by the joints."""
+        out[0] = self._tilt.gradient(x)
+
+
 def find_way(
     model: CollisionModel,
     start: np.ndarray,
@@ -38,6 +61,7 @@ def find_way(
     step: float,
     is_over: Callable[[], bool],
     seed: int,
+    tilt: Tilt | None = None,
 ) -> np.ndarray | None:
     """Return the corners of a way from the start to a goal, shape (m, n), or None.
 
@@ -49,6 +73,7 @@ def find_way(
         step: How far apart checks on an edge are, in the model's norm.
         is_over: Whether to give up.
         seed: Seed of the random search, above 0.
+        tilt: How far a link may tilt on the way; its steps are then the corners.
     """
     util.noOutputHandler()
     util.RNG.setSeed(seed)
@@ -59,12 +84,20 @@ def find_way(
         box.setLow(index, float(low))
         box.setHigh(index, float(high))
     space.setBounds(box)
-    information = base.SpaceInformation(space)
-    information.setStateValidityChecker(
-        lambda state: model.is_free(_values(state, size))
-    )
-    checker = _EdgeChecker(information, model, step)
-    information.setMotionValidator(checker)
+    if tilt is None:
+        information = base.SpaceInformation(space)
+        information.setStateValidityChecker(
+            lambda state: model.is_free(_values(state, size))
+        )
+        checker = _EdgeChecker(information, model, step)
+        information.setMotionValidator(checker)
+    else:
+        space = base.ProjectedStateSpace(space, _Cone(tilt, size))
+        information = base.ConstrainedSpaceInformation(space)
+        space.setDelta(min(_LONGEST_STEP, step / model.largest_weight))
+        information.setStateValidityChecker(
+            lambda state: _is_allowed(model, tilt, bounds, _values(state, size))
+        )
     information.setup()
     problem = base.ProblemDefinition(information)
     problem.addStartState(_state(space, start))
@@ -83,11 +116,27 @@ def find_way(
     simplifier.reduceVertices(way, _TRIES, _TRIES)
     simplifier.partialShortcutPath(way, _TRIES, _TRIES)
     simplifier.reduceVertices(way, _TRIES, _TRIES)
+    if tilt is not None:
+        way.interpolate()
     return np.array([_values(state, size) for state in way.getStates()])
+
+
+def _is_allowed(
+    model: CollisionModel,
+    tilt: Tilt,
+    bounds: tuple[np.ndarray, np.ndarray],
+    x: np.ndarray,
+) -> bool:
+    """Whether a step of a search in a cone is in it, within limits and free."""
+    is_within = bool(np.all((bounds[0] <= x) & (x <= bounds[1])))
+    return is_within and tilt.angle(x) <= tilt.most and model.is_free(x)
 
 
 def _state(space: base.StateSpace, x: np.ndarray) -> base.State:
     state = space.allocState()
+    if isinstance(space, base.ConstrainedStateSpace):
+        state.copy(np.array(x, dtype=float))
+        return state
     for index, value in enumerate(x):
         state[index] = float(value)
     return state

@@ -14,6 +14,7 @@ from arm_drake.errors import ArmDrakeError, InputError, suggest
 from arm_drake.messages import JointState
 from arm_drake.planning.collisions import PlacedShape, read_planning_scene
 from arm_drake.planning.inverse_kinematics import WHOLE_POSE, complete_positions
+from arm_drake.planning.orientation_constraint import OrientationConstraint
 from arm_drake.plant.joint_ranges import joint_ranges
 from arm_drake.plant.payloads import Payload
 from arm_drake.worlds.world import World
@@ -90,6 +91,9 @@ class PlanOptions:
     # What of poses counts, as that of `solve_ik`.
     mask: Sequence[bool] = WHOLE_POSE
 
+    # How far a link may tilt along the way; None is as far as it likes.
+    path_constraint: OrientationConstraint | None = None
+
     # Parts of the joints' speed and acceleration to use, above 0 and up to 1.
     velocity_scaling: float = 1.0
     acceleration_scaling: float = 1.0
@@ -129,6 +133,10 @@ class PlanOptions:
         if not 0.0 < self.time_limit < math.inf:
             expected = "expected a positive time [s]"
             raise InputError(f"time_limit: {expected}, got {self.time_limit}")
+        constraint = self.path_constraint
+        if not isinstance(constraint, OrientationConstraint | None):
+            expected = "expected an OrientationConstraint"
+            raise InputError(f"path_constraint: {expected}, got {constraint!r}")
         seed = self.seed
         if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
             raise InputError(f"seed: expected an integer of at least 0, got {seed!r}")

@@ -6,6 +6,7 @@ import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
 import arm_drake as ad
+from arm_drake.errors import InputError
 
 POSITION = (True, True, True, False, False, False)
 
@@ -296,5 +297,33 @@ def test_bad_arguments(planar: ad.Robot, wrong: dict, message: str) -> None:
 
     with pytest.raises(ad.ArmDrakeError) as caught:
         planar.solve_ik(**arguments)
+
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(
+    ("frame", "tolerance", "message"),
+    [
+        (
+            "link6",
+            3,
+            "tolerance: expected two positive numbers [m] and [rad], got 3",
+        ),
+        (
+            "link6",
+            (1e-3, "far"),
+            "tolerance: expected two positive numbers [m] and [rad], "
+            "got [0.001, 'far']",
+        ),
+        (3, (1e-3, 1e-3), "frame: expected a link's name, got 3"),
+    ],
+)
+def test_arguments_of_another_kind_are_one_message(
+    frame: object, tolerance: object, message: str
+) -> None:
+    robot = ad.load_robot("doosan_a0912")
+
+    with pytest.raises(InputError) as caught:
+        robot.solve_ik(frame, [0.4, 0.2, 0.6, 0, 0, 0], tolerance=tolerance)
 
     assert str(caught.value) == message

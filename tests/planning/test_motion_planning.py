@@ -330,3 +330,95 @@ def test_what_is_no_number_is_one_message(
         ad.plan(doosan, to, **options)
 
     assert str(caught.value) == message
+
+
+def test_a_glass_is_kept_upright_on_the_way_around_a_post(doosan: ad.Robot) -> None:
+    pin = pytest.importorskip("pinocchio")
+    pytest.importorskip("ompl")
+    start = doosan.solve_ik("link6", [0.3, -0.5, 0.5, math.pi, 0.0, 0.0]).positions
+    X_WG = [0.3, 0.5, 0.5, math.pi, 0.0, 1.0]
+    end = doosan.solve_ik("link6", X_WG, seed=start).positions
+    most = math.radians(5.0)
+
+    plan = ad.plan(
+        doosan,
+        end,
+        start=start,
+        world=with_a_post,
+        path_constraint=ad.OrientationConstraint("link6", most),
+        time_limit=100.0,
+    )
+
+    model = pin.buildModelFromXML(doosan.description.source)
+    data, frame = model.createData(), model.getFrameId("link6")
+    way = positions_of(plan)
+    tilts = []
+    for x, y in itertools.pairwise(way):
+        for part in (0.0, 0.25, 0.5, 0.75):
+            pin.framesForwardKinematics(model, data, x + part * (y - x))
+            down = -data.oMf[frame].rotation[2, 2]
+            tilts.append(math.acos(min(down, 1.0)))
+    # It isn't upright by chance, and leaves the cone by 1 mrad at most.
+    assert 1e-3 < max(tilts) <= most + 1e-3
+    without = without_padding(doosan, plan)
+    assert without.first_collision(way) is None
+    assert without.first_collision(way[[0, -1]]) is not None
+
+
+def test_a_position_is_reached_as_upright_as_the_constraint_wants(
+    doosan: ad.Robot,
+) -> None:
+    start = doosan.solve_ik("link6", [0.4, -0.3, 0.5, math.pi, 0.0, 0.0]).positions
+
+    plan = ad.plan(
+        doosan,
+        [0.4, -0.1, 0.6, 0.0, 0.0, 0.0],
+        mask=(True,) * 3 + (False,) * 3,
+        start=start,
+        world="void",
+        path_constraint=ad.OrientationConstraint("link6", 0.2),
+    )
+
+    X = doosan.forward_kinematics(plan.end, "link6")
+    assert X.translation() == pytest.approx([0.4, -0.1, 0.6], abs=1e-4)
+    assert math.acos(-X.rotation().matrix()[2, 2]) <= 0.2 + 1e-6
+
+
+@pytest.mark.parametrize("straight", [False, True])
+def test_a_goal_that_tilts_too_much_is_an_error(
+    doosan: ad.Robot, straight: bool
+) -> None:
+    start = {"joint2": 0.3, "joint3": 1.5, "joint5": 1.0}
+    X = doosan.forward_kinematics({**start, "joint5": 1.3}, "link6")
+
+    with pytest.raises(ad.PlanningError) as caught:
+        ad.plan(
+            doosan,
+            X,
+            start=start,
+            world="void",
+            straight=straight,
+            path_constraint=ad.OrientationConstraint("link6", 0.1),
+        )
+
+    assert "'link6' tilts by " in str(caught.value)
+    assert "rad; the path constraint allows 0.1" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((3, 0.1), "link_name: expected a name, got 3"),
+        (
+            ("link6", 0.0),
+            "tolerance: expected an angle from 0.002 to pi [rad], got 0.0",
+        ),
+        (("link6", 0.1, (0, 0, 0)), "axis: expected x, y, z, not all 0; got (0, 0, 0)"),
+        (("link6", 0.1, None, 3), "direction: expected x, y, z, not all 0; got 3"),
+    ],
+)
+def test_a_constraint_that_can_not_be(arguments: tuple, message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        ad.OrientationConstraint(*arguments)
+
+    assert str(caught.value) == message
