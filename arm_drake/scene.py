@@ -37,9 +37,9 @@ from arm_drake.options import SimulationOptions
 from arm_drake.output_files import writing
 from arm_drake.plant.payloads import Payload, Payloads, read_payload
 from arm_drake.simulation.motion import (
-    CarriedPayloads,
     Motion,
     MotionStep,
+    SetPayloads,
     TopicMessage,
 )
 from arm_drake.simulation.motion_files import find_motion
@@ -247,9 +247,9 @@ def _address(motion: Motion, step: MotionStep, prefix: str) -> MotionStep:
     message = step.message
     if isinstance(message, TopicMessage):
         message = message._replace(topic=prefix + message.topic.lstrip("/"))
-    elif isinstance(message, CarriedPayloads):
+    elif isinstance(message, SetPayloads):
         named = {f"{prefix}{link}": each for link, each in message.payloads.items()}
-        message = CarriedPayloads(named)
+        message = SetPayloads(named)
     elif isinstance(message, SwitchController):
         activate, deactivate = (
             tuple(f"{prefix}{name}" for name in names)

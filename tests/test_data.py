@@ -85,7 +85,7 @@ def test_both_distros_are_known_of_every_scenario() -> None:
     assert sorted([*same, *(case["name"] for case in differing)]) == sorted(names)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_choosing_again_chooses_the_same() -> None:
     (folder,) = {source(name) for name in NAMES}
 

@@ -281,7 +281,7 @@ def test_the_published_mycobot_sags_as_its_pid_balances_gravity():
     for name, position in GOAL.items():
         sim.topic(f"/model/mycobot_280/joint/{name}/cmd_pos").publish(position)
 
-    sim.advance_to(10.0)
+    sim.advance_to(4.0)
 
     rollout = sim.rollout()
     names = list(rollout.joint_names)
@@ -300,8 +300,8 @@ def test_the_published_mycobot_sags_as_its_pid_balances_gravity():
     velocity = rollout.velocity[-1, at]
     # What accelerations are left are below 0.01 rad/s^2, inertias below 0.02 kg m^2.
     np.testing.assert_allclose(balance, (damping + 0.01) * velocity, atol=3e-4)
-    # It sags by 0.39 rad at that moment.
-    assert errors[-1, 1] == pytest.approx(0.39, abs=0.01)
+    # It sags by 0.616 rad at that moment.
+    assert errors[-1, 1] == pytest.approx(0.616, abs=0.01)
 
 
 @pytest.mark.slow

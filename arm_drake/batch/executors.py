@@ -45,6 +45,8 @@ from arm_drake.controllers import CONTROLLER_TYPES
 from arm_drake.description.meshes.conversion import cache_directory
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError
+from arm_drake.worlds.sdf_world import LoadedWorld
+from arm_drake.worlds.world import WORLDS, load_world
 
 # How often to look whether there are more workers [s].
 _LOOK = 5.0
@@ -52,8 +54,9 @@ _LOOK = 5.0
 # So many functions and robots a worker keeps in memory.
 _MOST_KEPT = 16
 
-# Short runs go together for so long, as they took before [s], and so many bytes.
-_BATCH_TIME, _BATCH_BYTES = 0.25, 1_000_000
+# Short runs go together for so long, as they took before [s], and so many bytes. A call
+# costs program and scheduler some 5 ms: more workers get longer ones.
+_BATCH_TIME, _TIME_PER_WORKER, _BATCH_BYTES = 0.25, 0.01, 1_000_000
 
 # Part of a new wall time in the mean of them.
 _NEWS = 0.2
@@ -171,7 +174,7 @@ def _take(key: str) -> Any:
         for name, row in kept.types.items():
             CONTROLLER_TYPES.setdefault(name, row)
         kept = _kept[key] = kept.function
-    elif isinstance(kept, _SentRobot):
+    elif isinstance(kept, _SentRobot | _SentWorld):
         kept = _kept[key] = kept.unpack()
     return kept
 
@@ -233,15 +236,36 @@ def _path_of(mesh: ET.Element) -> Path:
     return Path(unquote(mesh.get("filename", "").removeprefix("file://")))
 
 
+class _SentWorld(NamedTuple):
+    """A world that is one file, which refers to no other."""
+
+    path: Path
+    data: bytes
+
+    @classmethod
+    def of(cls, world: str | Path) -> "_SentWorld | None":
+        """Return what is sent for a run's world; None if it goes as it is."""
+        path = Path(world).expanduser()
+        if world in WORLDS or not path.is_file():
+            return None
+        data = path.read_bytes()
+        return None if b"<uri>" in data else cls(path.absolute(), data)
+
+    def unpack(self) -> LoadedWorld:
+        """Return the world, from where this worker keeps it."""
+        return load_world(_keep_file(self.path, self.data))
+
+
 def _keep_file(path: Path, data: bytes) -> Path:
-    """Return a file with this content; write it if it isn't there."""
+    """Return a file with this content and name; write it if it isn't there."""
     with contextlib.suppress(OSError):
         if path.read_bytes() == data:
             return path
     folder = cache_directory().parent / "sent"
-    kept = folder / f"{hashlib.sha256(data).hexdigest()}{path.suffix}"
+    # A world may be called as its file.
+    kept = folder / hashlib.sha256(data).hexdigest() / path.name
     if not kept.exists():
-        folder.mkdir(parents=True, exist_ok=True)
+        kept.parent.mkdir(parents=True, exist_ok=True)
         part = kept.with_suffix(f".{uuid.uuid4().hex}")
         part.write_bytes(data)
         part.replace(kept)
@@ -249,11 +273,13 @@ def _keep_file(path: Path, data: bytes) -> Path:
 
 
 class _Sender:
-    """Makes bytes of functions and inputs, with hashes in place of robots."""
+    """Makes bytes of functions and inputs, with hashes for robots and worlds."""
 
     def __init__(self, function: Callable[[Any], Any]) -> None:
         self.blobs: dict[str, bytes] = {}
-        self._robots: dict[int, tuple[Robot, str]] = {}
+        # What was sent by hash, with its hash, by identity.
+        self._sent: dict[int, tuple[Any, str]] = {}
+        self._worlds: dict[str, _SentWorld | None] = {}
         sent = _SentFunction(function, dict(CONTROLLER_TYPES.added))
         data, refers = self._dump(sent, "the function")
         # The function is the first of what is needed.
@@ -268,7 +294,7 @@ class _Sender:
         refers: list[str] = []
 
         def refer(part: Any) -> str | None:
-            if not isinstance(part, Robot):
+            if not isinstance(part, Robot | _SentWorld):
                 return None
             refers.append(self._key_of(part))
             return refers[-1]
@@ -283,11 +309,21 @@ class _Sender:
             raise SendError(f"{text}; expected what cloudpickle takes") from None
         return file.getvalue(), refers
 
-    def _key_of(self, robot: Robot) -> str:
-        if id(robot) not in self._robots:
-            data = cloudpickle.dumps(_SentRobot.of(robot))
-            self._robots[id(robot)] = robot, self._keep(data)
-        return self._robots[id(robot)][1]
+    def _key_of(self, part: "Robot | _SentWorld") -> str:
+        if id(part) not in self._sent:
+            sent = _SentRobot.of(part) if isinstance(part, Robot) else part
+            self._sent[id(part)] = part, self._keep(cloudpickle.dumps(sent))
+        return self._sent[id(part)][1]
+
+    def with_world(self, run: Run) -> Run:
+        """Return a run whose world is sent, if that is a file which can be."""
+        if not isinstance(run.world, str | Path):
+            return run
+        name = str(run.world)
+        if name not in self._worlds:
+            self._worlds[name] = _SentWorld.of(run.world)
+        world: Any = self._worlds[name]
+        return run if world is None else dc.replace(run, world=world)
 
     def _keep(self, data: bytes) -> str:
         key = hashlib.sha256(data).hexdigest()
@@ -486,7 +522,7 @@ class Dispatch:
             try:
                 item = self._items[index]
                 if isinstance(item, Run):
-                    item = load_run(item, self._robots)
+                    item = self._sender.with_world(load_run(item, self._robots))
                 runs.append(_Packed(index, *self._sender.dump(item)))
             except Exception as error:
                 failed = attempt(functools.partial(_raise, error), index, None)
@@ -501,8 +537,10 @@ class Dispatch:
         """Return how many runs go together: few enough that all workers have some."""
         if self._took is None or self._limits.are_set:
             return 1
-        share = len(self._waiting) // (2 * self._pool.width())
-        return max(1, min(int(_BATCH_TIME / max(self._took, 1e-6)), share))
+        width = self._pool.width()
+        share = len(self._waiting) // (2 * width)
+        lasts = max(_BATCH_TIME, _TIME_PER_WORKER * width / 2)
+        return max(1, min(int(lasts / max(self._took, 1e-6)), share))
 
     def _give(self, batch: _Batch, sent: Mapping[str, bytes] | None = None) -> None:
         """Submit runs; what can't be is their error."""

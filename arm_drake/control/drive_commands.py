@@ -291,8 +291,8 @@ class DriveCommands:
             return self._write_anew(mode, values, last, fresh, skipped)
         # To the bit what the other way gives, in an eighth of the time.
         lasts, n = last.tolist(), len(self.joints)
-        told, rates = self.go_on(mode, values.tolist(), lasts[:n], lasts[-n:])
-        return np.array(told + rates)
+        servo_input, rates = self.go_on(mode, values.tolist(), lasts[:n], lasts[-n:])
+        return np.array(servo_input + rates)
 
     def go_on(
         self,
@@ -317,10 +317,10 @@ class DriveCommands:
         speeds = list(map(_speed, rates, befores))
         if not self.has_modes:
             return positions + speeds, rates
-        told = [*positions, *speeds, *self._still, *mode.flags]
+        servo_input = [*positions, *speeds, *self._still, *mode.flags]
         for i, at in mode.others:
-            told[i] = numbers[at]
-        return told, rates
+            servo_input[i] = numbers[at]
+        return servo_input, rates
 
     def _write_anew(
         self,

@@ -50,14 +50,14 @@ class _Delay(PythonSystem):
         """Return the oldest value; None if there is none yet, or no delay."""
         if not self._delay:
             return None
-        held = context.get_discrete_state(self._state).value()
-        return held[: self._size] if held[-1] > 0.5 else None
+        saved = context.get_discrete_state(self._state).value()
+        return saved[: self._size] if saved[-1] > 0.5 else None
 
     def _push(self, context: Context, state: DiscreteValues, value: Array) -> None:
         """Put a value behind the others, and drop the oldest."""
-        held = context.get_discrete_state(self._state).value()
-        is_filled = held[-1] > 0.5
-        older = held[self._size : -1] if is_filled else np.tile(value, self._delay - 1)
+        saved = context.get_discrete_state(self._state).value()
+        is_filled = saved[-1] > 0.5
+        older = saved[self._size : -1] if is_filled else np.tile(value, self._delay - 1)
         state.set_value(self._state, np.concatenate((older, value, [1.0])))
 
 
@@ -220,9 +220,9 @@ def add_noise_and_delay(
     `period` is the manager's [s].
     """
     delay, J = options.state_delay, len(offered.joint_types)
-    stored = [name in offered.stored for name in offered.measured]
+    saved = [name in offered.stored for name in offered.measured]
     deviations = find_deviations(offered.measured, options.state_noise)
-    deviations[stored] = 0.0
+    deviations[saved] = 0.0
     robot = zlib.crc32(offered.robot_name.encode())
 
     def measure(port: OutputPort | None, name: str, start: int) -> OutputPort | None:

@@ -620,20 +620,20 @@ class ControllerManager(PythonSystem):
             return lambda: state
         steady = self._quiet.steady_cycles(state)
         assert steady is not None
-        values, told = (
+        values, servo_input = (
             np.array(context.get_discrete_state(index).value())
             for index in (self._values, self._drive_state)
         )
-        return partial(self._make_state, steady, values, told, numbers)
+        return partial(self._make_state, steady, values, servo_input, numbers)
 
     def _make_state(
-        self, steady: SteadyCycles, values: Array, told: Array, numbers: Array
+        self, steady: SteadyCycles, values: Array, servo_input: Array, numbers: Array
     ) -> ManagerState:
         """Return the state after a steady cycle, of what it has written."""
         number, n = round(numbers[0]), len(self._drive.joints)
         times = cycle_times(number, self.period, self._update_rate)
         rates, motions = np.split(numbers[1 + n :], [n])
-        drive = np.concatenate((told, rates))
+        drive = np.concatenate((servo_input, rates))
         return steady.state(number, times, values, drive, motions)
 
     def write_state(self, context: Context, state: ManagerState) -> None:
@@ -704,11 +704,11 @@ class ControllerManager(PythonSystem):
                 return None
             last_ns = cycle_time(number - 1, self.period, rate)
             motions = np.array(numbers[-self._num_motions :])
-            told = steady.tell(time_ns, last_ns, motions)
-            if told is None:
+            resumed = steady.tell(time_ns, last_ns, motions)
+            if resumed is None:
                 return None
-            self._quiet.remember(told)
-            steady = told
+            self._quiet.remember(resumed)
+            steady = resumed
         motions = self._keeper.motions.Eval(context)
         found = steady.tick(time_ns, last[1:], motions)
         if found is None:
@@ -720,12 +720,12 @@ class ControllerManager(PythonSystem):
     ) -> None:
         """Write a steady cycle to the discrete state, of which `kept` is a part."""
         # As plain numbers into the state: arrays of few numbers take longer to make.
-        _, number, motions, values, told, rates = tick
+        _, number, motions, values, servo_input, rates = tick
         n = len(rates)
-        self._steady_struct.pack_into(kept.data, 0, number, *told[:n], *rates)
+        self._steady_struct.pack_into(kept.data, 0, number, *servo_input[:n], *rates)
         kept[1 + 2 * n :] = motions
         view = numbers.get_mutable_value(self._drive_state)
-        self._servo_struct.pack_into(view.data, 0, *told)
+        self._servo_struct.pack_into(view.data, 0, *servo_input)
         view = numbers.get_mutable_value(self._values)
         self._values_struct.pack_into(view.data, 0, *values)
 

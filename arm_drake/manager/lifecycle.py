@@ -468,7 +468,7 @@ class SteadyTick(NamedTuple):
     # Values of all command interfaces, what the servo is told, and the rest of the
     # drive vector.
     values: list[float]
-    told: list[float]
+    servo_input: list[float]
     rates: list[float]
 
 

@@ -541,8 +541,13 @@ def publish_parameters(
 def list_parameters(
     robot: Robot, system: ControllerInterface, context: Context
 ) -> dict[str, Any]:
-    """Return a controller's parameters by their dotted names, as they are now."""
+    """Return a controller's parameters by their dotted names, as they are now.
+
+    A plugin of Gazebo has none.
+    """
     config, schema = _find_schema(robot, system)
+    if schema is None:
+        return {}
     present = None
     if system.HasInputPort(interfaces.PARAMETERS_PORT):
         port = system.GetInputPort(interfaces.PARAMETERS_PORT)
@@ -558,6 +563,8 @@ def is_changeable(robot: Robot, system: ControllerInterface, name: str) -> bool:
     if not system.HasInputPort(interfaces.PARAMETERS_PORT) or name in _OF_THE_MANAGER:
         return False
     _, schema = _find_schema(robot, system)
+    if schema is None:
+        return False
     patterns = next(
         (names for kind, names in _CHANGEABLE.items() if issubclass(schema, kind)),
         ("*",),
@@ -567,13 +574,15 @@ def is_changeable(robot: Robot, system: ControllerInterface, name: str) -> bool:
 
 def _find_schema(
     robot: Robot, system: ControllerInterface
-) -> tuple[ControllerConfig, type]:
-    """Return what the YAML says of a controller, and the class of its parameters."""
+) -> tuple[ControllerConfig, type | None]:
+    """Return what the YAML says of a controller, and the class of its parameters.
+
+    None for a plugin of Gazebo, whose tag it is that says how it is.
+    """
     name = system.params.controller_name
     config = next(c for c in robot.controllers.controllers if c.name == name)
     row = find_controller_type(config.type, robot.controller_types or {})
-    assert row is not None  # It could be loaded.
-    return config, row.parameters
+    return config, None if row is None else row.parameters
 
 
 def change_parameters(

@@ -42,7 +42,7 @@ class TopicMessage(NamedTuple):
     data: float | bool | tuple[float, ...] | JointTrajectory | Mapping[str, Any]
 
 
-class CarriedPayloads(NamedTuple):
+class SetPayloads(NamedTuple):
     """Things that links carry from now on, by link."""
 
     payloads: Mapping[str, Payload]
@@ -63,7 +63,7 @@ class PlanTo(Message):
 
 
 # What a step stands for.
-Sent: TypeAlias = StepMessage | TopicMessage | CarriedPayloads | PlanTo
+Sent: TypeAlias = StepMessage | TopicMessage | SetPayloads | PlanTo
 
 
 # End of the name of the topic on which controllers are told how fast to move.

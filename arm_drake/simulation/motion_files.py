@@ -28,12 +28,12 @@ from arm_drake.messages import (
 )
 from arm_drake.plant.payloads import Payload
 from arm_drake.simulation.motion import (
-    CarriedPayloads,
     Fields,
     Motion,
     MotionStep,
     PlanTo,
     Sent,
+    SetPayloads,
     TopicMessage,
 )
 from arm_drake.simulation.topics import ControllerTopics
@@ -343,7 +343,7 @@ def _read_switch(fields: Fields, value: Any, where: str) -> SwitchController:
     return SwitchController(activate, deactivate, strictness)
 
 
-def _read_payload(fields: Fields, value: Any, where: str) -> CarriedPayloads:
+def _read_payload(fields: Fields, value: Any, where: str) -> SetPayloads:
     """Return the payloads of links: masses [kg], or mappings of mass and com."""
     if not isinstance(value, Mapping) or not value:
         expected = "expected payloads by link, as {tool0: 2.0}"
@@ -359,7 +359,7 @@ def _read_payload(fields: Fields, value: Any, where: str) -> CarriedPayloads:
             found[str(link)] = Payload(mass, com)
         except InputError as error:
             raise fields.error(place, error.problem) from None
-    return CarriedPayloads(found)
+    return SetPayloads(found)
 
 
 def _read_plan_to(fields: Fields, value: Any, where: str) -> PlanTo:

@@ -10,10 +10,10 @@ from arm_drake.simulation import clients
 from arm_drake.simulation.clients import ControllerHandle, TopicHandle
 from arm_drake.simulation.directory import ControllerList, Directory
 from arm_drake.simulation.motion import (
-    CarriedPayloads,
     Motion,
     MotionStep,
     PlanTo,
+    SetPayloads,
     TopicMessage,
 )
 
@@ -164,7 +164,7 @@ def check_motion(simulation: Runner, motion: Motion) -> None:
     activated: set[str] = set()
     for step in motion.steps:
         try:
-            if isinstance(step.message, CarriedPayloads):
+            if isinstance(step.message, SetPayloads):
                 simulation.check_payloads(step.message.payloads)
             elif isinstance(step.message, PlanTo):
                 if motion.repeats:
@@ -186,7 +186,7 @@ def send_step(simulation: Runner, motion: Motion, step: MotionStep) -> None:
     if isinstance(message, SwitchController):
         simulation.request_switch(message, where=where)
         return
-    if isinstance(message, CarriedPayloads):
+    if isinstance(message, SetPayloads):
         for link, payload in message.payloads.items():
             simulation.set_payload(link, payload)
         return
@@ -217,7 +217,7 @@ def _check_message(
         names = topic.controllers
     else:
         names = (_receiver(step),)
-        assert not isinstance(step.message, CarriedPayloads | PlanTo)
+        assert not isinstance(step.message, SetPayloads | PlanTo)
         simulation.controller(names[0]).check(step.message)
     # Of several that read a topic, one is enough.
     if not any(states[name] == "active" or name in activated for name in names):

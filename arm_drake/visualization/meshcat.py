@@ -220,8 +220,11 @@ def start_meshcat(*, host: str = "localhost", port: int | None = None) -> Meshca
 
 
 def move_camera(meshcat: Meshcat, way: Array) -> None:
-    """Move the camera from where somebody has put it, by a way in the world [m]."""
-    meshcat.SetTransform("/Cameras/default", RigidTransform(np.asarray(way, float)))
+    """Move the camera of pages by a way in the world since the start [m].
+
+    Somebody may have turned it meanwhile. Pages know what this path is for.
+    """
+    meshcat.SetTransform("/Followed", RigidTransform(np.asarray(way, float)))
 
 
 def frame_points(

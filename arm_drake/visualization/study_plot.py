@@ -55,6 +55,7 @@ def plot_study(
             panel.plot(numbers[name], values, ".", ms=3)
             panel.set_xlabel(name, fontsize="small")
             panel.set_ylabel(measure, fontsize="small")
+            panel.locator_params(axis="x", nbins=3)
     _draw_parallel(picture.add_subplot(grid[-1, :]), numbers, shown[0])
     with writing(path):
         picture.savefig(path)
@@ -73,5 +74,12 @@ def _draw_parallel(panel: Any, numbers: Mapping[str, Any], first: str) -> None:
     colors = colormaps["viridis"](np.nan_to_num(parts[first]))
     for line, color in zip(lines.T, colors, strict=True):
         panel.plot(line, color=color, lw=0.6, alpha=0.6)
-    panel.set_xticks(range(len(parts)), list(parts), fontsize="small")
+    ends = [f"{name}\n{_ends(numbers[name])}" for name in parts]
+    panel.set_xticks(range(len(parts)), ends, fontsize="small")
     panel.set_yticks([])
+
+
+def _ends(values: Any) -> str:
+    """Return the least and the largest number in words."""
+    known = values[np.isfinite(values)]
+    return f"{known.min():.3g} to {known.max():.3g}" if known.size else ""

@@ -163,10 +163,36 @@ def decode_cbor(data: bytes) -> Any:
         return np.frombuffer(found.value, dtype=kind).tolist()
 
     try:
-        return cbor2.loads(data, tag_hook=tag)
+        found = cbor2.loads(data, tag_hook=tag)
     # Whatever a codec says of bytes that mean nothing to it.
     except Exception as error:
         raise InputError(f"no CBOR: {error}") from None
+    _check_plain(found, 0)
+    return found
+
+
+# As deep as messages may be nested; CBOR can refer to what is around it.
+_MAX_DEPTH = 100
+
+
+def _check_plain(value: Any, depth: int) -> None:
+    """Raise InputError for what CBOR has and messages don't, such as dates."""
+    if depth > _MAX_DEPTH:
+        raise InputError(f"no CBOR: it is nested more than {_MAX_DEPTH} deep")
+    if isinstance(value, dict):
+        for name, item in value.items():
+            if not isinstance(name, str):
+                kind = type(name).__name__
+                raise InputError(f"no CBOR of a message: a {kind} names a field")
+            _check_plain(item, depth + 1)
+    elif isinstance(value, list | tuple):
+        if value and type(value[0]) is float and set(map(type, value)) == {float}:
+            return
+        for item in value:
+            _check_plain(item, depth + 1)
+    elif value is not None and not isinstance(value, str | bytes | int | float):
+        kind = type(value).__name__
+        raise InputError(f"no CBOR of a message: it has a {kind}")
 
 
 def to_png(text: str) -> str:

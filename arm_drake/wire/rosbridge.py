@@ -81,6 +81,7 @@ class _Waiting(NamedTuple):
 
     client: "Client"
     request: dict[str, Any]
+    provider: "Client"
 
 
 class _Served(NamedTuple):
@@ -395,8 +396,12 @@ class Rosbridge:
         for served in (self.services, self.actions):
             for name in [n for n, each in served.items() if each.client is client]:
                 del served[name]
-        for key in [k for k, each in self._calls.items() if each.client is client]:
-            del self._calls[key]
+        for key, waiting in list(self._calls.items()):
+            if waiting.client is client:
+                del self._calls[key]
+            elif waiting.provider is client:
+                del self._calls[key]
+                waiting.client.refuse(waiting.request, "the client that has it is gone")
         self.server.watch()
 
     # Operations of clients.
@@ -584,7 +589,7 @@ class Rosbridge:
     ) -> None:
         """Have another client answer a call."""
         key = f"call_service:{name}:{uuid.uuid4().hex}"
-        self._calls[key] = _Waiting(caller, content)
+        self._calls[key] = _Waiting(caller, content, provider)
         request = {"op": "call_service", "id": key, "service": name}
         provider.send({**request, "args": content.get("args") or {}})
 
@@ -621,7 +626,7 @@ class Rosbridge:
         if name in self.actions:
             provider = self.actions[name].client
             key = f"{id_}:{uuid.uuid4().hex}"
-            self._calls[key] = _Waiting(client, content)
+            self._calls[key] = _Waiting(client, content, provider)
             provider.send({**content, "id": key})
             return
         action = self.server.graph.action(name)
@@ -660,7 +665,7 @@ class Rosbridge:
         name, id_ = _name(content, "action"), content.get("id")
         for key, waiting in self._calls.items():
             if waiting.client is client and waiting.request.get("id") == id_:
-                self.actions[name].client.send({**content, "id": key})
+                waiting.provider.send({**content, "id": key})
                 return
         if not isinstance(id_, str) or id_ not in client.goals:
             raise InputError(f"no goal {str(id_)[:100]!r} of this client")

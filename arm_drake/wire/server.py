@@ -115,6 +115,9 @@ class Transport(Protocol):
         """End."""
 
 
+_REFUSALS = (RuntimeError, ValueError, TypeError, LookupError)
+
+
 class _Goal:
     """A goal of a client."""
 
@@ -349,7 +352,7 @@ class RosServer:
             text = str(error)
             self._post(lambda: request.refuse(text))
         # A slip of ours must not end the simulation; nor may what Drake refuses.
-        except (RuntimeError, ValueError, TypeError, LookupError, AttributeError) as e:
+        except (*_REFUSALS, ArithmeticError, AssertionError, AttributeError) as e:
             problem = f"it can't be done ({type(e).__name__}: {e})"
             self.warn(f"{request.kind} {request.name}: {problem}")
             self._post(lambda: request.refuse(problem))

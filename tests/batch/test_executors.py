@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from distributed import Client, LocalCluster
 
 import arm_drake as ad
 from arm_drake.batch import executors
@@ -32,6 +31,9 @@ def no_server_stays() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def client() -> Iterator[Any]:
+    # Half a second, where it is not used too.
+    from distributed import Client, LocalCluster
+
     with (
         LocalCluster(
             n_workers=2, threads_per_worker=1, dashboard_address=None
@@ -372,6 +374,32 @@ def test_a_full_disk_loses_nothing(tmp_path, monkeypatch) -> None:
 
     assert results.values == list(range(9))
     assert "were there already" in results.why
+
+
+def test_a_world_that_is_a_file_goes_along(tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("ARM_DRAKE_CACHE", str(tmp_path / "cache"))
+    robot, file = load(tmp_path, TWO_LINKS, ARM), tmp_path / "moon.sdf"
+    file.write_text(
+        "<sdf version='1.7'><world name='moon'><gravity>0 0 -1.62</gravity>"
+        "<model name='rock'><link name='rock'/></model></world></sdf>"
+    )
+
+    class Elsewhere(cf.ThreadPoolExecutor):
+        """Workers that don't see the file."""
+
+        def submit(self, *task: Any) -> Any:
+            file.unlink(missing_ok=True)
+            executors._kept.clear()
+            return super().submit(*task)
+
+    def gravity(simulation: ad.Simulation) -> float:
+        return float(simulation.plant.gravity_field().gravity_vector()[2])
+
+    with Elsewhere(1) as pool:
+        run = ad.Run(robot=robot, world=file, duration=0.0)
+        results = ad.run_many([run, run], keep=gravity, on=pool)
+
+    assert results.values == [-1.62] * 2
 
 
 def test_a_mesh_that_a_worker_lacks_is_kept_by_its_content(

@@ -6,7 +6,6 @@ import math
 import re
 from pathlib import Path
 
-import control
 import numpy as np
 import pytest
 
@@ -81,6 +80,8 @@ def test_responses_of_a_pid_are_those_of_its_closed_form(model) -> None:
 
 
 def test_margins_of_a_pid_are_those_of_python_control(model) -> None:
+    import control  # Takes 1.5 s, which not all workers need.
+
     loop = control.ss(PLANT, PUSH, GAINS, 0.0, PERIOD)
     _, phase, modulus, _, crossover, _ = control.stability_margins(loop)
 

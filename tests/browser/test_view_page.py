@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from playwright.sync_api import Browser
 
 import arm_drake as ad
+from arm_drake.visualization.page.camera import CameraPart
 from arm_drake.visualization.page.robot_viewer import RobotViewer
 from tests.browser.pages import (
     Program,
@@ -411,6 +412,39 @@ def test_the_fixed_frame_stays_in_its_place(
     assert upper_half.sum() > 1000
     assert red(after)[upper_half].mean() > 0.99
     assert not is_near(middle(green(before)), middle(green(after)))
+
+
+def test_the_camera_follows_a_link_and_looks_from_above(
+    program: Program[RobotViewer], screen: Screen
+) -> None:
+    screen.choose("camera:follow", "tip")
+    [camera] = [p for p in program.subject.parts if isinstance(p, CameraPart)]
+    screen.until(lambda: program.ask(lambda: camera.followed) == "tip", "follow")
+
+    screen.type("joint:elbow", "1.2")
+
+    followed = screen.picture(wait_for_joint(program, screen, "elbow", 1.2))
+    # The camera has gone as far as the tip, and the arm's middle half as far.
+    way = UPPER * np.array([math.sin(1.2), 0.0, math.cos(1.2) - 1.0])
+    moved = Camera(
+        tuple(np.add(CAMERA.eye, way).tolist()),
+        tuple(np.add(CAMERA.target, way).tolist()),
+    )
+    arm = np.array([math.sin(1.2), 0.0, math.cos(1.2)]) * UPPER / 2.0
+    (place,) = moved.project((arm + np.array([0.0, 0.0, ELBOW]))[None])
+    assert is_near(middle(red(followed)), place)
+    screen.choose("camera:follow", "nothing")
+    screen.until(lambda: program.ask(lambda: camera.followed) == "", "nothing")
+    screen.click("camera:top")
+    screen.wait_for(program.mark())
+    eye = screen.page.evaluate(
+        "() => { const {viewer} = document.getElementById('scene').contentWindow;"
+        " const p = viewer.camera.position.clone().sub(viewer.controls.target);"
+        " return [p.x, p.y, p.z]; }"
+    )
+    program.look_from(CAMERA)
+    # The page's own y is up.
+    assert eye[1] > 100.0 * math.hypot(eye[0], eye[2])
 
 
 def test_a_ghost_stays_where_the_robot_was(

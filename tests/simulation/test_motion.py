@@ -28,10 +28,10 @@ from arm_drake.messages import (
     Vector3,
 )
 from arm_drake.simulation.motion import (
-    CarriedPayloads,
     Motion,
     MotionStep,
     PlanTo,
+    SetPayloads,
     TopicMessage,
 )
 from arm_drake.simulation.motion_files import load_motion, parse_motion
@@ -325,7 +325,7 @@ def test_the_motions_of_the_docs_can_be_read():
         FollowJointTrajectoryGoal,
         JointTrajectory,
         GripperCommand,
-        CarriedPayloads,
+        SetPayloads,
         Float64MultiArray,
         SpeedScalingFactor,
         SwitchController,

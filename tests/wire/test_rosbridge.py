@@ -1,12 +1,14 @@
 """rosbridge as foreign clients see it: roslibpy, and plain websockets."""
 
 import asyncio
+import datetime
 import json
 import math
 import xml.etree.ElementTree as ET
 from random import Random
 from typing import Any
 
+import cbor2
 import pytest
 import tornado.httpclient
 import tornado.websocket
@@ -149,6 +151,9 @@ class Socket:
     async def ask(self, content: Any) -> Any:
         await self.say(content)
         return await self.hear()
+
+    def leave(self) -> None:
+        self._connection.close()
 
     async def close(self) -> None:
         self._connection.close()
@@ -330,6 +335,91 @@ def test_clients_serve_each_other(port: int) -> None:
         assert heard["msg"] == {"data": "hello"}
 
     asyncio.run(run())
+
+
+def test_clients_have_actions_for_each_other(port: int) -> None:
+    async def conversation(server: Socket) -> None:
+        client = await connect(port)
+        action = {"action": "/bake", "action_type": "example/Bake"}
+        await server.say(
+            {"op": "advertise_action", "action": "/bake", "type": "x/Bake"}
+        )
+        answer = await server.ask({"op": "call_service", "service": "/rosapi/nodes"})
+        assert answer["result"] is True
+        goal = {"op": "send_action_goal", **action, "args": {"minutes": 3}}
+        await client.say({**goal, "id": "1", "feedback": True})
+        asked = await server.hear()
+        assert (asked["op"], asked["args"]) == ("send_action_goal", {"minutes": 3})
+
+        await server.say(
+            {"op": "action_feedback", "id": asked["id"], "values": {"at": 1}}
+        )
+        feedback = await client.hear()
+        await client.say({"op": "cancel_action_goal", "action": "/bake", "id": "1"})
+        cancel = await server.hear()
+        result = {"op": "action_result", "id": asked["id"], "values": {"done": False}}
+        await server.say({**result, "status": CANCELED, "result": True})
+        ended = await client.hear()
+        # And whose server goes is told so.
+        await client.say({**goal, "id": "2"})
+        assert (await server.hear())["op"] == "send_action_goal"
+        server.leave()
+        lost = await client.hear()
+        await client.close()
+
+        assert (feedback["op"], feedback["id"]) == ("action_feedback", "1")
+        assert feedback["values"] == {"at": 1}
+        assert (cancel["op"], cancel["id"]) == ("cancel_action_goal", asked["id"])
+        assert (ended["op"], ended["id"], ended["status"]) == ("action_result", "1", 5)
+        assert (lost["op"], lost["id"], lost["result"]) == ("action_result", "2", False)
+        assert "gone" in lost["values"]
+
+    talk(port, conversation)
+
+
+def test_every_node_tells_its_parameters(port: int) -> None:
+    async def conversation(socket: Socket) -> None:
+        call = {"op": "call_service", "service": "/rosapi/services"}
+        names = (await socket.ask(call))["values"]["services"]
+        lists = [name for name in names if name.endswith("/list_parameters")]
+        assert len(lists) >= 3
+        for name in lists:
+            listed = await socket.ask({"op": "call_service", "service": name})
+            assert listed["result"] is True, listed
+            wanted = {"names": listed["values"]["result"]["names"]}
+            for end in ("get_parameters", "describe_parameters"):
+                own = name.replace("list_parameters", end)
+                found = await socket.ask(
+                    {"op": "call_service", "service": own, "args": wanted}
+                )
+                assert found["result"] is True, found
+
+    talk(port, conversation)
+
+
+def test_malformed_cbor_gets_one_answer_each(port: int) -> None:
+    random = Random(0)  # noqa: S311
+    goal = {"op": "send_action_goal", "action": "/no/such", "id": "g", "args": {}}
+    whole = cbor2.dumps({**goal, "args": {"a": [1.0, 2.0]}})
+    odd = [
+        {**goal, "id": each} for each in (cbor2.undefined, datetime.date(2020, 1, 1))
+    ]
+    messages = [cbor2.dumps(each) for each in (*odd, {1: 2}, [1], cbor2.undefined)]
+    # A list in itself.
+    messages.append(bytes.fromhex("d81c81d81d00"))
+    for _ in range(300):
+        data = bytearray(whole)
+        data[random.randrange(len(data))] = random.randrange(256)
+        messages.append(bytes(data[: random.randrange(1, len(data) + 1)]))
+
+    async def conversation(socket: Socket) -> None:
+        for message in messages:
+            answer = await socket.ask(message)
+            assert answer["op"] in ("status", "action_result", "service_response")
+        answer = await socket.ask({"op": "call_service", "service": "/rosapi/nodes"})
+        assert answer["result"] is True
+
+    talk(port, conversation)
 
 
 def test_a_long_message_comes_in_fragments_or_as_a_picture(port: int) -> None:

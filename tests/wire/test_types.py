@@ -2,11 +2,13 @@
 
 import json
 import math
+from random import Random
 from typing import Any
 
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
+from arm_drake.errors import InputError
 from arm_drake.wire.encodings import to_json
 from arm_drake.wire.types import load_wire_types
 
@@ -76,3 +78,22 @@ def test_pictures_are_bytes_and_base64_in_json() -> None:
     assert types.decode(kind, types.encode(kind, image))["data"] == image["data"]
     assert json.loads(to_json(image))["data"] == "AP8HAQID"
     assert types.fill(kind, {"data": "AP8HAQID"})["data"] == image["data"]
+
+
+def test_bytes_that_are_no_message_are_refused_and_take_no_memory() -> None:
+    random = Random(0)  # noqa: S311
+    types, kind = load_wire_types("jazzy"), "trajectory_msgs/msg/JointTrajectory"
+    point = {"positions": [0.1], "time_from_start": {"sec": 1, "nanosec": 0}}
+    whole = types.encode(kind, {"joint_names": ["a", "b"], "points": [point]})
+    refused = 0
+    for _ in range(1000):
+        data = bytearray(whole)
+        # Lengths beyond all that there is.
+        at = random.randrange(4, len(data) - 3)
+        data[at : at + 4] = random.choice((b"\xff\xff\xff\x7f", b"\xff\xff\xff\xff"))
+        try:
+            types.decode(kind, bytes(data[: random.randrange(at, len(data))]))
+        except InputError:
+            refused += 1
+
+    assert refused > 900

@@ -41,8 +41,9 @@ class CameraPart(Part):
         """
         self._page, self._frame, self._poses = page, frame, poses
         self.followed = ""
-        # Where the link was when the camera began to follow it [m].
-        self._start = np.zeros(3)
+        # Where the link was when the camera began to follow it, how far the camera had
+        # gone then, and how far it has gone now [m].
+        self._start, self._before, self._way = np.zeros(3), np.zeros(3), np.zeros(3)
 
     def look(self, name: str) -> None:
         """Look at all of the robots from "aslant", "top", "front" or "side".
@@ -53,8 +54,6 @@ class CameraPart(Part):
         if name not in DIRECTIONS:
             raise InputError(f"camera: no view {name!r}; {suggest(name, DIRECTIONS)}")
         self._frame(DIRECTIONS[name])
-        if self.followed:
-            self.follow(self.followed)
 
     def follow(self, link: str | None) -> None:
         """Let the camera go where a link goes, without turning; None is no link.
@@ -66,26 +65,23 @@ class CameraPart(Part):
         if link is not None and link not in poses:
             raise InputError(f"camera: no link {link!r}; {suggest(link, poses)}")
         self.followed = link or ""
+        self._before = self._way
         if link is not None:
             self._start = np.array(poses[link].translation())
-        move_camera(self._page.meshcat, np.zeros(3))
 
     def take_over(self, other: Part) -> None:
         """Follow what the other one did."""
         if isinstance(other, CameraPart):
             self.followed, self._start = other.followed, other._start
+            self._before, self._way = other._before, other._way
 
     def draw(self) -> None:
         """Move the camera to where the link has gone."""
         if self.followed:
             now = self._poses().get(self.followed)
             if now is not None:
-                move_camera(self._page.meshcat, now.translation() - self._start)
-
-    def reset(self) -> None:
-        """Follow from where the link is now."""
-        if self.followed:
-            self.draw()
+                self._way = self._before + now.translation() - self._start
+                move_camera(self._page.meshcat, self._way)
 
     def handle(self, event_id: str, value: object) -> bool:
         """Do what was clicked, and return whether it was one of these widgets."""

@@ -84,7 +84,15 @@ def give_back(meshcat: Meshcat) -> None:
     meshcat.Delete()
     meshcat.ResetRenderMode()
     # What was told of these is forgotten: browsers have their own to start with.
-    for name in ("/Grid", "/Ground", "/Axes", "/Background", "/Cameras", "/Lights"):
+    for name in (
+        "/Grid",
+        "/Ground",
+        "/Followed",
+        "/Axes",
+        "/Background",
+        "/Cameras",
+        "/Lights",
+    ):
         meshcat.Delete(name)
     _free.meshcats.append(meshcat)
 

@@ -48,15 +48,17 @@ def test_the_camera_goes_where_the_link_goes(viewer: RobotViewer) -> None:
     viewer.handle([Event("camera:follow", "tip")])
     viewer.set_positions({"turn": math.pi / 2.0})
 
-    moved = transform(viewer.page.meshcat, "/Cameras/default")
+    moved = transform(viewer.page.meshcat, "/Followed")
     np.testing.assert_allclose(moved[:3, 3], [-0.4, 0.4, 0.0], atol=1e-9)
     # It doesn't turn.
     np.testing.assert_allclose(moved[:3, :3], np.eye(3), atol=1e-9)
-    viewer.handle([Event("camera:top")])
     viewer.handle([Event("camera:follow", "nothing")])
-    viewer.set_positions({"turn": 0.0})
-    moved = transform(viewer.page.meshcat, "/Cameras/default")
-    np.testing.assert_allclose(moved, np.eye(4), atol=1e-9)
+    viewer.set_positions({"turn": math.pi})
+    # It stays where it is, and goes on from there.
+    viewer.handle([Event("camera:follow", "tip")])
+    viewer.set_positions({"turn": math.pi / 2.0})
+    moved = transform(viewer.page.meshcat, "/Followed")
+    np.testing.assert_allclose(moved[:3, 3], [0.0, 0.8, 0.0], atol=1e-9)
 
 
 def test_what_is_seen_lies_as_a_drawing_has_it() -> None:

@@ -93,7 +93,7 @@ const connect = () => {
 
 setInterval(() => {
     const {viewer} = at("scene").contentWindow;
-    if (viewer) keep_above_ground(viewer);
+    if (viewer) keep_above_ground(viewer), follow_links(viewer);
 }, 500);
 
 // ---- Folding and keys ----

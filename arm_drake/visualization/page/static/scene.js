@@ -50,6 +50,26 @@ const keep_above_ground = (viewer) => {
     viewer.controls.maxPolarAngle = has_ground ? Math.acos(Math.max(-1, Math.min(1, lowest))) : Math.PI;
 };
 
+// ---- The camera goes where a link goes ----
+
+// Meshcat's own camera would turn if what it hangs on moved.
+const follow_links = (viewer) => {
+    if (viewer.arm_drake_follows) return;
+    viewer.arm_drake_follows = true;
+    let [x, y, z] = viewer.scene_tree.find(["Followed"]).object.position.toArray();
+    const {set_transform} = viewer;
+    viewer.set_transform = function (path, matrix) {
+        set_transform.call(this, path, matrix);
+        if (path.join("/") !== "Followed") return;
+        const way = [matrix[12] - x, matrix[13] - y, matrix[14] - z];
+        [x, y, z] = [matrix[12], matrix[13], matrix[14]];
+        // The page's own y is up.
+        for (const place of [this.camera.position, this.controls.target]) {
+            place.set(place.x + way[0], place.y + way[2], place.z - way[1]);
+        }
+    };
+};
+
 // ---- Clicks ----
 
 // Returns the ray into the scene of a window through where the pointer is.
