@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-import arm_drake as ad
 from arm_drake.cli import main
+from arm_drake.description.bundled import bundled_motions, bundled_robots
 from tests.launch.test_expected_plans import launch_folder
 from tests.robots import read_index, robots_folder
 
@@ -76,7 +76,7 @@ def test_every_capability_has_its_row() -> None:
 
 
 def test_every_bundled_robot_has_its_section() -> None:
-    robots = set(ad.bundled.bundled_robots())
+    robots = set(bundled_robots())
     commands = map(shlex.split, COMMANDS)
     used = {robot for word, robot, *_ in commands if word != "launch"}
 
@@ -100,7 +100,7 @@ def test_the_originals_take_the_same_motions(
     original: str, robot: str, motion: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     row, folder = read_index()[original], robots_folder()
-    file = ad.bundled.bundled_motions(robot)[motion]
+    file = bundled_motions(robot)[motion]
     words = ["sim", str(folder / row["entry"]), "--motion", str(file)]
     words += [f"{name}:={value}" for name, value in row["xacro_args"].items()]
     for path in row["controllers_yaml"]:

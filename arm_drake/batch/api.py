@@ -510,7 +510,7 @@ def _collect(execution: "_Execution", *, raise_errors: bool) -> RunResults[Any]:
         tuple(_sorted(results)),
         choice.backend,
         choice.workers,
-        choice.why,
+        execution.why,
         time.perf_counter() - start,
     )
 
@@ -671,9 +671,13 @@ class _Execution:
         except BaseException:
             self._close_store()
             raise
-        if done:
-            self.choice.why += f"; {len(done)} were there already"
+        self._there = f"; {len(done)} were there already" if done else ""
         self._progress = Progress(self.num_runs, how.progress)
+
+    @property
+    def why(self) -> str:
+        """One line: why runs are where they are, as far as that is known yet."""
+        return self.choice.why + self._there
 
     def _open(self, path: str | Path | None) -> RunStore | None:
         if path is None:

@@ -35,7 +35,9 @@ from arm_drake.manager.lifecycle import (
     Claimants,
     Lifecycle,
     ManagerInputs,
+    QuietTicks,
     SteadyCycles,
+    SteadyTick,
     TickKeeper,
     UpdateResults,
 )
@@ -77,65 +79,6 @@ class Readings(NamedTuple):
         return state.active is not state.cycle.active or (
             self.inputs.requests is not state.requests and bool(self.new_requests)
         )
-
-
-class QuietTicks:
-    """Who ticks in cycles in which nothing comes and nothing switches.
-
-    That follows from the state alone; for the latest state it is remembered.
-    """
-
-    def __init__(
-        self, keeper: TickKeeper | None, claimants: Claimants, drive: DriveCommands
-    ) -> None:
-        """Create it; without a keeper such a cycle is as any other."""
-        self._keeper, self._claimants, self._drive = keeper, claimants, drive
-        self._base: ManagerState | None = None
-        self._steady: SteadyCycles | None = None
-        self._active: object = None
-        self._asleep: object = None
-        self._controllers: Collection[tuple[str, TickingController[Any]]] | None = None
-
-    def controllers(
-        self, state: ManagerState
-    ) -> Collection[tuple[str, TickingController[Any]]] | None:
-        """Return them by name; None where such a cycle is as any other."""
-        if self._active is not state.active or self._asleep is not state.asleep:
-            self._active, self._asleep = state.active, state.asleep
-            if self._keeper is not None:
-                self._controllers = self._keeper.quiet_controllers(state)
-        return self._controllers
-
-    def steady_cycles(self, base: ManagerState) -> SteadyCycles | None:
-        """Return what comes after a state in plain numbers, if anything does."""
-        if self._base is not base:
-            found = self.controllers(base)
-            self._base, self._steady = (
-                base,
-                SteadyCycles.after(base, found, self._claimants, self._drive),
-            )
-        return self._steady
-
-    def remember(self, steady: SteadyCycles) -> None:
-        """Remember what comes after a state."""
-        self._base, self._steady = steady.base, steady
-
-
-class SteadyTick(NamedTuple):
-    """What a steady cycle writes."""
-
-    # The state that it goes on from.
-    base: ManagerState
-
-    # Its number, and what was measured in it, shape (2 J,).
-    number: int
-    motions: Array
-
-    # Values of all command interfaces, what the servo is told, and the rest of the
-    # drive vector.
-    values: list[float]
-    servo_input: list[float]
-    rates: list[float]
 
 
 _NO_PERIODS: Mapping[str, int] = MappingProxyType({})
@@ -464,11 +407,6 @@ class ControllerManager(PythonSystem):
         self._cycle = self._declare_read("cycle", self._calc_cycle, is_of_now=True)
         self._num_servo = len(drive.servo_input(state.drive))
         self._num_motions = 2 * J
-        n = len(drive.joints)
-        # What steady cycles keep but for the motions, behind the number of the cycle.
-        self._steady_struct = struct.Struct(f"{1 + 2 * n}d")
-        self._values_struct = struct.Struct(f"{len(state.values)}d")
-        self._servo_struct = struct.Struct(f"{self._num_servo}d")
         *numbers, steady = self._declare_numbers(state)
         self._values, self._drive_state, self._flags = map(int, numbers)
         self._steady_state = int(steady)
@@ -484,6 +422,11 @@ class ControllerManager(PythonSystem):
 
     def _declare_numbers(self, state: ManagerState) -> list[DiscreteStateIndex]:
         """Declare values, servo's input, active flags, and what steady cycles write."""
+        n = len(self._drive.joints)
+        # What steady cycles keep but for the motions, behind the number of the cycle.
+        self._steady_struct = struct.Struct(f"{1 + 2 * n}d")
+        self._values_struct = struct.Struct(f"{len(state.values)}d")
+        self._servo_struct = struct.Struct(f"{self._num_servo}d")
         servo_input = self._drive.servo_input(state.drive)
         flags = [float(c.name in state.active) for c in self.controllers]
         start = (state.values, servo_input, flags, self._steady_numbers(state))
@@ -791,7 +734,9 @@ class ControllerManager(PythonSystem):
                 state.get_mutable_abstract_state(index).set_value(steady.base)
             self._write_steadily(numbers, kept, steady)
         else:
-            old: ManagerState = self._present.Eval(context)
+            old = base  # Without steady cycles since then, it is the present one.
+            if kept[0] != base.cycle.number:
+                old = self._present.Eval(context)
             new = self._tick_quietly(context, old) or self._tick(context, old)
             if new is old:
                 return

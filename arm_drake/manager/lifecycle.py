@@ -455,6 +455,23 @@ class TickKeeper:
         )
 
 
+class SteadyTick(NamedTuple):
+    """What a steady cycle writes."""
+
+    # The state that it goes on from.
+    base: ManagerState
+
+    # Its number, and what was measured in it, shape (2 J,).
+    number: int
+    motions: Array
+
+    # Values of all command interfaces, what the servo is told, and the rest of the
+    # drive vector.
+    values: list[float]
+    servo_input: list[float]
+    rates: list[float]
+
+
 class _SteadyController(NamedTuple):
     """A controller that ticks steadily, and where its commands stand."""
 
@@ -521,11 +538,11 @@ class SteadyCycles:
         ticks, controllers = dict(self.base.ticks), list(self._controllers)
         for i, (name, system, steady, at) in enumerate(self._controllers):
             if time_ns >= steady.monitor_ns:
-                told = steady.tell(time_ns, last_ns, motions)
-                if told is None:
+                resumed = steady.tell(time_ns, last_ns, motions)
+                if resumed is None:
                     return None
-                ticks[name] = ticks[name]._replace(state=told[0])
-                controllers[i] = _SteadyController(name, system, told[1], at)
+                ticks[name] = ticks[name]._replace(state=resumed[0])
+                controllers[i] = _SteadyController(name, system, resumed[1], at)
         base = self.base._replace(ticks=ticks)
         return type(self)(base, controllers, self._drive)
 
@@ -702,3 +719,51 @@ class Claimants:
 
     def _mask(self, joints: Collection[str]) -> Mask:
         return np.array([joint in joints for joint in self._joints], dtype=bool)
+
+
+class QuietTicks:
+    """Who ticks in cycles in which nothing comes and nothing switches.
+
+    That follows from the state alone; for the latest state it is remembered.
+    """
+
+    def __init__(
+        self, keeper: TickKeeper | None, claimants: Claimants, drive: DriveCommands
+    ) -> None:
+        """Create it; without a keeper such a cycle is as any other."""
+        self._keeper, self._claimants, self._drive = keeper, claimants, drive
+        self._base: ManagerState | None = None
+        self._steady: SteadyCycles | None = None
+        self._offers_steady = True
+        self._active: object = None
+        self._asleep: object = None
+        self._controllers: Collection[tuple[str, TickingController[Any]]] | None = None
+
+    def controllers(
+        self, state: ManagerState
+    ) -> Collection[tuple[str, TickingController[Any]]] | None:
+        """Return them by name; None where such a cycle is as any other."""
+        if self._active is not state.active or self._asleep is not state.asleep:
+            self._active, self._asleep = state.active, state.asleep
+            if self._keeper is not None:
+                self._controllers = self._keeper.quiet_controllers(state)
+                self._offers_steady = all(
+                    type(system).steady is not TickingController.steady
+                    for _, system in self._controllers or ()
+                )
+        return self._controllers
+
+    def steady_cycles(self, base: ManagerState) -> SteadyCycles | None:
+        """Return what comes after a state in plain numbers, if anything does."""
+        if self._base is not base:
+            found = self.controllers(base)
+            self._base, self._steady = base, None
+            if self._offers_steady:
+                self._steady = SteadyCycles.after(
+                    base, found, self._claimants, self._drive
+                )
+        return self._steady
+
+    def remember(self, steady: SteadyCycles) -> None:
+        """Remember what comes after a state."""
+        self._base, self._steady = steady.base, steady

@@ -258,7 +258,7 @@ def frame_shapes(
     move sideways by `room`, in parts of their diameter.
     """
     inspector = query.inspector()
-    corners, origins = [], []
+    corners, origins, lowest = [], [], [np.inf]
     for frame in inspector.GetAllFrameIds():
         if models is not None and _model(inspector.GetName(frame)) not in models:
             continue
@@ -270,6 +270,9 @@ def frame_shapes(
                 X_WB = query.GetPoseInWorld(geometry) @ box.pose()
                 signs = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
                 corners.append(X_WB.multiply((signs * box.half_width()).T).T)
+                # Of the ellipsoid in the box: a wheel's box stands on its edge.
+                down = X_WB.rotation().matrix()[2] * box.half_width()
+                lowest.append(X_WB.translation()[2] - np.linalg.norm(down))
     if corners:
         points = np.concatenate(corners)
         diameter = float(np.linalg.norm(np.ptp(points, axis=0)))
@@ -277,7 +280,7 @@ def frame_shapes(
         view = dc.replace(_VIEW, direction=direction)
         camera = view.camera_for((points + sideways[:, None, :]).reshape(-1, 3))
         _look(meshcat, np.array(camera.eye), np.array(camera.target), diameter)
-        is_sunk = float(points[:, 2].min()) < -max(_SUNK * diameter, 2.0 * _BELOW)
+        is_sunk = float(min(lowest)) < -max(_SUNK * diameter, 2.0 * _BELOW)
         for path in (_PLANE, _OWN_PLANE):
             meshcat.SetProperty(path, "visible", not is_sunk)
     elif origins:

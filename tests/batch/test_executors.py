@@ -2,6 +2,7 @@
 
 import concurrent.futures as cf
 import os
+import re
 import signal
 import struct
 import time
@@ -299,6 +300,35 @@ def test_what_is_in_the_file_is_not_run_again(tmp_path) -> None:
     assert again.values == [0, 1, 4]
     assert ran == [0, 1, 2, 2]
     assert "2 were there already" in str(again)
+
+
+@pytest.mark.slow
+def test_what_was_there_is_told_wherever_the_rest_runs(tmp_path, monkeypatch) -> None:
+    path, inputs = tmp_path / "study.runs", [0.0, 0.01, 0.02, 0.03, 0.04]
+    monkeypatch.setattr(os, "pwrite", fail_after(os.pwrite, 2))
+    with pytest.raises(OutputError):
+        ad.run_many(inputs, sleep, to=path, backend="serial")
+    monkeypatch.undo()
+    monkeypatch.setattr("arm_drake.batch.api.COLD_START", 0.0)
+    monkeypatch.setattr("arm_drake.batch.api.WARM_START", 0.0)
+
+    results = ad.run_many(inputs, sleep, to=path, workers=2)
+
+    assert results.backend == "processes"
+    assert re.search(r"; \d were there already$", results.why)
+
+
+def fail_after(write: Any, calls: int) -> Any:
+    """Return what writes so often, and then finds the disk full."""
+    left = [calls]
+
+    def fill(*arguments: Any) -> Any:
+        left[0] -= 1
+        if left[0] < 0:
+            raise OSError(28, "No space left on device")
+        return write(*arguments)
+
+    return fill
 
 
 def test_a_record_that_was_cut_short_is_run_again(tmp_path) -> None:

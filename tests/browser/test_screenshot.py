@@ -193,9 +193,13 @@ RED = "drake/visual/red"
 
 def darkened_by_shadows(photographer: Photographer, meshcat: Meshcat) -> Picture:
     """Return how much darker a picture is because of shadows."""
-    with_shadows = read(photographer.take_picture(meshcat, paths=[RED])[0])
+
+    def take() -> Picture:
+        return read(photographer.take_picture(meshcat, size=SIZE, paths=[RED])[0])
+
+    with_shadows = take()
     meshcat.SetProperty("/Lights/FillLight/<object>", "castShadow", False)
-    return read(photographer.take_picture(meshcat, paths=[RED])[0]) - with_shadows
+    return take() - with_shadows
 
 
 def test_a_robot_in_the_house_casts_a_shadow_on_the_floor(
@@ -237,9 +241,9 @@ def test_the_ground_has_the_colours_of_its_file(
         load(tmp_path, red_arm(1.0)), world=world, meshcat=meshcat
     )
     diagram.ForcedPublish(diagram.CreateDefaultContext())
-    above = photographer.take_picture(meshcat, paths=[RED], direction=(0.0, -0.3, 1.0))[
-        0
-    ]
+    above, _ = photographer.take_picture(
+        meshcat, size=SIZE, paths=[RED], direction=(0.0, -0.3, 1.0)
+    )
 
     picture = read(above)[:, : WIDTH // 8]
     _, green, blue = np.moveaxis(picture, 2, 0)
