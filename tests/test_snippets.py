@@ -25,7 +25,7 @@ DURATION = 0.2
 # The reader's own robot and motion, which the README's commands are for.
 FILES = {
     "path/to/package.xml": "<package><name>pendulum</name></package>",
-    "path/to/robot.urdf.xacro": pendulum(),
+    "path/to/robot.urdf.xacro": pendulum().replace("bob", "forearm"),
     "path/to/config/controllers.yaml": """
 controller_manager:
   ros__parameters:

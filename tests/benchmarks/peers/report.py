@@ -73,7 +73,7 @@ def markdown(
     for group in robots:
         own = [result for result in results if result.group == group]
         parts += [
-            f"### {group}",
+            f"## {group}",
             f"Reference exact to {exactness[group]:.0e} rad." if exactness else "",
             _contest(own, times),
             _equal_errors(own, times),
@@ -82,11 +82,11 @@ def markdown(
         ]
     rest = [result for result in results if result.group not in robots]
     if rest:
-        parts += ["### Size and recording", _sizes(rest, times)]
+        parts += ["## Size and recording", _sizes(rest, times)]
     if startup:
-        parts += ["### Start and memory", _startup(startup)]
+        parts += ["## Start and memory", _startup(startup)]
     if ticks:
-        parts += ["### Ticks of controllers", _ticks(ticks)]
+        parts += ["## Ticks of controllers", _ticks(ticks)]
     return "\n\n".join(filter(None, parts)) + "\n"
 
 
