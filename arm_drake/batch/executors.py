@@ -91,8 +91,15 @@ def compare_versions(theirs: Mapping[str, str], ours: Mapping[str, str]) -> str:
     )
 
 
-# What this process was sent, by hash, and what is made of it; the oldest go first.
-_kept: OrderedDict[str, Any] = OrderedDict()
+@dc.dataclass
+class _Kept:
+    """What this process was sent, and later what is made of it."""
+
+    value: Any
+
+
+# By hash; the oldest go first. Whoever runs holds what it needs, whatever goes here.
+_kept: OrderedDict[str, _Kept] = OrderedDict()
 _lock = threading.Lock()
 
 
@@ -117,18 +124,20 @@ def execute(
     if why := compare_versions(versions(), theirs):
         return Refused(f"{name_worker()}: {why}")
     with _lock:
-        _kept.update((key, data) for key, data in sent.items() if key not in _kept)
+        for key, data in sent.items():
+            _kept.setdefault(key, _Kept(data))
         missing = tuple(key for key in needs if key not in _kept)
         if missing:
             return Missing(missing)
         for key in needs:
             _kept.move_to_end(key)
+        held = {key: _kept[key] for key in needs}
     if topic:
         _tell_dask(topic, [index for index, _ in items])
     answers = []
     for index, item in items:
         # What can't be read is that run's error, too.
-        run = functools.partial(_run, needs[0], limits, index)
+        run = functools.partial(_run, held, needs[0], limits, index)
         begun = attempt(run, index, item)
         done = begun if begun.error is not None else begun.value
         answers.append(pack(dc.replace(done, worker=name_worker())))
@@ -138,13 +147,19 @@ def execute(
     return answers
 
 
-def _run(function_key: str, limits: Limits, index: int, item: bytes) -> Done:
-    """Run one input, with the functions and robots that this worker keeps."""
+def _run(
+    held: Mapping[str, _Kept],
+    function_key: str,
+    limits: Limits,
+    index: int,
+    item: bytes,
+) -> Done:
+    """Run one input, with the function and the robots that it needs."""
 
     def run() -> Done:
         enter_thread(threading.Event())
         with _lock:
-            function, value = _take(function_key), _read(item)
+            function, value = _take(held, function_key), _read(held, item)
         if limits.are_set:
             return run_alone(function, index, value, limits)
         return attempt(function, index, value)
@@ -165,29 +180,33 @@ def name_worker() -> str:
     return f"{socket.gethostname()}, process {os.getpid()}"
 
 
-def _take(key: str) -> Any:
+def _take(held: Mapping[str, _Kept], key: str) -> Any:
     """Return what a hash names; what was sent is read once."""
-    kept = _kept[key]
-    if isinstance(kept, bytes):
-        kept = _kept[key] = _read(kept)
-    if isinstance(kept, _SentFunction):
-        for name, row in kept.types.items():
+    kept = held[key]
+    if isinstance(kept.value, bytes):
+        kept.value = _read(held, kept.value)
+    if isinstance(kept.value, _SentFunction):
+        for name, row in kept.value.types.items():
             CONTROLLER_TYPES.setdefault(name, row)
-        kept = _kept[key] = kept.function
-    elif isinstance(kept, _SentRobot | _SentWorld):
-        kept = _kept[key] = kept.unpack()
-    return kept
+        kept.value = kept.value.function
+    elif isinstance(kept.value, _SentRobot | _SentWorld):
+        kept.value = kept.value.unpack()
+    return kept.value
 
 
 class _Reader(pickle.Unpickler):
     """Reads what a _Sender has written."""
 
+    def __init__(self, held: Mapping[str, _Kept], data: bytes) -> None:
+        super().__init__(io.BytesIO(data))
+        self._held = held
+
     def persistent_load(self, pid: Any) -> Any:
-        return _take(pid)
+        return _take(self._held, pid)
 
 
-def _read(data: bytes) -> Any:
-    return _Reader(io.BytesIO(data)).load()
+def _read(held: Mapping[str, _Kept], data: bytes) -> Any:
+    return _Reader(held, data).load()
 
 
 class _SentFunction(NamedTuple):

@@ -15,7 +15,7 @@ import pytest
 
 import arm_drake as ad
 from arm_drake.batch import executors
-from arm_drake.batch.processes import NO_LIMITS, close_server
+from arm_drake.batch.processes import NO_LIMITS, close_server, loads
 from arm_drake.batch.runs import RunStore
 from arm_drake.errors import InputError, OutputError
 from tests.batch import functions
@@ -442,3 +442,19 @@ def test_a_mesh_that_a_worker_lacks_is_kept_by_its_content(
     assert kept.read_bytes() == b"content"
     assert kept.suffix == ".obj"
     assert executors._keep_file(kept, b"content") == kept
+
+
+def test_what_goes_while_it_is_needed_is_kept_by_who_runs() -> None:
+    # Threads of one worker share what it keeps, and each lets the oldest go.
+    def forget(value: int) -> int:
+        executors._kept.clear()
+        return value + 1
+
+    sender = executors._Sender(forget)
+    packed = [sender.dump(value) for value in range(3)]
+    items = [(place, data) for place, (data, _) in enumerate(packed)]
+    needs, versions = packed[0][1], executors.versions()
+
+    answers = executors.execute(versions, needs, sender.blobs, items, NO_LIMITS, "")
+
+    assert [loads(data).value for data in answers] == [1, 2, 3]
