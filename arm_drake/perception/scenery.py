@@ -8,7 +8,7 @@ what was loaded. A picture depends on the poses of that moment alone.
 import ctypes
 import sys
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from pydrake.geometry import (
@@ -78,6 +78,9 @@ class Scenery:
         self._lights = DAYLIGHT if lights is None else lights
         self._background = background
         self._loaded: _Loaded | None = None
+
+        # What lidars cast their rays at, by the role of the shapes.
+        self.ray_scenes: dict[Role, Any] = {}
 
         # Names of what labels mean, the first one of nothing.
         self.label_names: list[str] = ["nothing"]
