@@ -210,6 +210,22 @@ def test_more_requests_than_can_wait_are_refused() -> None:
         server.submit(Request("call", "/pause", {}, "me"))
 
 
+def test_what_waits_to_be_read_is_bounded(capsys: pytest.CaptureFixture[str]) -> None:
+    server = RosServer(simulation(), ())
+    done: list[int] = []
+
+    def post() -> int:
+        # As many as there is room for, whatever else is done.
+        return sum(server.post(lambda: done.append(1), 10**7) for _ in range(20))
+
+    first = post()
+    server._poll()
+    again = post()
+
+    assert first == again == len(done) == 6
+    assert "some of it is dropped" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("transports", "problem"),
     [
