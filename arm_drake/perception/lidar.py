@@ -124,7 +124,7 @@ class RayScene:
         self._trees: list[_Tree] = []
         for place, frame in enumerate(inspector.GetAllFrameIds()):
             ids = inspector.GetGeometries(frame, role)
-            found = [_triangles(inspector, geometry) for geometry in ids]
+            found = [_triangles(inspector, geometry, role) for geometry in ids]
             triangles = np.concatenate([np.zeros((0, 3, 3)), *found])
             if len(triangles):
                 self._trees.append(_make_tree(place, triangles))
@@ -179,11 +179,17 @@ def _make_tree(place: int, triangles: Array) -> _Tree:
     return _Tree(place, scene, center, radius)
 
 
-def _triangles(inspector: SceneGraphInspector, geometry: GeometryId) -> Array:
-    """Return the triangles of a shape in its frame [m], shape (n, 3, 3)."""
+def _triangles(
+    inspector: SceneGraphInspector, geometry: GeometryId, role: Role
+) -> Array:
+    """Return the triangles of a shape in its frame [m], shape (n, 3, 3).
+
+    In contact a mesh is its hull.
+    """
     shape = inspector.GetShape(geometry)
     X_FG = RigidTransform(inspector.GetPoseInFrame(geometry))
-    if isinstance(shape, Mesh | Convex) and _has_hull(inspector, geometry, shape):
+    is_hull = role == Role.kProximity or isinstance(shape, Convex)
+    if isinstance(shape, Mesh | Convex) and is_hull:
         hull = inspector.GetConvexHull(geometry)
         corners = np.array([hull.vertex(i) for i in range(hull.num_vertices())])
         faces = []
@@ -200,29 +206,12 @@ def _triangles(inspector: SceneGraphInspector, geometry: GeometryId) -> Array:
     return np.asarray(placed)
 
 
-def _has_hull(
-    inspector: SceneGraphInspector, geometry: GeometryId, shape: Shape
-) -> bool:
-    """Return whether a shape is its hull: what is there for contact only."""
-    is_contact = inspector.GetProximityProperties(geometry) is not None
-    return isinstance(shape, Convex) or is_contact
-
-
 def _read_mesh(shape: Mesh) -> Array:
-    """Return the triangles of a mesh's file; a glTF's y axis is Drake's z axis."""
-    path = Path(str(shape.source().path()))
-    scale = tuple(float(factor) for factor in shape.scale3())
-    surfaces = read_surfaces(path, read_bytes(path), (1.0, 1.0, 1.0), [])
-    triangles = np.concatenate(
-        [
-            np.zeros((0, 3, 3)),
-            *(surface.vertices[surface.faces] for surface in surfaces),
-        ]
-    )
-    if path.suffix.lower() in (".gltf", ".glb"):
-        x, y, z = np.moveaxis(triangles, -1, 0)
-        triangles = np.stack([x, -z, y], axis=-1)
-    return np.asarray(triangles * scale)
+    """Return the triangles of a mesh's file."""
+    path, scale = Path(str(shape.source().path())), tuple(shape.scale3())
+    surfaces = read_surfaces(path, read_bytes(path), scale, [])
+    found = [surface.vertices[surface.faces] for surface in surfaces]
+    return np.concatenate([np.zeros((0, 3, 3)), *found])
 
 
 def _make_mesh(shape: Shape) -> "trimesh.Trimesh":

@@ -1,9 +1,11 @@
 """Lidars, judged by closed forms of rays and by Drake's distances."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
+from trimesh import creation
 
 import arm_drake as ad
 from arm_drake.errors import ArmDrakeError, InputError
@@ -42,9 +44,13 @@ def load(
     )
 
 
-def shape(geometry: str, xyz: str = "2 0 0", rpy: str = "0 0 0") -> str:
+def one(role: str, geometry: str, xyz: str = "2 0 0", rpy: str = "0 0 0") -> str:
     inside = f'<origin xyz="{xyz}" rpy="{rpy}"/><geometry>{geometry}</geometry>'
-    return f"<visual>{inside}</visual><collision>{inside}</collision>"
+    return f"<{role}>{inside}</{role}>"
+
+
+def shape(geometry: str, xyz: str = "2 0 0", rpy: str = "0 0 0") -> str:
+    return "".join(one(role, geometry, xyz, rpy) for role in ("visual", "collision"))
 
 
 def look(robot: ad.Robot) -> ad.LidarHandle:
@@ -85,6 +91,25 @@ def test_a_turned_box_is_a_plane_at_an_angle() -> None:
     away = 2.0 * math.cos(turned) - 0.1
     expected = away / np.cos(angles - turned)
     np.testing.assert_allclose(ranges[ahead], expected[ahead], atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["gpu_lidar", "ray"])
+def test_a_mesh_is_seen_where_its_triangles_are(kind: str, tmp_path: Path) -> None:
+    # Longer in y than in z, and all of it above the frame's origin.
+    wall = creation.box((0.2, 4.0, 1.0)).apply_translation((0.0, 0.0, 0.45))
+    wall.export(tmp_path / "wall.stl")
+    mesh = f'<mesh filename="file://{tmp_path}/wall.stl" scale="2 0.5 1"/>'
+    scan = f"<horizontal>{_AROUND}</horizontal>{_RINGS}"
+    plugin = '<plugin name="eyes" filename="libgazebo_ros_ray_sensor.so"/>'
+    more = plugin if kind == "ray" else ""
+    robot = load(shape(mesh), kind=kind, scan=scan, more=more)
+    box = shape('<box size="0.4 2 1"/>', xyz="2 0 0.45")
+
+    ranges = look(robot).ranges()
+
+    expected = look(load(box, kind=kind, scan=scan, more=more)).ranges()
+    assert np.isfinite(expected[1:, 170:190]).any()
+    np.testing.assert_allclose(ranges, expected, atol=1e-5)
 
 
 def test_rings_that_look_down_see_the_ground() -> None:
@@ -161,15 +186,15 @@ def test_noise_is_the_same_with_the_same_seed() -> None:
 
 
 def test_classics_ray_sees_what_collides() -> None:
-    drawn = '<visual><origin xyz="1 0 0"/><geometry><sphere radius="0.5"/></geometry>'
-    solid = shape('<sphere radius="0.5"/>').partition("</visual>")[2]
+    sphere = '<sphere radius="0.5"/>'
+    shapes = one("visual", sphere, xyz="1 0 0") + one("collision", sphere)
     plugin = (
         '<plugin name="eyes" filename="libgazebo_ros_ray_sensor.so"><ros>'
         "<namespace>/arm</namespace><remapping>~/out:=scan</remapping></ros>"
         "<output_type>sensor_msgs/LaserScan</output_type>"
         "<frame_name>eye</frame_name></plugin>"
     )
-    robot = load(drawn + "</visual>" + solid, kind="ray", more=plugin)
+    robot = load(shapes, kind="ray", more=plugin)
     simulation = ad.Simulation(ad.build_diagram(robot))
     lidar = simulation.lidar("front")
 
