@@ -12,24 +12,22 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.common.value import AbstractValue
 from pydrake.geometry import (
     ClippingRange,
     ColorRenderCamera,
     DepthRange,
     DepthRenderCamera,
-    QueryObject,
     RenderCameraCore,
 )
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.systems.framework import Context, OutputPort
+from pydrake.systems.framework import Context
 
 from arm_drake.arrays import Array
-from arm_drake.controllers.gazebo.plugin import as_topic, ros_topic
+from arm_drake.controllers.gazebo.plugin import as_topic
 from arm_drake.description.gazebo import GazeboPlugin
 from arm_drake.description.perception_sensors import CameraSensor
 from arm_drake.errors import InputError
-from arm_drake.messages import CameraInfo, Header, Image, Message, PointCloud2
+from arm_drake.messages import CameraInfo, Image, Message, PointCloud2
 from arm_drake.perception.images import (
     color_depths,
     color_labels,
@@ -38,9 +36,12 @@ from arm_drake.perception.images import (
     project,
 )
 from arm_drake.perception.scenery import RENDERER, Scenery
-from arm_drake.perception.sensors import Place, SensorParams
-from arm_drake.plant.plant import transform_of
-from arm_drake.python_system import PythonSystem
+from arm_drake.perception.sensors import (
+    Place,
+    SensorHandle,
+    SensorSystem,
+    find_classic_topics,
+)
 
 # From the frame of a sensor, x ahead and z up, to its optical frame.
 R_SENSOR_OPTICAL: Final = RotationMatrix(
@@ -93,24 +94,11 @@ def _classic_topics(camera: CameraSensor, plugin: GazeboPlugin) -> dict[str, str
     if camera.has_depth:
         names |= {"depth_image": "depth/image_raw", "points": "points"}
         names |= {"depth_camera_info": "depth/camera_info"}
-    namespace = next(iter(plugin.texts("ros/namespace")), "")
-    # A rule's ~ is the plugin's node.
-    node = f"{namespace}/{plugin.name}"
-    rules = [text.replace("~", node, 1) for text in plugin.texts("ros/remapping")]
-    rules = [rule.replace(":=~", f":={node}", 1) for rule in rules]
-    return {
-        key: ros_topic(f"{name}/{end}", namespace, rules) for key, end in names.items()
-    }
+    names = {key: f"{name}/{end}" for key, end in names.items()}
+    return find_classic_topics(plugin, names)
 
 
-def default_frame(camera: CameraSensor, robot: str) -> str:
-    """Return the frame of a camera's messages where its tag names none."""
-    if camera.plugin is not None:
-        return camera.link
-    return f"{robot}/{camera.link}/{camera.group or camera.name}"
-
-
-class Camera(PythonSystem):
+class Camera(SensorSystem):
     """Takes pictures of what is around a robot.
 
     .. pydrake_system::
@@ -150,48 +138,21 @@ class Camera(PythonSystem):
 
     def __init__(self, sensor: CameraSensor, place: Place, scenery: Scenery) -> None:
         """Create the system."""
-        super().__init__()
-        self.sensor, self.scenery = sensor, scenery
-        self.params = SensorParams(sensor.name, sensor.update_rate)
-        self.topics = topics_of(sensor, place.robot, place.world)
-        self.frame_id = sensor.frame_id or default_frame(sensor, place.robot)
+        topics = topics_of(sensor, place.robot, place.world)
+        super().__init__(sensor, place, scenery, topics, R_SENSOR_OPTICAL)
+        self.sensor = sensor
         self._image_frame = sensor.optical_frame_id or self.frame_id
-        is_world = sensor.link == "world"
-        self.link = "world" if is_world else f"{place.model}::{sensor.link}"
-        self._seed = (place.seed, zlib.crc32(f"{place.robot}/{sensor.name}".encode()))
-        X_LS = transform_of(sensor.pose)
-        self._X_LC = RigidTransform(
-            X_LS.rotation() @ R_SENSOR_OPTICAL, X_LS.translation()
-        )
-        self._query = self.DeclareAbstractInputPort(
-            "geometry_query", AbstractValue.Make(QueryObject())
-        )
         # Pictures, before they are messages; of these a message is made each.
         self._color = self._declare("color", self._calc_color) if self._sees else None
         self._depth = (
             self._declare("depth", self._calc_depth) if sensor.has_depth else None
         )
         self._labels = self._declare("labels", self._calc_labels)
-        self.output_types: dict[str, type[Message]] = {}
-        for key, topic in self.topics.items():
-            kind, make = self._makers[key]
-            self.output_types[topic] = kind
-            self._declare(topic, make)
+        self._declare_topics()
 
     @property
     def _sees(self) -> bool:
         return self.sensor.kind != "segmentation" and self.sensor.has_color
-
-    def _declare(self, name: str, make: Any) -> OutputPort:
-        def calc(context: Context, output: AbstractValue) -> None:
-            output.set_value(make(context))
-
-        return self.DeclareAbstractOutputPort(
-            name,
-            lambda: AbstractValue.Make(()),
-            calc,
-            prerequisites_of_calc={self._query.ticket(), self.time_ticket()},
-        )
 
     @property
     def _makers(self) -> Mapping[str, tuple[type[Message], Any]]:
@@ -215,11 +176,6 @@ class Camera(PythonSystem):
     def label_names(self) -> tuple[str, ...]:
         """Names of what labels mean, in a picture that was taken before."""
         return tuple(self.scenery.label_names)
-
-    def pose(self, context: Context) -> RigidTransform:
-        """Return the pose of the optical frame in the world, by its own context."""
-        query = self._query.Eval(context)
-        return self.scenery.pose_of(query, self.link) @ self._X_LC
 
     @cached_property
     def info(self) -> CameraInfo:
@@ -283,13 +239,9 @@ class Camera(PythonSystem):
 
     def _noise(self, context: Context, what: str, shape: tuple[int, ...]) -> Array:
         """Return the noise of a picture; at one time it is always the same."""
-        noise, time = self.sensor.noise, round(context.get_time() * 1e9)
-        seed = [*self._seed, time, zlib.crc32(what.encode())]
-        random = np.random.default_rng(seed)
+        noise = self.sensor.noise
+        random = self._random(context, zlib.crc32(what.encode()))
         return random.normal(noise.mean, noise.stddev, shape)
-
-    def _header(self, context: Context, frame: str) -> Header:
-        return Header.from_nanoseconds(round(context.get_time() * 1e9), frame)
 
     def _image(self, context: Context, port: str, encoding: str) -> Image:
         pixels = self.GetOutputPort(port).Eval(context)
@@ -320,23 +272,18 @@ class Camera(PythonSystem):
         return make_cloud(self._header(context, frame), points, colors)
 
 
-class CameraHandle:
+class CameraHandle(SensorHandle):
     """What a camera sees now; `Simulation.camera` makes it."""
 
     def __init__(self, camera: Camera, find_context: Callable[[], Context]) -> None:
         """Create it; the function returns the diagram's context, as it is then."""
+        super().__init__(camera, find_context)
         self._camera = camera
-        self._find_context = find_context
 
     @property
     def sensor(self) -> CameraSensor:
         """The camera as described."""
         return self._camera.sensor
-
-    @property
-    def topics(self) -> dict[str, str]:
-        """Its topics, by what is on them."""
-        return dict(self._camera.topics)
 
     @property
     def info(self) -> CameraInfo:
@@ -396,13 +343,7 @@ class CameraHandle:
             return seen
         if frame != "world":
             raise InputError(f"frame: expected 'world' or 'optical', got {frame!r}")
-        X_WC = self.pose
-        return seen @ X_WC.rotation().matrix().T + X_WC.translation()
-
-    @property
-    def pose(self) -> RigidTransform:
-        """Pose of the optical frame in the world."""
-        return self._camera.pose(self._own_context())
+        return self._in_world(seen)
 
     def image(self, what: str = "") -> NDArray[np.uint8]:
         """Return what to show of it, shape (height, width, 3).
@@ -425,9 +366,6 @@ class CameraHandle:
     def _first(self) -> str:
         kinds = ("color", "depth", "labels")
         return next(kind for kind in kinds if self._camera.HasOutputPort(kind))
-
-    def _own_context(self) -> Context:
-        return self._camera.GetMyContextFromRoot(self._find_context())
 
     def _eval(self, port: str) -> Any:
         camera = self._camera

@@ -11,15 +11,13 @@ gazebo_ros_ray_sensor.cpp; ros_gz_bridge, src/convert/sensor_msgs.cpp; REP 117.
 
 import importlib.util
 import itertools
-import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.common.value import AbstractValue
 from pydrake.geometry import (
     Box,
     Capsule,
@@ -36,19 +34,22 @@ from pydrake.geometry import (
     Sphere,
 )
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import Context, OutputPort
+from pydrake.systems.framework import Context
 
 from arm_drake.arrays import Array
-from arm_drake.controllers.gazebo.plugin import as_topic, ros_topic
+from arm_drake.controllers.gazebo.plugin import as_topic
 from arm_drake.description.meshes.reading import read_bytes, read_surfaces
 from arm_drake.description.perception_sensors import LidarSensor, ScanAxis
 from arm_drake.errors import ArmDrakeError, InputError
-from arm_drake.messages import Header, LaserScan, Message, PointCloud2
+from arm_drake.messages import LaserScan, Message, PointCloud2
 from arm_drake.perception.images import make_cloud
 from arm_drake.perception.scenery import Scenery
-from arm_drake.perception.sensors import Place, SensorParams
-from arm_drake.plant.plant import transform_of
-from arm_drake.python_system import PythonSystem
+from arm_drake.perception.sensors import (
+    Place,
+    SensorHandle,
+    SensorSystem,
+    find_classic_topics,
+)
 
 if TYPE_CHECKING:
     import trimesh
@@ -70,14 +71,8 @@ def topics_of(lidar: LidarSensor, robot: str, world: str) -> dict[str, str]:
     """Return the topics of a lidar by what is on them: "scan" and "points"."""
     plugin = lidar.plugin
     if plugin is not None:
-        namespace = next(iter(plugin.texts("ros/namespace")), "")
-        # A rule's ~ is the plugin's node.
-        node = f"{namespace}/{plugin.name}"
-        rules = [text.replace("~", node, 1) for text in plugin.texts("ros/remapping")]
-        rules = [rule.replace(":=~", f":={node}", 1) for rule in rules]
-        is_scan = lidar.output_type.endswith("LaserScan")
-        topic = ros_topic(f"{plugin.name}/out", namespace, rules)
-        return {"scan" if is_scan else "points": topic}
+        kind = "scan" if lidar.output_type.endswith("LaserScan") else "points"
+        return find_classic_topics(plugin, {kind: f"{plugin.name}/out"})
     place = f"world/{world}/model/{robot}/link/{lidar.link}/sensor/{lidar.name}/scan"
     topic = as_topic(lidar.topic or place)
     return {"scan": topic, "points": f"{topic}/points"}
@@ -242,7 +237,7 @@ def _make_mesh(shape: Shape) -> "trimesh.Trimesh":
     return trimesh.Trimesh()
 
 
-class Lidar(PythonSystem):
+class Lidar(SensorSystem):
     """Measures how far what is around a robot is.
 
     .. pydrake_system::
@@ -272,51 +267,24 @@ class Lidar(PythonSystem):
 
     def __init__(self, sensor: LidarSensor, place: Place, scenery: Scenery) -> None:
         """Create the system."""
-        super().__init__()
-        self.sensor, self.scenery = sensor, scenery
-        self.params = SensorParams(sensor.name, sensor.update_rate)
-        self.topics = topics_of(sensor, place.robot, place.world)
-        default = f"{place.robot}/{sensor.link}/{sensor.name}"
-        if sensor.plugin is not None:
-            default = sensor.link
-        self.frame_id = sensor.frame_id or default
-        is_world = sensor.link == "world"
-        self.link = "world" if is_world else f"{place.model}::{sensor.link}"
-        self._seed = (place.seed, zlib.crc32(f"{place.robot}/{sensor.name}".encode()))
-        self._X_LS = transform_of(sensor.pose)
-        self._query = self.DeclareAbstractInputPort(
-            "geometry_query", AbstractValue.Make(QueryObject())
-        )
+        topics = topics_of(sensor, place.robot, place.world)
+        super().__init__(sensor, place, scenery, topics)
+        self.sensor = sensor
         self._ranges = self._declare("ranges", self._calc_ranges)
-        makers: dict[str, tuple[type[Message], Any]] = {
+        self._declare_topics()
+
+    @property
+    def _makers(self) -> Mapping[str, tuple[type[Message], Any]]:
+        """What makes the messages of topics."""
+        return {
             "scan": (LaserScan, self._make_scan),
             "points": (PointCloud2, self._make_points),
         }
-        self.output_types: dict[str, type[Message]] = {}
-        for key, topic in self.topics.items():
-            self.output_types[topic], make = makers[key]
-            self._declare(topic, make)
-
-    def _declare(self, name: str, make: Any) -> OutputPort:
-        def calc(context: Context, output: AbstractValue) -> None:
-            output.set_value(make(context))
-
-        return self.DeclareAbstractOutputPort(
-            name,
-            lambda: AbstractValue.Make(()),
-            calc,
-            prerequisites_of_calc={self._query.ticket(), self.time_ticket()},
-        )
 
     @cached_property
     def directions(self) -> Array:
         """Unit vectors of the rays, x ahead, shape (vertical, horizontal, 3)."""
         return directions_of(self.sensor)
-
-    def pose(self, context: Context) -> RigidTransform:
-        """Return the pose in the world, x ahead and z up, by its own context."""
-        query = self._query.Eval(context)
-        return self.scenery.pose_of(query, self.link) @ self._X_LS
 
     def _calc_ranges(self, context: Context) -> Array:
         sensor, query = self.sensor, self._query.Eval(context)
@@ -331,24 +299,19 @@ class Lidar(PythonSystem):
         ranges = scenes[role].cast(query, begin, ways, longest) + sensor.range_min
         noise = sensor.noise
         if noise.stddev or noise.mean:
-            time = round(context.get_time() * 1e9)
-            random = np.random.default_rng([*self._seed, time])
             # What isn't there has no noise.
+            random = self._random(context)
             noisy = ranges + random.normal(noise.mean, noise.stddev, ranges.shape)
             limited = np.clip(noisy, sensor.range_min, sensor.range_max)
             ranges = np.where(np.isfinite(ranges), limited, ranges)
         return ranges.reshape(shape)
-
-    def _header(self, context: Context) -> Header:
-        time = round(context.get_time() * 1e9)
-        return Header.from_nanoseconds(time, self.frame_id)
 
     def _make_scan(self, context: Context) -> LaserScan:
         ranges, sensor = self._ranges.Eval(context), self.sensor
         axis = sensor.horizontal
         step = (axis.max_angle - axis.min_angle) / max(1, axis.count - 1)
         return LaserScan(
-            self._header(context),
+            self._header(context, self.frame_id),
             angle_min=axis.min_angle,
             angle_max=axis.max_angle,
             angle_increment=step,
@@ -366,31 +329,23 @@ class Lidar(PythonSystem):
             return np.asarray(self._ranges.Eval(context)[..., None] * self.directions)
 
     def _make_points(self, context: Context) -> PointCloud2:
-        return make_cloud(self._header(context), self.points(context), None)
+        return make_cloud(
+            self._header(context, self.frame_id), self.points(context), None
+        )
 
 
-class LidarHandle:
+class LidarHandle(SensorHandle):
     """What a lidar measures now; `Simulation.lidar` makes it."""
 
     def __init__(self, lidar: Lidar, find_context: Callable[[], Context]) -> None:
         """Create it; the function returns the diagram's context, as it is then."""
+        super().__init__(lidar, find_context)
         self._lidar = lidar
-        self._find_context = find_context
 
     @property
     def sensor(self) -> LidarSensor:
         """The lidar as described."""
         return self._lidar.sensor
-
-    @property
-    def topics(self) -> dict[str, str]:
-        """Its topics, by what is on them: "scan" and "points"."""
-        return dict(self._lidar.topics)
-
-    @property
-    def pose(self) -> RigidTransform:
-        """Pose in the world, x ahead and z up."""
-        return self._lidar.pose(self._own_context())
 
     @property
     def directions(self) -> NDArray[np.float64]:
@@ -423,13 +378,7 @@ class LidarHandle:
         ranges = self._eval()
         seen = np.isfinite(ranges)
         points = ranges[seen][:, None] * self._lidar.directions[seen]
-        if frame == "sensor":
-            return np.asarray(points)
-        X_WS = self.pose
-        return np.asarray(points @ X_WS.rotation().matrix().T + X_WS.translation())
-
-    def _own_context(self) -> Context:
-        return self._lidar.GetMyContextFromRoot(self._find_context())
+        return self._in_world(points) if frame == "world" else np.asarray(points)
 
     def _eval(self) -> Any:
         return self._lidar.GetOutputPort("ranges").Eval(self._own_context())

@@ -1,14 +1,22 @@
 """The sensors of robots as systems of a diagram: a row for each kind of sensor."""
 
+import abc
 import dataclasses as dc
 import importlib
 import math
-from collections.abc import Mapping, Sequence
+import zlib
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final, NamedTuple, get_args
 
-from pydrake.geometry import SceneGraph
-from pydrake.systems.framework import DiagramBuilder, LeafSystem
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.common.value import AbstractValue
+from pydrake.geometry import QueryObject, SceneGraph
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, OutputPort
 
+from arm_drake.controllers.gazebo.plugin import ros_topic
+from arm_drake.description.gazebo import GazeboPlugin
 from arm_drake.description.perception_sensors import (
     CameraKind,
     CameraSensor,
@@ -21,7 +29,10 @@ from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Pose, Robot
 from arm_drake.errors import InputError, suggest
 from arm_drake.manager.connections import with_prefix
+from arm_drake.messages import Header, Message
 from arm_drake.perception.scenery import Scenery
+from arm_drake.plant.plant import transform_of
+from arm_drake.python_system import PythonSystem
 
 
 class Place(NamedTuple):
@@ -45,9 +56,130 @@ class SensorParams(NamedTuple):
     update_rate: float
 
 
-# What makes the system of a sensor, "module:class". It is called with the sensor, its
-# Place and the Scenery, has an input port "geometry_query", an output port for each of
-# its `topics`, the classes of their messages in `output_types`, and `params`.
+class SensorSystem(PythonSystem):
+    """A camera or lidar: what it has in common with others.
+
+    It has no state: whenever it is asked, it tells what is there then, and nothing is
+    computed that nobody reads. There is an output port for each of its `topics`, and
+    the classes of their messages are in `output_types`.
+    """
+
+    def __init__(
+        self,
+        sensor: PerceptionSensor,
+        place: Place,
+        scenery: Scenery,
+        topics: Mapping[str, str],
+        R_SM: RotationMatrix | None = None,
+    ) -> None:
+        """Create the system.
+
+        Args:
+            sensor: The sensor as described.
+            place: Where it is.
+            scenery: What it sees.
+            topics: Its topics by what is on them.
+            R_SM: From the sensor's frame, x ahead and z up, to that of its `pose`.
+        """
+        super().__init__()
+        self.scenery, self.topics = scenery, dict(topics)
+        self.params = SensorParams(sensor.name, sensor.update_rate)
+        default = f"{place.robot}/{sensor.link}/{sensor.group or sensor.name}"
+        if sensor.plugin is not None:
+            default = sensor.link
+        self.frame_id = sensor.frame_id or default
+        is_world = sensor.link == "world"
+        self.link = "world" if is_world else f"{place.model}::{sensor.link}"
+        self._seed = (place.seed, zlib.crc32(f"{place.robot}/{sensor.name}".encode()))
+        X_LS, R_SM = transform_of(sensor.pose), R_SM or RotationMatrix()
+        self._X_LM = RigidTransform(X_LS.rotation() @ R_SM, X_LS.translation())
+        self._query = self.DeclareAbstractInputPort(
+            "geometry_query", AbstractValue.Make(QueryObject())
+        )
+        self.output_types: dict[str, type[Message]] = {}
+
+    @property
+    @abc.abstractmethod
+    def _makers(self) -> Mapping[str, tuple[type[Message], Any]]:
+        """What makes the messages of topics, by what is on them."""
+
+    def _declare_topics(self) -> None:
+        for key, topic in self.topics.items():
+            kind, make = self._makers[key]
+            self.output_types[topic] = kind
+            self._declare(topic, make)
+
+    def _declare(self, name: str, make: Any) -> OutputPort:
+        def calc(context: Context, output: AbstractValue) -> None:
+            output.set_value(make(context))
+
+        return self.DeclareAbstractOutputPort(
+            name,
+            lambda: AbstractValue.Make(()),
+            calc,
+            prerequisites_of_calc={self._query.ticket(), self.time_ticket()},
+        )
+
+    def pose(self, context: Context) -> RigidTransform:
+        """Return the pose of what it measures in, in the world, by its own context."""
+        query = self._query.Eval(context)
+        return self.scenery.pose_of(query, self.link) @ self._X_LM
+
+    def _random(self, context: Context, *what: int) -> np.random.Generator:
+        """Return where noise comes from; at one time it is always the same."""
+        return np.random.default_rng([*self._seed, _nanoseconds(context), *what])
+
+    def _header(self, context: Context, frame: str) -> Header:
+        return Header.from_nanoseconds(_nanoseconds(context), frame)
+
+
+def _nanoseconds(context: Context) -> int:
+    return round(context.get_time() * 1e9)
+
+
+class SensorHandle:
+    """What a sensor measures now."""
+
+    def __init__(
+        self, system: SensorSystem, find_context: Callable[[], Context]
+    ) -> None:
+        """Create it; the function returns the diagram's context, as it is then."""
+        self._system = system
+        self._find_context = find_context
+
+    @property
+    def topics(self) -> dict[str, str]:
+        """Its topics, by what is on them."""
+        return dict(self._system.topics)
+
+    @property
+    def pose(self) -> RigidTransform:
+        """Pose in the world: of a camera's optical frame, else x ahead and z up."""
+        return self._system.pose(self._own_context())
+
+    def _own_context(self) -> Context:
+        return self._system.GetMyContextFromRoot(self._find_context())
+
+    def _in_world(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return points of the sensor's own frame in the world, shape (n, 3)."""
+        X_WM = self.pose
+        return np.asarray(points @ X_WM.rotation().matrix().T + X_WM.translation())
+
+
+def find_classic_topics(
+    plugin: GazeboPlugin, names: Mapping[str, str]
+) -> dict[str, str]:
+    """Return the full names of topics of a plugin of Gazebo Classic."""
+    namespace = next(iter(plugin.texts("ros/namespace")), "")
+    # A rule's ~ is the plugin's node.
+    node = f"{namespace}/{plugin.name}"
+    rules = [text.replace("~", node, 1) for text in plugin.texts("ros/remapping")]
+    rules = [rule.replace(":=~", f":={node}", 1) for rule in rules]
+    return {key: ros_topic(name, namespace, rules) for key, name in names.items()}
+
+
+# What makes the system of a sensor, "module:class": a SensorSystem that is called with
+# the sensor, its Place and the Scenery.
 SENSORS: Final[Mapping[type[PerceptionSensor], str]] = {
     CameraSensor: "arm_drake.perception.cameras:Camera",
     LidarSensor: "arm_drake.perception.lidar:Lidar",

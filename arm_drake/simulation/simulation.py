@@ -403,12 +403,9 @@ class Simulation:
         """
         from arm_drake.perception.cameras import Camera, CameraHandle
 
-        cameras = self._sensors(Camera)
-        if name not in cameras:
-            none = "the robots have none; arm_drake.add_camera adds one"
-            hint = suggest(name, cameras) if cameras else none
-            raise InputError(f"no camera {name!r}; {hint}")
-        return CameraHandle(cameras[name], self.simulator.get_context)
+        none = "the robots have none; arm_drake.add_camera adds one"
+        camera = self._find_sensor(Camera, name, none)
+        return CameraHandle(camera, self.simulator.get_context)
 
     def lidar(self, name: str) -> "LidarHandle":
         """Return what a lidar measures.
@@ -421,20 +418,21 @@ class Simulation:
         """
         from arm_drake.perception.lidar import Lidar, LidarHandle
 
-        lidars = self._sensors(Lidar)
-        if name not in lidars:
-            hint = suggest(name, lidars) if lidars else "the robots have none"
-            raise InputError(f"no lidar {name!r}; {hint}")
-        return LidarHandle(lidars[name], self.simulator.get_context)
+        lidar = self._find_sensor(Lidar, name, "the robots have none")
+        return LidarHandle(lidar, self.simulator.get_context)
 
-    def _sensors(self, kind: type[_Sensor]) -> dict[str, _Sensor]:
-        """Return the sensors of a kind, by name with the robot's prefix."""
-        return {
+    def _find_sensor(self, kind: type[_Sensor], name: str, none: str) -> _Sensor:
+        """Return a sensor of a kind, by name with the robot's prefix."""
+        found = {
             f"{manager.prefix}{sensor.sensor.name}": sensor
             for manager in self.directory.managers.values()
             for sensor in manager.sensors
             if isinstance(sensor, kind)
         }
+        if name not in found:
+            hint = suggest(name, found) if found else none
+            raise InputError(f"no {kind.__name__.lower()} {name!r}; {hint}")
+        return found[name]
 
     def list_topics(self) -> TopicList:
         """Return the topics and the types of their messages; as text, a table."""
