@@ -36,6 +36,7 @@ from tests.fuzz.mutations import (
     value,
     word,
 )
+from tests.snippets import ROOT
 
 # What one input may take, beyond what a process with the package takes anyway.
 MEMORY = 1 << 30  # [bytes]
@@ -383,7 +384,9 @@ def _judge(status: int, text: str) -> tuple[str, str]:
         limits = (signal.SIGXCPU, signal.SIGALRM, signal.SIGKILL)
         return ("limit" if number in limits else "death"), name
     code = os.WEXITSTATUS(status)
-    frames = re.findall(r'File ".*?/(arm_drake/[^"]+)", line (\d+)', text)
+    # The folder of a clone may have the package's name, too.
+    package = re.escape(str(ROOT))
+    frames = re.findall(rf'File "{package}/(arm_drake/[^"]+)", line (\d+)', text)
     is_clean = code == 2 and re.search(r"^arm-drake: ", text, re.MULTILINE)
     if ("MemoryError" in text or "std::bad_alloc" in text) and not is_clean:
         return "limit", f"memory, {':'.join(frames[-1]) if frames else ''}"
