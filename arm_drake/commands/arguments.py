@@ -253,6 +253,13 @@ def _add_shown_arguments(parser: argparse.ArgumentParser) -> None:
     add("--paused", action="store_true", help="wait for the page's play button")
     add("--trail", metavar="LINK", help="draw the way of a link's origin")
     add("--contacts", action="store_true", help="draw contact forces")
+    add(
+        "--curve",
+        metavar="TOPIC/FIELD",
+        action="append",
+        default=[],
+        help="plot a number on the page, as joint_states/position[joint1]",
+    )
     add_page_arguments(parser)
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from PIL import Image
 from playwright.sync_api import Browser
 
 import arm_drake as ad
@@ -659,3 +660,54 @@ def test_a_base_drives_by_its_slider_and_stops(cart: Live, cart_screen: Screen) 
 
     screen.until(lambda: screen.number(f"remote:{name}:forward") == 0.0, "0 m/s")
     screen.until(stands, "it stands")
+
+
+def test_a_plot_is_drawn_paused_zoomed_and_saved(program: Live, screen: Screen) -> None:
+    page = screen.page
+    height = page.locator("#scene").bounding_box()["height"]
+    screen.type("remote:arm:goal:elbow", "1.4")
+    page.locator("summary", has_text="Plot").click()
+    assert not page.evaluate("() => typeof uPlot !== 'undefined'")
+    screen.choose("plot:topic", "joint_states")
+    screen.choose("plot:number", "position[elbow]")
+    page.wait_for_selector("#plot canvas")
+    play_until(
+        program,
+        screen,
+        lambda: abs(position(program, "elbow") - 1.4) < 5e-3,
+        "the goal",
+    )
+
+    # What is drawn is the arm's way, and the scene gives way to it.
+    times, values = page.evaluate("() => plots.shown")
+    assert times[-1] == pytest.approx(time_of(program), abs=0.05)
+    assert (values[0], values[-1]) == pytest.approx((0.0, 1.4), abs=0.01)
+    assert page.locator("#scene").bounding_box()["height"] < 0.7 * height
+    assert page.locator("#plot-curves .value").inner_text().startswith("1.4")
+
+    # A part of it, and all again.
+    area = page.locator("#plot .u-over").bounding_box()
+    page.mouse.move(area["x"] + 0.25 * area["width"], area["y"] + 20)
+    page.mouse.down()
+    page.mouse.move(area["x"] + 0.5 * area["width"], area["y"] + 20, steps=4)
+    page.mouse.up()
+    zoomed = page.evaluate("() => [plots.chart.scales.x.min, plots.chart.scales.x.max]")
+    part = np.array([0.25, 0.5]) * (times[-1] - times[0]) + times[0]
+    assert zoomed == pytest.approx(part, abs=0.02 * times[-1])
+    page.mouse.dblclick(area["x"] + 50, area["y"] + 20)
+    assert page.evaluate("() => plots.chart.scales.x.max") >= times[-1]
+
+    with page.expect_download() as numbers:
+        page.click("#plot-csv")
+    head, *lines = numbers.value.path().read_text().splitlines()
+    assert head == "time,joint_states/position[elbow]"
+    assert lines[-1] == f"{times[-1]},{values[-1]}"
+    with page.expect_download() as picture:
+        page.click("#plot-png")
+    with Image.open(picture.value.path()) as image:
+        drawn = np.asarray(image.convert("RGB")).astype(np.int16)
+    assert blue(drawn).sum() > 100
+
+    page.click("#plot-close")
+    page.wait_for_selector("#plot", state="hidden")
+    assert page.locator("#scene").bounding_box()["height"] == height

@@ -7,7 +7,7 @@ import importlib
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from pydrake.math import RigidTransform
 
@@ -120,11 +120,20 @@ PARTS = [
     "arm_drake.visualization.page.hands:make_hands",
     "arm_drake.visualization.page.insertion:make_insertion",
     "arm_drake.visualization.page.teaching:teach_live",
+    "arm_drake.visualization.page.live_plots:make_plots",
 ]
 VIEW_PARTS = [
     "arm_drake.visualization.page.camera:view_camera",
     "arm_drake.visualization.page.teaching:teach_view",
 ]
+
+
+_P = TypeVar("_P", bound=Part)
+
+
+def find_part(parts: Iterable[Part], kind: type[_P]) -> _P:
+    """Return the part of a kind, of which there is one."""
+    return next(part for part in parts if isinstance(part, kind))
 
 
 def make_parts(page: Any, rows: Iterable[str]) -> list[Part]:

@@ -155,6 +155,14 @@ class Scene:
     def set_labels(self, labels: Mapping[str, str]) -> None:
         """Write names beside things, by their paths, where there is a page."""
 
+    def set_plot(
+        self, curves: Sequence[str], rows: Sequence[Sequence[float | None]]
+    ) -> None:
+        """Draw curves, with rows of a time and their numbers, where there is a page."""
+
+    def add_samples(self, rows: Sequence[Sequence[float | None]]) -> None:
+        """Let the curves go on, where there is a page."""
+
     def close(self) -> None:
         """End it: what is drawn goes."""
         if not self._is_closed:

@@ -30,6 +30,8 @@ const say = (id, value) => {
 const folded = new Map();
 
 const hear = {
+    ...hear_plot,
+
     panel({title, sections}) {
         document.title = title;
         at("title").textContent = title;
