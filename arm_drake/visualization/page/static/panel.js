@@ -139,6 +139,7 @@ at("scene").addEventListener("load", () => {
     const own = at("scene").contentDocument.getElementById("status-message");
     if (own) own.style.visibility = "hidden";
     show_controls(false);
+    follow_links(at("scene").contentWindow.viewer);
     at("scene").contentWindow.addEventListener("keydown", press);
     listen_to_clicks(at("scene").contentWindow, (path) => say("readout:pick", path));
     const has_hands = () => widgets.get("hands:drag");
