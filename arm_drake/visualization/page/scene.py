@@ -135,6 +135,11 @@ class Scene:
                 raise
             raise SimulationError(_DIED) from error
 
+    @property
+    def num_browsers(self) -> int:
+        """How many browsers show it, where there is a page."""
+        return 0
+
     def patch(self, changes: Mapping[str, Mapping[str, Any]]) -> None:
         """Change fields of widgets, by the widgets' names, where there is a panel."""
 

@@ -117,6 +117,21 @@ const makers = {
         return [element, () => { if (pre.textContent !== w.value) pre.textContent = w.value; }];
     },
 
+    picture(w) {
+        const image = make("img", {alt: w.label, title: "click: large, and small again"});
+        const [lower, upper] = [make("span"), make("span")];
+        const ends = make("div", {className: "ends"}, lower, upper);
+        const element = make("div", {className: "widget picture"}, image, ends);
+        image.addEventListener("click", () => element.classList.toggle("large"));
+        const update = () => {
+            element.hidden = !w.source;
+            if (w.source && image.getAttribute("src") !== w.source) image.src = w.source;
+            lower.textContent = w.lower;
+            upper.textContent = w.upper;
+        };
+        return [element, update];
+    },
+
     item(w) {
         const state = make("span");
         const buttons = make("div", {className: "buttons"});
