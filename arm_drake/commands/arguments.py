@@ -260,6 +260,13 @@ def _add_shown_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="plot a number on the page, as joint_states/position[joint1]",
     )
+    add(
+        "--display",
+        metavar="TOPIC",
+        action="append",
+        default=[],
+        help="draw what a topic says on the page: odometry, scan, points, wrench",
+    )
     add_page_arguments(parser)
 
 

@@ -202,7 +202,7 @@ def simulate(options: argparse.Namespace, scene: Scene | Robot) -> int:
 
 def _check_words(options: argparse.Namespace) -> None:
     """Raise InputError for what doesn't go together, or can't be written."""
-    for word in ("wait", "hold", "open", "paused", "curve"):
+    for word in ("wait", "hold", "open", "paused", "curve", "display"):
         if options.headless and getattr(options, word):
             text = f"--{word} is for the page, and with --headless there is none"
             raise InputError(text)
@@ -312,11 +312,14 @@ def _show(options: argparse.Namespace, views: "LiveViews") -> None:
 
 def _show_live(options: argparse.Namespace, live: "LiveSimulation") -> None:
     """Show what the command line asks for beside the robots, on a page."""
+    from arm_drake.visualization.page.displays import Displays
     from arm_drake.visualization.page.live_plots import LivePlots
     from arm_drake.visualization.page.parts import find_part
 
     for name in options.curve:
         find_part(live.parts, LivePlots).add(name)
+    for topic in options.display:
+        find_part(live.parts, Displays).show(topic)
 
 
 def _measure(run: Callable[[], None], simulation: Simulation, say: Speaker) -> float:

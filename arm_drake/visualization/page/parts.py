@@ -121,6 +121,7 @@ PARTS = [
     "arm_drake.visualization.page.insertion:make_insertion",
     "arm_drake.visualization.page.teaching:teach_live",
     "arm_drake.visualization.page.live_plots:make_plots",
+    "arm_drake.visualization.page.displays:make_displays",
     "arm_drake.visualization.page.camera_pictures:make_camera_pictures",
 ]
 VIEW_PARTS = [
