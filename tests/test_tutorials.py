@@ -49,7 +49,7 @@ def test_a_command_runs(
     words = [str(root / w) if w.startswith("configs/") else w for w in words]
     if words[0] == "sim":
         # What is about the page needs one, without anybody who looks.
-        is_page = any(word in words for word in ("--curve",))
+        is_page = any(word in words for word in ("--curve", "--keyboard"))
         words += ["--no-open"] if is_page else ["--headless"]
         words += ["--duration", str(DURATION)]
     if words[0] == "view" or (words[0] == "launch" and "--headless" not in words):

@@ -260,6 +260,8 @@ def _add_shown_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="plot a number on the page, as joint_states/position[joint1]",
     )
+    text = "let the page's keyboard drive: arrows a base, digits joints"
+    add("--keyboard", action="store_true", help=text)
     add(
         "--display",
         metavar="TOPIC",

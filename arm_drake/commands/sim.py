@@ -202,7 +202,7 @@ def simulate(options: argparse.Namespace, scene: Scene | Robot) -> int:
 
 def _check_words(options: argparse.Namespace) -> None:
     """Raise InputError for what doesn't go together, or can't be written."""
-    for word in ("wait", "hold", "open", "paused", "curve", "display"):
+    for word in ("wait", "hold", "open", "paused", "curve", "display", "keyboard"):
         if options.headless and getattr(options, word):
             text = f"--{word} is for the page, and with --headless there is none"
             raise InputError(text)
@@ -318,6 +318,9 @@ def _show_live(options: argparse.Namespace, live: "LiveSimulation") -> None:
 
     for name in options.curve:
         find_part(live.parts, LivePlots).add(name)
+    if options.keyboard:
+        for part in live.parts:
+            part.handle("keys:on", True)
     for topic in options.display:
         find_part(live.parts, Displays).show(topic)
 

@@ -6,7 +6,7 @@ To add one, write a class with what `Part` has, and a row in `PARTS` or `VIEW_PA
 import importlib
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from pydrake.math import RigidTransform
@@ -16,6 +16,7 @@ from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.page.live_views import LiveViews
 from arm_drake.visualization.page.scene import Scene
 from arm_drake.visualization.page.widgets import Section
+from arm_drake.visualization.teleop.base import Remote
 from arm_drake.worlds.things import Thing
 
 if TYPE_CHECKING:
@@ -36,6 +37,10 @@ class Live(Protocol):
     @property
     def views(self) -> LiveViews:
         """What is shown of it, with the readout of a link."""
+
+    @property
+    def remotes(self) -> Sequence[Remote]:
+        """What a person can command, one for each controller that takes commands."""
 
     @property
     def scene(self) -> "SimulatedScene | None":
@@ -117,6 +122,7 @@ class Part(ABC):
 # as those modules import this one.
 PARTS = [
     "arm_drake.visualization.page.camera:live_camera",
+    "arm_drake.visualization.page.keyboard:make_keyboard",
     "arm_drake.visualization.page.hands:make_hands",
     "arm_drake.visualization.page.insertion:make_insertion",
     "arm_drake.visualization.page.teaching:teach_live",

@@ -80,7 +80,10 @@ const makers = {
         const box = make("input", {type: "checkbox"});
         const label = make("label", {title: w.hint}, box, make("span", {textContent: w.label}));
         const element = make("div", {className: "widget toggle"}, label);
-        box.addEventListener("change", () => say(w.id, box.checked));
+        box.addEventListener("change", () => {
+            w.value = box.checked; // What follows at once counts after it.
+            say(w.id, box.checked);
+        });
         return [element, () => { box.checked = w.value; }];
     },
 
