@@ -253,6 +253,22 @@ def _add_shown_arguments(parser: argparse.ArgumentParser) -> None:
     add("--paused", action="store_true", help="wait for the page's play button")
     add("--trail", metavar="LINK", help="draw the way of a link's origin")
     add("--contacts", action="store_true", help="draw contact forces")
+    add(
+        "--curve",
+        metavar="TOPIC/FIELD",
+        action="append",
+        default=[],
+        help="plot a number on the page, as joint_states/position[joint1]",
+    )
+    text = "let the page's keyboard drive: arrows a base, digits joints"
+    add("--keyboard", action="store_true", help=text)
+    add(
+        "--display",
+        metavar="TOPIC",
+        action="append",
+        default=[],
+        help="draw what a topic says on the page: odometry, scan, points, wrench",
+    )
     add_page_arguments(parser)
 
 

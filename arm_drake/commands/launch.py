@@ -27,7 +27,7 @@ _OF_SIMULATIONS = (
     *("motion", "set", "duration", "world", "gravity", "active", "inactive", "pose"),
     *("payload", "initial", "rate", "preset", "time_step", "log", "log_contacts"),
     *("record", "loop", "plot", "plot_kind", "video", "paused", "trail", "contacts"),
-    *("wait", "hold"),
+    *("wait", "hold", "curve", "display", "keyboard"),
 )
 
 

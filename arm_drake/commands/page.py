@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from arm_drake.visualization.meshcat import place_camera as put_camera
 from arm_drake.visualization.page import Page, Scene
 
 
@@ -43,7 +44,7 @@ def place_camera(options: argparse.Namespace, page: Scene) -> None:
     camera = getattr(options, "camera", None)
     if camera is not None:
         eye, target = map(np.array, camera)
-        page.meshcat.SetCameraPose(eye, target)
+        put_camera(page.meshcat, eye, target)
 
 
 def is_watched() -> bool:

@@ -202,7 +202,7 @@ def simulate(options: argparse.Namespace, scene: Scene | Robot) -> int:
 
 def _check_words(options: argparse.Namespace) -> None:
     """Raise InputError for what doesn't go together, or can't be written."""
-    for word in ("wait", "hold", "open", "paused"):
+    for word in ("wait", "hold", "open", "paused", "curve", "display", "keyboard"):
         if options.headless and getattr(options, word):
             text = f"--{word} is for the page, and with --headless there is none"
             raise InputError(text)
@@ -310,6 +310,21 @@ def _show(options: argparse.Namespace, views: "LiveViews") -> None:
             views.show(what)
 
 
+def _show_live(options: argparse.Namespace, live: "LiveSimulation") -> None:
+    """Show what the command line asks for beside the robots, on a page."""
+    from arm_drake.visualization.page.displays import Displays
+    from arm_drake.visualization.page.live_plots import LivePlots
+    from arm_drake.visualization.page.parts import find_part
+
+    for name in options.curve:
+        find_part(live.parts, LivePlots).add(name)
+    if options.keyboard:
+        for part in live.parts:
+            part.handle("keys:on", True)
+    for topic in options.display:
+        find_part(live.parts, Displays).show(topic)
+
+
 def _measure(run: Callable[[], None], simulation: Simulation, say: Speaker) -> float:
     """Run a simulation up to its end or Ctrl-C; return the wall time it took [s]."""
     start = time.perf_counter()
@@ -350,6 +365,7 @@ def _simulate_live(options: argparse.Namespace, scene: Scene, say: Speaker) -> i
             build=lambda scene: _build(scene, page.meshcat),
         )
         _show(options, live.views)
+        _show_live(options, live)
         _let_in(options, say, live, stack)
         say.page(f"page: {page.url}")
         say.line(from_elsewhere(page))

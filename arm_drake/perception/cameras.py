@@ -312,6 +312,10 @@ class CameraHandle(SensorHandle):
         depths: NDArray[np.float32] = self._eval("depth")
         return depths
 
+    def has(self, what: str) -> bool:
+        """Return whether it takes pictures of a kind: "color", "depth" or "labels"."""
+        return bool(self._camera.HasOutputPort(what))
+
     def labels(self) -> NDArray[np.uint16]:
         """Return what each pixel shows, shape (height, width), as `label_names` says.
 

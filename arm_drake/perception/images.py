@@ -83,15 +83,21 @@ def to_rgb(image: Image) -> NDArray[np.uint8]:
 def color_depths(depths: NDArray[Any]) -> NDArray[np.uint8]:
     """Return colours of depths, by where they are between the nearest and farthest."""
     known = np.isfinite(depths)
-    colors = np.zeros((*depths.shape, 3), np.uint8)
-    if not known.any():
-        return colors
-    near, far = np.percentile(depths[known], [1.0, 99.0])
+    near, far = depth_range(depths)
     part = np.clip((depths - near) / max(far - near, 1e-9), 0.0, 1.0)
     rows = np.where(known, np.round(255.0 * np.where(known, part, 0.0)), 0.0)
     colors = _SCALE[rows.astype(int)]
     colors[~known] = 0
     return colors
+
+
+def depth_range(depths: NDArray[Any]) -> tuple[float, float]:
+    """Return the depths [m] that have the first and the last colour; 0 without any."""
+    known = depths[np.isfinite(depths)]
+    if not known.size:
+        return 0.0, 0.0
+    near, far = np.percentile(known, [1.0, 99.0])
+    return float(near), float(far)
 
 
 def color_labels(labels: NDArray[Any]) -> NDArray[np.uint8]:

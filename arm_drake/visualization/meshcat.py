@@ -146,6 +146,9 @@ _SMALLEST_DIAMETER = 0.3
 _CAMERA = "/Cameras/default/rotated/<object>"
 _GRID, _AXES = "/Grid", "/Axes"
 
+# How far the camera has gone with a link.
+_FOLLOWED = "/Followed"
+
 # The page's own camera draws nothing nearer than that [m]; what share of the distance
 # that is for a small robot; and the nearest at all.
 _NEAR = 0.01
@@ -219,12 +222,23 @@ def start_meshcat(*, host: str = "localhost", port: int | None = None) -> Meshca
         ) from None
 
 
+def place_camera(meshcat: Meshcat, eye: Array, target: Array) -> None:
+    """Put the camera somewhere, and let it look at something [m]."""
+    meshcat.Delete(_FOLLOWED)
+    meshcat.SetCameraPose(eye, target)
+
+
 def move_camera(meshcat: Meshcat, way: Array) -> None:
-    """Move the camera of pages by a way in the world since the start [m].
+    """Move the camera of pages by a way in the world since it was placed [m].
 
     Somebody may have turned it meanwhile. Pages know what this path is for.
     """
-    meshcat.SetTransform("/Followed", RigidTransform(np.asarray(way, float)))
+    meshcat.SetTransform(_FOLLOWED, RigidTransform(np.asarray(way, float)))
+
+
+def has_moved_camera(meshcat: Meshcat) -> bool:
+    """Return whether the camera was moved, if by nothing, since it was placed."""
+    return bool(meshcat.HasPath(_FOLLOWED))
 
 
 def frame_points(
@@ -296,7 +310,7 @@ def _look(
     meshcat: Meshcat, eye: np.ndarray, target: np.ndarray, diameter: float
 ) -> None:
     """Point the camera at something of a diameter [m]."""
-    meshcat.SetCameraPose(eye, target)
+    place_camera(meshcat, eye, target)
     distance = float(np.linalg.norm(eye - target))
     # Nearer than that nothing is drawn: whoever looks at a small robot comes closer.
     near = min(_NEAR, max(_NEAR_SHARE * distance, _NEAREST))

@@ -21,6 +21,7 @@ from playwright.sync_api import Browser, Locator, ViewportSize
 from playwright.sync_api import Page as BrowserPage
 from pydrake.math import RigidTransform
 
+from arm_drake.visualization.meshcat import place_camera
 from arm_drake.visualization.page import Page
 from tests.browser.pictures import VIEWPORT, Camera, Mask, Picture, new_context
 from tests.waiting import PATIENCE as TIMEOUT
@@ -125,7 +126,7 @@ class Program(Generic[Subject]):
     def look_from(self, camera: Camera) -> None:
         """Put the camera somewhere, and show the program's own things alone."""
         eye, target = np.array(camera.eye), np.array(camera.target)
-        self.ask(lambda: self.page.meshcat.SetCameraPose(eye, target))
+        self.ask(lambda: place_camera(self.page.meshcat, eye, target))
         for lines in ("/Axes", "/Grid"):
             hide = functools.partial(self.page.meshcat.SetProperty, lines, "visible")
             self.ask(functools.partial(hide, False))

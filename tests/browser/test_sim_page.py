@@ -11,11 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from PIL import Image
 from playwright.sync_api import Browser
 
 import arm_drake as ad
 from arm_drake.visualization.page import Page
+from arm_drake.visualization.page.keyboard import Keyboard
 from arm_drake.visualization.page.live_simulation import LiveSimulation, make_changes
+from arm_drake.visualization.page.parts import find_part
 from tests import carts
 from tests.browser.pages import (
     Program,
@@ -567,6 +570,80 @@ def test_a_link_that_is_dragged_is_pulled_and_the_camera_stays(
     picture = screen.picture(pause(program))
     assert is_near(middle(red(picture)), middle_of_arm(ELBOW, UPPER, 0.0))
     assert not program.ask(lambda: meshcat.HasPath("/hands/spring"))
+
+
+def test_a_key_jogs_a_joint_while_it_is_down(program: Live, screen: Screen) -> None:
+    page = screen.page
+    page.locator("summary", has_text="Keyboard").click()
+    page.keyboard.press("1")
+    screen.click("keys:on")
+    before = position(program, "elbow")
+
+    page.keyboard.down("1")
+    program.ask(program.subject.play)
+    screen.until(lambda: position(program, "elbow") > 0.3, "the arm moves")
+    page.keyboard.up("1")
+    keyboard = find_part(program.subject.parts, Keyboard)
+    screen.until(lambda: not program.ask(lambda: keyboard._held), "it is let go")
+    end = time_of(program) + 0.5
+    screen.until(lambda: time_of(program) > end, "it has come to rest")
+    there = position(program, "elbow")
+    screen.until(lambda: time_of(program) > end + 0.3, "it stays there")
+
+    assert before == pytest.approx(0.0, abs=1e-3)
+    assert position(program, "elbow") == pytest.approx(there, abs=1e-3)
+    assert there < 1.9  # It didn't go to its end.
+
+
+def test_a_plot_is_drawn_paused_zoomed_and_saved(program: Live, screen: Screen) -> None:
+    page = screen.page
+    height = page.locator("#scene").bounding_box()["height"]
+    screen.type("remote:arm:goal:elbow", "1.4")
+    page.locator("summary", has_text="Plot").click()
+    assert not page.evaluate("() => typeof uPlot !== 'undefined'")
+    screen.choose("plot:topic", "joint_states")
+    screen.choose("plot:number", "position[elbow]")
+    page.wait_for_selector("#plot canvas")
+    play_until(
+        program,
+        screen,
+        lambda: abs(position(program, "elbow") - 1.4) < 5e-3,
+        "the goal",
+    )
+
+    # What is drawn is the arm's way, and the scene gives way to it.
+    times, values = page.evaluate("() => plots.shown")
+    assert times[-1] == pytest.approx(time_of(program), abs=0.05)
+    assert (values[0], values[-1]) == pytest.approx((0.0, 1.4), abs=0.01)
+    assert page.locator("#scene").bounding_box()["height"] < 0.7 * height
+    assert page.locator("#plot-curves .value").inner_text().startswith("1.4")
+
+    # A part of it, and all again.
+    area = page.locator("#plot .u-over").bounding_box()
+    page.mouse.move(area["x"] + 0.25 * area["width"], area["y"] + 20)
+    page.mouse.down()
+    page.mouse.move(area["x"] + 0.5 * area["width"], area["y"] + 20, steps=4)
+    page.mouse.up()
+    zoomed = page.evaluate("() => [plots.chart.scales.x.min, plots.chart.scales.x.max]")
+    part = np.array([0.25, 0.5]) * (times[-1] - times[0]) + times[0]
+    assert zoomed == pytest.approx(part, abs=0.02 * times[-1])
+    page.mouse.dblclick(area["x"] + 50, area["y"] + 20)
+    assert page.evaluate("() => plots.chart.scales.x.max") >= times[-1]
+
+    with page.expect_download() as numbers:
+        page.click("#plot-csv")
+    head, *lines = numbers.value.path().read_text().splitlines()
+    assert head == "time,joint_states/position[elbow]"
+    assert lines[-1] == f"{times[-1]},{values[-1]}"
+    with page.expect_download() as picture:
+        page.click("#plot-png")
+    with Image.open(picture.value.path()) as image:
+        drawn = np.asarray(image.convert("RGB")).astype(np.int16)
+    assert blue(drawn).sum() > 100
+
+    page.click("#plot-close")
+    page.wait_for_selector("#plot", state="hidden")
+    assert page.locator("#scene").bounding_box()["height"] == height
 
 
 @pytest.fixture(scope="module")

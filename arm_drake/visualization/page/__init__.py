@@ -7,6 +7,7 @@ from arm_drake.visualization.page.widgets import Button as Button
 from arm_drake.visualization.page.widgets import Buttons as Buttons
 from arm_drake.visualization.page.widgets import Choice as Choice
 from arm_drake.visualization.page.widgets import Item as Item
+from arm_drake.visualization.page.widgets import Picture as Picture
 from arm_drake.visualization.page.widgets import Section as Section
 from arm_drake.visualization.page.widgets import Slider as Slider
 from arm_drake.visualization.page.widgets import Text as Text

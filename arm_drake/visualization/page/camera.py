@@ -7,7 +7,11 @@ import numpy as np
 from pydrake.math import RigidTransform
 
 from arm_drake.errors import InputError, suggest
-from arm_drake.visualization.meshcat import THREE_QUARTER, move_camera
+from arm_drake.visualization.meshcat import (
+    THREE_QUARTER,
+    has_moved_camera,
+    move_camera,
+)
 from arm_drake.visualization.page.parts import Live, Part, Viewer
 from arm_drake.visualization.page.scene import Scene
 from arm_drake.visualization.page.widgets import Button, Buttons, Choice, Section
@@ -42,7 +46,7 @@ class CameraPart(Part):
         self._page, self._frame, self._poses = page, frame, poses
         self.followed = ""
         # Where the link was when the camera began to follow it, how far the camera had
-        # gone then, and how far it has gone now [m].
+        # gone then, and how far it has gone now, since it was placed [m].
         self._start, self._before, self._way = np.zeros(3), np.zeros(3), np.zeros(3)
 
     def look(self, name: str) -> None:
@@ -65,9 +69,11 @@ class CameraPart(Part):
         if link is not None and link not in poses:
             raise InputError(f"camera: no link {link!r}; {suggest(link, poses)}")
         self.followed = link or ""
-        self._before = self._way
+        is_placed_anew = not has_moved_camera(self._page.meshcat)
+        self._before = self._way = np.zeros(3) if is_placed_anew else self._way
         if link is not None:
             self._start = np.array(poses[link].translation())
+            move_camera(self._page.meshcat, self._way)
 
     def take_over(self, other: Part) -> None:
         """Follow what the other one did."""
@@ -80,6 +86,8 @@ class CameraPart(Part):
         if self.followed:
             now = self._poses().get(self.followed)
             if now is not None:
+                if not has_moved_camera(self._page.meshcat):  # It was placed anew.
+                    self._start, self._before = np.array(now.translation()), np.zeros(3)
                 self._way = self._before + now.translation() - self._start
                 move_camera(self._page.meshcat, self._way)
 

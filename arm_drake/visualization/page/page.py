@@ -193,8 +193,6 @@ class PanelSocket(_OwnNames, WebSocketHandler):
 
     def send(self, message: Message) -> None:
         """Send a message when the browser has taken those before it."""
-        if message["type"] == "panel":
-            self._waiting.pop("patch", None)
         join(self._waiting, message)
         if not self._is_sending:
             self._is_sending = True
@@ -218,10 +216,22 @@ class PanelSocket(_OwnNames, WebSocketHandler):
             self._is_sending = False
 
 
+# What begins anew with a message, by its type.
+_RENEWED = {"panel": "patch", "plot": "samples"}
+
+# Rows of a plot that a browser gets which comes later.
+_MOST_ROWS = 30_000
+
+
 def join(messages: dict[str, Message], message: Message) -> None:
     """Add a message to those that count."""
     kind = message["type"]
+    if kind == "samples":
+        rows = [*messages.get(kind, {}).get("rows", ()), *message["rows"]]
+        messages[kind] = {"type": kind, "rows": rows[-_MOST_ROWS:]}
+        return
     if kind != "patch":
+        messages.pop(_RENEWED.get(kind, ""), None)
         messages[kind] = message
         return
     changes = dict(messages.get(kind, {}).get("changes", {}))
@@ -316,7 +326,7 @@ class PageServer:
         """Send a message to all browsers, and to those that come later.
 
         Of messages of the same `type` the last one counts; but those of type "patch"
-        have changes by widget, and are joined.
+        have changes by widget, those of type "samples" rows, and are joined.
         """
         with contextlib.suppress(RuntimeError):  # It is closed.
             self._loop.call_soon_threadsafe(self._send, message)
@@ -375,8 +385,6 @@ class PageServer:
         await asyncio.gather(*tasks, return_exceptions=True)
 
     def _send(self, message: Message) -> None:
-        if message["type"] == "panel":
-            self._messages.pop("patch", None)
         join(self._messages, message)
         for client in self._clients:
             client.send(message)
@@ -579,6 +587,22 @@ class Page(Scene):
             severity: "info", "warning" or "error".
         """
         self._server.send({"type": "message", "text": text, "severity": severity})
+
+    def set_plot(
+        self, curves: Sequence[str], rows: Sequence[Sequence[float | None]]
+    ) -> None:
+        """Draw curves over time below the scene; nothing without curves.
+
+        Args:
+            curves: Their names.
+            rows: A time [s], and a number for each curve, or None.
+        """
+        message = {"type": "plot", "curves": list(curves), "rows": list(rows)}
+        self._server.send(message)
+
+    def add_samples(self, rows: Sequence[Sequence[float | None]]) -> None:
+        """Let the curves of the plot go on, with rows as those of `set_plot`."""
+        self._server.send({"type": "samples", "rows": list(rows)})
 
     def set_labels(self, labels: Mapping[str, str]) -> None:
         """Write names beside things of the scene.

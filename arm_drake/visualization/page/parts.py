@@ -6,8 +6,8 @@ To add one, write a class with what `Part` has, and a row in `PARTS` or `VIEW_PA
 import importlib
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any, Protocol
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from pydrake.math import RigidTransform
 
@@ -16,6 +16,7 @@ from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.page.live_views import LiveViews
 from arm_drake.visualization.page.scene import Scene
 from arm_drake.visualization.page.widgets import Section
+from arm_drake.visualization.teleop.base import Remote
 from arm_drake.worlds.things import Thing
 
 if TYPE_CHECKING:
@@ -36,6 +37,10 @@ class Live(Protocol):
     @property
     def views(self) -> LiveViews:
         """What is shown of it, with the readout of a link."""
+
+    @property
+    def remotes(self) -> Sequence[Remote]:
+        """What a person can command, one for each controller that takes commands."""
 
     @property
     def scene(self) -> "SimulatedScene | None":
@@ -117,14 +122,26 @@ class Part(ABC):
 # as those modules import this one.
 PARTS = [
     "arm_drake.visualization.page.camera:live_camera",
+    "arm_drake.visualization.page.keyboard:make_keyboard",
     "arm_drake.visualization.page.hands:make_hands",
     "arm_drake.visualization.page.insertion:make_insertion",
     "arm_drake.visualization.page.teaching:teach_live",
+    "arm_drake.visualization.page.live_plots:make_plots",
+    "arm_drake.visualization.page.displays:make_displays",
+    "arm_drake.visualization.page.camera_pictures:make_camera_pictures",
 ]
 VIEW_PARTS = [
     "arm_drake.visualization.page.camera:view_camera",
     "arm_drake.visualization.page.teaching:teach_view",
 ]
+
+
+_P = TypeVar("_P", bound=Part)
+
+
+def find_part(parts: Iterable[Part], kind: type[_P]) -> _P:
+    """Return the part of a kind, of which there is one."""
+    return next(part for part in parts if isinstance(part, kind))
 
 
 def make_parts(page: Any, rows: Iterable[str]) -> list[Part]:

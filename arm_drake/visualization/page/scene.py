@@ -135,6 +135,11 @@ class Scene:
                 raise
             raise SimulationError(_DIED) from error
 
+    @property
+    def num_browsers(self) -> int:
+        """How many browsers show it, where there is a page."""
+        return 0
+
     def patch(self, changes: Mapping[str, Mapping[str, Any]]) -> None:
         """Change fields of widgets, by the widgets' names, where there is a panel."""
 
@@ -154,6 +159,14 @@ class Scene:
 
     def set_labels(self, labels: Mapping[str, str]) -> None:
         """Write names beside things, by their paths, where there is a page."""
+
+    def set_plot(
+        self, curves: Sequence[str], rows: Sequence[Sequence[float | None]]
+    ) -> None:
+        """Draw curves, with rows of a time and their numbers, where there is a page."""
+
+    def add_samples(self, rows: Sequence[Sequence[float | None]]) -> None:
+        """Let the curves go on, where there is a page."""
 
     def close(self) -> None:
         """End it: what is drawn goes."""

@@ -96,7 +96,24 @@ class Item:
     buttons: tuple[Button, ...] = ()
 
 
-Widget = Slider | Button | Buttons | Toggle | Choice | Text | Item
+@dc.dataclass(frozen=True)
+class Picture:
+    """A picture; a click on it makes it large, and small again."""
+
+    id: str
+
+    # What it shows, for who can't see it.
+    label: str
+
+    # Address of it, such as one that holds it; nothing is seen without.
+    source: str = ""
+
+    # What is written below its left and its right end.
+    lower: str = ""
+    upper: str = ""
+
+
+Widget = Slider | Button | Buttons | Toggle | Choice | Text | Item | Picture
 
 
 @dc.dataclass(frozen=True)

@@ -102,6 +102,18 @@ class Remote(ABC):
         self._prepare()
         self._act(event_id.removeprefix(self._id("")), value)
 
+    def axes(self) -> "Mapping[str, Axis]":
+        """Return what sliders say of joints, by their parts of the ids."""
+        return {}
+
+    def value_of(self, part: str) -> float:
+        """Return what a slider shows."""
+        return self._values()[part]
+
+    def id_of(self, part: str) -> str:
+        """Return the id of a widget."""
+        return self._id(part)
+
     def tick(self, time: float) -> None:
         """Send what must be repeated; to be called ten times a second of its time."""
         del time

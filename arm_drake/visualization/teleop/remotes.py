@@ -97,6 +97,14 @@ class BaseRemote(Remote):
         """Stop; raises as `drive`."""
         self.drive(0.0)
 
+    def range_of(self, name: str) -> tuple[float, float] | None:
+        """Return how fast it may go: "forward", "sideways" [m/s], "turn" [rad/s].
+
+        It is None if it can't.
+        """
+        can = name != "sideways" or self.has_sideways
+        return self._range(name) if can else None
+
     def _send(self, velocity: Mapping[str, float]) -> None:
         twist = Twist(
             Vector3(velocity["forward"], velocity["sideways"]),
@@ -237,6 +245,10 @@ class CommandRemote(GrippingRemote):
             sent = {**present, **sent}
         self._send(sent if self.sends_all else new)
         self._sent = sent
+
+    def axes(self) -> Mapping[str, Axis]:
+        """Return what the numbers are of, by the sliders' parts of the ids."""
+        return {f"value:{name}": axis for name, axis in self._axes.items()}
 
     def zero(self) -> None:
         """Send 0 for everything that is no position; raises as `command`."""
@@ -390,6 +402,10 @@ class GripperRemote(Remote):
             buttons = tuple(Button(self._id(t), t) for t in ("open", "close"))
             self._layout = (slider, Buttons(buttons))
 
+    def axes(self) -> Mapping[str, Axis]:
+        """Return the joint, by its slider's part of the id."""
+        return {"position": self._axis}
+
     def move_to(self, position: float) -> GoalHandle:
         """Send a goal."""
         at = self._number(position, "position")
@@ -517,6 +533,10 @@ class TrajectoryRemote(GrippingRemote):
                 Button(self._id("close"), "close"),
             )
             self._layout = (*self._layout, Buttons(buttons))
+
+    def axes(self) -> Mapping[str, Axis]:
+        """Return the joints, by their sliders' parts of the ids."""
+        return {f"goal:{joint}": axis for joint, axis in self._axes.items()}
 
     @property
     def speed(self) -> float:

@@ -79,3 +79,18 @@ def test_a_view_or_link_that_is_not_there_is_said(viewer: RobotViewer) -> None:
         camera.look("left")
     with pytest.raises(InputError, match=r"camera: no link 'tipp'; .*'tip'"):
         camera.follow("tipp")
+
+
+def test_a_camera_that_is_placed_anew_follows_from_there(viewer: RobotViewer) -> None:
+    viewer.handle([Event("camera:follow", "tip")])
+    viewer.set_positions({"turn": math.pi / 2.0})
+
+    viewer.handle([Event("camera:top")])
+
+    # What was gone before is forgotten: a page that comes later sees the same.
+    viewer.set_positions({"turn": math.pi / 2.0})
+    moved = transform(viewer.page.meshcat, "/Followed")
+    np.testing.assert_allclose(moved[:3, 3], np.zeros(3), atol=1e-9)
+    viewer.set_positions({"turn": math.pi})
+    moved = transform(viewer.page.meshcat, "/Followed")
+    np.testing.assert_allclose(moved[:3, 3], [-0.4, -0.4, 0.0], atol=1e-9)

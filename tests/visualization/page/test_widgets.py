@@ -14,6 +14,7 @@ from arm_drake.visualization.page import (
     Buttons,
     Choice,
     Item,
+    Picture,
     Section,
     Slider,
     Text,
@@ -30,6 +31,7 @@ EXAMPLES: list[Widget] = [
     Toggle("t", "a toggle", True),
     Choice("c", "a choice", ("x", "y"), "y"),
     Text("x", "a text", "value", can_copy=True),
+    Picture("p", "a picture", "data:,", "0 m", "1 m"),
     Item("i", "an item", "detail", "active", (Button("b", "stop"),)),
 ]
 

@@ -30,6 +30,8 @@ const say = (id, value) => {
 const folded = new Map();
 
 const hear = {
+    ...hear_plot,
+
     panel({title, sections}) {
         document.title = title;
         at("title").textContent = title;
@@ -131,13 +133,53 @@ const press = (event) => {
             return;
         }
 };
-addEventListener("keydown", press);
+
+// Keys that drive, while they are down: said again and again, for Python lets go of them
+// when it hears nothing.
+const held = new Set();
+const drives = /^(Arrow(Up|Down|Left|Right)|Digit[1-9])$/;
+const is_driving = () => widgets.get("keys:on")?.widget.value;
+const say_held = () => say("keys:held", [...held]);
+const let_go = () => {
+    if (held.size) held.clear(), say_held();
+};
+setInterval(() => {
+    if (held.size) is_driving() ? say_held() : held.clear();
+}, 200);
+
+const hold = (event) => {
+    const {code, ctrlKey, altKey, metaKey, shiftKey, target, type} = event;
+    if (type === "keyup" ? !held.size : !is_driving()) return;
+    const has_own = target.closest && target.closest("select, input[type=number], input[type=range]");
+    if (type === "keydown" && (ctrlKey || altKey || metaKey || has_own)) return;
+    const before = [...held].join();
+    if (drives.test(code)) {
+        type === "keydown" ? held.add(code) : held.delete(code);
+        event.preventDefault();
+    }
+    if (![...held].some((key) => key !== "Shift")) held.clear();
+    else shiftKey ? held.add("Shift") : held.delete("Shift");
+    if ([...held].join() !== before) say_held();
+};
+
+const listen_to_keys = (window) => {
+    window.addEventListener("keydown", press);
+    for (const kind of ["keydown", "keyup"]) window.addEventListener(kind, hold);
+};
+listen_to_keys(window);
+addEventListener("visibilitychange", let_go);
+addEventListener("blur", () => {
+    // The scene may have got the keyboard.
+    if (document.activeElement !== at("scene")) let_go();
+});
 at("scene").addEventListener("load", () => {
+    at("scene").contentWindow.addEventListener("blur", let_go);
     // The page itself tells when the connection is lost.
     const own = at("scene").contentDocument.getElementById("status-message");
     if (own) own.style.visibility = "hidden";
     show_controls(false);
-    at("scene").contentWindow.addEventListener("keydown", press);
+    follow_links(at("scene").contentWindow.viewer);
+    listen_to_keys(at("scene").contentWindow);
     listen_to_clicks(at("scene").contentWindow, (path) => say("readout:pick", path));
     const has_hands = () => widgets.get("hands:drag");
     listen_to_drags(

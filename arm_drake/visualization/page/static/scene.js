@@ -52,22 +52,40 @@ const keep_above_ground = (viewer) => {
 
 // ---- The camera goes where a link goes ----
 
-// Meshcat's own camera would turn if what it hangs on moved.
+// Meshcat's own camera would turn if what it hangs on moved. "/Followed" says how far the
+// link has gone since the camera was put somewhere; when that is done, it is deleted. A
+// page that comes later hears of both, in any order, some of it before this begins.
 const follow_links = (viewer) => {
     if (viewer.arm_drake_follows) return;
     viewer.arm_drake_follows = true;
-    let [x, y, z] = viewer.scene_tree.find(["Followed"]).object.position.toArray();
-    const {set_transform} = viewer;
-    viewer.set_transform = function (path, matrix) {
-        set_transform.call(this, path, matrix);
-        if (path.join("/") !== "Followed") return;
-        const way = [matrix[12] - x, matrix[13] - y, matrix[14] - z];
-        [x, y, z] = [matrix[12], matrix[13], matrix[14]];
-        // The page's own y is up.
-        for (const place of [this.camera.position, this.controls.target]) {
-            place.set(place.x + way[0], place.y + way[2], place.z - way[1]);
-        }
+    let way = [0, 0, 0];
+    // The page's own y is up.
+    const move = (place, [x, y, z]) => place.set(place.x + x, place.y + z, place.z - y);
+    const go_to = (next) => {
+        const step = next.map((number, k) => number - way[k]);
+        for (const place of [viewer.camera.position, viewer.controls.target]) move(place, step);
+        way = next;
     };
+    const after = (name, act) => {
+        const act_first = viewer[name];
+        viewer[name] = function (...given) {
+            act_first.apply(this, given);
+            act(...given);
+        };
+    };
+    const is_followed = (path) => path.join("/") === "Followed";
+    after("set_transform", (path, matrix) => {
+        if (is_followed(path)) go_to([...matrix.slice(12, 15)]);
+    });
+    after("delete_path", (path) => {
+        if (is_followed(path)) way = [0, 0, 0];
+    });
+    after("set_camera_target", () => move(viewer.controls.target, way));
+    after("set_property", (path, name) => {
+        if (name === "position" && path.join("/") === "Cameras/default/rotated/<object>")
+            move(viewer.camera.position, way);
+    });
+    go_to(viewer.scene_tree.find(["Followed"]).object.position.toArray());
 };
 
 // ---- Clicks ----

@@ -80,7 +80,10 @@ const makers = {
         const box = make("input", {type: "checkbox"});
         const label = make("label", {title: w.hint}, box, make("span", {textContent: w.label}));
         const element = make("div", {className: "widget toggle"}, label);
-        box.addEventListener("change", () => say(w.id, box.checked));
+        box.addEventListener("change", () => {
+            w.value = box.checked; // What follows at once counts after it.
+            say(w.id, box.checked);
+        });
         return [element, () => { box.checked = w.value; }];
     },
 
@@ -115,6 +118,21 @@ const makers = {
         const bar = make("div", {className: "bar"}, label, button);
         const element = make("div", {className: "widget text block"}, bar, pre);
         return [element, () => { if (pre.textContent !== w.value) pre.textContent = w.value; }];
+    },
+
+    picture(w) {
+        const image = make("img", {alt: w.label, title: "click: large, and small again"});
+        const [lower, upper] = [make("span"), make("span")];
+        const ends = make("div", {className: "ends"}, lower, upper);
+        const element = make("div", {className: "widget picture"}, image, ends);
+        image.addEventListener("click", () => element.classList.toggle("large"));
+        const update = () => {
+            element.hidden = !w.source;
+            if (w.source && image.getAttribute("src") !== w.source) image.src = w.source;
+            lower.textContent = w.lower;
+            upper.textContent = w.upper;
+        };
+        return [element, update];
     },
 
     item(w) {

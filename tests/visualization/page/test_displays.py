@@ -1,0 +1,176 @@
+"""What topics say is drawn where it is: paths, scans, clouds, wrenches, contacts."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+import arm_drake as ad
+from arm_drake.errors import InputError
+from arm_drake.messages import (
+    Header,
+    LaserScan,
+    Odometry,
+    Point,
+    Pose,
+    PoseWithCovariance,
+    Quaternion,
+    Vector3,
+    Wrench,
+    WrenchStamped,
+)
+from arm_drake.messages.sensors import ContactsState, ContactState
+from arm_drake.simulation.simulation import Simulation
+from arm_drake.visualization.page import Event, Page
+from arm_drake.visualization.page.displays import (
+    Cloud,
+    Contacts,
+    Displays,
+    OdometryPath,
+    Scan,
+    WrenchArrow,
+)
+from arm_drake.visualization.page.live_simulation import LiveSimulation
+from arm_drake.visualization.page.parts import find_part
+from tests import carts
+from tests.visualization.scene import transform
+
+OPTIONS = ad.SimulationOptions(frame_rate=0.0)
+QUARTER = Quaternion(z=math.sqrt(0.5), w=math.sqrt(0.5))
+
+
+@pytest.fixture(scope="module")
+def cart() -> ad.Robot:
+    robot = ad.load_robot(carts.cart(carts.diff_drive()), pose=(1, 2, 0, 0, 0, 0))
+    # It looks straight down from 1 m, in front of the cart.
+    down = (3.0, 0.0, 1.0, 0.0, math.pi / 2.0, 0.0)
+    return ad.add_camera(robot, "world", down, name="eye", width=32, height=24)
+
+
+@pytest.fixture
+def live(cart: ad.Robot) -> Iterator[LiveSimulation]:
+    with Page() as page:
+        diagram = ad.build_diagram(cart, options=OPTIONS, meshcat=page.meshcat)
+        yield LiveSimulation(page, Simulation(diagram), realtime_rate=0.0)
+
+
+def displays_of(live: LiveSimulation) -> Displays:
+    return find_part(live.parts, Displays)
+
+
+def test_topics_are_found_by_their_messages(live: LiveSimulation) -> None:
+    kinds = {topic: kind.kind for topic, kind in displays_of(live).topics.items()}
+
+    assert sorted(kinds.values()) == ["path", "points"]
+    assert kinds["/eye/points"] == "points"
+
+
+def test_a_path_goes_on_from_where_the_base_is(
+    live: LiveSimulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    points: list[np.ndarray] = []
+    display = OdometryPath(live, "/odom", "/drake/displays/odom")
+    monkeypatch.setattr(
+        display._trail, "append", lambda time, point: points.append(np.array(point))
+    )
+    start = live.simulation.link_poses()["base_link"].translation()
+
+    # It takes itself to be turned by 90 degrees, and goes 2 m ahead.
+    for y in (0.0, 2.0):
+        pose = Pose(Point(5.0, y, 0.0), QUARTER)
+        display.draw(Odometry(Header(), "base_link", PoseWithCovariance(pose)))
+
+    assert points[0] == pytest.approx(start)
+    # Ahead is along the base's x axis, which is the world's.
+    assert points[1] - points[0] == pytest.approx([2.0, 0.0, 0.0], abs=1e-9)
+
+
+def test_a_path_is_drawn_of_a_base_that_drives(live: LiveSimulation) -> None:
+    [topic] = [t for t, k in displays_of(live).topics.items() if k is OdometryPath]
+    live.handle([Event(f"display:{topic}", True)])
+    path = f"/drake/displays/{topic.strip('/').replace('/', '|')}"
+
+    live.remotes[0].handle(f"remote:{live.remotes[0].controller}:forward", 0.4)
+    for _ in range(10):
+        live.run(0.1)
+
+    assert live.page.meshcat.HasPath(path)
+    live.handle([Event(f"display:{topic}", False)])
+    assert not live.page.meshcat.HasPath(path)
+
+
+def test_dots_of_a_scan_are_where_its_rays_end(
+    live: LiveSimulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn = []
+    scan = Scan(live, "/scan", "/drake/displays/scan")
+    monkeypatch.setattr(scan, "_show", lambda points, *rest: drawn.append(points))
+
+    header = Header(frame_id="base_link")
+    quarter = math.pi / 2.0
+    ranges = (1.0, 2.0, math.inf)
+    scan.draw(LaserScan(header, angle_increment=quarter, ranges=ranges))
+
+    assert drawn[0] == pytest.approx(np.array([[1, 0, 0], [0, 2, 0]]), abs=1e-9)
+    X = transform(live.page.meshcat, "/drake/displays/scan")
+    base = live.simulation.link_poses()["base_link"].GetAsMatrix4()
+    assert pytest.approx(base) == X
+
+
+@pytest.mark.slow
+def test_a_cloud_lies_on_what_the_camera_sees(
+    live: LiveSimulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn = []
+    cloud = Cloud(live, "/eye/points", "/drake/displays/eye")
+    monkeypatch.setattr(
+        cloud, "_show", lambda points, colors, size: drawn.append(points)
+    )
+
+    cloud.draw(live.simulation.topic("/eye/points").value())
+
+    X = transform(live.page.meshcat, "/drake/displays/eye")
+    points = drawn[0] @ X[:3, :3].T + X[:3, 3]
+    # The ground, around the point below the camera.
+    assert points[:, 2] == pytest.approx(0.0, abs=2e-3)
+    assert points.mean(axis=0) == pytest.approx([3.0, 0.0, 0.0], abs=0.03)
+
+
+@pytest.mark.parametrize("kind", [WrenchArrow, Contacts])
+def test_a_force_is_drawn_at_its_place_in_the_world(
+    live: LiveSimulation, monkeypatch: pytest.MonkeyPatch, kind: type
+) -> None:
+    shown: list[ContactsState] = []
+    display = kind(live, "/force", "/drake/displays/force")
+    monkeypatch.setattr(display._arrows, "show", shown.append)
+    X_WB = live.simulation.link_poses()["base_link"]
+    header = Header(frame_id="base_link")
+    wrench = Wrench(Vector3(0.0, 3.0, 0.0))
+
+    if kind is WrenchArrow:
+        display.draw(WrenchStamped(header, wrench))
+        place = X_WB.translation()
+    else:
+        at = Vector3(0.1, 0.0, 0.2)
+        state = ContactState(wrenches=(wrench,), contact_positions=(at,))
+        display.draw(ContactsState(header, (state,)))
+        place = X_WB @ np.array([0.1, 0.0, 0.2])
+
+    [state] = shown[0].states
+    [point], [force] = state.contact_positions, state.wrenches
+    assert (point.x, point.y, point.z) == pytest.approx(tuple(place))
+    along = X_WB.rotation() @ np.array([0.0, 3.0, 0.0])
+    assert (force.force.x, force.force.y, force.force.z) == pytest.approx(tuple(along))
+
+
+def test_a_topic_that_nothing_draws_is_said(live: LiveSimulation) -> None:
+    with pytest.raises(InputError, match="nothing draws a topic '/eye/point'; did"):
+        displays_of(live).show("/eye/point")
+
+
+def test_a_frame_that_is_not_there_is_said(live: LiveSimulation) -> None:
+    wrench = WrenchStamped(Header(frame_id="bas_link"), Wrench())
+
+    with pytest.raises(InputError, match="no link 'bas_link'; did you mean 'base_link"):
+        WrenchArrow(live, "/force", "/drake/displays/force").draw(wrench)
