@@ -29,6 +29,7 @@ PACKAGES = [
     "planning",
     "rollout",
     "simulation",
+    "manipulation",
     "wire",
     "visualization",
     "batch",

@@ -123,7 +123,7 @@ class CollisionModel:
         self._padding = max(padding, _LEAST_PADDING)
         builder = RobotDiagramBuilder()
         plant = self._plant = builder.plant()
-        model = _add_robot(plant, robot)
+        model = add_colliding_robot(plant, robot)
         add_standing_world(plant, world, robot.package_paths)
         plant.Finalize()
         self._at = {
@@ -428,7 +428,7 @@ def _disable(matrix: np.ndarray, one: int, two: int) -> None:
         matrix[one, two] = matrix[two, one] = 1
 
 
-def _add_robot(plant: MultibodyPlant, robot: Robot) -> ModelInstanceIndex:
+def add_colliding_robot(plant: MultibodyPlant, robot: Robot) -> ModelInstanceIndex:
     """Add a robot's links that collide, its base fixed."""
     root = copy.deepcopy(robot.description.root)
     for link in root.iterfind("link"):

@@ -1,0 +1,758 @@
+"""Pick and place: a robot of a simulation takes a thing, and puts it somewhere.
+
+A pick is: a pose before the grasp, which is planned for; a straight approach; fingers
+that close until they stall; a look whether the thing is between them; a straight lift,
+and a look whether it came along. What goes wrong is an outcome with its reason, and the
+next grasp is tried. All that is known of the scene is read from the simulation: where
+the thing is, what the gripper touches.
+
+Both are generators of moments until which to simulate, so that whoever runs the
+simulation does so: `pick` and `place`, or the player of a motion.
+"""
+
+import dataclasses as dc
+import math
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple, TypeAlias, TypeVar
+
+import numpy as np
+from pydrake.geometry import SceneGraph
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.tree import RigidBody
+
+from arm_drake.description.robot import Robot
+from arm_drake.errors import InputError, quoted, suggest
+from arm_drake.messages import (
+    Duration,
+    GoalStatus,
+    GripperCommand,
+    JointTrajectory,
+    JointTrajectoryPoint,
+)
+from arm_drake.planning.grasps import (
+    Grasp,
+    GraspedShape,
+    explain_no_grasp,
+    find_grasps,
+)
+from arm_drake.planning.grippers import Gripper, find_gripper
+from arm_drake.planning.inverse_kinematics import NoSolution, read_pose, solve_ik
+from arm_drake.planning.motion_planning import Plan, plan
+from arm_drake.planning.orientation_constraint import OrientationConstraint
+from arm_drake.planning.setting import PlanningError, find_moving
+from arm_drake.simulation.simulation import Simulation
+
+T = TypeVar("T")
+
+# What yields times until which to simulate [s], and returns something in the end.
+Activity: TypeAlias = Generator[float, None, T]
+
+# How often something is looked at [s].
+_LOOK = 0.02
+
+# A gripper has stalled if it moves by less than a part of its stroke per second for a
+# while [s]; it has so long at most [s].
+_STALLED, _STALL_TIME, _GRIPPER_PATIENCE = 0.02, 0.2, 6.0
+
+# How long a gripper takes from open to closed [s].
+_GRIPPER_TIME = 1.0
+
+# Distance that counts as a collision on straight ways to things and from them [m].
+_CLOSE = 1e-3
+
+# How much a thing may slip in the fingers while it is lifted [m], [rad].
+_SLIP, _TURN = 0.01, 0.3
+
+# How much wider or narrower than the thing fingers may stall [m].
+_WIDTH = 4e-3
+
+# Grasps whose reach is looked at, the best ones.
+_LOOKED_AT = 40
+
+# How far fingers open on either side to let go [m].
+_RELEASE = 6e-3
+
+# How much longer than its plan a motion may take, and how often streams of commands
+# are sent [s].
+_PATIENCE, _STREAM = 5.0, 0.01
+
+# How much above its pose a thing is let go [m].
+_DROP = 3e-4
+
+
+class Attempt(NamedTuple):
+    """A grasp that was tried."""
+
+    grasp: Grasp | None
+
+    # What was done when it failed: "reach", "approach", "close", "lift"; or "".
+    stage: str
+
+    # Why it failed, in words; nothing if it didn't.
+    reason: str
+
+
+@dc.dataclass(frozen=True)
+class PickResult:
+    """What became of picking a thing."""
+
+    # The name of the thing.
+    thing: str
+
+    # Whether the gripper holds it, lifted.
+    success: bool
+
+    # Why it doesn't, in words.
+    reason: str = ""
+
+    # What was tried, in order; the last one is the one that holds.
+    attempts: tuple[Attempt, ...] = ()
+
+    # The pose of the thing in the gripper's palm, if it is held.
+    X_PO: RigidTransform | None = None
+
+    # How long it took [s].
+    duration: float = 0.0
+
+    def __bool__(self) -> bool:
+        """Whether the thing is held."""
+        return self.success
+
+
+@dc.dataclass(frozen=True)
+class PlaceResult:
+    """What became of placing a thing."""
+
+    # The name of the thing, if any was held.
+    thing: str
+
+    # Whether the gripper has let go of it.
+    success: bool
+
+    # Why not, or what went wrong after that, in words.
+    reason: str = ""
+
+    # Where the thing is, and by how much it misses the pose asked for [m], [rad].
+    pose: RigidTransform | None = None
+    position_error: float = math.nan
+    orientation_error: float = math.nan
+
+    # How long it took [s].
+    duration: float = 0.0
+
+    def __bool__(self) -> bool:
+        """Whether the thing was placed."""
+        return self.success
+
+
+@dc.dataclass(frozen=True, kw_only=True)
+class PickOptions:
+    """How to pick and place: what may be given to `pick` and `place` by name."""
+
+    # Which robot of the simulation, and which of its arms; None is the first.
+    robot: str | None = None
+    group: str | None = None
+
+    # How far from a grasp its approach begins, how high things are lifted, and how far
+    # the gripper draws back [m].
+    approach: float = 0.05
+    lift: float = 0.05
+    retreat: float = 0.05
+
+    # Grasps to try at most.
+    tries: int = 4
+
+    # How far the thing may tilt while it is carried [rad]; None is as far as it likes.
+    upright: float | None = None
+
+    # Parts of the joints' speed and acceleration to use.
+    velocity_scaling: float = 1.0
+    acceleration_scaling: float = 1.0
+
+    # How long to look for a way [s], and the seed of the search.
+    time_limit: float = 5.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Raise InputError for what can't be."""
+        for name in ("approach", "lift", "retreat"):
+            value = getattr(self, name)
+            if not isinstance(value, int | float) or not 0.0 < value < math.inf:
+                raise InputError(f"{name}: expected a distance [m], got {value!r}")
+        if isinstance(self.tries, bool) or not isinstance(self.tries, int):
+            raise InputError(f"tries: expected a number, got {self.tries!r}")
+        if self.tries < 1:
+            raise InputError(f"tries: expected at least 1, got {self.tries}")
+        upright = self.upright
+        if upright is not None and not isinstance(upright, int | float):
+            raise InputError(f"upright: expected an angle [rad], got {upright!r}")
+
+
+def pick(simulation: Simulation, thing: str, **options: Any) -> PickResult:
+    """Have a robot grasp a thing and lift it; simulate until it is done.
+
+    Args:
+        simulation: The simulation; its robot rests.
+        thing: The name of a body of the world that can move.
+        options: The fields of `PickOptions`.
+
+    Returns:
+        Whether the thing is held, else why not.
+
+    Raises:
+        InputError: If there is no such thing, no gripper, or an argument can't be used.
+    """
+    return _run(simulation, picking(simulation, thing, **options))
+
+
+def place(
+    simulation: Simulation, pose: RigidTransform | Sequence[float], **options: Any
+) -> PlaceResult:
+    """Have a robot put down what its gripper holds; simulate until it is done.
+
+    Args:
+        simulation: The simulation; its robot rests and holds something.
+        pose: Where the thing should be in the world, as a transform or as x, y, z [m],
+            roll, pitch, yaw [rad]. With x, y, z alone it may be turned about the
+            vertical.
+        options: The fields of `PickOptions`.
+
+    Returns:
+        Whether the thing was let go, where it is, else why not.
+
+    Raises:
+        InputError: If there is no gripper, or an argument can't be used.
+    """
+    return _run(simulation, placing(simulation, pose, **options))
+
+
+def held_thing(
+    simulation: Simulation, *, robot: str | None = None, group: str | None = None
+) -> str | None:
+    """Return the name of the thing that both fingers of a gripper press on, if any.
+
+    Args:
+        simulation: The simulation.
+        robot: Which robot; None is the first one.
+        group: Planning group of the arm; None is the first one with a gripper.
+    """
+    return _Hand(simulation, PickOptions(robot=robot, group=group)).find_held()
+
+
+def _run(simulation: Simulation, activity: Activity[T]) -> T:
+    """Simulate until an activity is done, and return what it returns."""
+    while True:
+        try:
+            simulation.advance_to(max(next(activity), simulation.time))
+        except StopIteration as stop:
+            result: T = stop.value
+            return result
+
+
+def picking(simulation: Simulation, thing: str, **options: Any) -> Activity[PickResult]:
+    """Return what `pick` does, for those who simulate by themselves."""
+    hand = _Hand(simulation, _read(options))
+    body = hand.find_thing(thing)
+    return _pick(hand, body)
+
+
+def placing(
+    simulation: Simulation, pose: RigidTransform | Sequence[float], **options: Any
+) -> Activity[PlaceResult]:
+    """Return what `place` does, for those who simulate by themselves."""
+    hand = _Hand(simulation, _read(options))
+    is_position = isinstance(pose, Sequence | np.ndarray) and len(pose) == 3
+    whole = [*pose, 0.0, 0.0, 0.0] if is_position else pose  # type: ignore[misc]
+    return _place(hand, read_pose(whole), turns=is_position)
+
+
+def _read(options: Mapping[str, Any]) -> PickOptions:
+    names = [field.name for field in dc.fields(PickOptions)]
+    for name in options:
+        if name not in names:
+            raise InputError(f"pick: no option {name!r}; {suggest(name, names)}")
+    return PickOptions(**options)
+
+
+class _Failure(Exception):
+    """A stage that failed, and why."""
+
+    def __init__(self, stage: str, reason: str) -> None:
+        super().__init__(reason)
+        self.stage, self.reason = stage, reason
+
+
+def _pick(hand: "_Hand", thing: str) -> Activity[PickResult]:
+    began = hand.simulation.time
+    attempts: list[Attempt] = []
+
+    def result(reason: str) -> PickResult:
+        duration = hand.simulation.time - began
+        held = None if reason else hand.pose_in_palm(thing)
+        return PickResult(thing, not reason, reason, tuple(attempts), held, duration)
+
+    held = hand.find_held()
+    if held is not None:
+        return result(f"the gripper holds {held!r}")
+    while len([a for a in attempts if a.stage != "reach"]) < hand.options.tries:
+        grasp, reasons = hand.choose(thing, [a.grasp for a in attempts if a.grasp])
+        if grasp is None:
+            attempts.append(Attempt(None, "reach", reasons))
+            break
+        try:
+            yield from _grasp(hand, thing, grasp)
+        except _Failure as failure:
+            attempts.append(Attempt(grasp, failure.stage, failure.reason))
+            yield from _give_up(hand, thing)
+            continue
+        attempts.append(Attempt(grasp, "", ""))
+        return result("")
+    last = attempts[-1]
+    told = [a for a in attempts if a.grasp is not None] or [last]
+    tries = "" if len(told) < 2 else f"{len(told)} grasps failed, the last one: "
+    return result(f"{tries}{told[-1].reason}")
+
+
+def _grasp(hand: "_Hand", thing: str, grasp: Grasp) -> Activity[None]:
+    """Go to a thing, close, and lift it, or raise _Failure."""
+    options = hand.options
+    X_WO = hand.pose_of(thing)
+    X_WP = X_WO @ grasp.X_OP
+    back = -(X_WO.rotation().matrix() @ grasp.approach)
+    yield from hand.move_gripper(grasp.pre_grasp, "approach")
+    before = _shifted(X_WP, options.approach * back)
+    yield from hand.move(before, "reach")
+    yield from hand.move(X_WP, "approach", straight=True, ignore=[thing])
+    yield from hand.move_gripper(1.0, "close", needs_stall=True)
+    width = hand.width()
+    if abs(width - grasp.width) > _WIDTH:
+        raise _Failure(
+            "close",
+            f"the fingers stalled {1e3 * width:.1f} mm apart, not on the "
+            f"{1e3 * grasp.width:.1f} mm of {thing!r}",
+        )
+    if hand.find_held() != thing:
+        raise _Failure("close", f"the fingers don't both press on {thing!r}")
+    start, height = hand.pose_in_palm(thing), hand.pose_of(thing).translation()[2]
+    up = _shifted(hand.palm(), [0.0, 0.0, options.lift])
+    yield from hand.move(up, "lift", straight=True, ignore=[thing])
+    end, lifted = hand.pose_in_palm(thing), hand.pose_of(thing).translation()[2]
+    slip = start.inverse() @ end
+    away = float(np.linalg.norm(slip.translation()))
+    turn = float(slip.rotation().ToAngleAxis().angle())
+    if hand.find_held() != thing or lifted - height < 0.5 * options.lift:
+        raise _Failure("lift", f"{thing!r} was lost while it was lifted")
+    if away > _SLIP or turn > _TURN:
+        raise _Failure(
+            "lift",
+            f"{thing!r} slipped by {1e3 * away:.1f} mm and {turn:.2f} rad while it "
+            "was lifted",
+        )
+
+
+def _give_up(hand: "_Hand", thing: str) -> Activity[None]:
+    """Open the gripper and draw back, as far as that is possible."""
+    back = -hand.gripper.approach_axis
+    yield from hand.move_gripper(0.0, "")
+    out = hand.palm()
+    shift = out.rotation().matrix() @ back * hand.options.retreat
+    try:
+        yield from hand.move(_shifted(out, shift), "", straight=True, ignore=[thing])
+    except _Failure:
+        return  # The next grasp will tell.
+
+
+def _place(
+    hand: "_Hand", X_WG: RigidTransform, *, turns: bool
+) -> Activity[PlaceResult]:
+    began, options = hand.simulation.time, hand.options
+    thing = hand.find_held()
+
+    def result(reason: str, *, success: bool = False) -> PlaceResult:
+        duration = hand.simulation.time - began
+        if thing is None:
+            return PlaceResult("", False, reason, duration=duration)
+        X = hand.pose_of(thing)
+        miss = X.inverse() @ goal
+        away = float(np.linalg.norm(X.translation() - goal.translation()))
+        angle = float(miss.rotation().ToAngleAxis().angle())
+        return PlaceResult(thing, success, reason, X, away, angle, duration)
+
+    goal = X_WG
+    if thing is None:
+        return result("the gripper holds nothing")
+    X_PO = hand.pose_in_palm(thing)
+    reasons: list[str] = []
+    found = None
+    for goal in _goals(X_WG, hand.pose_of(thing), turns=turns):
+        above = _shifted(goal, [0.0, 0.0, _DROP])
+        X_WP = above @ X_PO.inverse()
+        before = _shifted(X_WP, [0.0, 0.0, options.lift])
+        try:
+            yield from hand.move(before, "reach", held=thing)
+            yield from hand.move(X_WP, "lower", straight=True, ignore=[thing])
+        except _Failure as failure:
+            reasons.append(failure.reason)
+            continue
+        found = goal
+        break
+    if found is None:
+        return result(reasons[-1])
+    yield from hand.move_gripper(hand.release(), "")
+    out = hand.palm()
+    shift = -(out.rotation().matrix() @ hand.gripper.approach_axis) * options.retreat
+    try:
+        yield from hand.move(_shifted(out, shift), "", straight=True, ignore=[thing])
+    except _Failure as failure:
+        return result(f"it doesn't get away: {failure.reason}", success=True)
+    if hand.find_held() is not None:
+        return result(f"{thing!r} sticks to the fingers")
+    return result("", success=True)
+
+
+def _goals(
+    X_WG: RigidTransform, X_WO: RigidTransform, *, turns: bool
+) -> Iterator[RigidTransform]:
+    """Yield poses to put a thing to: as it is held, then turned about the vertical."""
+    if not turns:
+        yield X_WG
+        return
+    for number in range(8):
+        # 0, 45, -45, 90, ... degrees.
+        angle = math.pi / 4.0 * ((number + 1) // 2) * (-1) ** number
+        R = RotationMatrix.MakeZRotation(angle) @ X_WO.rotation()
+        yield RigidTransform(R, X_WG.translation())
+
+
+def _shifted(X: RigidTransform, by: Sequence[float] | np.ndarray) -> RigidTransform:
+    return RigidTransform(X.rotation(), X.translation() + np.asarray(by))
+
+
+class _Hand:
+    """A robot's arm with its gripper, and what it can do."""
+
+    def __init__(self, simulation: Simulation, options: PickOptions) -> None:
+        self.simulation, self.options = simulation, options
+        manager = simulation.directory.manager(options.robot)
+        self.robot: Robot = manager.robot
+        self.prefix = manager.prefix
+        self.gripper: Gripper = find_gripper(self.robot, options.group)
+        self._arm = self._find_drive(self.gripper.group.joints)
+        self._fingers = self._find_drive(tuple(self.gripper.open))
+
+    def _find_drive(self, joints: Sequence[str]) -> "_Drive":
+        """Return the controller of exactly these joints, an active one first."""
+        states = {row.name: row.state for row in self.simulation.list_controllers()}
+        found = []
+        for controller in self.robot.controllers.controllers:
+            kind = next(
+                (k for end, k in _KINDS.items() if controller.type.endswith(end)), None
+            )
+            if kind is None:
+                continue
+            named = [
+                parameter.value
+                for name in ("joints", "joint")
+                if (parameter := controller.parameters.get(name)) is not None
+            ]
+            names = [named[0]] if named and isinstance(named[0], str) else named[:1]
+            flat = names[0] if names and isinstance(names[0], list) else names
+            if set(map(str, flat or ())) == set(joints):
+                name = f"{self.prefix}{controller.name}"
+                found.append(_Drive(name, kind, tuple(map(str, flat))))
+        found.sort(key=lambda drive: states.get(drive.controller) != "active")
+        if not found:
+            names = [each.name for each in self.robot.controllers.controllers]
+            raise InputError(
+                f"no controller takes positions of exactly {quoted(joints)}; there "
+                f"are {quoted(names) or 'none'}"
+            )
+        return found[0]
+
+    def find_thing(self, name: str) -> str:
+        """Return the name of a body that can move, or raise InputError."""
+        names = [body.name() for body in self._things()]
+        if name not in names:
+            hint = suggest(str(name), names) if names else "there is none"
+            raise InputError(f"no thing {name!r} that could be moved; {hint}")
+        return name
+
+    def _things(self) -> Iterator[RigidBody]:
+        plant = self.simulation.plant
+        robots = {plant.GetModelInstanceByName(n) for n in self.simulation.robots}
+        for index in plant.GetFloatingBaseBodies():
+            body = plant.get_body(index)
+            if body.model_instance() not in robots:
+                yield body
+
+    def pose_of(self, thing: str) -> RigidTransform:
+        """Return the pose of a thing in the world."""
+        return self._pose(next(b for b in self._things() if b.name() == thing))
+
+    def palm(self) -> RigidTransform:
+        """Return the pose of the palm in the world."""
+        plant = self.simulation.plant
+        model = plant.GetModelInstanceByName(self.robot.name)
+        return self._pose(plant.GetBodyByName(self.gripper.palm, model))
+
+    def pose_in_palm(self, thing: str) -> RigidTransform:
+        """Return the pose of a thing in the palm."""
+        return self.palm().inverse() @ self.pose_of(thing)
+
+    def _pose(self, body: RigidBody) -> RigidTransform:
+        plant = self.simulation.plant
+        context = plant.GetMyContextFromRoot(self.simulation.context)
+        return RigidTransform(plant.EvalBodyPoseInWorld(context, body))
+
+    def _shape_of(self, thing: str) -> tuple[GraspedShape, RigidTransform]:
+        """Return the shape of a thing, and its pose on the body."""
+        plant = self.simulation.plant
+        scene_graph = self.simulation.diagram.GetSubsystemByName("scene_graph")
+        assert isinstance(scene_graph, SceneGraph)
+        inspector = scene_graph.model_inspector()
+        body = next(b for b in self._things() if b.name() == thing)
+        shapes = plant.GetCollisionGeometriesForBody(body)
+        if len(shapes) != 1:
+            raise InputError(
+                f"thing {thing!r} has {len(shapes)} collision shapes; grasps are "
+                "found for one"
+            )
+        shape = inspector.GetShape(shapes[0])
+        return shape, RigidTransform(inspector.GetPoseInFrame(shapes[0]))
+
+    def choose(self, thing: str, tried: Sequence[Grasp]) -> tuple[Grasp | None, str]:
+        """Return the best grasp within reach that is new, or why there is none."""
+        shape, X_OG = self._shape_of(thing)
+        X_WO = self.pose_of(thing)
+        grasps = find_grasps(self.gripper, shape, X_WO, X_OG=X_OG)
+        if not grasps:
+            return None, f"{thing!r}: {explain_no_grasp(self.gripper, shape)}"
+        positions = self._positions()
+        R = X_WO.rotation().matrix()
+        seen, reason = 0, ""
+        for grasp in grasps:
+            if any(_is_like(grasp, other) for other in tried):
+                continue
+            if seen >= _LOOKED_AT:
+                break
+            seen += 1
+            X_WP = X_WO @ grasp.X_OP
+            try:
+                at = self._solve(X_WP, positions)
+                back = -self.options.approach * (R @ grasp.approach)
+                self._solve(_shifted(X_WP, back), at)
+            except NoSolution as error:
+                reason = reason or str(error)
+                continue
+            return grasp, ""
+        if not seen:
+            return None, f"all {len(tried)} grasps of {thing!r} were tried"
+        return None, f"{seen} grasps of {thing!r} are out of reach: {reason}"
+
+    def _solve(
+        self, X_WP: RigidTransform, seed: Mapping[str, float]
+    ) -> Mapping[str, float]:
+        return solve_ik(
+            self.robot,
+            self.gripper.palm,
+            X_WP,
+            seed=seed,
+            group=self.gripper.group.joints,
+        ).positions
+
+    def _positions(self) -> dict[str, float]:
+        """Return where the robot's independent joints are [rad] or [m]."""
+        state = self.simulation.joint_states(self.robot.name)
+        own = {j.name for j in self.robot.description.movable_joints if not j.mimic}
+        rows = zip(state.name, state.position, strict=True)
+        return {name: position for name, position in rows if name in own}
+
+    def width(self) -> float:
+        """Return how far the pads are apart [m]."""
+        return self.gripper.width_at(self._positions())
+
+    def release(self) -> float:
+        """Return how far the gripper is closed when it has let go of what it holds."""
+        return self.gripper.at(self.width() + 2.0 * _RELEASE).closed
+
+    def find_held(self) -> str | None:
+        """Return the thing that both fingers press on, if any."""
+        plant = self.simulation.plant
+        model = plant.GetModelInstanceByName(self.robot.name)
+        sides = [
+            {int(plant.GetBodyByName(link, model).index()) for link in links}
+            for links in self.gripper.fingers
+        ]
+        touched: list[set[int]] = [set(), set()]
+        for one, other in self._contacts():
+            for side, links in enumerate(sides):
+                if one in links:
+                    touched[side].add(other)
+                if other in links:
+                    touched[side].add(one)
+        for body in self._things():
+            if int(body.index()) in touched[0] & touched[1]:
+                return str(body.name())
+        return None
+
+    def _contacts(self) -> Iterator[tuple[int, int]]:
+        """Yield the bodies that touch now, by their indices."""
+        plant = self.simulation.plant
+        context = plant.GetMyContextFromRoot(self.simulation.context)
+        results = plant.get_contact_results_output_port().Eval(context)
+        for index in range(results.num_point_pair_contacts()):
+            info = results.point_pair_contact_info(index)
+            yield int(info.bodyA_index()), int(info.bodyB_index())
+        scene_graph = self.simulation.diagram.GetSubsystemByName("scene_graph")
+        assert isinstance(scene_graph, SceneGraph)
+        inspector = scene_graph.model_inspector()
+        for index in range(results.num_hydroelastic_contacts()):
+            surface = results.hydroelastic_contact_info(index).contact_surface()
+            one, other = (
+                int(plant.GetBodyFromFrameId(inspector.GetFrameId(g)).index())
+                for g in (surface.id_M(), surface.id_N())
+            )
+            yield one, other
+
+    def move(
+        self,
+        X_WP: RigidTransform,
+        stage: str,
+        *,
+        straight: bool = False,
+        ignore: Sequence[str] = (),
+        held: str | None = None,
+    ) -> Activity[None]:
+        """Plan a motion of the palm and follow it, or raise _Failure."""
+        options = self.options
+        more: dict[str, Any] = {}
+        if held is not None:
+            more["attached"] = {self.gripper.palm: held}
+            if options.upright is not None:
+                constraint = OrientationConstraint(self.gripper.palm, options.upright)
+                more["path_constraint"] = constraint
+        try:
+            found = plan(
+                self.simulation,
+                X_WP,
+                name=self.robot.name,
+                group=self.gripper.group.joints,
+                frame=self.gripper.palm,
+                straight=straight,
+                ignore=ignore,
+                padding=_CLOSE if straight else 0.005,
+                velocity_scaling=options.velocity_scaling,
+                acceleration_scaling=options.acceleration_scaling,
+                time_limit=options.time_limit,
+                seed=options.seed,
+                **more,
+            )
+        except (PlanningError, NoSolution) as error:
+            raise _Failure(stage, str(error)) from None
+        yield from self._arm.follow(self.simulation, found, stage)
+        yield from self._settle()
+
+    def _settle(self) -> Activity[None]:
+        """Wait until the arm rests."""
+        end = self.simulation.time + 2.0
+        while self.simulation.time < end:
+            state = self.simulation.joint_states(self.robot.name)
+            if not find_moving(state):
+                return
+            yield self.simulation.time + _LOOK
+
+    def move_gripper(
+        self, closed: float, stage: str, *, needs_stall: bool = False
+    ) -> Activity[None]:
+        """Move the fingers, 0 is open and 1 closed, until they are there or stall."""
+        simulation, gripper = self.simulation, self.gripper
+        goal = gripper.positions(closed)
+        start = self._positions()
+        self._fingers.send(simulation, goal)
+        span = max(abs(gripper.closed[n] - gripper.open[n]) for n in goal)
+        largest = max(abs(goal[n] - start[n]) for n in goal)
+        if largest < 0.01 * span and not needs_stall:
+            return
+        begun, still, before = simulation.time, simulation.time, start
+        while simulation.time < begun + _GRIPPER_PATIENCE:
+            yield simulation.time + _LOOK
+            now = self._positions()
+            moved = max(abs(now[n] - before[n]) for n in goal)
+            if moved > _STALLED * span * _LOOK:
+                still = simulation.time
+            before = now
+            if simulation.time - max(still, begun + 0.3) >= _STALL_TIME:
+                return
+        raise _Failure(stage, "the fingers neither arrive nor stall")
+
+
+# Ends of the types of controllers that take positions, and how.
+_KINDS = {
+    "JointTrajectoryController": "trajectory",
+    "GripperActionController": "gripper",
+    "ParallelGripperActionController": "gripper",
+    "GripperController": "gripper",
+    "JointGroupPositionController": "commands",
+    "ForwardCommandController": "commands",
+}
+
+
+class _Drive(NamedTuple):
+    """The controller of some joints."""
+
+    controller: str
+    kind: str
+    joints: tuple[str, ...]
+
+    def send(self, simulation: Simulation, goal: Mapping[str, float]) -> None:
+        """Send joints somewhere [rad] or [m]."""
+        handle = simulation.controller(self.controller)
+        values = tuple(goal[name] for name in self.joints)
+        if self.kind == "commands":
+            handle.command(values)
+        elif self.kind == "gripper":
+            handle.send_goal(GripperCommand(values[0]))
+        else:
+            point = JointTrajectoryPoint(
+                positions=values, time_from_start=Duration.of(_GRIPPER_TIME)
+            )
+            trajectory = JointTrajectory(joint_names=self.joints, points=(point,))
+            handle.send_trajectory(trajectory)
+
+    def follow(self, simulation: Simulation, found: Plan, stage: str) -> Activity[None]:
+        """Follow a plan to its end, or raise _Failure."""
+        if self.kind == "commands":
+            yield from self._stream(simulation, found)
+            return
+        handle = simulation.controller(self.controller)
+        goal = handle.send_goal(found.trajectory)
+        end = simulation.time + found.duration + _PATIENCE
+        while not goal.status.is_terminal and simulation.time < end:
+            yield simulation.time + _LOOK
+        if goal.status is not GoalStatus.SUCCEEDED:
+            late = "" if goal.status.is_terminal else " after its trajectory's end"
+            handle.cancel(goal)
+            what = f"{self.controller}: goal {goal.describe()}{late}"
+            raise _Failure(stage, what)
+
+    def _stream(self, simulation: Simulation, found: Plan) -> Activity[None]:
+        """Send the points of a plan as commands."""
+        handle = simulation.controller(self.controller)
+        points = found.trajectory.points
+        at = [found.trajectory.joint_names.index(name) for name in self.joints]
+        t = np.array([point.time_from_start.to_seconds() for point in points])
+        q = np.array([point.positions for point in points])[:, at]
+        begun = simulation.time
+        while True:
+            now = simulation.time - begun
+            handle.command([float(np.interp(now, t, row)) for row in q.T])
+            if now >= t[-1]:
+                return
+            yield simulation.time + _STREAM
+
+
+def _is_like(one: Grasp, other: Grasp) -> bool:
+    """Whether two grasps are nearly the same."""
+    miss = one.X_OP.inverse() @ other.X_OP
+    near = float(np.linalg.norm(miss.translation())) < 1e-3
+    return near and float(miss.rotation().ToAngleAxis().angle()) < 0.05
