@@ -10,6 +10,7 @@ Both are generators of moments until which to simulate, so that whoever runs the
 simulation does so: `pick` and `place`, or the player of a motion.
 """
 
+import contextlib
 import dataclasses as dc
 import math
 from collections.abc import Generator, Iterator, Mapping, Sequence
@@ -36,7 +37,13 @@ from arm_drake.planning.grasps import (
     find_grasps,
 )
 from arm_drake.planning.grippers import Gripper, find_gripper
-from arm_drake.planning.inverse_kinematics import NoSolution, read_pose, solve_ik
+from arm_drake.planning.inverse_kinematics import (
+    WHOLE_POSE,
+    NoSolution,
+    forward_kinematics,
+    read_pose,
+    solve_ik,
+)
 from arm_drake.planning.motion_planning import Plan, plan
 from arm_drake.planning.orientation_constraint import OrientationConstraint
 from arm_drake.planning.setting import PlanningError, find_moving
@@ -57,17 +64,28 @@ _STALLED, _STALL_TIME, _GRIPPER_PATIENCE = 0.02, 0.2, 6.0
 # How long a gripper takes from open to closed [s].
 _GRIPPER_TIME = 1.0
 
-# Distance that counts as a collision on straight ways to things and from them [m].
-_CLOSE = 1e-3
+# Distance that counts as a collision on straight ways to things and from them, and on
+# other ways [m].
+_CLOSE, _FAR = 1e-3, 5e-3
 
 # How much a thing may slip in the fingers while it is lifted [m], [rad].
 _SLIP, _TURN = 0.01, 0.3
 
-# How much wider or narrower than the thing fingers may stall [m].
-_WIDTH = 4e-3
+# Joints that an arm needs to turn its gripper as it is asked to, and how nearly the
+# approach has to be an axis of the palm for the turn about it to be left out.
+_TURNING, _ALONG = 5, 0.999
+
+# How much fingers may be turned from the faces that they press on [rad].
+_SKEW = 0.12
 
 # Grasps whose reach is looked at, the best ones.
 _LOOKED_AT = 40
+
+# Turns of a thing that are tried where any will do.
+_GOAL_TURNS = 8
+
+# How much of the way back is tried.
+_PARTS = (1.0, 0.6, 0.3)
 
 # How far fingers open on either side to let go [m].
 _RELEASE = 6e-3
@@ -153,6 +171,10 @@ class PickOptions:
     robot: str | None = None
     group: str | None = None
 
+    # Where the thing is to be placed later: only grasps from which the arm reaches that
+    # are taken. A pose as that of `place`; None is anywhere.
+    goal: RigidTransform | Sequence[float] | None = None
+
     # How far from a grasp its approach begins, how high things are lifted, and how far
     # the gripper draws back [m].
     approach: float = 0.05
@@ -186,6 +208,8 @@ class PickOptions:
         upright = self.upright
         if upright is not None and not isinstance(upright, int | float):
             raise InputError(f"upright: expected an angle [rad], got {upright!r}")
+        if self.goal is not None:
+            _read_goal(self.goal)
 
 
 def pick(simulation: Simulation, thing: str, **options: Any) -> PickResult:
@@ -261,9 +285,7 @@ def placing(
 ) -> Activity[PlaceResult]:
     """Return what `place` does, for those who simulate by themselves."""
     hand = _Hand(simulation, _read(options))
-    is_position = isinstance(pose, Sequence | np.ndarray) and len(pose) == 3
-    whole = [*pose, 0.0, 0.0, 0.0] if is_position else pose  # type: ignore[misc]
-    return _place(hand, read_pose(whole), turns=is_position)
+    return _place(hand, _read_goal(pose))
 
 
 def _read(options: Mapping[str, Any]) -> PickOptions:
@@ -272,6 +294,30 @@ def _read(options: Mapping[str, Any]) -> PickOptions:
         if name not in names:
             raise InputError(f"pick: no option {name!r}; {suggest(name, names)}")
     return PickOptions(**options)
+
+
+class _Goal(NamedTuple):
+    """Where a thing is to be placed, and whether it may be turned there."""
+
+    X_WG: RigidTransform
+    turns: bool
+
+    def poses(self, X_WO: RigidTransform) -> Iterator[RigidTransform]:
+        """Yield poses of a thing: as it stands now, then turned about the vertical."""
+        if not self.turns:
+            yield self.X_WG
+            return
+        for number in range(_GOAL_TURNS):
+            # 0, 45, -45, 90, ... degrees.
+            part = ((number + 1) // 2) * (-1) ** number / _GOAL_TURNS
+            R = RotationMatrix.MakeZRotation(2.0 * math.pi * part)
+            yield RigidTransform(R @ X_WO.rotation(), self.X_WG.translation())
+
+
+def _read_goal(pose: RigidTransform | Sequence[float]) -> _Goal:
+    is_position = isinstance(pose, Sequence | np.ndarray) and len(pose) == 3
+    whole = [*pose, 0.0, 0.0, 0.0] if is_position else pose
+    return _Goal(read_pose(whole), is_position)
 
 
 class _Failure(Exception):
@@ -295,12 +341,14 @@ def _pick(hand: "_Hand", thing: str) -> Activity[PickResult]:
     if held is not None:
         return result(f"the gripper holds {held!r}")
     while len([a for a in attempts if a.stage != "reach"]) < hand.options.tries:
-        grasp, reasons = hand.choose(thing, [a.grasp for a in attempts if a.grasp])
-        if grasp is None:
-            attempts.append(Attempt(None, "reach", reasons))
+        tried = [a.grasp for a in attempts if a.grasp is not None]
+        found = hand.choose(thing, tried)
+        if isinstance(found, str):
+            attempts.append(Attempt(None, "reach", found))
             break
+        grasp, before = found
         try:
-            yield from _grasp(hand, thing, grasp)
+            yield from _grasp(hand, thing, grasp, before)
         except _Failure as failure:
             attempts.append(Attempt(grasp, failure.stage, failure.reason))
             yield from _give_up(hand, thing)
@@ -313,34 +361,31 @@ def _pick(hand: "_Hand", thing: str) -> Activity[PickResult]:
     return result(f"{tries}{told[-1].reason}")
 
 
-def _grasp(hand: "_Hand", thing: str, grasp: Grasp) -> Activity[None]:
+def _grasp(
+    hand: "_Hand", thing: str, grasp: Grasp, before: Mapping[str, float]
+) -> Activity[None]:
     """Go to a thing, close, and lift it, or raise _Failure."""
-    options = hand.options
-    X_WO = hand.pose_of(thing)
-    X_WP = X_WO @ grasp.X_OP
-    back = -(X_WO.rotation().matrix() @ grasp.approach)
+    X_WP = hand.pose_of(thing) @ grasp.X_OP
     yield from hand.move_gripper(grasp.pre_grasp, "approach")
-    before = _shifted(X_WP, options.approach * back)
     yield from hand.move(before, "reach")
     yield from hand.move(X_WP, "approach", straight=True, ignore=[thing])
     yield from hand.move_gripper(1.0, "close", needs_stall=True)
-    width = hand.width()
-    if abs(width - grasp.width) > _WIDTH:
+    if hand.find_held() != thing:
         raise _Failure(
             "close",
-            f"the fingers stalled {1e3 * width:.1f} mm apart, not on the "
-            f"{1e3 * grasp.width:.1f} mm of {thing!r}",
+            f"the fingers don't both press on {thing!r}: they came to rest "
+            f"{1e3 * hand.width():.1f} mm apart, and it is {1e3 * grasp.width:.1f} mm "
+            "wide there",
         )
-    if hand.find_held() != thing:
-        raise _Failure("close", f"the fingers don't both press on {thing!r}")
     start, height = hand.pose_in_palm(thing), hand.pose_of(thing).translation()[2]
-    up = _shifted(hand.palm(), [0.0, 0.0, options.lift])
+    lift = hand.options.lift
+    up = _shifted(hand.palm(), [0.0, 0.0, lift])
     yield from hand.move(up, "lift", straight=True, ignore=[thing])
     end, lifted = hand.pose_in_palm(thing), hand.pose_of(thing).translation()[2]
     slip = start.inverse() @ end
     away = float(np.linalg.norm(slip.translation()))
     turn = float(slip.rotation().ToAngleAxis().angle())
-    if hand.find_held() != thing or lifted - height < 0.5 * options.lift:
+    if hand.find_held() != thing or lifted - height < 0.5 * lift:
         raise _Failure("lift", f"{thing!r} was lost while it was lifted")
     if away > _SLIP or turn > _TURN:
         raise _Failure(
@@ -352,20 +397,13 @@ def _grasp(hand: "_Hand", thing: str, grasp: Grasp) -> Activity[None]:
 
 def _give_up(hand: "_Hand", thing: str) -> Activity[None]:
     """Open the gripper and draw back, as far as that is possible."""
-    back = -hand.gripper.approach_axis
     yield from hand.move_gripper(0.0, "")
-    out = hand.palm()
-    shift = out.rotation().matrix() @ back * hand.options.retreat
-    try:
-        yield from hand.move(_shifted(out, shift), "", straight=True, ignore=[thing])
-    except _Failure:
-        return  # The next grasp will tell.
+    with contextlib.suppress(_Failure):  # The next grasp will tell.
+        yield from hand.draw_back(thing)
 
 
-def _place(
-    hand: "_Hand", X_WG: RigidTransform, *, turns: bool
-) -> Activity[PlaceResult]:
-    began, options = hand.simulation.time, hand.options
+def _place(hand: "_Hand", asked: _Goal) -> Activity[PlaceResult]:
+    began = hand.simulation.time
     thing = hand.find_held()
 
     def result(reason: str, *, success: bool = False) -> PlaceResult:
@@ -378,18 +416,17 @@ def _place(
         angle = float(miss.rotation().ToAngleAxis().angle())
         return PlaceResult(thing, success, reason, X, away, angle, duration)
 
-    goal = X_WG
+    goal = asked.X_WG
     if thing is None:
         return result("the gripper holds nothing")
     X_PO = hand.pose_in_palm(thing)
     reasons: list[str] = []
     found = None
-    for goal in _goals(X_WG, hand.pose_of(thing), turns=turns):
-        above = _shifted(goal, [0.0, 0.0, _DROP])
-        X_WP = above @ X_PO.inverse()
-        before = _shifted(X_WP, [0.0, 0.0, options.lift])
+    for goal in asked.poses(hand.pose_of(thing)):
+        X_WP = _shifted(goal, [0.0, 0.0, _DROP]) @ X_PO.inverse()
         try:
-            yield from hand.move(before, "reach", held=thing)
+            above = hand.find_way(X_WP, hand.ways_out(X_WP), thing)
+            yield from hand.move(above, "reach", held=thing)
             yield from hand.move(X_WP, "lower", straight=True, ignore=[thing])
         except _Failure as failure:
             reasons.append(failure.reason)
@@ -399,29 +436,13 @@ def _place(
     if found is None:
         return result(reasons[-1])
     yield from hand.move_gripper(hand.release(), "")
-    out = hand.palm()
-    shift = -(out.rotation().matrix() @ hand.gripper.approach_axis) * options.retreat
     try:
-        yield from hand.move(_shifted(out, shift), "", straight=True, ignore=[thing])
+        yield from hand.draw_back(thing)
     except _Failure as failure:
         return result(f"it doesn't get away: {failure.reason}", success=True)
     if hand.find_held() is not None:
         return result(f"{thing!r} sticks to the fingers")
     return result("", success=True)
-
-
-def _goals(
-    X_WG: RigidTransform, X_WO: RigidTransform, *, turns: bool
-) -> Iterator[RigidTransform]:
-    """Yield poses to put a thing to: as it is held, then turned about the vertical."""
-    if not turns:
-        yield X_WG
-        return
-    for number in range(8):
-        # 0, 45, -45, 90, ... degrees.
-        angle = math.pi / 4.0 * ((number + 1) // 2) * (-1) ** number
-        R = RotationMatrix.MakeZRotation(angle) @ X_WO.rotation()
-        yield RigidTransform(R, X_WG.translation())
 
 
 def _shifted(X: RigidTransform, by: Sequence[float] | np.ndarray) -> RigidTransform:
@@ -437,8 +458,21 @@ class _Hand:
         self.robot: Robot = manager.robot
         self.prefix = manager.prefix
         self.gripper: Gripper = find_gripper(self.robot, options.group)
+        self._mask = self._find_mask()
         self._arm = self._find_drive(self.gripper.group.joints)
         self._fingers = self._find_drive(tuple(self.gripper.open))
+
+    def _find_mask(self) -> tuple[bool, ...]:
+        """Return what of a pose the arm is asked for: with four joints no turn.
+
+        They hold the gripper in the plane of the arm, and so say how it is turned
+        about its approach.
+        """
+        axis = np.abs(self.gripper.approach_axis)
+        if len(self.gripper.group.joints) >= _TURNING or axis.max() < _ALONG:
+            return WHOLE_POSE
+        free = 3 + int(axis.argmax())
+        return tuple(row != free for row in range(6))
 
     def _find_drive(self, joints: Sequence[str]) -> "_Drive":
         """Return the controller of exactly these joints, an active one first."""
@@ -520,15 +554,18 @@ class _Hand:
         shape = inspector.GetShape(shapes[0])
         return shape, RigidTransform(inspector.GetPoseInFrame(shapes[0]))
 
-    def choose(self, thing: str, tried: Sequence[Grasp]) -> tuple[Grasp | None, str]:
-        """Return the best grasp within reach that is new, or why there is none."""
+    def choose(
+        self, thing: str, tried: Sequence[Grasp]
+    ) -> tuple[Grasp, Mapping[str, float]] | str:
+        """Return the best new grasp and where it begins, or why there is none.
+
+        The arm gets there on a straight line, lifts the thing, and does so at its goal.
+        """
         shape, X_OG = self._shape_of(thing)
         X_WO = self.pose_of(thing)
         grasps = find_grasps(self.gripper, shape, X_WO, X_OG=X_OG)
         if not grasps:
-            return None, f"{thing!r}: {explain_no_grasp(self.gripper, shape)}"
-        positions = self._positions()
-        R = X_WO.rotation().matrix()
+            return f"{thing!r}: {explain_no_grasp(self.gripper, shape)}"
         seen, reason = 0, ""
         for grasp in grasps:
             if any(_is_like(grasp, other) for other in tried):
@@ -537,28 +574,101 @@ class _Hand:
                 break
             seen += 1
             X_WP = X_WO @ grasp.X_OP
+            back = X_WO.rotation().matrix() @ grasp.approach
+            before = _shifted(X_WP, -self.options.approach * back)
+            up = _shifted(X_WP, [0.0, 0.0, self.options.lift])
+            closed = self.gripper.positions(grasp.pre_grasp)
             try:
-                at = self._solve(X_WP, positions)
-                back = -self.options.approach * (R @ grasp.approach)
-                self._solve(_shifted(X_WP, back), at)
-            except NoSolution as error:
-                reason = reason or str(error)
+                found = self.find_way(X_WP, [before, up], thing, closed)
+                self._check_goal(X_WO, grasp, thing)
+            except _Failure as failure:
+                reason = reason or failure.reason
                 continue
-            return grasp, ""
+            return grasp, found
         if not seen:
-            return None, f"all {len(tried)} grasps of {thing!r} were tried"
-        return None, f"{seen} grasps of {thing!r} are out of reach: {reason}"
+            return f"all {len(tried)} grasps of {thing!r} were tried"
+        return f"of {seen} grasps of {thing!r} the arm reaches none: {reason}"
 
-    def _solve(
-        self, X_WP: RigidTransform, seed: Mapping[str, float]
+    def _check_goal(self, X_WO: RigidTransform, grasp: Grasp, thing: str) -> None:
+        """Raise _Failure if the arm can't put the thing to its goal with a grasp."""
+        if self.options.goal is None:
+            return
+        failures = []
+        for X_WG in _read_goal(self.options.goal).poses(X_WO):
+            X_WP = X_WG @ grasp.X_OP
+            try:
+                self.find_way(X_WP, self.ways_out(X_WP), thing)
+            except _Failure as failure:
+                failures.append(failure)
+            else:
+                return
+        raise failures[0]
+
+    def ways_out(self, X_WP: RigidTransform) -> list[RigidTransform]:
+        """Return where the palm is above the place of a thing, and drawn back."""
+        options = self.options
+        back = X_WP.rotation().matrix() @ self.gripper.approach_axis
+        return [
+            _shifted(X_WP, [0.0, 0.0, options.lift]),
+            _shifted(X_WP, -_PARTS[-1] * options.retreat * back),
+        ]
+
+    def find_way(
+        self,
+        X_WP: RigidTransform,
+        lines: Sequence[RigidTransform],
+        thing: str,
+        fingers: Mapping[str, float] | None = None,
     ) -> Mapping[str, float]:
-        return solve_ik(
-            self.robot,
-            self.gripper.palm,
-            X_WP,
-            seed=seed,
-            group=self.gripper.group.joints,
-        ).positions
+        """Return joint positions from which the palm gets to a pose straight.
+
+        Args:
+            X_WP: The pose.
+            lines: Other poses: the first one is where it comes from; to the others it
+                gets straight, too.
+            thing: What is grasped there, which may be touched.
+            fingers: Where the gripper's joints are; None is as far open as it gets.
+
+        Raises:
+            _Failure: If there are none.
+        """
+        reasons = []
+        for start in self._solve(X_WP):
+            own = {**start, **(fingers or self.gripper.open)}
+            try:
+                ways = [
+                    self._plan(to, straight=True, ignore=[thing], start=own)
+                    for to in lines
+                ]
+            except (PlanningError, NoSolution) as error:
+                reasons.append(str(error))
+                continue
+            return ways[0].end
+        raise _Failure("reach", reasons[0])
+
+    def _solve(self, X_WP: RigidTransform) -> list[dict[str, float]]:
+        """Return positions of the arm's joints for a pose, the nearest first."""
+        palm, joints = self.gripper.palm, self.gripper.group.joints
+        try:
+            solution = solve_ik(
+                self.robot,
+                palm,
+                X_WP,
+                seed=self._positions(),
+                group=joints,
+                mask=self._mask,
+                collision_free=True,
+                all_solutions=True,
+            )
+        except NoSolution as error:
+            raise _Failure("reach", str(error)) from None
+        X = forward_kinematics(self.robot, solution.positions, palm)
+        miss = float((X.inverse() @ X_WP).rotation().ToAngleAxis().angle())
+        if miss > _SKEW:
+            text = f"the arm holds {palm!r} turned by {miss:.2f} rad there"
+            raise _Failure("reach", text)
+        every = (solution.positions, *solution.others)
+        return [{name: each[name] for name in joints} for each in every]
 
     def _positions(self) -> dict[str, float]:
         """Return where the robot's independent joints are [rad] or [m]."""
@@ -616,41 +726,68 @@ class _Hand:
 
     def move(
         self,
-        X_WP: RigidTransform,
+        to: RigidTransform | Mapping[str, float],
         stage: str,
         *,
         straight: bool = False,
         ignore: Sequence[str] = (),
         held: str | None = None,
     ) -> Activity[None]:
-        """Plan a motion of the palm and follow it, or raise _Failure."""
-        options = self.options
+        """Plan a motion of the arm and follow it, or raise _Failure."""
         more: dict[str, Any] = {}
         if held is not None:
             more["attached"] = {self.gripper.palm: held}
-            if options.upright is not None:
-                constraint = OrientationConstraint(self.gripper.palm, options.upright)
+            if self.options.upright is not None:
+                limit = self.options.upright
+                constraint = OrientationConstraint(self.gripper.palm, limit)
                 more["path_constraint"] = constraint
         try:
-            found = plan(
-                self.simulation,
-                X_WP,
-                name=self.robot.name,
-                group=self.gripper.group.joints,
-                frame=self.gripper.palm,
-                straight=straight,
-                ignore=ignore,
-                padding=_CLOSE if straight else 0.005,
-                velocity_scaling=options.velocity_scaling,
-                acceleration_scaling=options.acceleration_scaling,
-                time_limit=options.time_limit,
-                seed=options.seed,
-                **more,
-            )
+            found = self._plan(to, straight=straight, ignore=ignore, **more)
         except (PlanningError, NoSolution) as error:
             raise _Failure(stage, str(error)) from None
         yield from self._arm.follow(self.simulation, found, stage)
         yield from self._settle()
+
+    def _plan(
+        self,
+        to: RigidTransform | Mapping[str, float],
+        *,
+        straight: bool,
+        ignore: Sequence[str],
+        **more: Any,
+    ) -> Plan:
+        """Return a plan for the palm, or joints."""
+        options = self.options
+        return plan(
+            self.simulation,
+            to,
+            name=self.robot.name,
+            group=self.gripper.group.joints,
+            frame=self.gripper.palm,
+            straight=straight,
+            ignore=ignore,
+            mask=self._mask,
+            padding=_CLOSE if straight else _FAR,
+            velocity_scaling=options.velocity_scaling,
+            acceleration_scaling=options.acceleration_scaling,
+            time_limit=options.time_limit,
+            seed=options.seed,
+            **more,
+        )
+
+    def draw_back(self, thing: str) -> Activity[None]:
+        """Move the open gripper straight back from a thing, as far as it gets."""
+        X = self.palm()
+        back = -(X.rotation().matrix() @ self.gripper.approach_axis)
+        for part in _PARTS:
+            to = _shifted(X, part * self.options.retreat * back)
+            try:
+                yield from self.move(to, "", straight=True, ignore=[thing])
+            except _Failure as failure:
+                last = failure
+            else:
+                return
+        raise last
 
     def _settle(self) -> Activity[None]:
         """Wait until the arm rests."""

@@ -3,15 +3,16 @@
 All of it is read from the collision shapes. Fingers are what the gripper's joints move;
 of a gripper with one such part the other finger is the link that carries it. The
 closing axis is the direction in which two fingers come together, and the pads are
-where the gap between them is narrowest when they are closed.
+the largest areas of theirs that face each other at one distance when they are closed.
 """
 
 import dataclasses as dc
 import itertools
+import math
 import weakref
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from pydrake.geometry import (
@@ -24,18 +25,19 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 
+from arm_drake.description.contact_surfaces import with_surfaces
 from arm_drake.description.joints import joints_above, last_master
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, quoted, suggest
 from arm_drake.planning.collisions import add_colliding_robot
 from arm_drake.planning.groups import PlanningGroup, find_group, planning_groups
 from arm_drake.planning.inverse_kinematics import complete_positions
-from arm_drake.plant.joint_ranges import find_gripper_ranges
+from arm_drake.plant.joint_ranges import find_gripper_links, find_gripper_ranges
 
 # How closely surfaces are looked at [m].
 _CELL = 2e-3
 
-# How much wider than at its narrowest the gap between pads may be [m].
+# How uneven the gap between pads may be [m].
 _PAD_DEPTH = 2e-3
 
 # Positions between open and closed at which the gap is measured.
@@ -49,6 +51,9 @@ _TIP, _FEWEST = 0.6, 6
 
 # The last part of the way of a single finger, in which it moves as it will when closed.
 _LAST = 0.9
+
+# Slope of pads that is that of teeth, or a curve [1].
+_EVEN = 0.1
 
 # Angle between the approach and an axis of the palm's link below which they are the
 # same [rad].
@@ -268,6 +273,9 @@ class _Shapes:
     def __init__(self, robot: Robot) -> None:
         plant, scene_graph = MultibodyPlant(1e-3), SceneGraph()
         plant.RegisterAsSourceForSceneGraph(scene_graph)
+        # As in a world with things, where fingers aren't hulls.
+        description = with_surfaces(robot.description, find_gripper_links(robot))
+        robot = dc.replace(robot, description=description)
         model = add_colliding_robot(plant, robot)
         plant.Finalize()
         inspector, source = scene_graph.model_inspector(), plant.get_source_id()
@@ -394,58 +402,88 @@ class _Pad(NamedTuple):
 
 def _measure(gripper: Gripper, shapes: _Shapes) -> Gripper:
     """Return a gripper with its pads, as its fingers' shapes show them."""
-    axis, palm = gripper.closing_axis, gripper.palm
-    joints = {joint.child: joint for joint in gripper.robot.description.joints}
-    inner = {joints[link].parent for links in gripper.fingers for link in links}
-    tips = [
-        [n for n in links if n not in inner or n == palm] for links in gripper.fingers
-    ]
-    middle = np.mean(
-        [
-            shapes.at(links, palm, gripper.closed).mean(axis=0)
-            for links in tips
-            if palm not in links
-        ],
-        axis=0,
-    )
-    approach = _approach(middle, axis)
-    across = np.column_stack([approach, np.cross(axis, approach)])
-    for closed in np.linspace(1.0, 0.0, _OPENINGS):
-        q = gripper.positions(float(closed))
-        faces = [
-            _face(shapes, links, palm, q, sign * axis, across)
-            for links, sign in zip(tips, (1.0, -1.0), strict=True)
-        ]
-        cells = _facing(faces)
-        if cells:
-            break
-    else:
-        raise InputError(
-            f"the fingers of the gripper on {palm!r} never face each other"
-        )
+    palm = gripper.palm
+    axis = _straighten(_find_pads(gripper, shapes, gripper.closing_axis))
+    found = _find_pads(gripper, shapes, axis)
     pads = []
-    for face, sign in zip(faces, (1.0, -1.0), strict=True):
-        link, point = _pad(face, cells, sign * axis, across)
-        pads.append(_Pad(link, shapes.pose(link, palm, q).inverse() @ point))
+    for face, sign in zip(found.faces, (1.0, -1.0), strict=True):
+        link, point = _pad(face, found.cells, sign * axis, found.across)
+        X_PL = shapes.pose(link, palm, gripper.positions(found.closed))
+        pads.append(_Pad(link, X_PL.inverse() @ point))
     openings = []
     for closed in np.linspace(0.0, 1.0, _OPENINGS):
         q = gripper.positions(float(closed))
         high, low = (shapes.pose(p.link, palm, q) @ p.point for p in pads)
         width = float(axis @ (high - low))
         openings.append(Opening(float(closed), width, 0.5 * (high + low)))
-    along, sideways = _CELL * np.array(cells).T
+    along, sideways = _CELL * np.array(found.cells).T
     return dc.replace(
         gripper,
-        approach_axis=approach,
+        closing_axis=axis,
+        approach_axis=found.across[:, 0],
         openings=tuple(openings),
         pad=(float(np.ptp(along)) / 2.0, float(np.ptp(sideways)) / 2.0),
     )
 
 
+# The height of a face over each cell [m], and the link that has it.
+_Face: TypeAlias = Mapping[tuple[int, int], tuple[float, str]]
+
+
+class _Facing(NamedTuple):
+    """Where two fingers face each other, seen along an axis."""
+
+    axis: np.ndarray
+
+    # The approach and the axis across both, shape (3, 2): the axes of the cells.
+    across: np.ndarray
+
+    # How far the gripper is closed, its faces then, and the cells of the pads.
+    closed: float
+    faces: tuple[_Face, _Face]
+    cells: list[tuple[int, int]]
+
+
+def _find_pads(gripper: Gripper, shapes: _Shapes, axis: np.ndarray) -> _Facing:
+    """Return where the fingers face each other when they are as closed as can be."""
+    palm = gripper.palm
+    joints = {joint.child: joint for joint in gripper.robot.description.joints}
+    inner = {joints[link].parent for links in gripper.fingers for link in links}
+    tips = [
+        [n for n in links if n not in inner or n == palm] for links in gripper.fingers
+    ]
+    moving = [links for links in tips if palm not in links]
+    centers = [shapes.at(n, palm, gripper.closed).mean(axis=0) for n in moving]
+    approach = _approach(np.mean(centers, axis=0), axis)
+    across = np.column_stack([approach, np.cross(axis, approach)])
+    for closed in np.linspace(1.0, 0.0, _OPENINGS):
+        q = gripper.positions(float(closed))
+        one = _face(shapes, tips[0], palm, q, axis, across)
+        other = _face(shapes, tips[1], palm, q, -axis, across)
+        if cells := _facing((one, other)):
+            return _Facing(axis, across, float(closed), (one, other), cells)
+    raise InputError(f"the fingers of the gripper on {palm!r} never face each other")
+
+
+def _straighten(found: _Facing) -> np.ndarray:
+    """Return the closing axis at right angles to the pads, if that is nearly so."""
+    cells = np.array(found.cells, dtype=float) * _CELL
+    table = np.column_stack([cells, np.ones(len(cells))])
+    slopes = []
+    for face, sign in zip(found.faces, (1.0, -1.0), strict=True):
+        heights = [sign * face[cell][0] for cell in found.cells]
+        slopes.append(np.linalg.lstsq(table, np.array(heights), rcond=None)[0][:2])
+    tilt = np.mean(slopes, axis=0)
+    if not _EVEN < np.linalg.norm(tilt) < math.tan(_SNAP):
+        return found.axis
+    axis = found.axis - found.across @ tilt
+    return np.asarray(axis / np.linalg.norm(axis))
+
+
 def _facing(
-    faces: Sequence[Mapping[tuple[int, int], tuple[float, str]]],
+    faces: tuple[_Face, _Face],
 ) -> list[tuple[int, int]]:
-    """Return the cells of the pads: where two faces are closest, near the fingertips.
+    """Return the cells of the pads: the largest area of one gap, near the fingertips.
 
     Further back gears and bars may pass each other; there is nothing to hold.
     """
@@ -459,9 +497,12 @@ def _facing(
         for c, gap in gaps.items()
         if gap >= -_PAD_DEPTH and c[0] >= tip - _TIP * (tip - back)
     }
-    least = min(near.values(), default=0.0)
-    cells = [c for c, gap in near.items() if gap <= least + _PAD_DEPTH]
-    return sorted(cells) if len(cells) >= _FEWEST else []
+    found: list[tuple[int, int]] = []
+    for least in sorted(set(near.values())):
+        cells = [c for c, gap in near.items() if least <= gap <= least + _PAD_DEPTH]
+        if len(cells) > len(found):
+            found = cells
+    return sorted(found) if len(found) >= _FEWEST else []
 
 
 def _face(
@@ -483,7 +524,7 @@ def _face(
 
 
 def _pad(
-    face: Mapping[tuple[int, int], tuple[float, str]],
+    face: _Face,
     cells: Sequence[tuple[int, int]],
     outward: np.ndarray,
     across: np.ndarray,
