@@ -82,9 +82,9 @@ from arm_drake.planning.grasps import Grasp as Grasp
 from arm_drake.planning.grasps import find_grasps as find_grasps
 from arm_drake.planning.grippers import Gripper as Gripper
 from arm_drake.planning.grippers import find_gripper as find_gripper
+from arm_drake.manipulation.hand import PickOptions as PickOptions
 from arm_drake.manipulation.pick_and_place import (
     Attempt as Attempt,
-    PickOptions as PickOptions,
     PickResult as PickResult,
     PlaceResult as PlaceResult,
     held_thing as held_thing,

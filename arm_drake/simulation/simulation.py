@@ -3,7 +3,7 @@
 import dataclasses as dc
 import math
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Protocol, Self
@@ -55,7 +55,14 @@ from arm_drake.simulation.mailbox import (
     Rejection,
     SimulationEvent,
 )
-from arm_drake.simulation.motion import Motion, PlanTo, default_duration
+from arm_drake.simulation.motion import (
+    Motion,
+    PickThing,
+    PlaceThing,
+    PlanTo,
+    Task,
+    default_duration,
+)
 from arm_drake.simulation.motion_files import (
     MotionSource,
     find_motion,
@@ -638,10 +645,17 @@ class Simulation:
             self.advance_to(self.time + self.period)
         return found
 
-    def check_plan(self, message: PlanTo) -> None:
-        """Raise InputError if no plan can be made, or no controller takes it."""
+    def check_task(self, message: Task) -> None:
+        """Raise InputError if it can't be done, or no controller takes it."""
         from arm_drake.planning.groups import find_group, find_state, require_controller
 
+        if not isinstance(message, PlanTo):
+            from arm_drake.manipulation.hand import Hand, read_options
+
+            hand = Hand(self, read_options({**message.options, "robot": message.robot}))
+            if isinstance(message, PickThing):
+                hand.find_thing(message.thing)
+            return
         manager = self.directory.manager(message.robot)
         group = find_group(manager.robot, message.options.get("group"))
         if isinstance(message.to, str):
@@ -667,9 +681,37 @@ class Simulation:
             self.send_planned(found, where=where)
         return True
 
-    def reject_plan(self, message: PlanTo, *, where: str) -> None:
-        """Take note of a motion that wasn't planned as its robot never rested."""
+    def start_task(
+        self, message: PickThing | PlaceThing, *, where: str
+    ) -> Iterator[float] | None:
+        """Return times until which to simulate for a task; None if the robot moves.
+
+        What it fails with is among `rejected`.
+        """
+        if not self._rests(self.directory.manager(message.robot).robot.name):
+            return None
+        return self._do(message, where)
+
+    def _do(self, message: PickThing | PlaceThing, where: str) -> Iterator[float]:
+        from arm_drake.manipulation.pick_and_place import picking, placing
+
+        options = {**message.options, "robot": message.robot}
+        try:
+            if isinstance(message, PickThing):
+                result: Any = yield from picking(self, message.thing, **options)
+            else:
+                result = yield from placing(self, message.pose, **options)
+        except ArmDrakeError as error:
+            self.mailbox.reject(message, str(error), where)
+        else:
+            if not result:
+                self.mailbox.reject(message, result.reason, where)
+
+    def reject_task(self, message: Task, *, where: str) -> None:
+        """Take note of what wasn't begun as its robot never rested, or wasn't ended."""
         reason = "not planned: the robot didn't come to rest in time"
+        if not isinstance(message, PlanTo):
+            reason = "not done: the simulation ended before"
         self.mailbox.reject(message, reason, where)
         self.collect_events()
 

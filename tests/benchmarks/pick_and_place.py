@@ -24,7 +24,7 @@ POSE = (0.0, 0.0, 0.026, 0.0, 0.0, 0.0)
 NEAR, TURN = 5e-3, np.deg2rad(3.0)
 
 # Where boxes are: distance and angle from the base [m], [rad]; width and height [m].
-DISTANCES, ANGLES = (0.15, 0.25), (-2.5, 2.5)
+DISTANCES, ANGLES = (0.15, 0.25), (-2.2, 2.2)
 WIDTHS, HEIGHTS = (0.012, 0.03), (0.02, 0.05)
 
 # Goals are so far from the start [m], and a box has so many [kg/m^3].
