@@ -122,7 +122,7 @@ from arm_drake.controllers.sensor_broadcasters import (
 from arm_drake.description import gazebo_plugins as drives
 from arm_drake.description import gazebo_plugins as tags
 from arm_drake.description.gazebo_plugins import ContactSensorTag
-from arm_drake.description.perception_sensors import CameraSensor
+from arm_drake.description.perception_sensors import CameraSensor, LidarSensor
 from arm_drake.description.sensors import SensorInfo
 from arm_drake.hardware.mobile_bases import BaseTruth, Wheel
 from arm_drake.hardware.mock_hardware import MockHardware
@@ -131,6 +131,7 @@ from arm_drake.manager import ControllerManager
 from arm_drake.manager.connections import ReferencePositions, SampledStates
 from arm_drake.manager.hardware_interfaces import HardwareInterfaces
 from arm_drake.perception.cameras import Camera
+from arm_drake.perception.lidar import Lidar
 from arm_drake.perception.scenery import Scenery
 from arm_drake.perception.sensors import Place
 from arm_drake.plant.contact import ContactForces
@@ -264,6 +265,11 @@ FACTORIES: dict[type[LeafSystem], Callable[[], LeafSystem]] = {
     BuildInfo: lambda: BuildInfo(ad.SimulationOptions(), "empty"),
     Camera: lambda: Camera(
         CameraSensor("c", "world", topic="<camera>", kind="rgbd"),
+        Place("robot", "robot", "empty"),
+        Scenery(None, None),
+    ),
+    Lidar: lambda: Lidar(
+        LidarSensor("c", "world", topic="<lidar>"),
         Place("robot", "robot", "empty"),
         Scenery(None, None),
     ),

@@ -93,6 +93,9 @@ class PerceptionSensor:
     # Whether it is to be shown.
     visualize: bool = False
 
+    # Name of the tag that is several sensors, if it is one of those.
+    group: str = ""
+
 
 @dc.dataclass(frozen=True)
 class CameraSensor(PerceptionSensor):
@@ -133,9 +136,8 @@ class CameraSensor(PerceptionSensor):
     # Distance to the right-hand camera of a pair, of which this is the left one [m].
     baseline: float = 0.0
 
-    # Of several cameras of one sensor its own name, and the sensor's.
+    # Of several cameras of one sensor its own name; `group` is the sensor's.
     part: str = ""
-    group: str = ""
 
     @property
     def focal_length(self) -> float:
@@ -184,6 +186,9 @@ class LidarSensor(PerceptionSensor):
     range_min: float = 0.0
     range_max: float = math.inf
     range_resolution: float = 0.0
+
+    # Whether it sees what collides rather than what is drawn, as Classic's "ray" does.
+    sees_collisions: bool = False
 
     # Class of its messages, as Classic's plugin names it; empty is Gazebo's default.
     output_type: str = ""
@@ -438,6 +443,8 @@ class _SensorReader(ElementReader):
                 range_min=low,
                 range_max=high,
                 range_resolution=self.value(tag, "range/resolution", 0.0, least=0.0),
+                sees_collisions=plugin is not None
+                and attribute(element, "type") == "ray",
                 output_type=outputs[0] if outputs else "",
             )
 

@@ -317,8 +317,7 @@ def _read_sensors(
         from arm_drake.description import perception_sensors as perception
 
         seeing = perception.read_perception_sensors(root, links, joints, report, file)
-        cameras = [s for s in seeing if isinstance(s, perception.CameraSensor)]
-        measuring.update(camera.group or camera.name for camera in cameras)
+        measuring.update(sensor.group or sensor.name for sensor in seeing)
     report_gazebo(root, report, file, sensors=measuring, sees=bool(seeing))
     return sensors, seeing
 

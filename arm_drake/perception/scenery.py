@@ -8,7 +8,7 @@ what was loaded. A picture depends on the poses of that moment alone.
 import ctypes
 import sys
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from pydrake.geometry import (
@@ -79,6 +79,9 @@ class Scenery:
         self._background = background
         self._loaded: _Loaded | None = None
 
+        # What lidars cast their rays at, by the role of the shapes.
+        self.ray_scenes: dict[Role, Any] = {}
+
         # Names of what labels mean, the first one of nothing.
         self.label_names: list[str] = ["nothing"]
 
@@ -122,6 +125,7 @@ class Scenery:
         """Return a picture, shape (height, width, 3), uint8; z ahead, y down."""
         seen = self.look(query)
         picture = seen.RenderColorImage(camera, _world(seen), X_WC)
+        _let_go()
         return np.array(picture.data[..., :3])
 
     def depth(
@@ -133,6 +137,7 @@ class Scenery:
         """
         seen = self.look(query)
         picture = seen.RenderDepthImage(camera, _world(seen), X_WC)
+        _let_go()
         depths = np.array(picture.data[..., 0])
         depths[depths == 0.0] = -np.inf
         return depths
@@ -146,6 +151,7 @@ class Scenery:
         """
         seen = self.look(query)
         picture = seen.RenderLabelImage(camera, _world(seen), X_WC)
+        _let_go()
         labels = np.array(picture.data[..., 0])
         labels[(labels < 0) | (labels >= len(self.label_names))] = NOTHING
         return labels.astype(np.uint16)
@@ -227,6 +233,12 @@ def require_renderer() -> None:
             f"pictures of cameras need EGL, and {_EGL} isn't there; Debian and Ubuntu "
             "have it in a package: apt-get install libegl1 libgl1-mesa-dri"
         ) from None
+
+
+def _let_go() -> None:
+    """Leave the renderer's contexts to other threads; each draws in one at a time."""
+    if sys.platform == "linux":
+        ctypes.CDLL(_EGL).eglReleaseThread()
 
 
 def _make_light(light: Light) -> LightParameter:

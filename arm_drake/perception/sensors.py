@@ -12,6 +12,7 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem
 from arm_drake.description.perception_sensors import (
     CameraKind,
     CameraSensor,
+    LidarSensor,
     Noise,
     PerceptionSensor,
     find_camera_problem,
@@ -49,6 +50,7 @@ class SensorParams(NamedTuple):
 # its `topics`, the classes of their messages in `output_types`, and `params`.
 SENSORS: Final[Mapping[type[PerceptionSensor], str]] = {
     CameraSensor: "arm_drake.perception.cameras:Camera",
+    LidarSensor: "arm_drake.perception.lidar:Lidar",
 }
 
 

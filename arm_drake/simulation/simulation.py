@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Protocol, Self
+from typing import TYPE_CHECKING, Any, Protocol, Self, TypeVar
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -77,11 +77,14 @@ from arm_drake.simulation.recording import (
 from arm_drake.simulation.topics import TopicNames
 
 if TYPE_CHECKING:
-    from arm_drake.perception.cameras import CameraHandle
+    from arm_drake.perception.cameras import Camera, CameraHandle
+    from arm_drake.perception.lidar import Lidar, LidarHandle
     from arm_drake.planning.motion_planning import Plan, Target
 
 # Times of rows are rounded to nanoseconds [s].
 _SAME_TIME = 1e-9
+
+_Sensor = TypeVar("_Sensor", bound="Camera | Lidar")
 
 # How often it writes [s] of simulated time.
 PERIOD = 1.0
@@ -407,17 +410,38 @@ class Simulation:
         """
         from arm_drake.perception.cameras import Camera, CameraHandle
 
-        cameras = {
-            f"{manager.prefix}{sensor.sensor.name}": sensor
-            for manager in self.directory.managers.values()
-            for sensor in manager.sensors
-            if isinstance(sensor, Camera)
-        }
+        cameras = self._sensors(Camera)
         if name not in cameras:
             none = "the robots have none; arm_drake.add_camera adds one"
             hint = suggest(name, cameras) if cameras else none
             raise InputError(f"no camera {name!r}; {hint}")
         return CameraHandle(cameras[name], self.simulator.get_context)
+
+    def lidar(self, name: str) -> "LidarHandle":
+        """Return what a lidar measures.
+
+        Args:
+            name: Its name; `<robot>/<name>` where there are several robots.
+
+        Raises:
+            InputError: If there is no such lidar.
+        """
+        from arm_drake.perception.lidar import Lidar, LidarHandle
+
+        lidars = self._sensors(Lidar)
+        if name not in lidars:
+            hint = suggest(name, lidars) if lidars else "the robots have none"
+            raise InputError(f"no lidar {name!r}; {hint}")
+        return LidarHandle(lidars[name], self.simulator.get_context)
+
+    def _sensors(self, kind: type[_Sensor]) -> dict[str, _Sensor]:
+        """Return the sensors of a kind, by name with the robot's prefix."""
+        return {
+            f"{manager.prefix}{sensor.sensor.name}": sensor
+            for manager in self.directory.managers.values()
+            for sensor in manager.sensors
+            if isinstance(sensor, kind)
+        }
 
     def list_topics(self) -> TopicList:
         """Return the topics and the types of their messages; as text, a table."""

@@ -84,21 +84,42 @@ def encode(content: dict[str, Any], compression: str = "none") -> str | bytes:
     return to_json(content)
 
 
+# Bytes that are encoded at a time: no call holds the interpreter for long.
+_PIECE = 3 * 2**15
+
+# What stands for more of them until the text is made; nobody can guess it.
+_MARK = uuid.uuid4().hex
+
+
 def to_json(value: Any) -> str:
     """Return plain data as JSON: bytes in base64, and null for what is no number."""
+    large: list[bytes | bytearray] = []
+
+    def to_text(item: Any) -> str:
+        if not isinstance(item, bytes | bytearray):
+            raise TypeError(f"a {type(item).__name__} has no form in JSON")
+        if len(item) <= _PIECE:
+            return base64.b64encode(item).decode()
+        large.append(item)
+        return _MARK
+
+    encoder = json.JSONEncoder(allow_nan=False, default=to_text)
     try:
-        return _STRICT.encode(value)
+        text = encoder.encode(value)
     except ValueError:
-        return _STRICT.encode(without_nan(value))
+        large.clear()
+        text = encoder.encode(without_nan(value))
+    return "".join(_fill(text, large)) if large else text
 
 
-def _to_base64(value: Any) -> str:
-    if isinstance(value, bytes | bytearray):
-        return base64.b64encode(value).decode()
-    raise TypeError(f"a {type(value).__name__} has no form in JSON")
-
-
-_STRICT = json.JSONEncoder(allow_nan=False, default=_to_base64)
+def _fill(text: str, large: list[bytes | bytearray]) -> Iterator[str]:
+    """Yield parts of a text with bytes in base64 where the marks are."""
+    first, *others = text.split(_MARK)
+    yield first
+    for data, after in zip(large, others, strict=True):
+        for start in range(0, len(data), _PIECE):
+            yield base64.b64encode(data[start : start + _PIECE]).decode()
+        yield after
 
 
 def without_nan(value: Any) -> Any:

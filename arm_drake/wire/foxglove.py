@@ -286,8 +286,8 @@ class _Listener(ServerListener):
         self._transport = transport
         self._channels: dict[tuple[int, int], ClientChannel] = {}
 
-    def _post(self, act: Callable[[], None]) -> None:
-        self._transport.server.post(act)
+    def _post(self, act: Callable[[], None], size: int = 0) -> None:
+        self._transport.server.post(act, size)
 
     def on_subscribe(self, client: Client, channel: ChannelView) -> None:
         number = channel.id
@@ -310,7 +310,7 @@ class _Listener(ServerListener):
         channel = self._channels.get((client.id, client_channel_id))
         content = bytes(data)
         if channel is not None:
-            self._post(lambda: self._publish(channel, content))
+            self._post(lambda: self._publish(channel, content), len(content))
 
     def _publish(self, channel: ClientChannel, data: bytes) -> None:
         try:

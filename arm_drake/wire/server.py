@@ -54,6 +54,9 @@ POLL_PERIOD, _PAUSED_PERIOD = 0.005, 0.005
 # Requests that may wait for the next tick.
 MAX_REQUESTS = 1000
 
+# What libraries' threads have taken of clients, and nobody has read yet [bytes].
+_MAX_UNREAD = 64_000_000
+
 # A topic is told at most so often by the wall clock [Hz]: a simulation that runs faster
 # than that leaves messages out.
 _MAX_RATE = 1250.0
@@ -203,6 +206,7 @@ class RosServer:
         self.offset_ns = 0
         self._requests: collections.deque[Request] = collections.deque()
         self._replies: collections.deque[Callable[[], None]] = collections.deque()
+        self._num_unread, self._unread_lock = 0, threading.Lock()
         self._watched: tuple[Topic, ...] = ()
         self._goals: dict[str, _Goal] = {}
         self._switches: list[_Switch] = []
@@ -551,15 +555,33 @@ class RosServer:
             )
         self._requests.append(request._replace(offset_ns=self.offset_ns))
 
-    def post(self, act: Callable[[], None]) -> None:
+    def post(self, act: Callable[[], None], size: int = 0) -> bool:
         """Have the network's thread do something; for threads of libraries.
 
         What is over so much that waits is dropped, and said.
+
+        Args:
+            act: What is to be done.
+            size: Of the message that it keeps [bytes].
+
+        Returns:
+            Whether it will be done.
         """
-        if len(self._replies) > MAX_REQUESTS * 10:
+
+        def read() -> None:
+            with self._unread_lock:
+                self._num_unread -= size
+            act()
+
+        with self._unread_lock:
+            is_room = self._num_unread + size <= _MAX_UNREAD
+            is_room = is_room and len(self._replies) <= MAX_REQUESTS * 10
+            if is_room:
+                self._num_unread += size
+                self._replies.append(read)
+        if not is_room:
             self.warn("too much comes in at once; some of it is dropped")
-        else:
-            self._replies.append(act)
+        return is_room
 
     @property
     def now_ns(self) -> int:

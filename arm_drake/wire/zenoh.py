@@ -336,7 +336,7 @@ class Zenoh:
 
         def take(sample: zenoh.Sample) -> None:
             data = bytes(sample.payload)
-            self.server.post(lambda: self._publish(topic, data))
+            self.server.post(lambda: self._publish(topic, data), len(data))
 
         key = self.key(topic.name, topic.type)
         self.keep(self.session.declare_subscriber(key, take))
@@ -391,7 +391,9 @@ class Zenoh:
         def take(query: zenoh.Query) -> None:
             payload = query.payload
             data = b"" if payload is None else bytes(payload)
-            self.server.post(lambda: act(query, data))
+            if not self.server.post(lambda: act(query, data), len(data)):
+                query.reply_err("too much comes in at once")
+                query.drop()  # type: ignore[no-untyped-call]
 
         key = self.key(name, type_)
         self.keep(self.session.declare_queryable(key, take, complete=True))

@@ -1,7 +1,9 @@
 """Cameras of robots, judged by projection and ray casts by hand."""
 
+import concurrent.futures
 import dataclasses as dc
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -89,6 +91,29 @@ def test_nobody_reads_nothing_is_loaded() -> None:
     [camera] = simulation.directory.manager(None).sensors
 
     assert not camera.scenery.is_loaded
+
+
+def test_threads_take_pictures_in_turns(capfd: pytest.CaptureFixture[str]) -> None:
+    def shoot(sim: ad.Simulation) -> list[Any]:
+        camera = sim.camera("camera")
+        return [camera.color(), camera.depth(), camera.labels()]
+
+    where = (1.5, 0.0, 1.0, 0.0, 0.4, 3.14)
+    robot = ad.add_camera(ad.load_robot("doosan_a0912"), "world", where, width=64)
+    sims = [ad.Simulation(ad.build_diagram(robot)) for _ in range(2)]
+    expected = shoot(sims[0])
+    with concurrent.futures.ThreadPoolExecutor(1) as other:
+        # The thread stays while the main one draws.
+        found = other.submit(shoot, sims[1]).result()
+        for sim in sims:
+            sim.advance_to(0.1)
+        later = shoot(sims[1])
+        again = shoot(sims[0])
+
+    for one, two in zip([*expected, *again], [*found, *later], strict=True):
+        np.testing.assert_array_equal(one, two)
+    assert len(np.unique(later[2])) > 3
+    assert "eglMakeCurrent" not in capfd.readouterr().err
 
 
 def test_noise_is_that_of_its_seed() -> None:

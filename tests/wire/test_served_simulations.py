@@ -24,6 +24,7 @@ from tests.wire.served import (
     DOOSAN_JOINTS,
     JTC,
     port_of,
+    run_client,
     served,
     simulation,
     wait_for,
@@ -209,6 +210,22 @@ def test_more_requests_than_can_wait_are_refused() -> None:
         server.submit(Request("call", "/pause", {}, "me"))
 
 
+def test_what_waits_to_be_read_is_bounded(capsys: pytest.CaptureFixture[str]) -> None:
+    server = RosServer(simulation(), ())
+    done: list[int] = []
+
+    def post() -> int:
+        # As many as there is room for, whatever else is done.
+        return sum(server.post(lambda: done.append(1), 10**7) for _ in range(20))
+
+    first = post()
+    server._poll()
+    again = post()
+
+    assert first == again == len(done) == 6
+    assert "some of it is dropped" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("transports", "problem"),
     [
@@ -289,6 +306,19 @@ def test_clients_come_and_go() -> None:
         # But for what is kept for late listeners.
         wait_for(lambda: all(t.qos.is_latched for t in server._watched))
         assert server.simulation.time > 0.0
+
+
+def test_twenty_clients_of_roslibpy_come_and_go() -> None:
+    with served(simulation()) as server:
+        [bridge] = server._transports
+        counts = run_client("roslibpy_visits.py", port_of(server))
+        now = server.simulation.time
+
+        assert len(counts) == 20
+        assert min(counts) > 0
+        wait_for(lambda: not bridge.clients)  # type: ignore[attr-defined]
+        wait_for(lambda: all(t.qos.is_latched for t in server._watched))
+        wait_for(lambda: server.simulation.time > now)
 
 
 @pytest.mark.long

@@ -1,5 +1,6 @@
 """What messages are on the wire, beside rosbags, which is none of ours."""
 
+import base64
 import json
 import math
 from random import Random
@@ -78,6 +79,16 @@ def test_pictures_are_bytes_and_base64_in_json() -> None:
     assert types.decode(kind, types.encode(kind, image))["data"] == image["data"]
     assert json.loads(to_json(image))["data"] == "AP8HAQID"
     assert types.fill(kind, {"data": "AP8HAQID"})["data"] == image["data"]
+
+
+@pytest.mark.parametrize("size", [98_303, 98_304, 98_305, 300_000])
+def test_large_pictures_are_whole(size: int) -> None:
+    data = bytes(range(256)) * (size // 256) + b"x" * (size % 256)
+    text = to_json({"a": data, "b": [data, math.nan], "c": "end"})
+    found = json.loads(text)
+
+    assert base64.b64decode(found["a"]) == base64.b64decode(found["b"][0]) == data
+    assert (found["b"][1], found["c"]) == (None, "end")
 
 
 def test_bytes_that_are_no_message_are_refused_and_take_no_memory() -> None:

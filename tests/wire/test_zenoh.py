@@ -27,6 +27,7 @@ pytestmark = pytest.mark.slow
 ATTACHMENT = struct.Struct("<qqB16s")
 ACTION = f"{JTC}/follow_joint_trajectory/_action"
 GID = bytes(range(16))
+SUCCEEDED, CANCELED, ABORTED = 4, 5, 6
 
 
 @pytest.fixture(scope="module")
@@ -209,6 +210,24 @@ def test_zenoh_ros2_sdk_reads_a_latched_topic_calls_and_publishes() -> None:
     assert len(seen["description"]) == 1
     assert "<robot" in seen["description"][0]
     assert factor == 0.5
+
+
+def test_zenoh_ros2_sdk_has_goals_followed_and_cancelled() -> None:
+    with served(simulation(), "zenoh:0") as server:
+        seen = run_zenoh_peer("zenoh_action_client.py", port_of(server, "zenoh"))
+    positions = seen["positions"]
+
+    assert seen["accepted"] == [True, False]
+    assert seen["reached"] == [SUCCEEDED, 0]
+    assert seen["joints"] == DOOSAN_JOINTS
+    assert len(positions) > 5
+    assert positions == sorted(positions)
+    assert positions[0] < 0.05 < positions[-1] <= 0.1 + 2e-3
+    assert seen["aborted"] == ABORTED
+    # One goal is being cancelled; of one that nobody knows, ERROR_UNKNOWN_GOAL_ID.
+    assert (seen["cancel"], seen["cancelled"]) == ([0, 1], CANCELED)
+    assert seen["unknown"] == 2
+    assert seen["statuses"] == [SUCCEEDED, ABORTED, CANCELED]
 
 
 # What generated code of ROS 2 and other implementations of the hash have recorded.

@@ -1,0 +1,188 @@
+"""Lidars, judged by closed forms of rays and by Drake's distances."""
+
+import math
+
+import numpy as np
+import pytest
+
+import arm_drake as ad
+from arm_drake.errors import ArmDrakeError, InputError
+from arm_drake.perception import lidar as lidars
+from arm_drake.perception.images import to_points
+
+_AROUND = (
+    "<samples>361</samples><min_angle>-3.141592653589793</min_angle>"
+    "<max_angle>3.141592653589793</max_angle>"
+)
+_RINGS = (
+    "<vertical><samples>3</samples><min_angle>-0.5</min_angle>"
+    "<max_angle>0.5</max_angle></vertical>"
+)
+
+
+def load(
+    shapes: str = "",
+    kind: str = "gpu_lidar",
+    scan: str = f"<horizontal>{_AROUND}</horizontal>",
+    more: str = "",
+    limits: str = "<min>0.05</min><max>20</max>",
+    noise: str = "",
+) -> ad.Robot:
+    return ad.load_robot(
+        f"""<robot name="r"><link name="world"/><link name="base">
+<inertial><mass value="1"/>
+<inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/></inertial>
+{shapes}</link><link name="eye"/>
+<joint name="a" type="fixed"><parent link="world"/><child link="base"/>
+<origin xyz="0 0 1"/></joint>
+<joint name="b" type="fixed"><parent link="base"/><child link="eye"/></joint>
+<gazebo reference="eye"><sensor name="front" type="{kind}">{more}
+<lidar><scan>{scan}</scan><range>{limits}</range>{noise}</lidar>
+</sensor></gazebo></robot>"""
+    )
+
+
+def shape(geometry: str, xyz: str = "2 0 0", rpy: str = "0 0 0") -> str:
+    inside = f'<origin xyz="{xyz}" rpy="{rpy}"/><geometry>{geometry}</geometry>'
+    return f"<visual>{inside}</visual><collision>{inside}</collision>"
+
+
+def look(robot: ad.Robot) -> ad.LidarHandle:
+    return ad.Simulation(ad.build_diagram(robot)).lidar("front")
+
+
+def _to_circle(angles: np.ndarray, distance: float, radius: float) -> np.ndarray:
+    """Return how far rays come that meet a circle ahead; +inf where they pass it."""
+    inside = radius**2 - (distance * np.sin(angles)) ** 2
+    meets = (inside >= 0.0) & (np.cos(angles) > 0.0)
+    far = distance * np.cos(angles) - np.sqrt(np.maximum(inside, 0.0))
+    return np.where(meets, far, np.inf)
+
+
+@pytest.mark.parametrize(
+    "geometry", ['<sphere radius="0.5"/>', '<cylinder radius="0.5" length="1"/>']
+)
+def test_round_things_are_where_rays_meet_a_circle(geometry: str) -> None:
+    ranges = look(load(shape(geometry))).ranges()[0]
+
+    expected = _to_circle(np.linspace(-math.pi, math.pi, 361), 2.0, 0.5)
+    both = np.isfinite(ranges) & np.isfinite(expected)
+    # A ray that only just meets or passes it may be either.
+    assert np.sum(np.isfinite(ranges) != np.isfinite(expected)) <= 2
+    assert np.sum(both) > 25
+    inner = both & (np.abs(np.linspace(-math.pi, math.pi, 361)) < 0.2)
+    np.testing.assert_allclose(ranges[inner], expected[inner], atol=1e-3)
+
+
+def test_a_turned_box_is_a_plane_at_an_angle() -> None:
+    turned = 0.3
+    box = shape('<box size="0.2 4 1"/>', rpy=f"0 0 {turned}")
+    ranges = look(load(box)).ranges()[0]
+
+    angles = np.linspace(-math.pi, math.pi, 361)
+    ahead = np.abs(angles) < 0.6
+    # The face's normal is turned, and it is 0.1 m before the middle of the box.
+    away = 2.0 * math.cos(turned) - 0.1
+    expected = away / np.cos(angles - turned)
+    np.testing.assert_allclose(ranges[ahead], expected[ahead], atol=1e-5)
+
+
+def test_rings_that_look_down_see_the_ground() -> None:
+    scan = f"<horizontal>{_AROUND}</horizontal>{_RINGS}"
+    lidar = look(load(scan=scan))
+    ranges = lidar.ranges()
+
+    assert ranges.shape == (3, 361)
+    np.testing.assert_allclose(ranges[0], 1.0 / math.sin(0.5), atol=1e-4)
+    assert np.isposinf(ranges[1:]).all()
+    points = lidar.points()
+    np.testing.assert_allclose(points[:, 2], 0.0, atol=1e-4)
+    np.testing.assert_allclose(lidar.points("sensor")[:, 2], -1.0, atol=1e-4)
+    with pytest.raises(InputError, match="expected 'world' or 'sensor'"):
+        lidar.points("eye")
+
+
+def test_a_ray_ends_where_drake_says_that_the_shape_is() -> None:
+    capsule = '<capsule radius="0.3" length="0.6"/>'
+    simulation = ad.Simulation(
+        ad.build_diagram(load(shape(capsule, xyz="1.5 0.2 0.1", rpy="0.4 0.9 0.2")))
+    )
+    points = simulation.lidar("front").points()
+    graph = simulation.diagram.GetSubsystemByName("scene_graph")
+    context = graph.GetMyContextFromRoot(simulation.context)
+    query = graph.get_query_output_port().Eval(context)
+
+    assert len(points) > 10
+    for point in points:
+        nearest = query.ComputeSignedDistanceToPoint(point)
+        assert min(abs(found.distance) for found in nearest) < 1e-3
+
+
+def test_topics_are_those_of_gazebo() -> None:
+    robot = load(shape('<sphere radius="0.5"/>'), more="<topic>scan</topic>")
+    simulation = ad.Simulation(ad.build_diagram(robot))
+    lidar = simulation.lidar("front")
+    scan = simulation.topic("/scan").value()
+    cloud = simulation.topic("/scan/points").value()
+
+    assert lidar.topics == {"scan": "/scan", "points": "/scan/points"}
+    assert scan.header.frame_id == "r/eye/front"
+    assert (scan.range_min, scan.range_max) == (0.05, 20.0)
+    assert scan.angle_increment == pytest.approx(2.0 * math.pi / 360)
+    assert scan.ranges[180] == pytest.approx(1.5, abs=1e-4)
+    assert (cloud.height, cloud.width) == (1, 361)
+    np.testing.assert_allclose(to_points(cloud)[0, 180], [1.5, 0.0, 0.0], atol=1e-4)
+
+
+def test_what_is_out_of_range_is_not_seen() -> None:
+    far = load(shape('<sphere radius="0.5"/>'), limits="<min>0.1</min><max>1.4</max>")
+    inside = load(
+        shape('<sphere radius="0.5"/>', xyz="0 0 0"),
+        limits="<min>0.6</min><max>9</max>",
+    )
+
+    assert np.isposinf(look(far).ranges()).all()
+    # It begins outside of its own housing.
+    assert np.isposinf(look(inside).ranges()).all()
+
+
+def test_noise_is_the_same_with_the_same_seed() -> None:
+    noise = "<noise><type>gaussian</type><mean>0.02</mean><stddev>0.01</stddev></noise>"
+    box = shape('<box size="0.2 40 4"/>')
+    exact = look(load(box)).ranges()
+    noisy, again = (look(load(box, noise=noise)).ranges() for _ in range(2))
+
+    np.testing.assert_array_equal(noisy, again)
+    seen = np.isfinite(exact)
+    off = noisy[seen] - exact[seen]
+    count = len(off)
+    assert off.mean() == pytest.approx(0.02, abs=4 * 0.01 / math.sqrt(count))
+    assert off.std() == pytest.approx(0.01, abs=4 * 0.01 / math.sqrt(2 * count))
+
+
+def test_classics_ray_sees_what_collides() -> None:
+    drawn = '<visual><origin xyz="1 0 0"/><geometry><sphere radius="0.5"/></geometry>'
+    solid = shape('<sphere radius="0.5"/>').partition("</visual>")[2]
+    plugin = (
+        '<plugin name="eyes" filename="libgazebo_ros_ray_sensor.so"><ros>'
+        "<namespace>/arm</namespace><remapping>~/out:=scan</remapping></ros>"
+        "<output_type>sensor_msgs/LaserScan</output_type>"
+        "<frame_name>eye</frame_name></plugin>"
+    )
+    robot = load(drawn + "</visual>" + solid, kind="ray", more=plugin)
+    simulation = ad.Simulation(ad.build_diagram(robot))
+    lidar = simulation.lidar("front")
+
+    assert lidar.topics == {"scan": "/arm/scan"}
+    assert lidar.ranges()[0, 180] == pytest.approx(1.5, abs=1e-4)
+    assert simulation.topic("/arm/scan").value().header.frame_id == "eye"
+
+
+def test_a_missing_package_and_a_wrong_name_are_told(monkeypatch) -> None:
+    simulation = ad.Simulation(ad.build_diagram(load()))
+    monkeypatch.setattr(lidars.importlib.util, "find_spec", lambda name: None)
+
+    with pytest.raises(ArmDrakeError, match=r"pip install 'arm-drake\[lidar\]'"):
+        simulation.lidar("front").ranges()
+    with pytest.raises(InputError, match="no lidar 'rear'"):
+        simulation.lidar("rear")
