@@ -1,9 +1,9 @@
 """Playback of a motion: its steps, sent to the controllers of a simulation."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
-from arm_drake.errors import InputError, MotionError
+from arm_drake.errors import ArmDrakeError, InputError, MotionError
 from arm_drake.messages import SwitchController
 from arm_drake.plant.payloads import Payload, Payloads
 from arm_drake.simulation import clients
@@ -57,19 +57,17 @@ class Runner(Protocol):
     def set_payload(self, link: str, payload: Payload | float) -> None:
         """Fix a thing to a link from now on."""
 
-    def check_task(self, message: Task) -> None:
-        """Raise InputError if it can't be done, or no controller takes it."""
+    def check_plan(self, message: PlanTo) -> None:
+        """Raise InputError if no plan can be made, or no controller takes it."""
 
     def send_plan(self, message: PlanTo, *, where: str) -> bool:
         """Plan and send a motion, unless the robot moves; return whether it rested."""
 
-    def start_task(
-        self, message: PickThing | PlaceThing, *, where: str
-    ) -> Iterator[float] | None:
-        """Return times until which to simulate for a task; None if the robot moves."""
+    def rests(self, robot: str | None = None) -> bool:
+        """Return whether no joint of a robot moves, and no goal makes one move."""
 
-    def reject_task(self, message: Task, *, where: str) -> None:
-        """Take note of what wasn't begun as its robot never rested, or wasn't ended."""
+    def reject_task(self, message: Task, reason: str, *, where: str) -> None:
+        """Take note of what a robot was to do and didn't, and why."""
 
     def request_switch(self, request: SwitchController, *, where: str) -> None:
         """Send a request to a controller manager."""
@@ -129,12 +127,18 @@ class Player:
 
     def give_up(self) -> None:
         """Say what wasn't begun as robots didn't come to rest, or wasn't ended."""
-        for step in (*(task.step for task in self._running.values()), *self._waiting):
-            assert isinstance(step.message, Task)
-            where = self._motion.place(step)
-            self._simulation.reject_task(step.message, where=where)
+        ended = "not done: the simulation ended before"
+        for task in self._running.values():
+            self._reject(task.step, ended)
+        for step in self._waiting:
+            self._reject(step, "not planned: the robot didn't come to rest in time")
         self._waiting.clear()
         self._running.clear()
+
+    def _reject(self, step: MotionStep, reason: str) -> None:
+        assert isinstance(step.message, Task)
+        where = self._motion.place(step)
+        self._simulation.reject_task(step.message, reason, where=where)
 
     def _send_due(self) -> None:
         now = self._simulation.time + self._tolerance
@@ -172,9 +176,9 @@ class Player:
                 if self._simulation.send_plan(message, where=where):
                     self._waiting.remove(step)
                 continue
-            times = self._simulation.start_task(message, where=where)
-            if times is not None:
+            if self._simulation.rests(message.robot):
                 self._waiting.remove(step)
+                times = _perform(self._simulation, message, where)
                 self._running[message.robot] = _Running(step, times, 0.0)
                 self._go_on(self._simulation.time)
 
@@ -187,6 +191,35 @@ class _Running(NamedTuple):
     # Times until which to simulate [s], and the next of them.
     times: Iterator[float]
     due: float
+
+
+def _perform(
+    simulation: Any, message: PickThing | PlaceThing, where: str
+) -> Iterator[float]:
+    """Yield times until which to simulate [s], while a robot picks or places."""
+    from arm_drake.manipulation.pick_and_place import picking, placing
+
+    options = {**message.options, "robot": message.robot}
+    try:
+        if isinstance(message, PickThing):
+            result: Any = yield from picking(simulation, message.thing, **options)
+        else:
+            result = yield from placing(simulation, message.pose, **options)
+    except ArmDrakeError as error:
+        simulation.reject_task(message, str(error), where=where)
+    else:
+        if not result:
+            simulation.reject_task(message, result.reason, where=where)
+
+
+def _check_hand(simulation: Any, message: PickThing | PlaceThing) -> None:
+    """Raise InputError if a robot has no gripper, or there is no such thing."""
+    from arm_drake.manipulation.hand import Hand, read_options
+
+    options = read_options({**message.options, "robot": message.robot})
+    hand = Hand(simulation, options)
+    if isinstance(message, PickThing):
+        hand.find_thing(message.thing)
 
 
 def check_motion(simulation: Runner, motion: Motion) -> None:
@@ -210,7 +243,10 @@ def check_motion(simulation: Runner, motion: Motion) -> None:
             elif isinstance(step.message, Task):
                 if motion.repeats:
                     raise InputError("a motion that repeats can't plan; leave it out")
-                simulation.check_task(step.message)
+                if isinstance(step.message, PlanTo):
+                    simulation.check_plan(step.message)
+                else:
+                    _check_hand(simulation, step.message)
             elif isinstance(step.message, SwitchController):
                 activated |= _check_switch(simulation, step.message)
             else:

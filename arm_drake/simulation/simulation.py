@@ -3,7 +3,7 @@
 import dataclasses as dc
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Protocol, Self, TypeVar
@@ -55,14 +55,7 @@ from arm_drake.simulation.mailbox import (
     Rejection,
     SimulationEvent,
 )
-from arm_drake.simulation.motion import (
-    Motion,
-    PickThing,
-    PlaceThing,
-    PlanTo,
-    Task,
-    default_duration,
-)
+from arm_drake.simulation.motion import Motion, PlanTo, Task, default_duration
 from arm_drake.simulation.motion_files import (
     MotionSource,
     find_motion,
@@ -665,21 +658,14 @@ class Simulation:
             late = "" if goal.status.is_terminal else " after its trajectory's end"
             self.controller(goal.controller).cancel()
             raise SimulationError(f"{goal.controller}: goal {goal.describe()}{late}")
-        while not self._rests(name) and self.time < end:
+        while not self.rests(name) and self.time < end:
             self.advance_to(self.time + self.period)
         return found
 
-    def check_task(self, message: Task) -> None:
-        """Raise InputError if it can't be done, or no controller takes it."""
+    def check_plan(self, message: PlanTo) -> None:
+        """Raise InputError if no plan can be made, or no controller takes it."""
         from arm_drake.planning.groups import find_group, find_state, require_controller
 
-        if not isinstance(message, PlanTo):
-            from arm_drake.manipulation.hand import Hand, read_options
-
-            hand = Hand(self, read_options({**message.options, "robot": message.robot}))
-            if isinstance(message, PickThing):
-                hand.find_thing(message.thing)
-            return
         manager = self.directory.manager(message.robot)
         group = find_group(manager.robot, message.options.get("group"))
         if isinstance(message.to, str):
@@ -695,7 +681,7 @@ class Simulation:
         from arm_drake.planning.motion_planning import plan
 
         name = self.directory.manager(message.robot).robot.name
-        if not self._rests(name):
+        if not self.rests(name):
             return False
         try:
             found = plan(self, message.to, name=name, **message.options)
@@ -705,37 +691,8 @@ class Simulation:
             self.send_planned(found, where=where)
         return True
 
-    def start_task(
-        self, message: PickThing | PlaceThing, *, where: str
-    ) -> Iterator[float] | None:
-        """Return times until which to simulate for a task; None if the robot moves.
-
-        What it fails with is among `rejected`.
-        """
-        if not self._rests(self.directory.manager(message.robot).robot.name):
-            return None
-        return self._do(message, where)
-
-    def _do(self, message: PickThing | PlaceThing, where: str) -> Iterator[float]:
-        from arm_drake.manipulation.pick_and_place import picking, placing
-
-        options = {**message.options, "robot": message.robot}
-        try:
-            if isinstance(message, PickThing):
-                result: Any = yield from picking(self, message.thing, **options)
-            else:
-                result = yield from placing(self, message.pose, **options)
-        except ArmDrakeError as error:
-            self.mailbox.reject(message, str(error), where)
-        else:
-            if not result:
-                self.mailbox.reject(message, result.reason, where)
-
-    def reject_task(self, message: Task, *, where: str) -> None:
-        """Take note of what wasn't begun as its robot never rested, or wasn't ended."""
-        reason = "not planned: the robot didn't come to rest in time"
-        if not isinstance(message, PlanTo):
-            reason = "not done: the simulation ended before"
+    def reject_task(self, message: Task, reason: str, *, where: str) -> None:
+        """Take note of what a robot was to do and didn't, and why."""
         self.mailbox.reject(message, reason, where)
         self.collect_events()
 
@@ -755,8 +712,8 @@ class Simulation:
         name = f"{manager.prefix}{require_controller(manager.robot, plan.group)}"
         return self.controller(name).send_goal(plan.trajectory, where=where)
 
-    def _rests(self, robot: str) -> bool:
-        """Whether no joint of a robot moves, and no goal makes one move."""
+    def rests(self, robot: str | None = None) -> bool:
+        """Return whether no joint of a robot moves, and no goal makes one move."""
         from arm_drake.planning.setting import find_moving
 
         prefix = self.directory.manager(robot).prefix

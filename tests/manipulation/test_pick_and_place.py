@@ -1,12 +1,17 @@
 """Picking and placing: where things are afterwards says whether it worked."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
 
 import arm_drake as ad
+from arm_drake.errors import MotionError
+from arm_drake.simulation.motion_files import parse_motion
 from arm_drake.worlds.world import add_world
+from tests.snippets import ROOT, read_blocks
 
 # The myCobot's plate is 25 mm below its origin.
 POSE = (0.0, 0.0, 0.026, 0.0, 0.0, 0.0)
@@ -63,6 +68,50 @@ def test_a_box_is_lifted_and_put_where_it_should_be() -> None:
     assert ad.held_thing(simulation) is None
 
 
+@pytest.mark.slow
+def test_the_page_shows_what_works() -> None:
+    page = ROOT / "docs/manipulation.md"
+    (program,) = (b.text for b in read_blocks(page) if b.language == "python")
+    names: dict[str, Any] = {}
+
+    exec(program, names)  # noqa: S102
+
+    X = pose_of(names["simulation"], "box")
+    assert X.translation() == pytest.approx([0.15, -0.15, 0.02], abs=5e-3)
+
+
+@pytest.mark.slow
+def test_steps_of_a_motion_pick_and_place() -> None:
+    simulation = simulate(at(BOX, 0.2, 0.05, 0.4))
+    motion = parse_motion(
+        [
+            {"at": 0.0, "pick": {"thing": "box", "goal": [0.15, -0.15, 0.02]}},
+            {"at": 0.0, "place": [0.15, -0.15, 0.02]},
+        ]
+    )
+
+    simulation.run(12.0, motion)
+
+    assert simulation.rejected == []
+    X = pose_of(simulation, "box")
+    assert X.translation() == pytest.approx([0.15, -0.15, 0.02], abs=5e-3)
+
+
+def test_a_step_that_can_not_be_done_is_told_with_its_place() -> None:
+    simulation = simulate(at(BOX, 1.2, 0.0))
+    motion = parse_motion(
+        [{"at": 0.0, "pick": "box"}, {"at": 0.0, "place": [0.0, 0.2, 0.0]}]
+    )
+
+    simulation.run(0.5, motion)
+
+    reasons = [event.reason for event in simulation.rejected]
+    assert "the arm reaches none" in reasons[0]
+    assert reasons[1] == "the gripper holds nothing"
+    with pytest.raises(MotionError, match=r"\[0\].*no thing 'bx'"):
+        simulation.run(0.1, parse_motion([{"at": 0.0, "pick": "bx"}]))
+
+
 def test_what_is_too_large_for_the_gripper_is_said() -> None:
     crate = ad.Thing("crate", "box", (0.08, 0.06, 0.07), mass=0.1)
     simulation = simulate(at(crate, 0.2, 0.0))
@@ -81,7 +130,7 @@ def test_what_is_out_of_reach_is_said() -> None:
     picked = ad.pick(simulation, "box")
 
     assert not picked
-    assert "out of reach" in picked.reason
+    assert "the arm reaches none" in picked.reason
 
 
 def test_an_unknown_thing_or_option_is_an_error_that_names_those_there_are() -> None:

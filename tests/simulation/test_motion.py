@@ -30,6 +30,8 @@ from arm_drake.messages import (
 from arm_drake.simulation.motion import (
     Motion,
     MotionStep,
+    PickThing,
+    PlaceThing,
     PlanTo,
     SetPayloads,
     TopicMessage,
@@ -330,6 +332,8 @@ def test_the_motions_of_the_docs_can_be_read():
         Float64MultiArray,
         SpeedScalingFactor,
         SwitchController,
+        PickThing,
+        PlaceThing,
         PlanTo,
         TopicMessage,
         Twist,
